@@ -1,0 +1,1 @@
+"""The door: foreign files, foreign units, FE matrices, live rigs."""

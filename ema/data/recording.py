@@ -1,0 +1,101 @@
+"""Time signals as measured, in SI."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ema.data._arrays import freeze
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.units import UNSTATED, Quantity
+
+Role = Literal["reference", "response", "normal force", "trigger", "other"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One line of the channel table.
+
+    ``unit`` is the SI unit of the signal, or ``"unstated"``: then the signal holds the bare numbers of the file.
+    ``sensitivity`` is in V per SI unit; ``range`` is the full scale in the signal's unit, ``None`` where unknown.
+    ``joint`` names the joint whose normal force the channel measures.
+    """
+
+    name: str
+    dof: Dof | None = None
+    quantity: Quantity = "unstated"
+    role: Role = "response"
+    unit: str = UNSTATED
+    sensitivity: float | None = None
+    serial: str = ""
+    calibrated_on: str = ""
+    range: float | None = None
+    joint: str = ""
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the unit is known."""
+        return self.unit != UNSTATED
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Simultaneously sampled signals.
+
+    Parameters
+    ----------
+    signals : shape (channel, sample), SI (bare numbers where the channel's unit is unstated).
+    sampling_rate : Hz.
+    channels : one per row of ``signals``.
+    start : UTC time of the first sample.
+    overloads : shape (channel,), true where the front end reported an overload; ``None`` where it says nothing.
+    name : what the record is called in messages, e.g. the file and set it came from.
+    setup : label of the sensor set-up the record belongs to (roving accelerometers).
+    excluded_hits : numbers (from 0, in order of time) of blows that a repair excludes, with the reason of each.
+    """
+
+    signals: Float[np.ndarray, "channel sample"]
+    sampling_rate: float
+    channels: tuple[Channel, ...]
+    start: datetime | None = None
+    overloads: Bool[np.ndarray, "channel"] | None = None
+    name: str = ""
+    setup: str = ""
+    excluded_hits: tuple[tuple[int, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        signals = np.asarray(self.signals)
+        freeze(
+            self, signals=signals.dtype if signals.dtype in (np.float32, np.float64) else np.float64, overloads=np.bool_
+        )
+
+    @property
+    def duration(self) -> float:
+        """Length of the record in s."""
+        return self.signals.shape[1] / self.sampling_rate
+
+    @property
+    def times(self) -> Float[np.ndarray, "sample"]:
+        """Time axis in s, from 0."""
+        return np.arange(self.signals.shape[1]) / self.sampling_rate
+
+    def with_role(self, role: Role) -> tuple[int, ...]:
+        """Rows of the channels that play ``role``."""
+        return tuple(row for row, channel in enumerate(self.channels) if channel.role == role)
+
+    def signal(self, name: str) -> Float[np.ndarray, "sample"]:
+        """The signal of the channel called ``name``.
+
+        Raises
+        ------
+        InputError : there is no such channel.
+        """
+        for channel, row in zip(self.channels, self.signals, strict=True):
+            if channel.name == name:
+                return np.asarray(row)
+        raise InputError(
+            "no such channel", where=self.name, got=name, expected="one of " + ", ".join(c.name for c in self.channels)
+        )

@@ -1,0 +1,1 @@
+"""FrfSet -> PoleTable -> ModalModel."""

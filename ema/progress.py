@@ -1,0 +1,28 @@
+"""Progress is an injected callback; silent by default, and the way to cancel long work."""
+
+from typing import Protocol
+
+from ema.errors import CancelledError
+
+
+class Progress(Protocol):
+    """Called as ``progress(what, done, total)``; returning ``False`` cancels the work."""
+
+    def __call__(self, what: str, done: int, total: int) -> bool | None:
+        """Report; ``False`` cancels."""
+        ...
+
+
+def silent(what: str, done: int, total: int) -> None:
+    """Report nothing, never cancel."""
+
+
+def advance(progress: Progress, what: str, done: int, total: int) -> None:
+    """Tell ``progress`` how far the work is.
+
+    Raises
+    ------
+    CancelledError : the callback returned ``False``.
+    """
+    if progress(what, done, total) is False:
+        raise CancelledError("cancelled", where=what, got=f"{done} of {total} steps done")

@@ -1,0 +1,1 @@
+"""Results -> sections -> HTML."""

@@ -1,0 +1,1 @@
+"""Nouns -> pictures; figures are returned, never shown or saved."""

@@ -1,0 +1,1 @@
+"""The friction-beam simulator and the virtual rig."""

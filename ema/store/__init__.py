@@ -1,0 +1,1 @@
+"""Our one file format (HDF5)."""

@@ -1,0 +1,50 @@
+"""Shapes as types are checked in every test run; a tool that is missing in CI is a failure, not a skip."""
+
+import os
+from pathlib import Path
+
+import pytest
+from jaxtyping import install_import_hook
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def _checked_modules() -> list[str]:
+    """All modules but the compiled kernels, whose cached compilation the checker would break."""
+    modules = []
+    for package in ("ema", "acquisition"):
+        for path in (ROOT / package).rglob("*.py"):
+            name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+            if not name.endswith("_kernels") and path.name != "__init__.py":
+                modules.append(name)
+    return modules
+
+
+install_import_hook(_checked_modules(), "beartype.beartype")
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def datasets() -> Path:
+    """The folder of real measurements; tests that need it are skipped where it is absent."""
+    from acquisition.datasets import dataset_folder
+
+    folder = (ROOT / dataset_folder()).resolve()
+    if not folder.is_dir():
+        pytest.skip(f"no real measurements: {folder} is absent (set EMA_DATASETS)")
+    return folder
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo):  # type: ignore[no-untyped-def]
+    """With CI=true a test skipped because something is missing fails."""
+    outcome = yield
+    report = outcome.get_result()
+    if os.environ.get("CI") == "true" and report.skipped and not hasattr(report, "wasxfail"):
+        report.outcome = "failed"
+        report.longrepr = f"skipped in CI: {report.longrepr}"
