@@ -11,6 +11,7 @@ from ema.data.condition import Condition
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
 from ema.dof import Dof
+from ema.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -129,6 +130,19 @@ class ModalModel:
             self, poles=np.complex128, shapes=np.complex128, participation=np.complex128, covariance=np.float64,
             confidence=np.float64,
         )  # fmt: skip
+        modes = {"poles": len(self.poles), "shapes": self.shapes.shape[1], "participation": self.participation.shape[1]}
+        if len(set(modes.values())) > 1:
+            raise InputError(
+                "the numbers of modes disagree", where=self.name,
+                got=", ".join(f"{name} {count}" for name, count in modes.items()), expected="as many shapes as poles",
+            )  # fmt: skip
+        rows = ((self.dofs, self.shapes, "shapes"), (self.inputs, self.participation, "participation"))
+        for dofs, array, name in rows:
+            if len(dofs) != len(array):
+                raise InputError(
+                    f"the rows of {name} and its DOFs disagree", where=self.name, got=f"{len(array)} rows",
+                    expected=f"{len(dofs)} DOFs",
+                )  # fmt: skip
 
     @property
     def natural_frequencies(self) -> Float[np.ndarray, "mode"]:

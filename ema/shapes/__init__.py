@@ -1,0 +1,16 @@
+"""Mode shapes: how alike, how complex, and where in space."""
+
+from ema.shapes.complexity import (
+    mean_phase,
+    mean_phase_deviation,
+    modal_phase_collinearity,
+    quality,
+    realise,
+)
+from ema.shapes.correlation import Comparison, auto_mac, co_mac, compare, frac, mac
+from ema.shapes.expansion import Expansion, expand
+
+__all__ = [
+    "Comparison", "Expansion", "auto_mac", "co_mac", "compare", "expand", "frac", "mac", "mean_phase",
+    "mean_phase_deviation", "modal_phase_collinearity", "quality", "realise",
+]  # fmt: skip

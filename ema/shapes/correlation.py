@@ -1,0 +1,128 @@
+"""How alike two sets of mode shapes, or two sets of FRFs, are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Inexact
+
+from ema.data import ModalModel
+from ema.dof import Dof, match
+from ema.errors import InputError
+
+
+def _unit_columns(shapes: Inexact[np.ndarray, "row column"]) -> Inexact[np.ndarray, "row column"]:
+    """Columns of length one; a column of zeros, which has no direction, becomes NaN."""
+    if not np.all(np.isfinite(shapes)):
+        raise InputError("shapes hold NaN or infinite values", advice="leave out the DOFs that were not measured")
+    if not len(shapes):
+        raise InputError("shapes without a DOF", got="0 rows", expected="at least one DOF in common")
+    # dividing by the largest entry first keeps squares of tiny and huge shapes in the range of floats
+    peak = np.max(np.abs(shapes), axis=0)
+    scaled = np.divide(shapes, peak, out=np.full(shapes.shape, np.nan, shapes.dtype), where=peak > 0)
+    return np.asarray(scaled / np.linalg.norm(scaled, axis=0))
+
+
+def mac(
+    a: Inexact[np.ndarray, "dof mode_a"], b: Inexact[np.ndarray, "dof_b mode_b"]
+) -> Float[np.ndarray, "mode_a mode_b"]:
+    """Modal assurance criterion between every shape of ``a`` and every shape of ``b``.
+
+    Parameters
+    ----------
+    a, b : shapes on the same DOFs in the same order and sense, shapes (dof, mode_a) and (dof, mode_b); any scale and
+        phase. A shape of zeros gives NaN.
+
+    Raises
+    ------
+    InputError : a value is not finite, there is no DOF, or the numbers of DOFs differ.
+
+    Source: Allemang and Brown (1982).
+    """
+    if len(a) != len(b):
+        raise InputError(
+            "shapes on different DOFs", got=f"{len(a)} and {len(b)} rows", expected="the same DOFs in both"
+        )
+    return np.minimum(np.abs(_unit_columns(a).conj().T @ _unit_columns(b)) ** 2, 1.0)
+
+
+def auto_mac(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mode mode"]:
+    """MAC of a set of shapes with itself: large off the diagonal where the points cannot tell two modes apart."""
+    return mac(shapes, shapes)
+
+
+def co_mac(a: Inexact[np.ndarray, "dof mode"], b: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "dof"]:
+    """Coordinate MAC of paired shapes: how well each DOF agrees over all modes.
+
+    Parameters
+    ----------
+    a, b : paired shapes, column r of ``a`` belonging to column r of ``b``; each is taken with unit length.
+
+    Raises
+    ------
+    InputError : a value is not finite, or the arrays differ in shape.
+
+    Source: Lieven and Ewins (1988). A DOF at which all shapes vanish in ``a`` or ``b`` gives NaN.
+    """
+    if a.shape != b.shape:
+        raise InputError("shapes are not paired", got=f"{a.shape} and {b.shape}", expected="two arrays of one shape")
+    left, right = np.abs(_unit_columns(a)), np.abs(_unit_columns(b))
+    product, norms = np.sum(left * right, axis=1) ** 2, np.sum(left**2, axis=1) * np.sum(right**2, axis=1)
+    return np.divide(product, norms, out=np.full(len(product), np.nan), where=norms > 0)
+
+
+def frac(a: Inexact[np.ndarray, "freq *frf"], b: Inexact[np.ndarray, "freq *frf"]) -> Float[np.ndarray, "*frf"]:
+    """Frequency response assurance criterion of each FRF over the lines of the first axis.
+
+    Parameters
+    ----------
+    a, b : FRFs on the same lines, shape (freq, ...); an FRF of zeros gives NaN.
+
+    Raises
+    ------
+    InputError : a value is not finite, or the arrays differ in shape.
+
+    Source: Heylen and Lammens (1996).
+    """
+    if a.shape != b.shape:
+        raise InputError("FRFs do not correspond", got=f"{a.shape} and {b.shape}", expected="two arrays of one shape")
+    left, right = _unit_columns(a.reshape(len(a), -1)), _unit_columns(b.reshape(len(b), -1))
+    return np.minimum(np.abs(np.sum(left.conj() * right, axis=0)) ** 2, 1.0).reshape(a.shape[1:])
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two modal models over the DOFs they share.
+
+    ``mac`` (mode_a, mode_b); ``dofs`` the shared DOFs in the sense of the first model; ``pairs`` the best one-to-one
+    pairing as (mode of a, mode of b), both from 0, in the order of a.
+    """
+
+    mac: Float[np.ndarray, "mode_a mode_b"]
+    dofs: tuple[Dof, ...]
+    pairs: tuple[tuple[int, int], ...]
+
+
+def compare(a: ModalModel, b: ModalModel, threshold: float = 0.5) -> Comparison:
+    """Pair the modes of two models by MAC over the DOFs that both have, opposite senses turned.
+
+    Parameters
+    ----------
+    threshold : smallest MAC of a pair.
+
+    Raises
+    ------
+    InputError : the models have no DOF in common.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    common = match(a.dofs, b.dofs)
+    if not common:
+        raise InputError(
+            "the models have no DOF in common", got=f"{len(a.dofs)} and {len(b.dofs)} DOFs",
+            advice="compare runs measured on the same points, or rename the nodes of one of them",
+        )  # fmt: skip
+    rows, places, signs = (np.array(column) for column in zip(*common, strict=True))
+    table = mac(a.shapes[rows], b.shapes[places] * signs[:, None])
+    left, right = linear_sum_assignment(np.nan_to_num(table), maximize=True)
+    pairs = tuple((int(i), int(j)) for i, j in zip(left, right, strict=True) if table[i, j] >= threshold)
+    return Comparison(table, tuple(a.dofs[row] for row in rows), pairs)

@@ -1,0 +1,104 @@
+"""MAC family: values known in closed form, and what must hold for all shapes."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ema.data import ModalModel, poles_from
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.shapes import auto_mac, co_mac, compare, frac, mac
+
+
+def random_shapes(seed: int, dofs: int = 7, modes: int = 3) -> np.ndarray:
+    generator = np.random.default_rng(seed)
+    return generator.normal(size=(dofs, modes)) + 1j * generator.normal(size=(dofs, modes))
+
+
+def model(shapes: np.ndarray, dofs: list[str]) -> ModalModel:
+    count = shapes.shape[1]
+    return ModalModel(
+        poles_from(100.0 * np.arange(1, count + 1), np.full(count, 0.01)),
+        shapes.astype(complex),
+        tuple(Dof.parse(dof) for dof in dofs),
+        np.ones((1, count), complex),
+        (Dof(1, "+Z"),),
+    )
+
+
+def test_mac_of_known_vectors():
+    a = np.array([[1.0], [0.0]])
+    b = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    np.testing.assert_allclose(mac(a, b), [[1.0, 0.0, 0.5]], atol=1e-15)
+
+
+def test_mac_conjugates_complex_shapes():
+    """(1, j) and its conjugate are orthogonal in the Hermitian product; without the conjugate they would be equal."""
+    assert mac(np.array([[1], [1j]]), np.array([[1], [-1j]]))[0, 0] == pytest.approx(0, abs=1e-15)
+
+
+@given(seed=st.integers(0, 2**32 - 1), exponent=st.floats(-250, 250), phase=st.floats(0, 2 * np.pi))
+def test_mac_knows_no_scale_and_no_phase(seed, exponent, phase):
+    shapes = random_shapes(seed)
+    turned = shapes * 10**exponent * np.exp(1j * phase)
+    np.testing.assert_allclose(mac(shapes, turned), auto_mac(shapes), atol=1e-12)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_mac_is_bounded_symmetric_and_one_on_the_diagonal(seed):
+    table = auto_mac(random_shapes(seed))
+    assert np.all((table >= 0) & (table <= 1))
+    np.testing.assert_allclose(table, table.T, atol=1e-12)
+    np.testing.assert_allclose(np.diag(table), 1, atol=1e-12)
+
+
+def test_mac_of_a_zero_shape_is_unknown_and_of_bad_input_an_error():
+    assert np.isnan(mac(np.array([[0.0], [0.0]]), np.array([[1.0], [1.0]]))[0, 0])
+    with pytest.raises(InputError, match="NaN"):
+        mac(np.array([[np.nan], [0.0]]), np.array([[1.0], [1.0]]))
+    with pytest.raises(InputError, match="different DOFs; got 2 and 3 rows"):
+        mac(np.ones((2, 1)), np.ones((3, 1)))
+
+
+def test_co_mac_points_at_the_bad_dof():
+    shapes = random_shapes(1).real
+    spoiled = shapes.copy()
+    spoiled[4] *= [1.0, 0.1, 3.0]
+    values = co_mac(shapes, spoiled)
+    assert np.argmin(values) == 4
+    assert values[4] < 0.92
+    np.testing.assert_allclose(co_mac(shapes, -2 * shapes), 1, atol=1e-12)
+
+
+@given(seed=st.integers(0, 2**32 - 1), scale=st.floats(1e-6, 1e6))
+def test_frac_knows_no_scale(seed, scale):
+    h = random_shapes(seed, 50, 6).reshape(50, 3, 2)
+    np.testing.assert_allclose(frac(h, scale * h), np.ones((3, 2)), atol=1e-12)
+
+
+def test_frac_of_orthogonal_records_is_zero():
+    h = np.zeros((2, 1, 1), complex)
+    x = h.copy()
+    h[0], x[1] = 1, 1
+    assert frac(h, x)[0, 0] == 0
+
+
+def test_compare_matches_dofs_whatever_their_order_and_sense():
+    shapes = random_shapes(3, 4, 3)
+    a = model(shapes, ["1Z", "2Z", "3Z", "4Z"])
+    b = model(shapes[[2, 0, 1]][:, [1, 0, 2]] * [[1], [-1], [1]], ["3Z", "1-Z", "2Z"])
+    found = compare(a, b)
+    assert [str(dof) for dof in found.dofs] == ["1:+Z", "2:+Z", "3:+Z"]
+    assert found.pairs == ((0, 1), (1, 0), (2, 2))
+    assert [found.mac[pair] for pair in found.pairs] == pytest.approx([1, 1, 1])
+
+
+def test_compare_leaves_unlike_modes_unpaired():
+    a, b = model(np.eye(4)[:, :2], ["1Z", "2Z", "3Z", "4Z"]), model(np.eye(4)[:, 1:3], ["1Z", "2Z", "3Z", "4Z"])
+    assert compare(a, b).pairs == ((1, 0),)
+
+
+def test_compare_without_common_dofs_is_an_error():
+    with pytest.raises(InputError, match="no DOF in common"):
+        compare(model(np.ones((1, 1)), ["1X"]), model(np.ones((1, 1)), ["1Y"]))
