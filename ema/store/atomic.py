@@ -1,0 +1,75 @@
+"""Write a file so that a reader sees the old one or the new one, never half of one."""
+
+import contextlib
+import errno
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+
+from ema.errors import FailureError
+
+_REASONS = {
+    errno.ENOSPC: ("the disk is full", "make room or write to another disk; the former file is untouched"),
+    errno.EDQUOT: ("the disk quota is used up", "make room or write to another disk; the former file is untouched"),
+    errno.EFBIG: ("the file is larger than this system allows", "write to another disk; the former file is untouched"),
+    errno.EACCES: ("no permission to write here", "choose a folder that you may write to"),
+    errno.EPERM: ("no permission to write here", "choose a folder that you may write to"),
+    errno.EROFS: ("this folder is read-only", "choose a folder that you may write to"),
+    errno.ENOENT: ("there is no such folder", "create it first"),
+    errno.ENOTDIR: ("there is no such folder", "create it first"),
+    errno.EISDIR: ("there is a folder of this name", "choose another file name"),
+}
+
+
+def write_failure(error: OSError, path: Path) -> FailureError:
+    """The failure to report when ``path`` could not be written because of ``error``."""
+    what, advice = _REASONS.get(
+        error.errno or 0, (f"cannot be written ({error})", "the former file, if any, is untouched")
+    )
+    return FailureError(what, where=str(path), advice=advice)
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary file beside ``path``; it takes the place of ``path`` when the block ends without an error.
+
+    The temporary file is flushed to the disk before it is renamed, so a killed process or a power cut leaves the
+    former file intact. When the block fails, the temporary file is removed.
+
+    Raises
+    ------
+    FailureError : the folder is absent or read-only, or the disk is full.
+    """
+    path = Path(path)
+    # a link keeps pointing where it did: its target is what gets replaced
+    target = path.resolve() if path.is_symlink() else path
+    temporary = target.parent / f".{target.name[:80]}.{secrets.token_hex(6)}.tmp"
+    try:
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "is a folder")
+        # made with the umask of the process, unlike files of the tempfile module
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    except OSError as error:
+        raise write_failure(error, path) from error
+    try:
+        yield temporary
+        _to_disk(temporary)
+        os.replace(temporary, target)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise write_failure(error, path) from error
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    # without this the rename itself may be lost in a power cut; not every system can do it
+    with contextlib.suppress(OSError):
+        _to_disk(target.parent)
+
+
+def _to_disk(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

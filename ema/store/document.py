@@ -1,0 +1,131 @@
+"""Nouns as plain trees of text and numbers, with their arrays set aside; knows nothing of HDF5."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from ema import data
+from ema.data import Lazy
+from ema.dof import Dof
+from ema.errors import EmaError, InputError
+from ema.store.meaning import Meaning, meaning
+
+NOUNS: dict[str, type] = {
+    noun.__name__: noun
+    for noun in (
+        Dof, data.Campaign, data.Channel, data.Condition, data.Excitation, data.Expectation, data.Finding, data.FrfSet,
+        data.Geometry, data.Hit, data.HitGallery, data.JointForce, data.ModalMap, data.ModalModel, data.ModeQuality,
+        data.PoleTable, data.Provenance, data.Recording, data.Repair, data.Residuals, data.Run, data.RunResult,
+        data.StudyResult,
+    )
+}  # fmt: skip
+"""What a file may hold; nothing else is ever built from one."""
+
+_LATE = (data.Recording, data.FrfSet)
+
+
+@dataclass
+class Parts:
+    """What a tree leaves out: arrays by path, and sequences whose items are written and read one by one."""
+
+    arrays: dict[str, tuple[np.ndarray, Meaning]] = field(default_factory=dict)
+    sequences: dict[str, Sequence[Any]] = field(default_factory=dict)
+
+
+def encode(value: Any, parts: Parts, path: str = "", what: Meaning | None = None) -> Any:
+    """The tree of ``value``; its arrays and long sequences go to ``parts`` under their ``path``.
+
+    Raises
+    ------
+    InputError : ``value`` holds something that is no noun, array, number, text or tuple of them.
+    """
+    match value:
+        case None | bool() | int() | str():
+            return value
+        case np.ndarray():
+            parts.arrays[path] = (value, what or Meaning())
+            return {"$array": path}
+        case np.bool_() | np.integer():
+            return value.item()
+        case float() | np.floating():
+            return float(value) if math.isfinite(value) else {"$float": repr(float(value))}
+        case complex() | np.complexfloating():
+            return {"$complex": [repr(float(value.real)), repr(float(value.imag))]}
+        case datetime():
+            return {"$time": value.isoformat()}
+        case Lazy():
+            return _set_aside(value, parts, path)
+        case tuple() | list():
+            if value and all(isinstance(item, _LATE) for item in value):
+                return _set_aside(value, parts, path)
+            return [encode(item, parts, _below(path, str(place))) for place, item in enumerate(value)]
+    if is_dataclass(value) and NOUNS.get(type(value).__name__) is type(value):
+        tree: dict[str, Any] = {"$noun": type(value).__name__}
+        for member in fields(value):
+            if member.init:
+                about = meaning(value, member.name)
+                tree[member.name] = encode(getattr(value, member.name), parts, _below(path, member.name), about)
+        return tree
+    raise InputError(
+        "cannot be stored", where=path, got=type(value).__name__, expected="one of the nouns: " + ", ".join(NOUNS)
+    )
+
+
+def _set_aside(items: Sequence[Any], parts: Parts, path: str) -> dict[str, Any]:
+    parts.sequences[path] = items
+    return {"$items": path, "count": len(items)}
+
+
+def _below(path: str, name: str) -> str:
+    return f"{path}/{name}" if path else name
+
+
+def decode(tree: Any, array: Callable[[str], np.ndarray], item: Callable[[str, int], Any]) -> Any:
+    """The value of a ``tree``; ``array(path)`` delivers its arrays, ``item(path, place)`` the items of sequences.
+
+    Raises
+    ------
+    InputError : the tree names an unknown noun or field, or its values do not make one.
+    """
+    match tree:
+        case None | bool() | int() | float() | str():
+            return tree
+        case list():
+            return tuple(decode(member, array, item) for member in tree)
+        case {"$array": str() as path}:
+            return array(path)
+        case {"$float": str() as text}:
+            return float(text)
+        case {"$complex": [str() as real, str() as imaginary]}:
+            return complex(float(real), float(imaginary))
+        case {"$time": str() as text}:
+            return datetime.fromisoformat(text)
+        case {"$items": str() as path, "count": int() as count}:
+            return Lazy([lambda place=place: item(path, place) for place in range(count)])  # type: ignore[misc]
+        case {"$noun": str() as name}:
+            members = {key: decode(member, array, item) for key, member in tree.items() if key != "$noun"}
+            return _build(name, members)
+    raise InputError("holds something that this version does not know", got=str(tree)[:60])
+
+
+def _build(name: str, members: dict[str, Any]) -> Any:
+    noun = NOUNS.get(name)
+    if noun is None:
+        raise InputError("holds an unknown noun", got=name, expected="one of " + ", ".join(NOUNS))
+    known = {member.name for member in fields(noun) if member.init}
+    strange = sorted(set(members) - known)
+    if strange:
+        raise InputError(
+            f"{name} holds fields that this version does not know", got=", ".join(strange),
+            advice="it was written by a newer friction-ema: update with pip install -U friction-ema",
+        )  # fmt: skip
+    try:
+        return noun(**members)
+    except EmaError:
+        raise
+    except Exception as error:  # whatever a damaged file makes a constructor raise, the caller gets one sentence
+        raise InputError(f"{name} in the file is damaged ({str(error).splitlines()[0][:120]})") from error

@@ -1,0 +1,14 @@
+"""Where things stand in our HDF5 files, version 1.
+
+The root carries ``format``, ``schema_version`` and ``written_by``, and the dataset ``contents`` (JSON): the kind of
+collection (noun, mapping, sequence) and the names of its items. ``items/<k>`` is a group for each: ``document`` (JSON:
+every field that is no array) and one dataset for each array, under the path of its field.
+"""
+
+SCHEMA_VERSION = 1
+"""Raised when a change makes older programs misread a file; every version is read forever."""
+
+FORMAT = "friction-ema store"
+CONTENTS = "contents"
+ITEMS = "items"
+DOCUMENT = "document"

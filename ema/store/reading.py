@@ -1,0 +1,233 @@
+"""Read nouns from a file; nothing in a file is ever executed, and no file but the named one is touched."""
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ema.data import Channel, Lazy, Recording
+from ema.errors import EmaError, InputError
+from ema.store.document import decode
+from ema.store.layout import CONTENTS, DOCUMENT, FORMAT, ITEMS, SCHEMA_VERSION
+
+_FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
+_KINDS = "biufcS"
+_DAMAGED = "the file is damaged or was not written to its end; read it from a backup or measure again"
+
+
+@dataclass(frozen=True)
+class Header:
+    """What an item of a file is, without its arrays: ``channels``, rate in Hz and ``shape`` for a record."""
+
+    name: str
+    noun: str
+    channels: tuple[Channel, ...] = ()
+    sampling_rate: float = float("nan")
+    shape: tuple[int, ...] = ()
+
+
+def is_store(path: str | Path) -> bool:
+    """Whether ``path`` is one of our files (of any schema version)."""
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return _text(file.attrs.get("format")) == FORMAT
+    except OSError:
+        return False
+
+
+def load(path: str | Path) -> Any:
+    """Read what ``save`` wrote: a noun, a mapping (items read when asked for), or a ``Lazy`` sequence of nouns.
+
+    Sequences of records inside a noun (a run in a campaign) are ``Lazy`` as well: signals stay on disk until used.
+
+    Raises
+    ------
+    InputError : no such file, not one of ours, written by a newer version, damaged, or changed since it was opened.
+    """
+    path = Path(path)
+    with _opened(path) as file:
+        kind, names = _contents(file, path)
+        state = _state(path)
+        if kind == "noun":
+            return _item(file, f"{ITEMS}/0", path, state)
+    if kind == "sequence":
+        return Lazy([_maker(path, f"{ITEMS}/{place}", state) for place in range(len(names))])
+    return StoredMapping({name: _maker(path, f"{ITEMS}/{place}", state) for place, name in enumerate(names)})
+
+
+class StoredMapping(Mapping[str, Any]):
+    """The nouns of a file by name; each is read when asked for, and not kept."""
+
+    def __init__(self, makers: dict[str, Any]) -> None:
+        self._makers = makers
+
+    def __getitem__(self, name: str) -> Any:
+        return self._makers[name]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
+def describe(path: str | Path) -> tuple[Header, ...]:
+    """What a file holds, one header for each item, read without any array.
+
+    Raises
+    ------
+    InputError : as ``load``.
+    """
+    path = Path(path)
+    with _opened(path) as file:
+        _, names = _contents(file, path)
+        return tuple(_header(file, f"{ITEMS}/{place}", name) for place, name in enumerate(names))
+
+
+def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[Recording]:
+    """Read a record of any length in consecutive blocks of at most ``samples`` samples.
+
+    ``name`` chooses among several records of the file; without it the first item is read.
+
+    Raises
+    ------
+    InputError : as ``load``; no such record; not a record.
+    """
+    path = Path(path)
+    with _opened(path) as file:
+        _, names = _contents(file, path)
+        if name is not None and name not in names:
+            raise InputError("no such record in the file", where=str(path), got=name, expected=", ".join(names[:20]))
+        group = f"{ITEMS}/{0 if name is None else names.index(name)}"
+        if _tree(file, group).get("$noun") != "Recording":
+            raise InputError("not a record", where=str(path), got=_tree(file, group).get("$noun"))
+        signals = _dataset(file[group], "signals")
+        empty = np.zeros((signals.shape[0], 0), signals.dtype)
+        whole = decode(
+            _tree(file, group), lambda part: empty if part == "signals" else _array(file[group], part), _no_items
+        )
+        for start in range(0, signals.shape[1], samples):
+            moment = None if whole.start is None else whole.start + timedelta(seconds=start / whole.sampling_rate)
+            yield replace(whole, signals=signals[:, start : start + samples], start=moment)
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    """The file, open for reading; whatever goes wrong inside becomes one sentence."""
+    if path.is_dir():
+        raise InputError("a folder, not a file", where=str(path))
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            yield file
+    except FileNotFoundError as error:
+        raise InputError("there is no such file", where=str(path)) from error
+    except PermissionError as error:
+        raise InputError("no permission to read this file", where=str(path)) from error
+    except InputError as error:
+        if error.where:
+            raise
+        raise InputError(
+            error.what, where=str(path), got=error.got, expected=error.expected, advice=error.advice
+        ) from error
+    except EmaError:
+        raise
+    except MemoryError as error:
+        raise InputError("an array in the file is larger than the memory", where=str(path)) from error
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, RecursionError, AttributeError) as error:
+        if isinstance(error, OSError) and not h5py.is_hdf5(path):
+            raise InputError("not an HDF5 file, or cut short", where=str(path), advice=_DAMAGED) from error
+        raise InputError("cannot be read", where=str(path), advice=_DAMAGED) from error
+
+
+def _contents(file: h5py.File, path: Path) -> tuple[str, list[str]]:
+    if _text(file.attrs.get("format")) != FORMAT:
+        raise InputError(
+            "an HDF5 file, but not one of ours", where=str(path), advice="read it with acquisition.read instead"
+        )
+    version = int(file.attrs["schema_version"])
+    if version > SCHEMA_VERSION:
+        raise InputError(
+            "written by a newer friction-ema", where=str(path), got=f"schema version {version}",
+            expected=f"at most {SCHEMA_VERSION}", advice="update with: pip install -U friction-ema",
+        )  # fmt: skip
+    contents = json.loads(_document(file, CONTENTS))
+    return str(contents["kind"]), [str(name) for name in contents["names"]]
+
+
+def _state(path: Path) -> tuple[int, int, int]:
+    status = os.stat(path)
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _maker(path: Path, group: str, state: tuple[int, int, int]) -> Any:
+    def read() -> Any:
+        if path.exists() and _state(path) != state:
+            raise InputError("the file has changed since it was opened", where=str(path), advice="load it again")
+        with _opened(path) as file:
+            return _item(file, group, path, state)
+
+    return read
+
+
+def _item(file: h5py.File, group: str, path: Path, state: tuple[int, int, int]) -> Any:
+    return decode(
+        _tree(file, group),
+        lambda part: _array(file[group], part),
+        lambda part, place: _maker(path, f"{group}/{part}/{place}", state)(),
+    )
+
+
+def _header(file: h5py.File, group: str, name: str) -> Header:
+    tree = _tree(file, group)
+    noun = str(tree.get("$noun"))
+    if noun != "Recording":
+        return Header(name, noun)
+    channels = decode(tree["channels"], lambda part: np.zeros(0), _no_items)
+    return Header(name, noun, channels, float(tree["sampling_rate"]), _dataset(file[group], "signals").shape)
+
+
+def _no_items(path: str, place: int) -> Any:
+    raise InputError("holds a sequence where none may stand", got=path)
+
+
+def _tree(file: h5py.File, group: str) -> dict[str, Any]:
+    tree = json.loads(_document(file, f"{group}/{DOCUMENT}"))
+    if not isinstance(tree, dict):
+        raise InputError("holds a document that is no noun")
+    return tree
+
+
+def _document(file: h5py.File, path: str) -> str:
+    return bytes(_dataset(file, path)[0]).decode("utf-8")
+
+
+def _dataset(parent: h5py.Group, path: str) -> h5py.Dataset:
+    """The dataset at ``path``, refused where it would reach outside this file or make the library load code."""
+    place = parent
+    for step in path.split("/"):
+        if not isinstance(place.get(step, getlink=True), h5py.HardLink):
+            raise InputError("holds a link to somewhere else, which is not followed", got=path)
+        place = place[step]
+    if not isinstance(place, h5py.Dataset):
+        raise InputError("holds a group where an array belongs", got=path)
+    settings = place.id.get_create_plist()
+    filters = {settings.get_filter(number)[0] for number in range(settings.get_nfilters())}
+    if place.dtype.kind not in _KINDS or place.dtype.names or place.is_virtual or place.external or filters - _FILTERS:
+        raise InputError("holds an array of a kind that is not read (references, other files, filters)", got=path)
+    return place
+
+
+def _array(group: h5py.Group, path: str) -> np.ndarray:
+    array = _dataset(group, path)[()]
+    return np.char.decode(array, "utf-8") if array.dtype.kind == "S" else np.asarray(array)
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

@@ -1,0 +1,190 @@
+"""Write nouns to a file."""
+
+import contextlib
+import json
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import h5py
+import numpy as np
+from jaxtyping import Float
+
+from ema import __version__
+from ema.data import Lazy, Recording
+from ema.errors import InputError
+from ema.store.atomic import replacing, write_failure
+from ema.store.document import Parts, encode
+from ema.store.layout import CONTENTS, DOCUMENT, FORMAT, ITEMS, SCHEMA_VERSION
+from ema.store.meaning import Meaning
+from ema.store.sink import Sink
+
+_COMPRESS_FROM = 4096  # bytes; below, compression costs more than it saves
+_SIGNAL_CHUNK = 65536  # samples of one channel
+
+
+def save(path: str | Path, content: Any) -> None:
+    """Write a noun, a mapping of names to nouns, or a sequence of nouns; atomically, replacing what was there.
+
+    Parameters
+    ----------
+    path : the file, by custom ``*.h5``; its folder must exist.
+    content : any noun of ``ema.data``, ``dict`` of nouns, or list, tuple or ``Lazy`` of nouns (made one by one).
+
+    Raises
+    ------
+    InputError : ``content`` holds something that is no noun.
+    FailureError : the file cannot be written; the former file is untouched.
+    """
+    if isinstance(content, Mapping):
+        with Writer(path, kind="mapping") as writer:
+            for name, noun in content.items():
+                writer.add(noun, str(name))
+    elif isinstance(content, (list, tuple, Lazy)):
+        with Writer(path, kind="sequence") as writer:
+            for noun in content:
+                writer.add(noun)
+    else:
+        with Writer(path, kind="noun") as writer:
+            writer.add(content)
+
+
+class Writer(AbstractContextManager["Writer"]):
+    """Writes nouns one after the other into one file, which appears under its name when the ``with`` block ends well.
+
+    ``kind`` says what ``load`` gives back: ``mapping`` of the names, ``sequence``, or the single ``noun``.
+    """
+
+    def __init__(self, path: str | Path, kind: str = "mapping") -> None:
+        if kind not in ("mapping", "sequence", "noun"):
+            raise InputError("unknown kind of collection", got=kind, expected="mapping, sequence or noun")
+        self.path, self.kind = Path(path), kind
+        self._names: list[str] = []
+
+    def __enter__(self) -> "Writer":
+        self._exits = contextlib.ExitStack()
+        temporary = self._exits.enter_context(replacing(self.path))
+        self._sink = Sink(temporary)
+        self._exits.push(self._finish)  # runs before the renaming, which its failure prevents
+        self._file = h5py.File(self._sink, "w", libver=("earliest", "v110"), track_order=True)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        return self._exits.__exit__(kind, error, trace)
+
+    def _finish(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self._file.attrs.update(
+                format=FORMAT, schema_version=SCHEMA_VERSION, written_by=f"friction-ema {__version__}"
+            )
+            _write_text(self._file, CONTENTS, json.dumps({"kind": self.kind, "names": self._names}))
+        self._file.close()
+        self._sink.close()
+        if error is None:
+            self.check()
+
+    def add(self, noun: Any, name: str = "") -> None:
+        """Write ``noun``; its arrays may be dropped by the caller afterwards.
+
+        Raises
+        ------
+        InputError : not a noun, or the name is taken.
+        FailureError : the disk is full.
+        """
+        self._new_item(noun, name)
+
+    def begin(self, header: Recording, name: str = "") -> "BlockWriter":
+        """Start a record that arrives in blocks; ``header`` is the record with no samples yet, shape (channel, 0).
+
+        ``header.signals.dtype`` (float32 or float64) is the one stored.
+        """
+        if header.signals.shape[1] != 0:
+            raise InputError("the header of a record in blocks has samples", got=header.signals.shape[1], expected=0)
+        return BlockWriter(self, self._new_item(header, name)["signals"])
+
+    def _new_item(self, noun: Any, name: str) -> h5py.Group:
+        if self.kind == "mapping" and name in self._names:
+            raise InputError("two nouns of one name", where=str(self.path), got=name)
+        group = self._file.create_group(f"{ITEMS}/{len(self._names)}", track_order=True)
+        _write(group, noun)
+        self._names.append(name)
+        self.check()
+        return group
+
+    def check(self) -> None:
+        """Raise what has kept bytes from reaching the disk."""
+        if self._sink.failure is not None:
+            raise write_failure(self._sink.failure, self.path) from self._sink.failure
+
+
+class BlockWriter:
+    """Appends blocks of samples to one record."""
+
+    def __init__(self, writer: Writer, signals: h5py.Dataset) -> None:
+        self._writer, self._signals = writer, signals
+
+    def append(self, block: Float[np.ndarray, "channel sample"]) -> None:
+        """Add ``block`` (channel, sample) at the end of the record.
+
+        Raises
+        ------
+        InputError : the number of channels differs.
+        FailureError : the disk is full.
+        """
+        channels, before = self._signals.shape
+        if block.shape[0] != channels:
+            raise InputError(
+                "a block with another number of channels", where=str(self._writer.path), got=block.shape[0],
+                expected=channels,
+            )  # fmt: skip
+        self._signals.resize(before + block.shape[1], axis=1)
+        self._signals[:, before:] = block
+        self._writer.check()
+
+
+def _write(group: h5py.Group, noun: Any) -> None:
+    parts = Parts()
+    tree = encode(noun, parts)
+    if not isinstance(tree, dict) or "$noun" not in tree:
+        raise InputError("cannot be stored", got=type(noun).__name__, expected="a noun of ema.data")
+    _write_text(group, DOCUMENT, json.dumps(tree, allow_nan=False, ensure_ascii=False))
+    growing = isinstance(noun, Recording)
+    for path, (array, what) in parts.arrays.items():
+        _write_array(group, path, array, what, growing=growing and path == "signals")
+    for path, items in parts.sequences.items():
+        for place, item in enumerate(items):
+            _write(group.create_group(f"{path}/{place}", track_order=True), item)
+
+
+def _write_text(group: h5py.Group, name: str, text: str) -> None:
+    """As one fixed-length string in a chunk of its own: the checksum then covers it."""
+    data = np.array([text.encode("utf-8")])
+    kind = h5py.string_dtype("utf-8", data.dtype.itemsize)
+    group.create_dataset(name, data=data.astype(kind), dtype=kind, chunks=(1,), compression="gzip",
+                         compression_opts=1, fletcher32=True)  # fmt: skip
+
+
+def _write_array(group: h5py.Group, path: str, array: np.ndarray, what: Meaning, growing: bool) -> None:
+    if array.dtype.kind == "U":
+        array = np.char.encode(array, "utf-8")
+    options: dict[str, Any] = {}
+    if growing:
+        options = {"chunks": (1, _signal_chunk(array.shape[1])), "maxshape": (array.shape[0], None)}
+    if array.nbytes >= _COMPRESS_FROM or growing:
+        options |= {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+    if (array.size and array.ndim) or growing:
+        options |= {"fletcher32": True}
+    dataset = group.create_dataset(path, data=np.asarray(array, order="C"), **options)
+    for name, value in (("quantity", what.quantity), ("unit", what.unit), ("long_name", what.long_name)):
+        if value:
+            dataset.attrs[name] = value if isinstance(value, str) else list(value)
+
+
+def _signal_chunk(samples: int) -> int:
+    return _SIGNAL_CHUNK if samples == 0 else min(samples, _SIGNAL_CHUNK)
