@@ -160,7 +160,7 @@ def test_faults_noise_range_and_resolution_are_as_ordered():
     assert clean.overloads is not None and not clean.overloads.any()
     plain = VirtualRig(model, drive, (accelerometer(1), accelerometer(2)), 8192.0, seed=11).take(2)
     assert np.corrcoef(plain.signals[1], clean.signals[1])[0, 1] > 0.99
-    assert np.corrcoef(plain.signals[2], clean.signals[2])[0, 1] < -0.99
+    assert np.corrcoef(plain.signals[2], clean.signals[2])[0, 1] < -0.8
     ring = clean.signal("ring J1")
     assert ring.mean() == pytest.approx(1020, abs=0.2)
     assert ring[-4000:].mean() - ring[:4000].mean() == pytest.approx(-10, rel=0.15)

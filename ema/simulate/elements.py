@@ -1,0 +1,77 @@
+"""Bernoulli beams: axial and bending motion of a straight beam in the x-z plane."""
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import Matrices
+from ema.dof import Dof
+from ema.errors import InputError
+
+
+def element(
+    length: float, width: float, height: float, youngs_modulus: float, density: float
+) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6 6"]]:
+    """Consistent mass and stiffness of a Bernoulli element with u, w, phi = dw/dx at both ends (lengths in m, Pa, kg/m^3)."""
+    area, inertia = width * height, width * height**3 / 12
+    mass, stiffness = np.zeros((6, 6)), np.zeros((6, 6))
+    axial, bending = np.array([0, 3]), np.array([1, 2, 4, 5])
+    ell = length
+    stiffness[np.ix_(axial, axial)] = youngs_modulus * area / ell * np.array([[1, -1], [-1, 1]])
+    mass[np.ix_(axial, axial)] = density * area * ell / 6 * np.array([[2, 1], [1, 2]])
+    stiffness[np.ix_(bending, bending)] = (
+        youngs_modulus * inertia / ell**3 * np.array(
+            [[12, 6 * ell, -12, 6 * ell], [6 * ell, 4 * ell**2, -6 * ell, 2 * ell**2],
+             [-12, -6 * ell, 12, -6 * ell], [6 * ell, 2 * ell**2, -6 * ell, 4 * ell**2]]
+        )
+    )  # fmt: skip
+    mass[np.ix_(bending, bending)] = (
+        density * area * ell / 420 * np.array(
+            [[156, 22 * ell, 54, -13 * ell], [22 * ell, 4 * ell**2, 13 * ell, -3 * ell**2],
+             [54, 13 * ell, 156, -22 * ell], [-13 * ell, -3 * ell**2, -22 * ell, 4 * ell**2]]
+        )
+    )  # fmt: skip
+    return mass, stiffness
+
+
+def beam(
+    length: float,
+    width: float,
+    height: float,
+    youngs_modulus: float = 210e9,
+    density: float = 7850.0,
+    elements: int = 20,
+    clamped: tuple[bool, bool] = (True, False),
+    part: str = "",
+) -> Matrices:
+    """A straight uniform Bernoulli beam along +X, nodes 0 ... ``elements``.
+
+    The rotation is phi = dw/dx, which is ``-RY`` in a right-handed frame.
+
+    Parameters
+    ----------
+    length, width, height : m.
+    youngs_modulus, density : Pa, kg/m^3.
+    clamped : whether node 0 and the last node are fixed; their DOFs are left out.
+    part : name of the part that the DOFs carry.
+
+    Raises
+    ------
+    InputError : a dimension or material constant is not positive, or there is no element.
+    """
+    for name, value in (("length", length), ("width", width), ("height", height),
+                        ("youngs_modulus", youngs_modulus), ("density", density)):  # fmt: skip
+        if not value > 0 or not np.isfinite(value):
+            raise InputError("not a positive number", where=f"beam {part}".strip(), got=f"{name} = {value}",
+                             expected="a positive SI value", advice="lengths in m, E in Pa, density in kg/m^3")  # fmt: skip
+    if elements < 1:
+        raise InputError("a beam needs elements", where=f"beam {part}".strip(), got=elements, expected="1 or more")
+    size = 3 * (elements + 1)
+    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
+    element_mass, element_stiffness = element(length / elements, width, height, youngs_modulus, density)
+    for first in range(0, size - 3, 3):
+        rows = slice(first, first + 6)
+        mass[rows, rows] += element_mass
+        stiffness[rows, rows] += element_stiffness
+    dofs = [Dof(node, direction, part) for node in range(elements + 1) for direction in ("+X", "+Z", "-RY")]
+    keep = slice(3 if clamped[0] else 0, size - 3 if clamped[1] else size)
+    return Matrices(mass[keep, keep], stiffness[keep, keep], tuple(dofs[keep]))

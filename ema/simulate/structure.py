@@ -1,0 +1,218 @@
+"""From a BeamModel to one set of matrices with its contacts; and the double beam."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices
+from ema.dof import Dof, match
+from ema.errors import InputError
+from ema.simulate.elements import beam
+from ema.simulate.interface import normal_rows, tangential_rows
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Every contact (one node pair in one direction) of a model: what the solvers work on.
+
+    ``slip`` (contact, n) maps the DOFs on the relative displacement u; ``stiffness`` N/m and ``limits`` N (contact,);
+    ``joint`` the number of the joint of each contact; ``partner`` the contact of the same pair in the other direction
+    of an isotropic law, else -1.
+    """
+
+    slip: Float[np.ndarray, "contact n"]
+    stiffness: Float[np.ndarray, "contact"]
+    limits: Float[np.ndarray, "contact"]
+    joint: tuple[int, ...]
+    partner: tuple[int, ...]
+    laws: tuple[FrictionLaw, ...]
+
+
+@dataclass(frozen=True)
+class System:
+    """Matrices of the whole structure with normal, but without tangential coupling."""
+
+    mass: Float[np.ndarray, "n n"]
+    stiffness: Float[np.ndarray, "n n"]
+    dofs: tuple[Dof, ...]
+    contacts: Contacts
+    damping: Damping
+    name: str = ""
+
+    def row(self, dof: Dof | str) -> Float[np.ndarray, "n"]:
+        """Unit vector of a DOF.
+
+        Raises
+        ------
+        InputError : the structure has no such DOF.
+        """
+        wanted = Dof.parse(dof)
+        found = match([wanted], self.dofs)
+        if not found:
+            raise InputError(
+                "the structure has no such DOF", where=self.name, got=str(wanted),
+                expected=f"one of its {len(self.dofs)} DOFs such as {self.dofs[0]} or {self.dofs[-1]}",
+            )  # fmt: skip
+        row = np.zeros(len(self.dofs))
+        row[found[0][1]] = found[0][2]
+        return row
+
+
+def pair_forces(joint: Joint) -> Float[np.ndarray, "pair"]:
+    """Normal force of every node pair of a joint in N."""
+    count = len(joint.pairs)
+    shares = np.full(count, 1 / count) if joint.force_shares is None else joint.force_shares
+    return joint.normal_force * np.asarray(shares)
+
+
+def pair_stiffness(joint: Joint) -> Float[np.ndarray, "pair"]:
+    """Tangential contact stiffness of every node pair of a joint in N/m.
+
+    The power law k_T(F_N) with its cap holds for the pressure of the pair: n times its normal force takes the place of
+    the force of the joint.
+    """
+    law, count = joint.law, len(joint.pairs)
+    if law.stiffness_exponent == 0:
+        return np.full(count, min(law.contact_stiffness, law.stiffness_cap) / count)
+    ratio = count * pair_forces(joint) / law.reference_force
+    return np.minimum(law.contact_stiffness * ratio**law.stiffness_exponent, law.stiffness_cap) / count
+
+
+def _check_joint(joint: Joint) -> None:
+    where, law = f"joint {joint.name}", joint.law
+
+    def wrong(what: str, got: object, expected: str, advice: str = "") -> InputError:
+        return InputError(what, where=where, got=got, expected=expected, advice=advice)
+
+    if not joint.pairs:
+        raise wrong("a joint without contact pairs", "0 pairs", "at least one (host node, beam node)",
+                    "list the node pairs, or leave the joint out for a structure without friction")  # fmt: skip
+    if not (np.isfinite(joint.normal_force) and joint.normal_force >= 0):
+        raise wrong("not a normal force", f"{joint.normal_force} N", "0 N or more",
+                    "pressing is positive; a joint that is open has 0 N")  # fmt: skip
+    if not (np.isfinite(joint.normal_stiffness) and joint.normal_stiffness > 0):
+        raise wrong("not a normal stiffness", f"{joint.normal_stiffness} N/m", "a positive number")
+    if not (np.isfinite(law.friction_coefficient) and law.friction_coefficient >= 0):
+        raise wrong("not a friction coefficient", law.friction_coefficient, "mu of 0 or more",
+                    "the direction of friction follows from the motion, mu has no sign")  # fmt: skip
+    if not (np.isfinite(law.contact_stiffness) and law.contact_stiffness > 0):
+        raise wrong("not a tangential contact stiffness", f"{law.contact_stiffness} N/m", "a positive finite number",
+                    "for rigid contact use ema.simulate.Coulomb")  # fmt: skip
+    shares = joint.force_shares
+    if shares is not None:
+        if shares.shape != (len(joint.pairs),):
+            raise wrong("shares of the normal force do not fit", shares.shape, f"one for each of {len(joint.pairs)} pairs")
+        if np.any(~np.isfinite(shares)) or np.any(shares < 0) or abs(shares.sum() - 1) > 1e-9:
+            raise wrong("not shares of a force", f"sum {shares.sum():g}, least {shares.min():g}", "0 or more, sum 1")
+
+
+def check_matrices(matrices: Matrices, where: str) -> None:
+    """Refuse matrices that are no structure.
+
+    Raises
+    ------
+    InputError : not finite, not symmetric, an indefinite mass or stiffness.
+    """
+    for name, matrix in (("mass", matrices.mass), ("stiffness", matrices.stiffness)):
+        if matrix.shape != (len(matrices.dofs),) * 2:
+            raise InputError(f"the {name} matrix does not fit its DOFs", where=where, got=matrix.shape,
+                             expected=f"{len(matrices.dofs)} rows and columns")  # fmt: skip
+        if not np.all(np.isfinite(matrix)):
+            raise InputError(f"the {name} matrix holds NaN or infinity", where=where)
+        unequal = np.abs(matrix - matrix.T).max()
+        if unequal > 1e-9 * np.abs(matrix).max():
+            raise InputError(f"the {name} matrix is not symmetric", where=where, got=f"difference {unequal:g}",
+                             expected="K equal to its transpose", advice="export both triangles, or the full matrix")  # fmt: skip
+        lowest = np.linalg.eigvalsh(matrix)[[0, -1]]
+        if lowest[0] < -1e-9 * lowest[1] or (name == "mass" and lowest[0] <= 0):
+            raise InputError(f"the {name} matrix is not positive", where=where, got=f"lowest eigenvalue {lowest[0]:g}",
+                             expected="a positive definite mass and a stiffness without negative eigenvalues",
+                             advice="check the units and the sign of the exported matrices")  # fmt: skip
+
+
+def assemble(model: BeamModel) -> System:
+    """One set of matrices, with normal springs in place and the tangential contacts listed beside it.
+
+    Raises
+    ------
+    InputError : a joint or a matrix is not physical, a DOF that a joint needs is missing.
+    """
+    if not isinstance(model.host, Matrices):
+        raise InputError("the host is a modal model", where=model.name, expected="matrices",
+                         advice="turn it into matrices with ema.simulate.modal_host")  # fmt: skip
+    if not model.joints:
+        raise InputError("a model without joints", where=model.name, got="0 contact pairs", expected="at least one joint")
+    for joint in model.joints:
+        _check_joint(joint)
+    parts = [model.host] if model.beam is None else [model.host, model.beam]
+    for part, matrices in zip(("host", "beam"), parts, strict=False):
+        check_matrices(matrices, f"{model.name} {part}".strip())
+    dofs = tuple(dof for matrices in parts for dof in matrices.dofs)
+    mass, stiffness = (_block_diagonal([getattr(p, name) for p in parts]) for name in ("mass", "stiffness"))
+    split = len(model.host.dofs)
+    beam_dofs = dofs[split:] if model.beam is not None else dofs
+    offset = split if model.beam is not None else 0
+    slips: list[np.ndarray] = []
+    limits, springs, joints, partners, laws = [], [], [], [], []
+    for number, joint in enumerate(model.joints):
+        gaps = normal_rows(joint, dofs[:split], beam_dofs, offset, len(dofs))
+        stiffness = stiffness + gaps.T @ gaps * (joint.normal_stiffness / len(joint.pairs))
+        both = len(joint.directions) == 2 and joint.law.isotropic
+        rows = [tangential_rows(joint, d, dofs[:split], beam_dofs, offset, len(dofs)) for d in joint.directions]
+        first, count = len(limits), len(joint.pairs)
+        for place, row in enumerate(rows):
+            slips.append(row)
+            limits += list(joint.law.friction_coefficient * pair_forces(joint))
+            springs += list(pair_stiffness(joint))
+            joints += [number] * count
+            laws += [joint.law] * count
+            other = first + (1 - place) * count
+            partners += [other + k if both else -1 for k in range(count)]
+    contacts = Contacts(
+        np.vstack(slips), np.array(springs), np.array(limits), tuple(joints), tuple(partners), tuple(laws)
+    )
+    return System(mass, stiffness, dofs, contacts, model.damping, model.name)
+
+
+def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
+    size = sum(len(block) for block in blocks)
+    whole = np.zeros((size, size))
+    start = 0
+    for block in blocks:
+        whole[start : start + len(block), start : start + len(block)] = block
+        start += len(block)
+    return whole
+
+
+def double_beam(
+    law: FrictionLaw,
+    normal_force: float,
+    length: float = 0.5,
+    width: float = 0.04,
+    height: float = 0.005,
+    youngs_modulus: float = 210e9,
+    density: float = 7850.0,
+    elements: int = 20,
+    normal_stiffness: float = 1e9,
+    force_shares: Float[np.ndarray, "pair"] | None = None,
+    damping: Damping = Damping(),
+) -> BeamModel:
+    """Two equal clamped-free beams pressed together at every node (Gaul, Roseira and Becker 2008, Fig. 1).
+
+    Beam 1 is the host and lies below beam 2. The defaults are a reference set: L 0.5 m, 40 x 5 mm each, steel, 20
+    elements. ``normal_force`` N, ``normal_stiffness`` N/m and the contact stiffness of ``law`` are those of the whole
+    interface. The tip is node ``elements`` of the parts ``beam 1`` and ``beam 2``.
+    """
+    lower, upper = (
+        beam(length, width, height, youngs_modulus, density, elements, part=f"beam {number}") for number in (1, 2)
+    )
+    pairs = tuple((node, node) for node in range(1, elements + 1))
+    joint = Joint("interface", pairs, (height / 2, height / 2), law, normal_force, normal_stiffness, force_shares)
+    return BeamModel(lower, upper, (joint,), damping, "double beam")
+
+
+def without_friction(model: BeamModel) -> BeamModel:
+    """The same structure with frictionless joints (mu = 0)."""
+    joints = tuple(replace(j, law=replace(j.law, friction_coefficient=0.0)) for j in model.joints)
+    return replace(model, joints=joints)
