@@ -234,6 +234,6 @@ def _accelerance(model: ModalModel, frequencies: np.ndarray) -> np.ndarray:
     """Accelerance of all modes, (freq, out, in)."""
     direct, mirrored = pole_basis(frequencies, model.poles)
     residues = model.residues()
-    flat = residues.reshape(len(residues), -1)
+    flat = residues.reshape(len(residues), len(model.dofs) * len(model.inputs))
     factor = ((2j * np.pi * frequencies) ** 2)[:, None]
     return ((factor * direct) @ flat + (factor * mirrored) @ flat.conj()).reshape(-1, *residues.shape[1:])
