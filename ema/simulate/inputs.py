@@ -10,12 +10,14 @@ from ema.dof import Dof
 from ema.errors import InputError
 
 
-def half_sine(frequencies: Float[np.ndarray, "freq"], contact_time: float) -> Complex[np.ndarray, "freq"]:
-    """Fourier transform (in s) of half a sine of height 1 that begins at 0 and lasts ``contact_time`` s; Hz."""
+def half_sine(
+    frequencies: Float[np.ndarray, "freq"], contact_time: float, start: float = 0.0
+) -> Complex[np.ndarray, "freq"]:
+    """Fourier transform (in s) of half a sine of height 1 from ``start`` to ``start + contact_time`` s; Hz."""
     x = np.pi * frequencies * contact_time
     # cos(x) / ((pi/2)^2 - x^2) written with a sinc, which has no hole at x = pi/2
-    even = np.sinc((np.pi / 2 - x) / np.pi) / (np.pi / 2 + x)
-    return (np.pi * contact_time / 2) * even * np.exp(-1j * x)
+    even = (np.pi * contact_time / 2) * np.sinc(0.5 - x / np.pi) / (np.pi / 2 + x)
+    return even * np.exp(-2j * np.pi * (start + contact_time / 2) * frequencies)
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,7 @@ def spectrum_of(blows: tuple[Blow, ...], frequencies: Float[np.ndarray, "freq"])
     """Fourier transform in N s of a sequence of blows."""
     total = np.zeros(len(frequencies), complex)
     for blow in blows:
-        delay = np.exp(-2j * np.pi * frequencies * blow.time)
-        total += blow.peak * delay * half_sine(frequencies, blow.contact_time)
+        total += blow.peak * half_sine(frequencies, blow.contact_time, blow.time)
     return total
 
 

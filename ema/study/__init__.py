@@ -1,0 +1,1 @@
+"""One recipe, the whole chain: campaign, FRFs, modes, shapes, findings, report."""
