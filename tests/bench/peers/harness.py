@@ -4,6 +4,7 @@
 all orders, and ``select(case, identified)``, which gives the chosen poles as a dictionary. Knows numpy alone.
 """
 
+import contextlib
 import importlib.util
 import json
 import resource
@@ -47,10 +48,8 @@ def memory(field: str) -> float:
 
 def reset_peak() -> None:
     """Start a new high-water mark, where the system can."""
-    try:
+    with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
-    except OSError:
-        pass
 
 
 def measure(module: ModuleType, case: SimpleNamespace) -> dict:

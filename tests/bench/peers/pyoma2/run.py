@@ -13,7 +13,7 @@ from importlib.metadata import version as installed
 import numpy as np
 
 os.environ["TQDM_DISABLE"] = "1"
-from pyoma2.functions import gen, plscf  # noqa: E402
+from pyoma2.functions import gen, plscf
 
 logging.disable(logging.CRITICAL)
 

@@ -1,7 +1,7 @@
 """pyYeti: ERA on impulse responses of the band (counted from its start), automatic selection, told nothing.
 
-The Hankel matrix has as many block rows and columns as the model order asks for; its square default needs the memory of a
-matrix of (outputs x samples / 2) squared.
+The square Hankel matrix of its default would need terabytes here. The size taken is where more rows or columns no longer
+found more modes.
 """
 
 import warnings
@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 
 mpl.use("Agg")
-from pyyeti.era import ERA  # noqa: E402
+from pyyeti.era import ERA
 
 
 def version() -> str:
@@ -23,9 +23,8 @@ def identify(case):
     span = frequencies[-1] - frequencies[0]
     impulse = np.fft.irfft(case.values, axis=0)
     outputs, inputs = impulse.shape[1:]
-    states = 2 * int(case.order)
-    columns = 4 * states // inputs
-    rows = max(4, int(np.ceil(4 * states / outputs)))
+    columns = 40 * int(case.order) // (3 * inputs)
+    rows = max(10, 1600 // outputs)
     keep = min(len(impulse) // 2, rows + columns)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
