@@ -1,0 +1,207 @@
+"""Writes ``docs/speed.md`` and ``docs/accuracy.md`` from the results in ``tests/bench/results``.
+
+``python -m tests.bench.write_docs``: every figure on those pages comes from a run.
+"""
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from tests.bench.environments import NAMES
+from tests.bench.fit import OURS, RESULT
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+TOLD = {
+    OURS: "nothing", "sdypy_ema": "the true frequencies", "pyfbs": "the true frequencies", "pyyeti": "nothing",
+    "pyoma2": "the true frequencies",
+}  # fmt: skip
+
+SPEED = """# Speed
+
+All systems run on the same cases in one run, each in a process of its own with one thread, warmed up on another case.
+Short runs are taken three times and the fastest counts. *Poles* is the time for the poles of all model orders;
+*selection* is what follows until the chosen modes are there, which for friction-ema includes their shapes and residues.
+*Memory* is the high-water mark above what the process held before, over the size of the FRFs. Medians over the seeds.
+
+This page is written by `python -m tests.bench.write_docs` from the figures of `python -m tests.bench.fit`.
+"""
+
+ACCURACY = """# Accuracy
+
+Synthetic FRFs with known truth. Noise of 1 % means a complex standard deviation of 1 % of |H| at each line plus 1 % of
+that FRF's root mean square over the band. The systems are viscous with non-proportional damping; the modes outside the
+band are included exactly.
+
+- A mode is **identifiable** when its Cramér-Rao standard deviations are below 10 % of the damping ratio and a fifth of
+  the distance to its neighbour. The bound is that of the model which made the data: unknown poles, participations and
+  complex shapes of all modes inside and outside the band, and a known noise level.
+- **Found**: frequency within 1 % and nearer to it than to its neighbour, MAC of at least 0.8, one to one. The shapes of
+  the peers are computed from their poles by one and the same least-squares fit, with the true poles outside the band.
+- **False**: returned and matched to nothing.
+- **Over the bound**: root mean square over the modes found of the error divided by the bound's standard deviation; an
+  efficient estimator reads 1.
+
+Peers that have no automatic selection are told the true frequencies and give the stable pole nearest to each.
+
+This page is written by `python -m tests.bench.write_docs` from the figures of `python -m tests.bench.fit`.
+"""
+
+
+def median(runs: Iterable[dict], value: Callable[[dict], float]) -> float:
+    """Median over the runs that ended; NaN where none did."""
+    known = [value(run) for run in runs if "error" not in run]
+    return float(np.median(known)) if known else float("nan")
+
+
+def total(run: dict) -> float:
+    """Poles and selection in seconds."""
+    return run["time_poles"] + run["time_selection"]
+
+
+def table(head: list[str], lines: list[list[str]]) -> str:
+    """A Markdown table."""
+    rows = [head, ["---"] * len(head), *lines]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Three significant digits; a dash for NaN."""
+    if not np.isfinite(value):
+        return "-"
+    return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e4 else f"{value:.{digits - 1}e}"
+
+
+def name(system: str, runs: list[dict]) -> str:
+    """Name and version."""
+    versions = [run["version"] for run in runs if "version" in run]
+    return f"{NAMES.get(system, system)} {versions[0]}" if versions else NAMES.get(system, system)
+
+
+def stamp(row: dict) -> str:
+    """Date, machine and seeds."""
+    machine = row["machine"]
+    seeds = ", ".join(map(str, row["seeds"]))
+    return (
+        f"Measured {row['date']} on {machine['processor']} ({machine['cores']} cores, {machine['system']}), Python "
+        f"{machine['python']}, numpy {machine['numpy']}, scipy {machine['scipy']}, numba {machine['numba']}. "
+        f"Seeds: {seeds}."
+    )
+
+
+def failures(runs: dict[str, list[dict]]) -> str:
+    """What did not end, as a list."""
+    lines = [
+        f"- {name(system, own)}, seed {run['seed']}: {run['error']}"
+        for system, own in runs.items()
+        for run in own
+        if "error" in run
+    ]
+    return "\n".join(lines)
+
+
+def speed(row: dict) -> str:
+    """Section of one case on the page about speed."""
+    runs = row["runs"]
+    ours = median(runs[OURS], total)
+    lines = []
+    for system, own in runs.items():
+        poles = median(own, lambda run: run["time_poles"])
+        lines.append([
+            name(system, own), number(poles), number(median(own, lambda run: run["time_selection"])),
+            number(median(own, total)), number(median(own, lambda run: run["extra_memory"] / run["data_bytes"]), 2),
+            "" if system == OURS else f"1/{number(poles / ours)}",
+        ])  # fmt: skip
+    head = [
+        "system", "poles [s]", "selection [s]", "both [s]", "memory / data",
+        "friction-ema's poles and selection over the peer's poles",
+    ]  # fmt: skip
+    return "\n\n".join(filter(None, [f"## {row['title']}", table(head, lines), failures(runs), stamp(row)]))
+
+
+def accuracy(row: dict) -> str:
+    """Section of one case on the page about accuracy."""
+    lines = []
+    for system, own in row["runs"].items():
+        ended = [run for run in own if "error" not in run]
+        lines.append([
+            name(system, own), TOLD[system],
+            " + ".join(f"{run['found']}" for run in ended) or "-",
+            " + ".join(f"{run['identifiable']}" for run in ended) or "-",
+            " + ".join(f"{len(run['false'])}" for run in ended) or "-",
+            number(100 * median(own, lambda run: run["damping_error"])),
+            number(100 * median(own, lambda run: run["damping_bias"])),
+            number(median(own, lambda run: run["frequency_ratio"])),
+            number(median(own, lambda run: run["damping_ratio"])),
+        ])  # fmt: skip
+    head = [
+        "system", "told", "found", "identifiable", "false", "damping error, median [% of the value]",
+        "damping error, mean [% of the value]", "frequency over the bound", "damping over the bound",
+    ]  # fmt: skip
+    parts = [f"## {row['title']}", table(head, lines)]
+    best = row["runs"][OURS]
+    parts.append(
+        "friction-ema's residues: median error "
+        f"{number(100 * median(best, lambda run: run['residue_error']))} %, largest "
+        f"{number(100 * median(best, lambda run: run['residue_error_largest']))} % (medians over the seeds). The bound "
+        f"allows {number(100 * median(best, lambda run: run['bound_damping']))} % of the damping ratio and "
+        f"{number(100 * median(best, lambda run: run['bound_frequency']))} % of the frequency (medians over the modes)."
+    )
+    return "\n\n".join(filter(None, [*parts, misses(row["runs"]), stamp(row)]))
+
+
+def misses(runs: dict[str, list[dict]]) -> str:
+    """Every miss and every false mode of every system, as a list."""
+    lines = []
+    for system, own in runs.items():
+        for run in own:
+            if "error" in run:
+                lines.append(f"- {name(system, own)}, seed {run['seed']}: {run['error']}")
+                continue
+            words = []
+            if run["missed"]:
+                words.append("missed " + ", ".join(f"{f:g} Hz ({100 * z:.2f} %)" for f, z in run["missed"]))
+            if run["false"]:
+                words.append("false " + ", ".join(f"{f:g} Hz" for f in run["false"]))
+            if words:
+                lines.append(f"- {name(system, own)}, seed {run['seed']}: " + "; ".join(words))
+    return (
+        "\n".join(["Misses (frequency, damping ratio) and false modes:\n", *lines]) if lines else "No miss, none false."
+    )
+
+
+def selection(row: dict) -> str:
+    """Section on random systems: the automatic selection with default settings."""
+    own = row["runs"][OURS]
+    lines = []
+    for noise in sorted({run["noise"] for run in own}):
+        runs = [run for run in own if run["noise"] == noise]
+        ended = [run for run in runs if "error" not in run]
+        wanted, found = sum(run["identifiable"] for run in ended), sum(run["found"] for run in ended)
+        lines.append([
+            f"{100 * noise:g} %", str(len(runs)), str(wanted), str(found),
+            number(100 * found / wanted, 4) if wanted else "-",
+            number(sum(len(run["false"]) for run in ended) / max(len(ended), 1)), str(len(runs) - len(ended)),
+        ])  # fmt: skip
+    head = ["noise", "systems", "identifiable modes", "found", "recall [%]", "false modes per system", "failed"]
+    text = (
+        "friction-ema with default settings on random systems: 5-60 modes, damping ratios of 0.05-10 %, every tenth gap "
+        "0.3-1 % of the frequency, one mode in ten local, 8-500 outputs, 1-4 references."
+    )
+    return "\n\n".join([f"## {row['title'].capitalize()}", text, table(head, lines), misses(row["runs"]), stamp(row)])
+
+
+def main() -> None:
+    """Write both pages."""
+    rows = json.loads(RESULT.read_text())["rows"]
+    cases = [row for key, row in rows.items() if key != "random"]
+    chosen = [selection(rows["random"])] if "random" in rows else []
+    pages = {"speed.md": [SPEED, *map(speed, cases)], "accuracy.md": [ACCURACY, *map(accuracy, cases), *chosen]}
+    DOCS.mkdir(exist_ok=True)
+    for page, sections in pages.items():
+        (DOCS / page).write_text("\n\n".join(section.strip() for section in sections) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
