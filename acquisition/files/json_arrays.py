@@ -1,0 +1,47 @@
+"""JSON files that hold arrays of numbers under names."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition.contents import Contents
+from acquisition.files import sniff, table
+from acquisition.files.arrays import Arrays, arrange
+from acquisition.files.layout import Layout
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read arrays; nested objects become names with dots.
+
+    Raises
+    ------
+    InputError : damaged, or in need of a layout.
+    """
+    tree = json.loads(table.decode(sniff.whole(path)))
+    found = dict(_walk("", tree))
+    arrays = {name: value for name, value in found.items() if not isinstance(value, str)}
+    metadata = tuple((name, value) for name, value in found.items() if isinstance(value, str))
+    tables = [name for name, value in arrays.items() if np.ndim(value) == 2]
+    return arrange(Arrays(path.name, arrays, tables[0] if len(tables) == 1 else "", metadata=metadata), layout)
+
+
+def _walk(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _walk(f"{name}.{key}" if name else str(key), inner)
+    elif isinstance(value, str):
+        yield name, value
+    elif isinstance(value, (int, float, list)) and not isinstance(value, bool):
+        try:
+            array = np.asarray(value)
+        except ValueError:  # rows of unequal length
+            array = np.asarray([], dtype=object)
+        if array.dtype.kind in "iufU" and array.size:
+            yield name, array
+        elif isinstance(value, list):
+            for number, inner in enumerate(value):
+                if isinstance(inner, (dict, list)):
+                    yield from _walk(f"{name}.{number}" if name else str(number), inner)

@@ -1,0 +1,107 @@
+"""Recognise a format by the first bytes of a file."""
+
+import gzip
+import re
+import zlib
+from pathlib import Path
+
+from ema.errors import InputError
+
+HEAD = 4096
+
+
+def head(path: Path) -> bytes:
+    """The first bytes of a file, unpacked where it is gzipped.
+
+    Raises
+    ------
+    InputError : no such file, a folder, an empty file, or one that may not be read.
+    """
+    if path.is_dir():
+        raise InputError("a folder, not a file", where=str(path), advice="name a file inside it")
+    try:
+        with path.open("rb") as file:
+            start = file.read(HEAD)
+        if start[:2] == b"\x1f\x8b":
+            with gzip.open(path) as unpacked:
+                start = unpacked.read(HEAD)
+    except FileNotFoundError:
+        raise InputError("no such file", where=str(path), advice="check the name and the folder") from None
+    except (OSError, EOFError, zlib.error, ValueError) as error:
+        raise InputError(f"the file cannot be read: {error}", where=str(path)) from error
+    if not start:
+        raise InputError("the file is empty", where=str(path), advice="measure or export it again")
+    return start
+
+
+def whole(path: Path) -> bytes:
+    """All bytes of a file, unpacked where it is gzipped."""
+    data = path.read_bytes()
+    if data[:2] != b"\x1f\x8b":
+        return data
+    try:
+        return gzip.decompress(data)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"the packed file is damaged: {error}", where=str(path)) from error
+
+
+def uff(start: bytes) -> bool:
+    """A line ``-1`` and then the number of a data set."""
+    return re.match(rb"^\s*-1[ ]*\r?\n[ ]*\d{1,6}b?(\s|$)", start) is not None
+
+
+def hdf5(start: bytes) -> bool:
+    """The HDF5 signature; MATLAB v7.3 carries it behind a text of its own."""
+    return start[:8] == b"\x89HDF\r\n\x1a\n"
+
+
+def matlab(start: bytes) -> bool:
+    """The text header of v5 to v7.3, or the four integers of v4."""
+    return start[:6] == b"MATLAB" and len(start) >= 128
+
+
+def npy(start: bytes) -> bool:
+    """The NumPy signature, or a ZIP archive of such arrays."""
+    return start[:6] == b"\x93NUMPY" or (start[:4] == b"PK\x03\x04" and b".npy" in start[:512])
+
+
+def tdms(start: bytes) -> bool:
+    """The tag of a TDMS segment."""
+    return start[:4] in (b"TDSm", b"TDSh")
+
+
+def mdf4(start: bytes) -> bool:
+    """The identification block of MDF."""
+    return start[:3] == b"MDF"
+
+
+def wav(start: bytes) -> bool:
+    """RIFF, RF64, W64 and FLAC."""
+    return (start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE") or start[:4] in (b"fLaC", b"riff")
+
+
+def xlsx(start: bytes) -> bool:
+    """A ZIP archive that is no NumPy archive."""
+    return start[:4] == b"PK\x03\x04" and b".npy" not in start[:512]
+
+
+def lvm(start: bytes) -> bool:
+    """The first line of a LabVIEW measurement file."""
+    return start.lstrip(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement")
+
+
+def signalcalc(start: bytes) -> bool:
+    """The channel line of a SignalCalc export."""
+    return b"Ref Chan:Resp Chan" in start[:400]
+
+
+def json(start: bytes) -> bool:
+    """A JSON object or array of arrays."""
+    return re.match(rb'^(\xef\xbb\xbf)?\s*(\{\s*["}]|\[\s*[\[{])', start) is not None
+
+
+def text(start: bytes) -> bool:
+    """Bytes that are text in some one-byte code or UTF-8 or UTF-16."""
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return True
+    return not re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", start)

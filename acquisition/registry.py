@@ -1,0 +1,171 @@
+"""Which file formats there are, and which one a file is in."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from acquisition.contents import Contents
+from acquisition.files import sniff
+from acquisition.files.layout import Layout
+from ema.data import Finding
+from ema.errors import EmaError, FailureError, InputError
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format.
+
+    ``reads`` and ``writes`` name what it carries. ``extra`` is the optional dependency group it needs, ``packages`` the
+    packages of that group; ``sniff`` recognises the format by the first bytes of a file.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    module: str
+    sniff: Callable[[bytes], bool]
+    reads: tuple[str, ...]
+    writes: tuple[str, ...] = ()
+    extra: str = ""
+    packages: tuple[str, ...] = ()
+
+    @property
+    def available(self) -> bool:
+        """Whether the packages it needs are installed."""
+        return all(find_spec(package) is not None for package in self.packages)
+
+
+_TIME = ("recordings",)
+_ANY = ("recordings", "frfs", "geometry", "modes")
+_FORMATS = (
+    Format("uff", "Universal file (15, 18, 55, 58, 58b, 82, 151, 164, 2411, 2412, 2414, 2420)",
+           (".uff", ".unv", ".uf", ".uf58", ".bunv", ".asc"), "acquisition.files.uff", sniff.uff, _ANY, _ANY),
+    Format("hdf5", "HDF5", (".h5", ".hdf5", ".hdf"), "acquisition.files.hdf5", sniff.hdf5, _ANY),
+    Format("matlab", "MATLAB v5 to v7.3", (".mat",), "acquisition.files.matlab", sniff.matlab, _ANY),
+    Format("npy", "NumPy arrays (npy, npz)", (".npy", ".npz"), "acquisition.files.npy", sniff.npy, _ANY),
+    Format("tdms", "LabVIEW TDMS", (".tdms",), "acquisition.files.tdms", sniff.tdms, _TIME, (), "formats", ("nptdms",)),
+    Format("mdf4", "ASAM MDF 3 and 4", (".mf4", ".mdf", ".dat"), "acquisition.files.mdf4", sniff.mdf4, _TIME, (),
+           "formats", ("asammdf",)),
+    Format("wav", "Wave audio (WAV, RF64, W64, FLAC)", (".wav", ".rf64", ".w64", ".flac"), "acquisition.files.wav",
+           sniff.wav, _TIME, (), "formats", ("soundfile",)),
+    Format("xlsx", "Excel table", (".xlsx", ".xlsm"), "acquisition.files.xlsx", sniff.xlsx, _ANY, (), "formats",
+           ("openpyxl",)),
+    Format("lvm", "LabVIEW measurement text", (".lvm",), "acquisition.files.lvm", sniff.lvm, _TIME),
+    Format("signalcalc", "SignalCalc FRF text", (".txt",), "acquisition.files.signalcalc", sniff.signalcalc, ("frfs",)),
+    Format("json", "JSON arrays", (".json",), "acquisition.files.json_arrays", sniff.json, _ANY),
+    Format("table", "Text table (CSV, TXT, TSV)", (".csv", ".txt", ".tsv", ".tab", ".asc", ".dat", ".prn"),
+           "acquisition.files.table", sniff.text, _ANY),
+)  # fmt: skip
+
+
+def formats() -> list[Format]:
+    """The file formats that can be read or written, with what each needs."""
+    return list(_FORMATS)
+
+
+def _named(name: str) -> Format:
+    for candidate in _FORMATS:
+        if candidate.name == name:
+            return candidate
+    raise InputError("no such file format", got=name, expected="one of " + ", ".join(f.name for f in _FORMATS))
+
+
+def _suffixes(path: Path) -> str:
+    """Last suffix that names a format: ``a.json.gz`` -> ``.json``."""
+    return next((suffix for suffix in map(str.lower, reversed(path.suffixes)) if suffix != ".gz"), "")
+
+
+def detect(path: "str | PathLike[str]") -> Format:
+    """The format of a file, by its content first and its suffix second.
+
+    Raises
+    ------
+    InputError : there is no such file, it is a folder or empty, or its format is unknown.
+    """
+    path = Path(path)
+    head = sniff.head(path)
+    suffix = _suffixes(path)
+    fitting = [candidate for candidate in _FORMATS if candidate.sniff(head)]
+    by_suffix = [candidate for candidate in fitting if suffix in candidate.suffixes]
+    if fitting:
+        special = [candidate for candidate in fitting if candidate.name != "table"]
+        return (special or by_suffix or fitting)[0]
+    wanted = next((candidate for candidate in _FORMATS if suffix in candidate.suffixes), None)
+    raise InputError(
+        f"not a {wanted.title} file in spite of its name" if wanted else "the format of the file is not known",
+        where=str(path), got=f"first bytes {head[:16]!r}", advice="`ema formats` lists what can be read",
+    )  # fmt: skip
+
+
+def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Contents:
+    """Read a foreign file.
+
+    Parameters
+    ----------
+    path : the file; ``.gz`` is unpacked on the way.
+    format : name of the format where the file's content does not tell it.
+    layout : what a file that does not describe itself holds where; see :class:`acquisition.files.layout.Layout`.
+
+    Raises
+    ------
+    InputError : no such file, damaged, of an unknown format, or what it holds has to be told by the ``layout``.
+    UnitError : the ``layout`` names an unknown unit.
+    MissingExtraError : the format needs an optional package.
+    """
+    path = Path(path)
+    kind = _named(format) if format else detect(path)
+    sniff.head(path)
+    options = Layout.of(**layout)
+    adapter = import_module(kind.module)
+    try:
+        contents: Contents = adapter.read(path, options)
+    except EmaError:
+        raise
+    except OSError as error:
+        raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+    except Exception as error:  # readers of foreign formats fail in ways of their own; the cause is kept
+        raise InputError(
+            f"damaged, or not a {kind.title} file: {str(error).splitlines()[0] if str(error) else type(error).__name__}",
+            where=str(path),
+        ) from error
+    suffix = _suffixes(path)
+    owners = [candidate for candidate in _FORMATS if suffix in candidate.suffixes]
+    if owners and kind not in owners and not (kind.name == "lvm" or format):
+        note = Finding("info", "wrong-suffix", path.name, f"the name says {owners[0].title}, the content {kind.title}.")
+        contents = replace(contents, findings=(note, *contents.findings))
+    return contents
+
+
+def write(path: "str | PathLike[str]", *nouns: Any, format: str = "", **options: Any) -> None:
+    """Write nouns (FRF sets, recordings, geometry, modes, or the contents of a file) in a foreign format.
+
+    The file appears whole or not at all; an old one stays intact if writing fails.
+
+    Parameters
+    ----------
+    path : its suffix chooses the format.
+    options : of the format, e.g. ``binary=True`` for universal files.
+
+    Raises
+    ------
+    InputError : a noun that the format cannot hold, values that are not finite, or a format that is only read.
+    FailureError : the folder is read-only or the disk is full.
+    """
+    path = Path(path)
+    suffix = _suffixes(path)
+    choices = [_named(format)] if format else [candidate for candidate in _FORMATS if suffix in candidate.suffixes]
+    choices = [candidate for candidate in choices if candidate.writes]
+    if not choices:
+        raise InputError(
+            "this format is not written", where=str(path), got=suffix or format or "no suffix",
+            expected="one of " + ", ".join(s for f in _FORMATS if f.writes for s in f.suffixes),
+        )  # fmt: skip
+    adapter = import_module(choices[0].module)
+    try:
+        adapter.write(path, nouns, **options)
+    except OSError as error:
+        raise FailureError(f"the file cannot be written: {error.strerror or error}", where=str(path)) from error
