@@ -1,1 +1,36 @@
 """Nouns -> pictures; figures are returned, never shown or saved."""
+
+from importlib import import_module
+from typing import Any
+
+_WHERE = {
+    "coherence": "ema.show.frf",
+    "complexity": "ema.show.polar",
+    "damping_map": "ema.show.maps",
+    "error_map": "ema.show.matrices",
+    "force_spectrum": "ema.show.blows",
+    "frequency_map": "ema.show.maps",
+    "frf_overview": "ema.show.frf",
+    "hits": "ema.show.blows",
+    "indicator": "ema.show.frf",
+    "mac_matrix": "ema.show.matrices",
+    "mode_shapes": "ema.show.shapes",
+    "normal_force": "ema.show.joints",
+    "reconstruction": "ema.show.frf",
+    "rendered_shape": "ema.show.renderer",
+    "renderer_works": "ema.show.renderer",
+    "shapes_over_dofs": "ema.show.shapes",
+    "stabilisation": "ema.show.stability",
+}
+
+__all__ = list(_WHERE)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _WHERE:
+        return getattr(import_module(_WHERE[name]), name)
+    raise AttributeError(f"module 'ema.show' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

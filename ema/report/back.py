@@ -1,0 +1,46 @@
+"""What stands at the end: repairs and provenance."""
+
+from ema.data import Provenance, StudyResult
+from ema.report.blocks import Block, Book, Section, Text
+
+
+def back(result: StudyResult, book: Book) -> list[Section]:
+    """Repairs of metadata, and where the results came from."""
+    return [
+        Section("Repairs", "repairs", _repairs(result, book)),
+        Section("Provenance", "provenance", _provenance(result, book)),
+    ]
+
+
+def _repairs(result: StudyResult, book: Book) -> list[Block]:
+    repairs = dict.fromkeys([*result.repairs, *(repair for run in result.runs for repair in run.run.repairs)])
+    if not repairs:
+        return [Text("No metadata was repaired.")]
+    rows = [(repair.what, repair.where, repair.who, repair.why) for repair in repairs]
+    caption = "Repairs of metadata; the raw data were not touched."
+    return [book.table("repairs", caption, ("What", "Where", "Who", "Why"), rows)]
+
+
+def _provenance(result: StudyResult, book: Book) -> list[Block]:
+    own = result.provenance
+    inputs = dict.fromkeys([*result.campaign.inputs, *own.inputs])
+    blocks: list[Block] = []
+    for run in result.runs:
+        inputs |= dict.fromkeys([*run.frfs.provenance.inputs, *run.modes.provenance.inputs])
+    if inputs:
+        blocks.append(book.table("inputs", "Files read.", ("File", "SHA-256"), inputs))
+    if own.versions:
+        blocks.append(book.table("versions", "Software.", ("Package", "Version"), own.versions))
+    options = [("study", *option) for option in own.options]
+    for run in result.runs:
+        options += [(f"{run.run.id}, FRFs", *option) for option in run.frfs.provenance.options]
+        options += [(f"{run.run.id}, fit", *option) for option in run.modes.provenance.options]
+    if options:
+        blocks.append(book.table("options", "Settings, defaults included.", ("Where", "Setting", "Value"), options))
+    blocks += [Text(f"Steps: {' → '.join(own.steps)}.")] if own.steps else []
+    blocks += [Text(f"Computed {_moment(own)}.")] if own.created else []
+    return blocks or [Text("No provenance was recorded.", missing=True)]
+
+
+def _moment(own: Provenance) -> str:
+    return own.created.strftime("%Y-%m-%d %H:%M %Z").strip() if own.created else ""

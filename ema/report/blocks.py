@@ -1,0 +1,101 @@
+"""What a report is made of."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from matplotlib.figure import Figure
+
+from ema.report.numbers import Value
+from ema.report.pictures import data_uri
+from ema.show.style import WIDTH
+
+Cell = str | int | Value
+
+
+@dataclass(frozen=True)
+class Text:
+    """One paragraph; ``missing`` marks what the report could not show."""
+
+    text: str
+    missing: bool = False
+    kind: str = "text"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A numbered figure as a data URI, with its alternative text and caption; ``width`` in percent of the page."""
+
+    number: int
+    source: str
+    alt: str
+    caption: str
+    width: int
+    kind: str = "picture"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A numbered table; ``name`` is the stem of its CSV file.
+
+    Only the first ``shown`` columns appear on the page, and no row where ``shown`` is 0; the CSV file holds all.
+    """
+
+    number: int
+    name: str
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    shown: int
+    kind: str = "table"
+
+    def is_number(self, cell: Cell) -> bool:
+        """Whether the cell must not be broken over lines."""
+        return not isinstance(cell, str)
+
+
+Block = Text | Picture | Table
+
+
+@dataclass
+class Section:
+    """A heading with its blocks."""
+
+    title: str
+    anchor: str
+    blocks: list[Block] = field(default_factory=list)
+
+
+class Book:
+    """Numbers figures and tables in the order in which they are made, and keeps the tables for their CSV files."""
+
+    def __init__(self) -> None:
+        self.tables: list[Table] = []
+        self._pictures = 0
+        self._names: set[str] = set()
+
+    def picture(self, figure: Figure, alt: str, caption: str) -> Picture:
+        """A numbered figure."""
+        self._pictures += 1
+        width = min(100, round(100 * figure.get_figwidth() / WIDTH))
+        return Picture(self._pictures, data_uri(figure), alt, caption, width)
+
+    def table(
+        self, name: str, caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]], shown: int | None = None
+    ) -> Table:
+        """A numbered table whose CSV file carries ``name``, made unique and free of odd characters."""
+        table = Table(
+            len(self.tables) + 1, self._unique(name), caption, tuple(columns), tuple(tuple(row) for row in rows),
+            len(columns) if shown is None else shown,
+        )  # fmt: skip
+        self.tables.append(table)
+        return table
+
+    def _unique(self, name: str) -> str:
+        """``name`` as the stem of a file that no other table uses."""
+        stem = re.sub(r"[^\w.-]+", "_", name).strip("._")[:80] or "table"
+        result, number = stem, 2
+        while result.lower() in self._names:
+            result, number = f"{stem}_{number}", number + 1
+        self._names.add(result.lower())
+        return result

@@ -1,0 +1,126 @@
+"""Runs against each other: what the friction beam changes, and how far that can be trusted."""
+
+import numpy as np
+
+from ema.data import RunResult
+from ema.errors import InputError
+from ema.report.blocks import Block, Book, Cell, Text
+from ema.report.modes import condition_text, interval, standard_deviations
+from ema.report.numbers import MISSING, count, fixed, plain, signed
+from ema.shapes import Comparison, compare
+
+
+def base_run(runs: list[RunResult]) -> RunResult:
+    """The first run without a friction beam, or the first."""
+    return next((run for run in runs if not run.run.condition.joints), runs[0])
+
+
+def comparisons(runs: list[RunResult], book: Book) -> tuple[list[str], list[Block]]:
+    """Every run against the base: one sentence each, and the tables."""
+    runs = [run for run in runs if len(run.modes.poles)]
+    if len(runs) < 2:
+        return [], []
+    base = base_run(runs)
+    lines: list[str] = []
+    blocks: list[Block] = [Text(scatter_text(runs))]
+    for other in runs:
+        if other is base:
+            continue
+        try:
+            found = compare(base.modes, other.modes)
+        except InputError as error:
+            blocks.append(Text(f"{base.run.id} against {other.run.id}: {error}.", missing=True))
+            continue
+        lines.append(_sentence(base, other, found))
+        blocks.append(_table(base, other, found, book))
+    return lines, blocks
+
+
+def _changes(base: RunResult, other: RunResult, found: Comparison) -> tuple[np.ndarray, np.ndarray]:
+    """Ratios of natural frequencies and of damping ratios of the pairs, other over base."""
+    left, right = ([pair[k] for pair in found.pairs] for k in (0, 1))
+    frequency = other.modes.natural_frequencies[right] / base.modes.natural_frequencies[left]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        damping = other.modes.damping_ratios[right] / base.modes.damping_ratios[left]
+    return frequency, damping
+
+
+def _sentence(base: RunResult, other: RunResult, found: Comparison) -> str:
+    if not found.pairs:
+        return f"{other.run.id} against {base.run.id}: no two modes have like shapes."
+    frequency, damping = _changes(base, other, found)
+    shift, low, high = (signed(100 * (f - 1), 2) for f in (np.median(frequency), frequency.min(), frequency.max()))
+    return (
+        f"{other.run.id} against {base.run.id}, {count(len(found.pairs), 'pair')} of modes: frequency {shift} % "
+        f"(median; {low} to {high} %), damping times {plain(float(np.median(damping)), 3)} "
+        f"(median; {plain(float(damping.min()), 3)} to {plain(float(damping.max()), 3)}). Noise only; assembly scatter "
+        + ("see below." if _repeated([base, other]) else "unknown.")
+    )
+
+
+def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> Block:
+    columns = [
+        "Mode", f"Mode in {other.run.id}", "f [Hz]", f"f in {other.run.id} [Hz]", "Change of f [%]", "ζ [%]",
+        f"ζ in {other.run.id} [%]", "ζ ratio [-]", "MAC [-]",
+    ]  # fmt: skip
+    partners = dict(found.pairs)
+    deviations = [standard_deviations(run.modes) for run in (base, other)]
+    rows: list[list[Cell]] = []
+    for i in range(len(base.modes.poles)):
+        f_i, z_i = float(base.modes.natural_frequencies[i]), 100 * float(base.modes.damping_ratios[i])
+        left = interval(f_i, deviations[0][0][i], 6), interval(z_i, deviations[0][1][i], 3)
+        j = partners.get(i)
+        if j is None:
+            best = float(np.nanmax(found.mac[i])) if np.isfinite(found.mac[i]).any() else float("nan")
+            rows.append([i + 1, "none", left[0], MISSING, MISSING, left[1], MISSING, MISSING, fixed(best, 3)])
+            continue
+        f_j, z_j = float(other.modes.natural_frequencies[j]), 100 * float(other.modes.damping_ratios[j])
+        rows.append([
+            i + 1, j + 1, left[0], interval(f_j, deviations[1][0][j], 6), signed(100 * (f_j / f_i - 1)),
+            left[1], interval(z_j, deviations[1][1][j], 3), plain(z_j / z_i if z_i else None, 3),
+            fixed(float(found.mac[i, j]), 3),
+        ])  # fmt: skip
+    alone = sorted(set(range(len(other.modes.poles))) - set(partners.values()))
+    rest = f" Modes of {other.run.id} without a partner: {', '.join(str(j + 1) for j in alone)}." if alone else ""
+    caption = (
+        f"{base.run.id} ({condition_text(base)}) against {other.run.id} ({condition_text(other)}): modes paired by MAC "
+        f"over {len(found.dofs)} common DOFs.{rest}"
+    )
+    return book.table(f"comparison_{base.run.id}_{other.run.id}", caption, columns, rows)
+
+
+def _repeated(runs: list[RunResult]) -> bool:
+    return all(run.run.repeat for run in runs)
+
+
+def scatter_text(runs: list[RunResult]) -> str:
+    """What is known about the scatter between assemblies, from runs that share the label of a repeat."""
+    labels: dict[str, list[RunResult]] = {}
+    for run in runs:
+        if run.run.repeat:
+            labels.setdefault(run.run.repeat, []).append(run)
+    told = [text for label, group in labels.items() if len(group) > 1 and (text := _spread(label, group))]
+    if told:
+        return "Assembly scatter: " + "; ".join(told) + ". A smaller change between runs is no change."
+    return (
+        "Intervals: noise only; assembly scatter unknown, because no condition was repeated. No difference between two "
+        "runs is called significant here."
+    )
+
+
+def _spread(label: str, group: list[RunResult]) -> str:
+    """The largest differences between the first run of a group of repeats and the others."""
+    shifts, ratios = [], []
+    for other in group[1:]:
+        try:
+            frequency, damping = _changes(group[0], other, compare(group[0].modes, other.modes))
+        except InputError:
+            continue
+        shifts += list(np.abs(frequency - 1))
+        ratios += list(np.abs(damping - 1))
+    if not shifts:
+        return ""
+    return (
+        f"{len(group)} repeats of {label} differ by up to {plain(100 * max(shifts), 2)} % in frequency and "
+        f"{plain(100 * max(ratios), 2)} % in damping"
+    )

@@ -1,0 +1,148 @@
+"""The modal side of a run: stabilisation, rebuilt FRFs, AutoMAC, shapes, complexity."""
+
+import numpy as np
+
+from ema import show
+from ema.data import Geometry, RunResult
+from ema.report.blocks import Block, Book, Text
+from ema.report.numbers import plain, short
+from ema.shapes import auto_mac as auto_mac_of
+from ema.show.frf import drive_points
+from ema.show.polar import PER_FIGURE as _COMPLEXITY_PANELS
+from ema.show.shapes import PER_FIGURE as _SHAPE_PANELS
+
+_MOST_DRIVE_POINTS = 3
+_MOST_NAMED = 12
+
+
+def _missing(text: str) -> list[Block]:
+    return [Text(text, missing=True)]
+
+
+def stabilisation(run: RunResult, book: Book) -> list[Block]:
+    """The stabilisation diagram over the level of the FRFs."""
+    poles, name = run.poles, run.run.id
+    if poles is None:
+        return _missing("There is no stabilisation diagram: the modes were not found through model orders.")
+    behind = np.sqrt(np.mean(np.abs(run.frfs.values) ** 2, axis=(1, 2)))[:, None]
+    figure = show.stabilisation(poles, run.modes, run.frfs.frequencies, behind, "Quadratic mean of all FRFs")
+    named = [short(frequency) for frequency in run.modes.natural_frequencies[:_MOST_NAMED]]
+    more = len(run.modes.poles) - len(named)
+    marked = "no mode was selected"
+    if named:
+        marked = f"selected modes at {', '.join(named)}{f' and {more} more' if more else ''} Hz"
+    f, d, v = (short(100 * tolerance) for tolerance in poles.tolerances)
+    caption = (
+        f"Stabilisation diagram (tolerances {f} % in frequency, {d} % in damping, {v} % in vector); numbered lines are "
+        "the selected modes."
+    )
+    alt = f"Stabilisation diagram of run {name}: {len(poles.poles)} poles; {marked}."
+    return [book.picture(figure, alt, caption)]
+
+
+def rebuilt(run: RunResult, book: Book) -> list[Block]:
+    """Measured FRFs against those of the modal model, and the error of each."""
+    error = None if run.reconstruction_error is None else np.asarray(run.reconstruction_error)
+    if run.reconstruction is None or error is None or not np.isfinite(error).any():
+        return _missing("The FRFs of the modal model were not computed, so they cannot be held against the measured.")
+    name, frfs = run.run.id, run.frfs
+    places, titles = _chosen_frfs(run, error)
+    told = f"median {short(_percent(np.nanmedian(error)))} %, largest {short(_percent(np.nanmax(error)))} %"
+    drawn = ", ".join(f"{frfs.label(*place)} ({title})" for place, title in zip(places, titles))
+    columns = ("Response", "Force", "Error [%]")
+    rows = [
+        (str(output), str(input_), plain(100 * float(error[o, i]), 3))
+        for o, output in enumerate(frfs.outputs) for i, input_ in enumerate(frfs.inputs)
+    ]  # fmt: skip
+    return [
+        book.picture(
+            show.reconstruction(frfs, run.reconstruction, places, titles, run.modes),
+            f"Measured and rebuilt FRFs of run {name}: {drawn}.",
+            "Measured against rebuilt: best, median and worst by error, and drive points; dotted lines mark the modes.",
+        ),
+        book.picture(
+            show.error_map(error, frfs.outputs, frfs.inputs),
+            f"Error of each rebuilt FRF of run {name}: {told}.",
+            f"Error of each rebuilt FRF, norm of the difference over norm of the measured FRF ({told}).",
+        ),
+        book.table(f"frf_errors_{name}", f"Error of each rebuilt FRF of run {name}.", columns, rows, shown=0),
+    ]
+
+
+def _percent(fraction: float) -> float:
+    """In percent, to three significant digits."""
+    return float(f"{100 * fraction:.3g}")
+
+
+def _chosen_frfs(run: RunResult, error: np.ndarray) -> tuple[list[tuple[int, int]], list[str]]:
+    """Best, median and worst FRF by error, and drive points; each once."""
+    ranked = [int(place) for place in np.argsort(error, axis=None, kind="stable") if np.isfinite(error.flat[place])]
+    chosen: dict[tuple[int, int], str] = {}
+    for place, title in ((ranked[0], "best"), (ranked[-1], "worst"), (ranked[len(ranked) // 2], "median")):
+        output, input_ = np.unravel_index(place, error.shape)
+        chosen.setdefault((int(output), int(input_)), title)
+    for point in drive_points(run.frfs)[:_MOST_DRIVE_POINTS]:
+        chosen[point] = f"{chosen[point]}, drive point" if point in chosen else "drive point"
+    return list(chosen), [f"{title}, error {plain(100 * float(error[place]), 2)} %" for place, title in chosen.items()]
+
+
+def auto_mac(run: RunResult, book: Book) -> list[Block]:
+    """MAC of the modes among themselves."""
+    modes, name = run.modes, run.run.id
+    if len(modes.poles) < 2:
+        return []
+    table = auto_mac_of(modes.shapes) if run.auto_mac is None else np.asarray(run.auto_mac)
+    off = np.where(np.tri(len(table), dtype=bool), -1.0, np.nan_to_num(table))
+    row, column = np.unravel_index(np.argmax(off), off.shape)
+    told = f"largest off the diagonal {plain(float(off[row, column]), 2)}, modes {row + 1} and {column + 1}"
+    labels = [f"{mode}: {short(float(f'{f:.4g}'))} Hz" for mode, f in enumerate(modes.natural_frequencies, 1)]
+    figure = show.mac_matrix(table, labels, [str(mode) for mode in range(1, len(table) + 1)])
+    return [book.picture(figure, f"AutoMAC of run {name}: {told}.", f"AutoMAC over {len(modes.dofs)} DOFs ({told}).")]
+
+
+def _pages(number: int, size: int) -> list[range]:
+    """Positions in pages of at most ``size``."""
+    return [range(start, min(start + size, number)) for start in range(0, number, size)]
+
+
+def _named(page: range) -> str:
+    return f"mode {page.start + 1}" if len(page) == 1 else f"modes {page.start + 1} to {page.stop}"
+
+
+def shapes(run: RunResult, geometry: Geometry | None, book: Book) -> list[Block]:
+    """Mode shapes in space, or over the DOFs where there is no geometry."""
+    modes, name = run.modes, run.run.id
+    if not len(modes.poles):
+        return _missing("No mode was found, so there is no shape to draw.")
+    blocks: list[Block] = []
+    if geometry is not None and not any(dof.node in geometry and dof.axis in ("X", "Y", "Z") for dof in modes.dofs):
+        blocks += _missing("No measured DOF is a direction at a point of the geometry; shapes are shown over the DOFs.")
+        geometry = None
+    elif geometry is None:
+        blocks += _missing(
+            "The campaign has no geometry, so shapes cannot be drawn in space; they stand over the DOFs."
+        )
+    for page in _pages(len(modes.poles), _SHAPE_PANELS):
+        listed = ", ".join(f"{mode + 1} at {short(modes.natural_frequencies[mode])} Hz" for mode in page)
+        if geometry is None:
+            figure, caption = show.shapes_over_dofs(modes, page), f"Shapes of {_named(page)} over the DOFs."
+        else:
+            figure = show.mode_shapes(modes, geometry, page)
+            caption = (
+                f"Shapes of {_named(page)} with natural frequency and damping; at rest in grey. Hollow points were not "
+                "measured and follow their neighbours."
+            )
+        blocks.append(book.picture(figure, f"Mode shapes of run {name}: {listed}.", caption))
+    return blocks
+
+
+def complexity(run: RunResult, book: Book) -> list[Block]:
+    """How far the shapes are from moving in phase."""
+    return [
+        book.picture(
+            show.complexity(run.modes, page), f"Complexity plots of run {run.run.id}, {_named(page)}.",
+            f"Complexity of {_named(page)}: every DOF is a line from the origin; a real mode lies on one line, whose "
+            "direction the dots mark.",
+        )
+        for page in _pages(len(run.modes.poles), _COMPLEXITY_PANELS)
+    ]  # fmt: skip

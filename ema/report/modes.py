@@ -1,0 +1,82 @@
+"""The table of modes of a run, and its condition in words."""
+
+import numpy as np
+
+from ema.data import ModalModel, RunResult
+from ema.report.blocks import Block, Book, Cell, Text
+from ema.report.numbers import MISSING, Value, count, fixed, plain, short, with_uncertainty
+from ema.shapes import quality
+
+COVERAGE = 2.0
+"""Intervals are given as plus or minus this many standard deviations (95 % of a normal distribution)."""
+
+
+def standard_deviations(modes: ModalModel) -> tuple[list[float | None], list[float | None]]:
+    """Of natural frequency in Hz and of damping in percent; ``None`` where unknown."""
+    if modes.covariance is None:
+        nothing: list[float | None] = [None] * len(modes.poles)
+        return nothing, nothing
+    frequency, damping = (np.sqrt(np.maximum(modes.covariance[:, k, k], 0)) for k in (0, 1))
+    return [float(x) for x in frequency], [100 * float(x) for x in damping]
+
+
+def interval(value: float, deviation: float | None, digits: int) -> Value:
+    """The value with its interval of two standard deviations."""
+    return with_uncertainty(value, None if deviation is None else COVERAGE * deviation, digits)
+
+
+def joint_force(mean: float, std: float) -> Value:
+    """Normal force in N, rounded by its scatter over the run."""
+    value = with_uncertainty(mean, std, 4)
+    return Value(value.value, "unknown") if value.text == MISSING else value
+
+
+def condition_text(run: RunResult) -> str:
+    """The normal force of a run in words."""
+    joints = run.run.condition.joints
+    if not joints:
+        return "no friction beam"
+    known = [joint.mean for joint in joints if joint.known]
+    if len(known) < len(joints):
+        return f"normal force unknown in {len(joints) - len(known)} of {count(len(joints), 'joint')}"
+    return f"mean normal force {plain(float(np.mean(known)), 3)} N over {count(len(joints), 'joint')}"
+
+
+def run_sentence(run: RunResult) -> str:
+    """One line: how many modes, where, under which condition, how damped."""
+    frequencies, damping = run.modes.natural_frequencies, 100 * run.modes.damping_ratios
+    found = count(len(frequencies), "mode")
+    if len(frequencies) == 1:
+        found += f" at {short(frequencies[0])} Hz, damping {plain(damping[0], 2)} %"
+    elif len(frequencies):
+        found += (
+            f" from {short(frequencies.min())} to {short(frequencies.max())} Hz, damping {plain(damping.min(), 2)} to "
+            f"{plain(damping.max(), 2)} %"
+        )
+    return f"Run {run.run.id} ({condition_text(run)}): {found}."
+
+
+def mode_table(run: RunResult, book: Book) -> Block:
+    """The modes of a run: f, zeta, MPC, MPD, confidence and normal forces."""
+    modes, joints, name = run.modes, run.run.condition.joints, run.run.id
+    if not len(modes.poles):
+        return Text(f"Run {name}: no mode was found, so there are no modal parameters to show.", missing=True)
+    measures = quality(modes.shapes) if run.quality is None else run.quality
+    std_f, std_zeta = standard_deviations(modes)
+    sure = modes.confidence
+    columns = ["Mode", "f [Hz]", "ζ [%]", "MPC [-]", "MPD [°]"] + ([] if sure is None else ["Confidence [-]"])
+    columns += [f"F_N {joint.joint} [N]" for joint in joints]
+    shown = len(columns)
+    rows: list[list[Cell]] = []
+    for mode, (frequency, damping) in enumerate(zip(modes.natural_frequencies, 100 * modes.damping_ratios)):
+        row: list[Cell] = [mode + 1, interval(frequency, std_f[mode], 6), interval(damping, std_zeta[mode], 3)]
+        row.append(fixed(float(measures.modal_phase_collinearity[mode]), 3))
+        row.append(fixed(float(measures.mean_phase_deviation[mode]), 1))
+        row += [] if sure is None else [fixed(float(sure[mode]), 2)]
+        row += [joint_force(joint.mean, joint.std) for joint in joints]
+        row += [plain(std_f[mode], 2), plain(std_zeta[mode], 2)]
+        rows.append(row)
+    uncertain = modes.covariance is not None
+    note = "± is two standard deviations, from noise only" if uncertain else "no uncertainty was estimated"
+    caption = f"Modes of run {name} ({note})."
+    return book.table(f"modes_{name}", caption, [*columns, "std f [Hz]", "std ζ [%]"], rows, shown)

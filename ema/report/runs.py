@@ -1,0 +1,22 @@
+"""The sections of one run, in the order of the measurement chain."""
+
+from ema.data import Geometry, RunResult
+from ema.report.blocks import Book, Section
+from ema.report.measured import blows, condition, overview
+from ema.report.modal import auto_mac, complexity, rebuilt, shapes, stabilisation
+
+
+def run_sections(run: RunResult, geometry: Geometry | None, number: int, book: Book) -> list[Section]:
+    """All sections of the run with that number; sections without content are left out."""
+    anchor = f"run-{number}"
+    sections = [
+        Section("Condition and normal force", f"{anchor}-condition", condition(run, book)),
+        Section("Blows and usable band", f"{anchor}-blows", blows(run, book)),
+        Section("Frequency response functions", f"{anchor}-frfs", overview(run, book)),
+        Section("Stabilisation diagram", f"{anchor}-stabilisation", stabilisation(run, book)),
+        Section("Measured against rebuilt", f"{anchor}-rebuilt", rebuilt(run, book)),
+        Section("AutoMAC", f"{anchor}-automac", auto_mac(run, book)),
+        Section("Mode shapes", f"{anchor}-shapes", shapes(run, geometry, book)),
+        Section("Complexity", f"{anchor}-complexity", complexity(run, book)),
+    ]
+    return [section for section in sections if section.blocks]

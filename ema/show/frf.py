@@ -1,0 +1,201 @@
+"""Pictures of FRFs: overview, coherence, indicator functions, measured against rebuilt."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ema.data import FrfSet, ModalModel
+from ema.show.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    SERIES,
+    VERMILION,
+    dof_labels,
+    empty_note,
+    frf_label,
+    mark_modes,
+    new_figure,
+    styled,
+    thin_labels,
+)  # fmt: skip
+
+_MOST_COLUMNS = 1500
+
+
+def _peaks(
+    frequencies: Float[np.ndarray, "freq"], values: Float[np.ndarray, "freq frf"]
+) -> tuple[Float[np.ndarray, "line"], Float[np.ndarray, "line frf"]]:
+    """At most ``_MOST_COLUMNS`` lines that keep every peak: the largest value of each group of neighbours."""
+    step = -(-len(frequencies) // _MOST_COLUMNS)
+    starts = np.arange(0, len(frequencies), step)
+    return frequencies[starts], np.maximum.reduceat(values, starts, axis=0)
+
+
+def _positive(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    """Zeros as NaN, which a logarithmic axis leaves out."""
+    return np.where(values > 0, values, np.nan)
+
+
+@styled
+def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
+    """Magnitude of all FRFs with their quadratic mean, and the natural frequencies of ``modes``."""
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    magnitudes = np.abs(frfs.values).reshape(len(frfs.frequencies), -1)
+    lines, peaks = _peaks(frfs.frequencies, magnitudes)
+    count = magnitudes.shape[1]
+    axes.semilogy(lines, _positive(peaks), color=GREY, lw=0.5, alpha=max(0.12, min(0.8, 12 / count)), rasterized=True)
+    mean = np.sqrt(np.mean(magnitudes**2, axis=1))
+    axes.semilogy(frfs.frequencies, _positive(mean), color=BLUE, lw=1.4, label=f"quadratic mean of {count} FRFs")
+    _frequency_axis(axes, frfs)
+    axes.set_ylabel(frf_label(frfs.quantity, frfs.unit))
+    if modes is not None:
+        mark_modes(axes, modes.natural_frequencies)
+    axes.legend(loc="lower right")
+    return figure
+
+
+@styled
+def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
+    """Median coherence over all FRFs with the band of the middle 80 %, and below it every FRF as a row of colours.
+
+    FRFs without a coherence give a figure that says so.
+    """
+    if frfs.coherence is None:
+        figure = new_figure(1.5)
+        empty_note(figure.subplots(), "these FRFs came without a coherence")
+        return figure
+    values = np.asarray(frfs.coherence).reshape(len(frfs.frequencies), -1)
+    many = values.shape[1] > 1
+    figure = new_figure(4.6 if many else 2.6)
+    panels = figure.subplots(2 if many else 1, 1, squeeze=False, sharex=True)[:, 0]
+    axes = panels[0]
+    low, middle, high = np.nanpercentile(values, [10, 50, 90], axis=1)
+    axes.fill_between(
+        frfs.frequencies, low, high, color=BLUE, alpha=0.25, lw=0, label="middle 80 %", rasterized=True
+    )  # fmt: skip
+    axes.plot(frfs.frequencies, middle, color=BLUE, lw=1.2, label="median")
+    _frequency_axis(axes, frfs, label=not many)
+    axes.set_ylim(0, 1.02)
+    axes.set_ylabel("Coherence [-]")
+    if modes is not None:
+        mark_modes(axes, modes.natural_frequencies)
+    axes.legend(loc="lower right", ncols=3)
+    if many:
+        _coherence_rows(figure, panels[1], frfs, values)
+    return figure
+
+
+def _coherence_rows(figure: Figure, axes: Axes, frfs: FrfSet, values: Float[np.ndarray, "freq frf"]) -> None:
+    """Every FRF as a row; groups of neighbouring lines show their lowest coherence, so that no dip is lost."""
+    lines, peaks = _peaks(frfs.frequencies, -np.nan_to_num(values))
+    step = (lines[-1] - lines[0]) / max(len(lines) - 1, 1)
+    extent = (float(lines[0] - step / 2), float(lines[-1] + step / 2), values.shape[1] - 0.5, -0.5)
+    image = axes.imshow(-peaks.T, vmin=0, vmax=1, extent=extent, aspect="auto", interpolation="nearest")
+    labels = [frfs.label(o, i) for o in range(len(frfs.outputs)) for i in range(len(frfs.inputs))]
+    places, texts = thin_labels(labels, 14)
+    axes.set_yticks(places, texts, fontsize=6.5)
+    axes.grid(visible=False)
+    axes.set_ylabel("FRF")
+    _frequency_axis(axes, frfs)
+    figure.colorbar(image, ax=axes, label="Coherence [-]", pad=0.01)
+
+
+@styled
+def indicator(
+    frequencies: Float[np.ndarray, "freq"], values: Float[np.ndarray, "freq k"], modes: ModalModel | None = None,
+    label: str = "CMIF",
+) -> Figure:  # fmt: skip
+    """Complex mode indicator functions (singular values of the FRFs, largest first) over frequency in Hz."""
+    figure = new_figure(3.2)
+    axes = figure.subplots()
+    for place, column in enumerate(values.T):
+        colour, style, _ = SERIES[place % len(SERIES)]
+        axes.semilogy(frequencies, _positive(column), color=colour, ls=style, lw=1.2, label=f"{label} {place + 1}")
+    axes.set_xlim(frequencies[0], frequencies[-1])
+    axes.set_xlabel("Frequency [Hz]")
+    axes.set_ylabel(label)
+    if modes is not None:
+        mark_modes(axes, modes.natural_frequencies)
+    axes.legend(loc="upper right", ncols=min(4, values.shape[1]))
+    return figure
+
+
+@styled
+def reconstruction(
+    measured: FrfSet,
+    rebuilt: FrfSet,
+    places: Sequence[tuple[int, int]],
+    titles: Sequence[str] = (),
+    modes: ModalModel | None = None,
+) -> Figure:
+    """Measured FRFs against those of the modal model: magnitude and phase, two FRFs side by side.
+
+    Parameters
+    ----------
+    places : (output, input) positions of the FRFs to draw.
+    titles : one text per place, after the name of the FRF.
+    """
+    rows = max(1, -(-len(places) // 2))
+    figure = new_figure(3.4 * rows)
+    if not places:
+        empty_note(figure.subplots(), "no FRF to draw")
+        return figure
+    panels = figure.subplots(
+        2 * rows, min(2, len(places)), squeeze=False, sharex=True, gridspec_kw={"height_ratios": [3, 1.1] * rows}
+    )  # fmt: skip
+    for panel, (output, input_) in enumerate(places):
+        row, column = 2 * (panel // 2), panel % 2
+        title = measured.label(output, input_) + (f"  ({titles[panel]})" if panel < len(titles) else "")
+        _one_reconstruction(panels[row, column], panels[row + 1, column], measured, rebuilt, output, input_)
+        panels[row, column].set_title(title)
+        if modes is not None:
+            for frequency in modes.natural_frequencies:
+                panels[row, column].axvline(frequency, color=GREY, lw=0.5, ls=":", zorder=0.5)
+        if panel == 0:
+            panels[row, column].legend(loc="best")
+    for panel in range(len(places), 2 * rows if len(places) > 1 else 1):
+        panels[2 * (panel // 2), panel % 2].set_axis_off()
+        panels[2 * (panel // 2) + 1, panel % 2].set_axis_off()
+    for column in range(panels.shape[1]):
+        panels[-1 if column < len(places) - 2 * (rows - 1) else -3, column].tick_params(labelbottom=True)
+        panels[-1 if column < len(places) - 2 * (rows - 1) else -3, column].set_xlabel("Frequency [Hz]")
+    return figure
+
+
+def _one_reconstruction(
+    magnitude: Axes, phase: Axes, measured: FrfSet, rebuilt: FrfSet, output: int, input_: int
+) -> None:
+    """Draw one FRF; the phase is drawn as points where a line would jump over 360 degrees."""
+    styles = (("measured", measured, BLACK, "-", 1.1), ("modal model", rebuilt, VERMILION, "--", 1.3))
+    for label, frfs, colour, style, width in styles:
+        values = frfs.values[:, output, input_]
+        magnitude.semilogy(
+            frfs.frequencies, _positive(np.abs(values)), color=colour, ls=style, lw=width, label=label
+        )  # fmt: skip
+        angles = np.degrees(np.angle(values))
+        jumps = np.abs(np.diff(angles, prepend=angles[:1])) > 180
+        phase.plot(frfs.frequencies, np.where(jumps, np.nan, angles), color=colour, ls=style, lw=0.9)
+    magnitude.set_ylabel(frf_label(measured.quantity, measured.unit))
+    phase.set_ylabel("Phase [°]")
+    phase.set_yticks([-180, 0, 180])
+    phase.set_ylim(-190, 190)
+    _frequency_axis(magnitude, measured, label=False)
+
+
+def _frequency_axis(axes: Axes, frfs: FrfSet, label: bool = True) -> None:
+    """Frequency across, over the lines of the set."""
+    low, high = float(frfs.frequencies[0]), float(frfs.frequencies[-1])
+    axes.set_xlim(low, high if high > low else low + 1)
+    if label:
+        axes.set_xlabel("Frequency [Hz]")
+
+
+def drive_points(frfs: FrfSet) -> list[tuple[int, int]]:
+    """Positions (output, input) of the FRFs whose response is measured where the force acts, in either sense."""
+    outputs, inputs = (dof_labels([dof.positive for dof in dofs]) for dofs in (frfs.outputs, frfs.inputs))
+    return [(o, i) for o, output in enumerate(outputs) for i, input_ in enumerate(inputs) if output == input_]

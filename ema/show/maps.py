@@ -1,0 +1,79 @@
+"""Modal parameters over excitation level and normal force."""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from ema.data import ModalMap
+from ema.show.style import COLOUR_MAP, FAINT, GREY, empty_note, new_figure, styled
+
+
+@styled
+def damping_map(chart: ModalMap) -> Figure:
+    """Damping ratio in percent over normal force (across) and excitation force (up).
+
+    The ridge joins the normal force of the largest damping of each level; holes, where no mode was found, are hatched.
+    """
+    return _map(chart, 100 * chart.damping, "Damping ratio [%]", ridge=True)
+
+
+@styled
+def frequency_map(chart: ModalMap) -> Figure:
+    """Natural frequency in Hz over normal force (across) and excitation force (up); holes are hatched."""
+    return _map(chart, np.asarray(chart.frequency), "Natural frequency [Hz]", ridge=False)
+
+
+def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, ridge: bool) -> Figure:
+    figure = new_figure(4.2, 7.0)
+    axes = figure.subplots()
+    holes = ~np.isfinite(values)
+    if not values.size or holes.all():
+        empty_note(axes, "the map has no point")
+        return figure
+    x, y = np.asarray(chart.normal_forces), np.asarray(chart.force_levels)
+    for axis, nominal in (("x", x), ("y", y)):
+        if _geometric(nominal):
+            getattr(axes, f"set_{axis}scale")("log")
+    edges = [_edges(nominal, _geometric(nominal)) for nominal in (x, y)]
+    axes.set_facecolor("white")
+    mesh = axes.pcolormesh(*edges, np.ma.masked_array(values, holes), cmap=COLOUR_MAP, edgecolors="white", lw=0.3)
+    if holes.any():
+        axes.pcolor(
+            *edges, np.ma.masked_array(np.zeros(values.shape), ~holes), hatch="////", alpha=0, edgecolor=GREY, lw=0
+        )  # fmt: skip
+    if min(values.shape) > 1 and np.ptp(values[~holes]) > 0:
+        lines = axes.contour(x, y, np.ma.masked_array(values, holes), levels=6, colors="white", linewidths=0.8)
+        axes.clabel(lines, fontsize=7, fmt="%.4g")
+    if ridge:
+        rows = [row for row in range(len(y)) if not holes[row].all()]
+        tops = [x[np.nanargmax(values[row])] for row in rows]
+        axes.plot(
+            tops, y[rows], color="#d55e00", marker="o", ms=4, mec="white", mew=0.6, lw=1.4, label="largest damping"
+        )
+    axes.set_xlabel("Normal force F_N [N]")
+    axes.set_ylabel("Excitation force F_E [N]")
+    axes.set_title(" ".join(part for part in (chart.name, f"({chart.method})") if part))
+    axes.grid(visible=False)
+    figure.colorbar(mesh, ax=axes, label=label)
+    if holes.any():
+        axes.plot([], [], marker="s", ls="none", mfc="white", mec=FAINT, label="no mode found")
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+def _geometric(nominal: Float[np.ndarray, "n"]) -> bool:
+    """Whether positive values grow by a factor rather than by a step."""
+    return bool(len(nominal) > 2 and nominal.min() > 0 and nominal.max() / nominal.min() > 20)
+
+
+def _edges(nominal: Float[np.ndarray, "n"], geometric: bool) -> Float[np.ndarray, "edge"]:
+    """Edges of the cells around the nominal values."""
+    centres = np.log(nominal) if geometric else np.asarray(nominal, float)
+    if len(centres) == 1:
+        half = max(abs(centres[0]) * 0.1, 0.5)
+        edges = np.array([centres[0] - half, centres[0] + half])
+    else:
+        middle = (centres[1:] + centres[:-1]) / 2
+        edges = np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
+    return np.exp(edges) if geometric else edges

@@ -1,0 +1,66 @@
+"""The stabilisation diagram."""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from ema.data import ModalModel, PoleTable
+from ema.show.style import BLUE, FAINT, GREEN, GREY, ORANGE, empty_note, mark_modes, new_figure, styled
+
+LETTERS = {
+    "o": ("new", FAINT, 10),
+    "f": ("frequency", GREY, 14),
+    "d": ("frequency and damping", ORANGE, 18),
+    "v": ("frequency and vector", GREEN, 18),
+    "s": ("stable", BLUE, 20),
+}
+"""Meaning, colour and size of the letters, least stable first."""
+
+
+@styled
+def stabilisation(
+    poles: PoleTable,
+    modes: ModalModel | None = None,
+    frequencies: Float[np.ndarray, "freq"] | None = None,
+    indicator: Float[np.ndarray, "freq k"] | None = None,
+    indicator_label: str = "CMIF",
+) -> Figure:
+    """Poles of all model orders by their letter, frequency across and order up.
+
+    Parameters
+    ----------
+    modes : the selected modes, marked by numbered lines.
+    frequencies, indicator : drawn behind the poles where given, e.g. the CMIF; Hz and shape (freq, k).
+    """
+    figure = new_figure(5.2)
+    axes = figure.subplots()
+    low, high = poles.band
+    axes.set_xlim(low, high)
+    axes.set_xlabel("Frequency [Hz]")
+    axes.set_ylabel("Model order")
+    if not len(poles.poles):
+        empty_note(axes, "no pole was found")
+        return figure
+    if indicator is not None and frequencies is not None:
+        behind = axes.twinx()
+        inside = (frequencies >= low) & (frequencies <= high)
+        for column in indicator[inside].T:
+            behind.semilogy(frequencies[inside], np.where(column > 0, column, np.nan), color=FAINT, lw=0.9)
+        behind.set_ylabel(indicator_label, color=GREY)
+        behind.tick_params(axis="y", colors=GREY)
+        behind.grid(visible=False)
+        axes.set_zorder(behind.get_zorder() + 1)
+        axes.patch.set_visible(False)
+    for letter, (meaning, colour, size) in LETTERS.items():
+        chosen = poles.letter == letter
+        if np.any(chosen):
+            axes.scatter(
+                poles.natural_frequencies[chosen], poles.order[chosen], marker=f"${letter}$", s=size, color=colour,
+                linewidths=0.2, label=meaning, zorder=2.5,
+            )  # fmt: skip
+    top = int(poles.order.max())
+    axes.set_ylim(int(poles.order.min()) - 0.04 * top - 0.5, 1.03 * top + 0.5)
+    if modes is not None:
+        mark_modes(axes, modes.natural_frequencies)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    return figure

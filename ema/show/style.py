@@ -1,0 +1,98 @@
+"""One look for all figures, without touching the settings of the caller."""
+
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ema.dof import Dof
+from ema.units import FRF_UNIT, UNSTATED
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+BLACK, GREY, FAINT = "#1a1a1a", "#7a7a7a", "#c4c4c4"
+BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7"
+SERIES = (
+    (BLUE, "-", "o"), (VERMILION, "--", "s"), (GREEN, "-.", "^"), (PURPLE, ":", "D"), (ORANGE, "-", "v"),
+    (BLACK, "--", "x"),
+)  # fmt: skip
+"""Colour, line style and marker of successive series: told apart without colour too."""
+COLOUR_MAP = "cividis"
+
+_STYLE: Any = {
+    "font.family": ["DejaVu Sans"], "font.size": 9, "axes.titlesize": 9.5, "axes.titleweight": "bold",
+    "axes.titlelocation": "left", "axes.labelsize": 9, "xtick.labelsize": 8, "ytick.labelsize": 8,
+    "legend.fontsize": 8, "legend.frameon": False, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.edgecolor": GREY, "axes.linewidth": 0.8, "axes.grid": True, "grid.color": "#e3e3e3", "grid.linewidth": 0.6,
+    "axes.axisbelow": True, "lines.linewidth": 1.3, "figure.facecolor": "white", "axes.facecolor": "white",
+    "axes.formatter.useoffset": False, "image.cmap": COLOUR_MAP, "savefig.facecolor": "white", "text.usetex": False,
+}  # fmt: skip
+_UNIT_TEXT = {"m/N": "m/N", "(m/s)/N": "(m/s)/N", "(m/s^2)/N": "(m/s²)/N", UNSTATED: "unit unstated"}
+WIDTH = 9.0
+"""Width of a figure in inches: the text width of a report."""
+
+
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
+    """Run ``draw`` under the style of the project; settings outside are untouched."""
+
+    @wraps(draw)
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        with matplotlib.rc_context(_STYLE):
+            return draw(*args, **kwargs)
+
+    return wrapper
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """An empty figure of that size in inches."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def frf_label(quantity: str, unit: str) -> str:
+    """Axis label of an FRF magnitude, e.g. ``Accelerance [(m/s²)/N]``."""
+    name = "FRF" if quantity == UNSTATED else quantity.capitalize()
+    known = FRF_UNIT.get(quantity, unit) if unit != UNSTATED else UNSTATED
+    return f"{name} [{_UNIT_TEXT.get(known, known)}]"
+
+
+def thin_labels(labels: Sequence[str], most: int) -> tuple[list[int], list[str]]:
+    """Positions and texts of at most ``most`` evenly spaced labels."""
+    step = max(1, -(-len(labels) // most))
+    places = list(range(0, len(labels), step))
+    return places, [labels[place] for place in places]
+
+
+def dof_labels(dofs: Sequence[Dof]) -> list[str]:
+    """The DOFs as text."""
+    return [str(dof) for dof in dofs]
+
+
+def mark_modes(axes: Axes, frequencies: np.ndarray, rows: int = 3) -> None:
+    """Lines at the natural frequencies (Hz) inside the view, numbered from 1 above the axes where the numbers fit."""
+    low, high = axes.get_xlim()
+    # room for one number, as a fraction of the width: seven points a digit on a figure of the report's width
+    room = 0.011 * (1 + len(str(len(frequencies))))
+    ends = [-1.0] * rows
+    for number, frequency in enumerate(frequencies, 1):
+        if not low <= frequency <= high:
+            continue
+        axes.axvline(frequency, color=VERMILION, lw=0.7, ls=(0, (4, 2)), zorder=1.5, alpha=0.8)
+        place = (frequency - low) / (high - low)
+        row = next((row for row in range(rows) if place - ends[row] >= room), None)
+        if row is not None:
+            ends[row] = place
+            axes.annotate(
+                str(number), (frequency, 1), xycoords=("data", "axes fraction"), xytext=(0, 2 + 8 * row),
+                textcoords="offset points", ha="center", va="bottom", fontsize=7, color=VERMILION,
+            )  # fmt: skip
+
+
+def empty_note(axes: Axes, text: str) -> None:
+    """Say in the middle of empty axes why they are empty."""
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, text, ha="center", va="center", color=GREY, transform=axes.transAxes)
