@@ -15,14 +15,10 @@ from ema.errors import EmaError, InputError
 from ema.store.meaning import Meaning, meaning
 
 NOUNS: dict[str, type] = {
-    noun.__name__: noun
-    for noun in (
-        Dof, data.Campaign, data.Channel, data.Condition, data.Excitation, data.Expectation, data.Finding, data.FrfSet,
-        data.Geometry, data.Hit, data.HitGallery, data.JointForce, data.ModalMap, data.ModalModel, data.ModeQuality,
-        data.PoleTable, data.Provenance, data.Recording, data.Repair, data.Residuals, data.Run, data.RunResult,
-        data.StudyResult,
-    )
-}  # fmt: skip
+    name: noun
+    for name, noun in (("Dof", Dof), *((name, getattr(data, name)) for name in data.__all__))
+    if is_dataclass(noun) and isinstance(noun, type)
+}
 """What a file may hold; nothing else is ever built from one."""
 
 _LATE = (data.Recording, data.FrfSet)

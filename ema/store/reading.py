@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ema.data import Channel, Lazy, Recording
+from ema.data import Lazy, Recording
 from ema.errors import EmaError, InputError
 from ema.store.document import decode
 from ema.store.layout import CONTENTS, DOCUMENT, FORMAT, ITEMS, SCHEMA_VERSION
@@ -24,13 +24,12 @@ _DAMAGED = "the file is damaged or was not written to its end; read it from a ba
 
 @dataclass(frozen=True)
 class Header:
-    """What an item of a file is, without its arrays: ``channels``, rate in Hz and ``shape`` for a record."""
+    """What an item of a file is: for a record, all of it but its ``samples`` samples."""
 
     name: str
     noun: str
-    channels: tuple[Channel, ...] = ()
-    sampling_rate: float = float("nan")
-    shape: tuple[int, ...] = ()
+    record: Recording | None = None
+    samples: int = 0
 
 
 def is_store(path: str | Path) -> bool:
@@ -109,10 +108,7 @@ def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[
         if _tree(file, group).get("$noun") != "Recording":
             raise InputError("not a record", where=str(path), got=_tree(file, group).get("$noun"))
         signals = _dataset(file[group], "signals")
-        empty = np.zeros((signals.shape[0], 0), signals.dtype)
-        whole = decode(
-            _tree(file, group), lambda part: empty if part == "signals" else _array(file[group], part), _no_items
-        )
+        whole, _ = _without_samples(file, group)
         for start in range(0, signals.shape[1], samples):
             moment = None if whole.start is None else whole.start + timedelta(seconds=start / whole.sampling_rate)
             yield replace(whole, signals=signals[:, start : start + samples], start=moment)
@@ -189,8 +185,17 @@ def _header(file: h5py.File, group: str, name: str) -> Header:
     noun = str(tree.get("$noun"))
     if noun != "Recording":
         return Header(name, noun)
-    channels = decode(tree["channels"], lambda part: np.zeros(0), _no_items)
-    return Header(name, noun, channels, float(tree["sampling_rate"]), _dataset(file[group], "signals").shape)
+    record, samples = _without_samples(file, group)
+    return Header(name, noun, record, samples)
+
+
+def _without_samples(file: h5py.File, group: str) -> tuple[Recording, int]:
+    signals = _dataset(file[group], "signals")
+    empty = np.zeros((signals.shape[0], 0), signals.dtype)
+    record = decode(
+        _tree(file, group), lambda part: empty if part == "signals" else _array(file[group], part), _no_items
+    )
+    return record, int(signals.shape[1])
 
 
 def _no_items(path: str, place: int) -> Any:

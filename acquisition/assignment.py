@@ -1,0 +1,172 @@
+"""Which files belong to a run, and what their names or a table say about them."""
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from acquisition.campaign_file import FileTable, RunTable
+from acquisition.columns import column, read_columns
+from acquisition.datasets import dataset_folder
+from ema.errors import InputError
+
+_FIELD = re.compile(r"\{([A-Za-z_]\w*)\}")
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
+_PROJECT = Path(__file__).resolve().parent.parent
+
+
+@dataclass(frozen=True)
+class Item:
+    """One file of a run: ``fields`` fill the ``{...}`` of the channel table, ``dofs`` replace DOFs by channel name."""
+
+    path: Path
+    label: str
+    fields: dict[str, str] = field(default_factory=dict)
+    dofs: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def setup(self) -> str:
+        """Label of the sensor set-up."""
+        return self.fields.get("setup", "")
+
+    def fill(self, text: str, where: str, **more: str) -> str:
+        """``text`` with its ``{...}`` replaced.
+
+        Raises
+        ------
+        InputError : the files of the run do not say what stands in the braces.
+        """
+        fields = self.fields | more
+
+        def value(found: re.Match[str]) -> str:
+            if found[1] not in fields:
+                raise InputError(
+                    f"nothing says what {found[0]} is", where=where, got=repr(text),
+                    advice=f"put {found[0]} into the file pattern of the run, or state it in its list of files",
+                )  # fmt: skip
+            return fields[found[1]]
+
+        return _FIELD.sub(value, text)
+
+
+def data_folder(text: str, campaign: Path) -> Path:
+    """The folder of the data files: relative to the campaign, ``${...}`` replaced from the environment.
+
+    ``${EMA_DATASETS}`` has the default of ``acquisition.datasets``.
+
+    Raises
+    ------
+    InputError : an environment variable is not set.
+    """
+
+    def value(found: re.Match[str]) -> str:
+        name = found[1]
+        if name in os.environ and name != "EMA_DATASETS":
+            return os.environ[name]
+        if name != "EMA_DATASETS":
+            raise InputError("an environment variable is not set", where=str(campaign), got=found[0])
+        folder = dataset_folder()
+        # a relative default is meant from the checkout, wherever the caller stands
+        return str(folder if folder.is_dir() else _PROJECT / folder)
+
+    return (campaign / Path(_VARIABLE.sub(value, text)).expanduser()).resolve()
+
+
+def items_of(run: RunTable, folder: Path, campaign: Path, where: str) -> tuple[Item, ...]:
+    """The files of a run in natural order of their names.
+
+    Raises
+    ------
+    InputError : a pattern matches no file, a file is named twice, or a table is wrong.
+    """
+    entries = run.files or list(_from_table(campaign / run.file_table, where))
+    items: list[Item] = []
+    for entry in entries:
+        items.extend(_matching(entry, folder, where))
+    paths = [item.path for item in items]
+    double = {path.name for path in paths if paths.count(path) > 1} if len(set(paths)) < len(paths) else set()
+    if double:
+        raise InputError("a file is named twice", where=where, got=", ".join(sorted(double)))
+    return tuple(items)
+
+
+def _from_table(path: Path, where: str) -> Iterator[FileTable]:
+    """Rows ``file, point, setup``; every other column is the DOF of the channel that it is named after."""
+    table = read_columns(path)
+    files = column(table, "file", str(path))
+    for row, name in enumerate(files):
+        values = {title: texts[row] for title, texts in table.items() if texts[row]}
+        point = values.get("point", "")
+        if point and not point.isdigit():
+            raise InputError("a point is a number", where=f"{path}, row {row + 2}", got=repr(point))
+        dofs = {title: text for title, text in values.items() if title not in ("file", "point", "setup")}
+        yield FileTable(file=name, point=int(point) if point else None, setup=values.get("setup", ""), dofs=dofs)
+
+
+def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
+    stated = {"setup": entry.setup} if entry.setup else {}
+    if entry.point is not None:
+        stated["point"] = str(entry.point)
+    if not any(mark in entry.file for mark in "{*?"):
+        path = folder / entry.file
+        if path.is_dir():
+            raise InputError("a folder where a file is expected", where=where, got=entry.file)
+        if not path.is_file():
+            raise InputError("there is no such file", where=where, got=str(path))
+        yield Item(path, entry.file, stated, entry.dofs)
+        return
+    pattern, names = _pattern(entry.file)
+    found = [path for path in _below(folder) if pattern.fullmatch(path.relative_to(folder).as_posix())]
+    if not found:
+        near = [path.relative_to(folder).as_posix() for path in _below(folder)][:5]
+        raise InputError(
+            "no file matches the pattern", where=where, got=entry.file,
+            expected=f"files in {folder}", advice="there are " + ", ".join(near) if near else "the folder is empty",
+        )  # fmt: skip
+    for path in sorted(found, key=lambda path: _natural(path.relative_to(folder).as_posix())):
+        label = path.relative_to(folder).as_posix()
+        values = pattern.fullmatch(label)
+        assert values is not None
+        fields = {name: _plain(values[name]) for name in names}
+        yield Item(path, label, fields | stated, entry.dofs)
+
+
+def _pattern(text: str) -> tuple[re.Pattern[str], list[str]]:
+    """``{point}`` stands for digits, any other ``{name}`` and ``*`` for text within one file or folder name."""
+    names: list[str] = []
+    expression = ""
+    for part in re.split(r"(\{[A-Za-z_]\w*\}|\*|\?)", text):
+        if part == "*":
+            expression += "[^/]*"
+        elif part == "?":
+            expression += "[^/]"
+        elif field := _FIELD.fullmatch(part):
+            if field[1] in names:
+                expression += f"(?P={field[1]})"
+            else:
+                names.append(field[1])
+                expression += f"(?P<{field[1]}>{'[0-9]+' if field[1] == 'point' else '[^/]+?'})"
+        else:
+            expression += re.escape(part)
+    return re.compile(expression), names
+
+
+def _below(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.rglob("*")) if path.is_file() and not path.name.startswith(".")]
+
+
+def _plain(text: str) -> str:
+    return str(int(text)) if text.isdigit() else text
+
+
+def _natural(text: str) -> list[tuple[int, str]]:
+    """Sort key by which ``p2`` comes before ``p10``."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", text)]
+
+
+def matches(label: str, patterns: list[str]) -> bool:
+    """Whether a file of a run is meant by one of the ``patterns`` of a repair (its name is enough)."""
+    return any(
+        _pattern(pattern)[0].fullmatch(name) is not None for pattern in patterns for name in (label, Path(label).name)
+    )

@@ -1,0 +1,436 @@
+"""What ``campaign.toml`` may say: every table and key, checked before any data file is opened."""
+
+import datetime
+import difflib
+import re
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from acquisition import units
+from acquisition.toml_lines import line_of
+from ema.data.condition import ExcitationKind
+from ema.data.recording import Role
+from ema.errors import EmaError, InputError
+from ema.units import Quantity
+
+FILE_NAME = "campaign.toml"
+
+
+def _checked(understand: Callable[[str], Any]) -> AfterValidator:
+    """Keep a text that ``understand`` takes; what it raises reaches the reader with the line of the text."""
+
+    def check(text: str) -> str:
+        try:
+            understand(text)
+        except EmaError as error:
+            raise ValueError(str(error)) from error
+        return text
+
+    return AfterValidator(check)
+
+
+def _with_unit(quantity: str) -> AfterValidator:
+    return _checked(lambda text: units.measure(text, quantity))
+
+
+def _as_text(value: Any) -> Any:
+    return value.isoformat() if isinstance(value, datetime.date | datetime.datetime) else value
+
+
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, str | int | dict) else value
+
+
+def _as_files(value: Any) -> Any:
+    return [{"file": item} if isinstance(item, str) else item for item in value] if isinstance(value, list) else value
+
+
+def _as_columns(value: Any) -> Any:
+    if isinstance(value, str) and (found := re.fullmatch(r"\s*(\d+)\s*-\s*(\d+)\s*", value)):
+        return list(range(int(found[1]), int(found[2]) + 1))
+    return value
+
+
+Unit = Annotated[
+    str, _checked(units.parse), AfterValidator(lambda text: "unstated" if text.lower() == "unstated" else text)
+]
+Sensitivity = Annotated[str, _checked(units.sensitivity)]
+Force = Annotated[str, _with_unit("force")]
+Frequency = Annotated[str, _with_unit("frequency")]
+Torque = Annotated[str, _with_unit("torque")]
+Temperature = Annotated[str, _with_unit("temperature")]
+Seconds = Annotated[str, _with_unit("time")]
+Moment = Annotated[str, BeforeValidator(_as_text)]
+Names = Annotated[list[str], BeforeValidator(_as_list)]
+Numbers = Annotated[list[int], BeforeValidator(_as_list)]
+Direction = str | Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class Table(BaseModel):
+    """A table of ``campaign.toml``: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True)
+
+
+class CampaignTable(Table):
+    """``[campaign]``: what was measured, by whom, and where the files are."""
+
+    name: str
+    structure: str = ""
+    operator: str = ""
+    date: Moment = ""
+    comment: str = ""
+    photos: Names = []
+    files: str = "."
+    generator: str = ""
+    command: str = ""
+    reader: dict[str, Any] = {}
+
+    @property
+    def generating_command(self) -> str:
+        """The command that writes the data files of a built-in campaign."""
+        return self.command or f"ema run reports/{self.generator.removeprefix('virtual_')}.toml"
+
+
+class GeometryTable(Table):
+    """``[geometry]``: a file, or nodes written here; lines, faces and local axes may be added to either."""
+
+    file: str = ""
+    unit: Unit | None = None
+    node: str = "node"
+    x: str = "x"
+    y: str = "y"
+    z: str = "z"
+    names_in: Literal["first row", "first column"] = "first row"
+    reader: dict[str, Any] = {}
+    nodes: dict[int, Annotated[list[float], Field(min_length=3, max_length=3)]] = {}
+    lines: list[list[int]] = []
+    faces: list[list[int]] = []
+    axes: dict[int, Annotated[list[list[float]], Field(min_length=3, max_length=3)]] = {}
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "GeometryTable":
+        if bool(self.file) == bool(self.nodes):
+            raise ValueError("a geometry comes from a file or from nodes written here; state one of the two")
+        if self.nodes and self.unit is None:
+            raise ValueError('the coordinates have no unit; add unit = "m" (or "mm", "in")')
+        if self.unit is not None and units.parse(self.unit).quantity != "displacement":
+            raise ValueError(f"coordinates in {self.unit!r} are no lengths; state a unit such as m or mm")
+        return self
+
+
+class ChannelTable(Table):
+    """``[[channels]]``: one channel, a range of columns, or the three channels of a triaxial sensor."""
+
+    name: str = ""
+    names: list[str] = []
+    column: int | None = Field(default=None, ge=1)
+    columns: Annotated[list[int], BeforeValidator(_as_columns)] = []
+    role: Role = "response"
+    quantity: Quantity | None = None
+    unit: Unit | None = None
+    sensitivity: Sensitivity | None = None
+    dof: str = ""
+    node: Annotated[str, BeforeValidator(lambda value: str(value))] = ""
+    direction: Direction | None = None
+    directions: list[Direction] = []
+    range: str | None = None
+    serial: str = ""
+    calibrated_on: Moment = ""
+    joint: str = ""
+
+    @model_validator(mode="after")
+    def _sound(self) -> "ChannelTable":
+        if self.names and self.name:
+            raise ValueError("a channel has a name or, for a sensor with several channels, names; not both")
+        if self.column is not None and self.columns:
+            raise ValueError("a channel has a column or columns, not both")
+        if not (self.name or self.names or self.column or self.columns):
+            raise ValueError('nothing says which channel of the file this is; add name = "..." or column = 1')
+        if self.dof and (self.node or self.direction or self.directions):
+            raise ValueError("a channel has a dof, or a node with a direction; not both")
+        if (self.direction or self.directions) and not self.node:
+            raise ValueError('a direction needs a node; add node = "{point}" or a number')
+        if self.directions and len(self.directions) != max(len(self.names), len(self.columns)):
+            raise ValueError("a sensor has as many directions as channels (names or columns)")
+        if self.quantity and self.unit and self.unit != "unstated":
+            found = units.parse(self.unit).quantity
+            if found not in (self.quantity, "voltage"):
+                raise ValueError(f"{self.unit!r} is the unit of a {found}, not of a {self.quantity}")
+        if self.role == "normal force" and not self.joint:
+            raise ValueError('a normal-force channel belongs to a joint; add joint = "J1"')
+        return self
+
+
+class JointTable(Table):
+    """``[[joints]]``: a joint whose normal force is measured or known."""
+
+    name: str
+    load_cell: str = ""
+    calibrated_on: Moment = ""
+    comment: str = ""
+
+
+class FileTable(Table):
+    """An entry of ``files`` in a run: one file or pattern, with what its name does not say."""
+
+    file: str
+    point: int | None = None
+    setup: str = ""
+    dofs: dict[str, str] = {}
+
+
+class NormalForceTable(Table):
+    """``[[runs.normal_force]]``: the normal force of one joint, from a channel, from side data, or stated.
+
+    Without any of the three the force is admitted as unknown.
+    """
+
+    joint: str
+    channel: str = ""
+    file: str = ""
+    column: str = ""
+    unit: Unit | None = None
+    time: str = ""
+    time_unit: Unit | None = None
+    start: Moment = ""
+    between: Annotated[list[Seconds], Field(min_length=2, max_length=2)] | None = None
+    value: Force | None = None
+    std: Force | None = None
+    nominal: Force | None = None
+    torque: Torque | None = None
+    sequence: Literal["up", "down", "unstated"] = "unstated"
+    run_in: int | None = Field(default=None, ge=0)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "NormalForceTable":
+        if sum(map(bool, (self.channel, self.file, self.value))) > 1:
+            raise ValueError("the normal force of a joint comes from a channel, a file, or a value; state one")
+        if self.file and not self.column:
+            raise ValueError('side data need the column of the joint; add column = "J1"')
+        if self.file and self.unit is None:
+            raise ValueError('side data have no unit; add unit = "N" (or "kN", "lbf")')
+        if self.unit is not None and units.parse(self.unit).quantity != "force":
+            raise ValueError(f"a normal force in {self.unit!r} is no force; state a unit such as N or kN")
+        return self
+
+
+class RunTable(Table):
+    """``[[runs]]``: files measured under one condition."""
+
+    id: str
+    kind: ExcitationKind = "unknown"
+    files: Annotated[list[FileTable], BeforeValidator(lambda value: _as_files(_as_list(value)))] = []
+    file_table: str = ""
+    take: Literal["records", "FRFs"] | None = None
+    channels: list[ChannelTable] = []
+    level: Force | None = None
+    level_std: Force | None = None
+    band: Annotated[list[Frequency], Field(min_length=2, max_length=2)] | None = None
+    estimator: str = ""
+    averages: int | None = Field(default=None, ge=1)
+    temperature: Temperature | None = None
+    beam: bool | None = None
+    normal_force: list[NormalForceTable] = []
+    repeat: str = ""
+    comment: str = ""
+    reader: dict[str, Any] = {}
+
+    @model_validator(mode="after")
+    def _sound(self) -> "RunTable":
+        if bool(self.files) == bool(self.file_table):
+            raise ValueError('a run names its files, by files = "..." or by file_table = "..."')
+        if self.beam is False and self.normal_force:
+            raise ValueError("a run without a beam has no normal force; drop one of the two statements")
+        if len({force.joint for force in self.normal_force}) != len(self.normal_force):
+            raise ValueError("two normal forces for one joint")
+        return self
+
+
+class RepairTable(Table):
+    """``[[repairs]]``: a correction of what was noted, by whom and why; the files stay as they are."""
+
+    what: Literal["swap points", "reverse sign", "sensitivity", "unit", "exclude hit", "exclude record", "move dof"]
+    who: Annotated[str, Field(min_length=1)]
+    why: Annotated[str, Field(min_length=1)]
+    runs: Names = []
+    files: Names = []
+    channel: str = ""
+    role: Role | None = None
+    points: Numbers = []
+    hits: Numbers = []
+    dof: str = ""
+    to: str = ""
+    sensitivity: Sensitivity | None = None
+    unit: Unit | None = None
+    was: str = ""
+
+    @model_validator(mode="after")
+    def _complete(self) -> "RepairTable":
+        needed = {
+            "swap points": len(self.points) == 2,
+            "reverse sign": bool(self.channel or self.role or self.dof),
+            "sensitivity": bool(self.sensitivity and (self.channel or self.role or self.dof)),
+            "unit": bool(self.unit and (self.channel or self.role or self.dof)),
+            "exclude hit": bool(self.hits and (self.files or self.points)),
+            "exclude record": bool(self.files or self.points),
+            "move dof": bool(self.dof and self.to),
+        }
+        wanted = {
+            "swap points": "points = [5, 6]",
+            "reverse sign": "a channel, role or dof",
+            "sensitivity": "a channel, role or dof, and the right sensitivity",
+            "unit": "a channel, role or dof, and the right unit",
+            "exclude hit": "hits = [2] (the first blow is 0) and files or points",
+            "exclude record": "files or points",
+            "move dof": "dof and to",
+        }
+        if not needed[self.what]:
+            raise ValueError(f"a repair {self.what!r} needs {wanted[self.what]}")
+        return self
+
+
+class CampaignFile(Table):
+    """The whole of ``campaign.toml``."""
+
+    campaign: CampaignTable
+    runs: Annotated[list[RunTable], Field(min_length=1)]
+    geometry: GeometryTable | None = None
+    channels: list[ChannelTable] = []
+    joints: list[JointTable] = []
+    repairs: list[RepairTable] = []
+
+    @model_validator(mode="after")
+    def _sound(self) -> "CampaignFile":
+        for what, names in (("runs", [run.id for run in self.runs]), ("joints", [joint.name for joint in self.joints])):
+            double = {name for name in names if names.count(name) > 1}
+            if double:
+                raise ValueError(f"two {what} are called {', '.join(sorted(double))}")
+        if self.joints:
+            known = [joint.name for joint in self.joints]
+            for run in self.runs:
+                for force in run.normal_force:
+                    if force.joint not in known:
+                        raise ValueError(
+                            f"run {run.id} has a normal force for joint {force.joint}, which is none of the joints "
+                            + ", ".join(known)
+                        )
+        return self
+
+
+_TABLES: dict[str, type[Table]] = {
+    "": CampaignFile, "campaign": CampaignTable, "geometry": GeometryTable, "channels": ChannelTable,
+    "joints": JointTable, "runs": RunTable, "runs.files": FileTable, "runs.channels": ChannelTable,
+    "runs.normal_force": NormalForceTable, "repairs": RepairTable,
+}  # fmt: skip
+
+
+def load(path: str | Path) -> CampaignFile:
+    """Read ``campaign.toml`` (or the folder that holds it).
+
+    Raises
+    ------
+    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / FILE_NAME
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(
+            "there is no campaign here", where=str(path.parent), expected=f"a file {FILE_NAME}",
+            advice="write one as docs/campaign.md shows, or correct the path",
+        ) from None  # fmt: skip
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read as text ({error})", where=str(path), expected="UTF-8 text") from error
+    return parse(text, str(path))
+
+
+def parse(text: str, where: str = FILE_NAME) -> CampaignFile:
+    """Understand the text of a ``campaign.toml``.
+
+    Raises
+    ------
+    InputError : as ``load``.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not TOML: {error}", where=where, advice="text values stand in quotation marks") from error
+    try:
+        return CampaignFile.model_validate(document)
+    except ValidationError as error:
+        raise _sentence(error, document, text, where) from error
+
+
+def _sentence(error: ValidationError, document: dict[str, Any], text: str, where: str) -> InputError:
+    """The first problem of the file as one error."""
+    # an unknown key is usually the cause of a missing one
+    troubles = sorted(
+        _troubles(error, document, text), key=lambda trouble: ("unknown key" not in trouble[1], trouble[0])
+    )
+    line, what, got, advice = troubles[0]
+    others = f" (and {len(troubles) - 1} more)" if len(troubles) > 1 else ""
+    return InputError(what + others, where=f"{where}, line {line}", got=got, advice=advice)
+
+
+def _troubles(
+    error: ValidationError, document: dict[str, Any], text: str
+) -> Iterator[tuple[int, str, str | None, str]]:
+    for detail in error.errors():
+        steps = _steps(detail["loc"], document)
+        line = line_of(text, steps)
+        tables = [step for step in steps if isinstance(step, str)]
+        key = str(steps[-1]) if steps else ""
+        table = _name_of(steps[:-1])
+        match detail["type"]:
+            case "extra_forbidden":
+                model = _TABLES.get(".".join(tables[:-1]))
+                known = list(model.model_fields) if model else []
+                close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+                advice = f"did you mean {close[0]}?" if close else "known keys: " + ", ".join(known)
+                yield line, f"unknown key {key!r} in {table}", None, advice
+            case "missing":
+                yield line, f"{table} lacks {key!r}", None, ""
+            case "value_error":
+                yield line, f"{_name_of(steps)}: {_reason(detail)}", None, ""
+            case _:
+                got = repr(detail["input"])
+                yield line, f"{_name_of(steps)}: {detail['msg'].lower()}", got if len(got) < 80 else None, ""
+
+
+def _reason(detail: Any) -> str:
+    cause = detail.get("ctx", {}).get("error")
+    return str(cause) if isinstance(cause, ValueError | EmaError) else str(detail["msg"])
+
+
+def _steps(location: tuple[Any, ...], document: Any) -> list[str | int]:
+    """The place of a problem in the file, without the marks that the checker adds for alternatives."""
+    steps: list[str | int] = []
+    node = document
+    for number, part in enumerate(location):
+        if (isinstance(node, dict) and part in node) or (isinstance(node, list) and isinstance(part, int)):
+            steps.append(part)
+            node = node[part] if not isinstance(node, list) or part < len(node) else None
+        elif number == len(location) - 1 and isinstance(node, dict):
+            steps.append(part)
+    return steps
+
+
+def _name_of(steps: list[str | int]) -> str:
+    """``[[runs]] number 2, files``: a place as people find it in the file."""
+    words: list[str] = []
+    for place, step in enumerate(steps):
+        if isinstance(step, int):
+            words[-1] = f"{words[-1]} number {step + 1}"
+        elif place == 0:
+            listed = len(steps) > 1 and isinstance(steps[1], int)
+            words.append(f"[[{step}]]" if listed else f"[{step}]")
+        else:
+            words.append(str(step))
+    return ", ".join(words) or "the file"

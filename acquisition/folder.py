@@ -1,0 +1,356 @@
+"""Open a campaign: a folder with ``campaign.toml`` and the files that it describes."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition import campaign_file, units
+from acquisition.assignment import Item, data_folder, items_of
+from acquisition.axes import LocalAxes
+from acquisition.campaign_file import CampaignFile, ChannelTable, RunTable
+from acquisition.force import Span, joint_forces, span_of
+from acquisition.geometry_file import geometry_of
+from acquisition.opened import Files, Take
+from acquisition.repairs import Repairs
+from acquisition.scaling import Line, lines_of_frf, lines_of_record, node_number, scaled_frf, scaled_record
+from acquisition.setups import Part, merge
+from ema import store
+from ema.data import (
+    Campaign,
+    Channel,
+    Condition,
+    Excitation,
+    Finding,
+    FrfSet,
+    Geometry,
+    JointForce,
+    Lazy,
+    Recording,
+    Run,
+)
+from ema.dof import SCALAR, Dof
+from ema.errors import InputError
+from ema.progress import Progress, advance, silent
+
+_KEPT = 64 * 2**20
+"""Bytes up to which the FRFs of a run stay in memory; larger ones are read when asked for."""
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """One record of a run: where it is, and the channels it will have."""
+
+    item: Item
+    name: str
+    take: Take
+    lines: tuple[Line, ...]
+    excluded: tuple[tuple[int, str], ...]
+
+    @property
+    def header(self) -> Recording:
+        """The record without its samples."""
+        bare = replace(self.take.header, name=self.name, setup=self.item.setup or self.take.header.setup)
+        return scaled_record(bare, self.lines)
+
+    def read(self) -> Recording:
+        """The record, in SI."""
+        record = replace(
+            self.take.read(),
+            name=self.name,
+            setup=self.item.setup or self.take.header.setup,
+            excluded_hits=(*self.take.header.excluded_hits, *self.excluded),
+        )
+        return scaled_record(record, self.lines)
+
+
+def open_campaign(path: str | Path, progress: Progress = silent) -> Campaign:
+    """Open the measurement campaign in a folder, by its ``campaign.toml``.
+
+    Records of our own files stay on disk until they are used; files of other formats are read once here, to find out
+    what is in them and whether it fits the campaign file. FRFs of all files of a run become one set.
+
+    Parameters
+    ----------
+    path : the folder, or its ``campaign.toml``.
+    progress : told which file is being opened.
+
+    Raises
+    ------
+    InputError : the campaign file is wrong, a file is missing or damaged, or what it holds contradicts the campaign
+        file; a built-in campaign whose files have not been generated yet.
+    """
+    path = Path(path)
+    file = path / campaign_file.FILE_NAME if path.is_dir() else path
+    described = campaign_file.load(path)
+    folder, where = file.parent.resolve(), str(file)
+    data = data_folder(described.campaign.files, folder)
+    _refuse_absent(described, data, where)
+    geometry = geometry_of(described.geometry, folder, data, where)
+    repairs = Repairs(described.repairs, [run.id for run in described.runs], where)
+    axes, items = LocalAxes(geometry), {}
+    for run in described.runs:
+        items[run.id] = repairs.items(run.id, items_of(run, data, folder, f"{where}, run {run.id}"))
+        if not items[run.id]:
+            raise InputError("repairs exclude every file of the run", where=f"{where}, run {run.id}")
+        _note_skewed(run.channels or described.channels, items[run.id], axes, f"{where}, run {run.id}")
+    opening = _Opening(described, folder, where, axes, repairs, Files(), progress)
+    runs = tuple(opening.run(run, items[run.id]) for run in described.runs)
+    repairs.refuse_unused()
+    if geometry is not None:
+        geometry = replace(geometry, axes=axes.apply(geometry))
+    else:
+        axes.apply(None)
+    header = described.campaign
+    return Campaign(
+        header.name, runs, geometry, header.structure, header.operator, header.date, header.comment,
+        photos=tuple(str(_photo(folder, photo, where)) for photo in header.photos),
+        channels=opening.channels,
+        inputs=_hashes(described, file, folder),
+        findings=tuple(_outside_geometry(geometry, opening.dofs)),
+        folder=str(folder),
+    )  # fmt: skip
+
+
+@dataclass
+class _Opening:
+    """A campaign while it is being opened."""
+
+    described: CampaignFile
+    folder: Path
+    where: str
+    axes: LocalAxes
+    repairs: Repairs
+    files: Files
+    progress: Progress
+
+    def __post_init__(self) -> None:
+        self.channels: tuple[Channel, ...] = ()
+        self.dofs: set[Dof] = set()
+
+    def run(self, run: RunTable, items: tuple[Item, ...]) -> Run:
+        """One run, with its condition and findings."""
+        where = f"{self.where}, run {run.id}"
+        options = self.described.campaign.reader | run.reader
+        table = run.channels or self.described.channels
+        findings: list[Finding] = []
+        pieces: list[_Piece] = []
+        frfs: Sequence[FrfSet] = ()
+        whole: FrfSet | None = None
+        if self._holds_frfs(run, items[0], options, where):
+            make = partial(self._frfs, run, items, table, options, where)
+            whole = make()
+            findings += whole.findings
+            self._note([Channel("", dof) for dof in (*whole.outputs, *whole.inputs)])
+            findings += _unit_findings([] if whole.scaled else [f"FRFs of {run.id}"], f"run {run.id}")
+        else:
+            pieces = self._pieces(run, items, table, options, where)
+            findings += _record_findings(pieces, run, where)
+            self._note(line.channel for piece in pieces for line in piece.lines)
+            self.channels = self.channels or tuple(line.channel for line in pieces[0].lines)
+        recordings = Lazy([piece.read for piece in pieces])
+        measured = any(force.channel for force in run.normal_force) or any(
+            line.channel.role == "normal force" for piece in pieces for line in piece.lines
+        )
+        span = (
+            span_of([piece.header for piece in pieces], [piece.take.samples for piece in pieces]) if pieces else Span()
+        )
+        joints, about_force = joint_forces(
+            run, self.described.joints, recordings if measured else (), span, self.folder, f"run {run.id}"
+        )
+        condition = _condition(run, joints)
+        if whole is not None:
+            small = whole.values.nbytes <= _KEPT
+            frfs = (
+                (replace(whole, condition=condition),)
+                if small
+                else Lazy([lambda: replace(make(), condition=condition)])
+            )
+        return Run(
+            run.id, condition, recordings, frfs, self.repairs.of_run(run.id), (*findings, *about_force), run.comment,
+            run.repeat,
+        )  # fmt: skip
+
+    def _holds_frfs(self, run: RunTable, item: Item, options: dict[str, Any], where: str) -> bool:
+        if run.take is not None:
+            return run.take == "FRFs"
+        if store.is_store(item.path):
+            kinds = {header.noun for header in store.describe(item.path)}
+            records, frfs = "Recording" in kinds, "FrfSet" in kinds
+        else:
+            contents = self.files.contents(item.path, options)
+            records, frfs = bool(contents.recordings), bool(contents.frfs)
+        if records and frfs:
+            raise InputError(
+                "the file holds both records and FRFs", where=f"{where}, {item.label}",
+                advice='say which of them this run takes: take = "records" or take = "FRFs"',
+            )  # fmt: skip
+        if not records and not frfs:
+            raise InputError("the file holds neither records nor FRFs", where=f"{where}, {item.label}")
+        return frfs
+
+    def _pieces(
+        self, run: RunTable, items: tuple[Item, ...], table: list[ChannelTable], options: dict[str, Any], where: str
+    ) -> list[_Piece]:
+        pieces = []
+        for number, item in enumerate(items):
+            advance(self.progress, f"opening run {run.id}", number, len(items))
+            takes = self.files.takes(item.path, options)
+            if not takes:
+                raise InputError("the file holds no records", where=f"{where}, {item.label}")
+            excluded = self.repairs.excluded_hits(run.id, item)
+            for place, take in enumerate(takes):
+                name = item.label if len(takes) == 1 else f"{item.label}, {take.header.name or f'record {place + 1}'}"
+                here = f"{where}, {name}"
+                lines = lines_of_record(take.header.channels, table, item, self.axes, here)
+                pieces.append(_Piece(item, name, take, self.repairs.lines(run.id, item, lines), excluded))
+        _refuse_odd_records(pieces, where)
+        return pieces
+
+    def _frfs(
+        self, run: RunTable, items: tuple[Item, ...], table: list[ChannelTable], options: dict[str, Any], where: str
+    ) -> FrfSet:
+        parts = []
+        for number, item in enumerate(items):
+            advance(self.progress, f"reading run {run.id}", number, len(items))
+            here = f"{where}, {item.label}"
+            found = self.files.contents(item.path, options).frfs
+            if not found:
+                raise InputError("the file holds no FRFs", where=here)
+            for frf in found:
+                outputs, inputs = lines_of_frf(frf, table, item, self.axes, here)
+                outputs, inputs = (self.repairs.lines(run.id, item, lines) for lines in (outputs, inputs))
+                parts.append(Part(scaled_frf(frf, outputs, inputs, here), item.setup, item.label))
+        merged = merge(parts, f"run {run.id}")
+        if run.estimator:
+            merged = replace(merged, estimator=run.estimator)
+        if run.averages is not None:
+            merged = replace(merged, averages=np.full(merged.values.shape[1:], float(run.averages)))
+        return replace(merged, name=run.id)
+
+    def _note(self, channels: Any) -> None:
+        self.dofs |= {channel.dof for channel in channels if channel.dof is not None}
+
+
+def _condition(run: RunTable, joints: tuple[JointForce, ...]) -> Condition:
+    def force(text: str | None) -> float:
+        return float("nan") if text is None else units.measure(text, "force")[0]
+
+    band = None if run.band is None else tuple(units.measure(text, "frequency")[0] for text in run.band)
+    return Condition(
+        Excitation(run.kind, force(run.level), force(run.level_std), band),  # type: ignore[arg-type]
+        joints,
+        None if run.temperature is None else units.measure(run.temperature, "temperature")[0],
+    )
+
+
+def _refuse_absent(described: CampaignFile, data: Path, where: str) -> None:
+    if data.is_dir() and any(data.iterdir()):
+        return
+    if described.campaign.generator:
+        raise InputError(
+            "the files of this built-in campaign have not been generated yet", where=where,
+            advice=f"`{described.campaign.generating_command}` makes them",
+        )  # fmt: skip
+    external = "${EMA_DATASETS}" in described.campaign.files
+    advice = "set EMA_DATASETS to the folder of the measurements" if external else 'correct files = "..."'
+    raise InputError(
+        "the folder of the data files is empty" if data.is_dir() else "there is no folder of data files", where=where,
+        got=str(data), advice=advice,
+    )  # fmt: skip
+
+
+def _note_skewed(table: list[ChannelTable], items: tuple[Item, ...], axes: LocalAxes, where: str) -> None:
+    """Collect the vectors given for each node over all files, before the first DOF is made."""
+    vectors: dict[int, list[np.ndarray]] = {}
+    for spec in table:
+        directions = [each for each in (*spec.directions, spec.direction) if isinstance(each, list)]
+        for item in items if directions else ():
+            vectors.setdefault(node_number(spec, item, where), []).extend(np.array(each) for each in directions)
+    for node, found in vectors.items():
+        axes.add(node, found)
+
+
+def _refuse_odd_records(pieces: list[_Piece], where: str) -> None:
+    """Records of one run share rate, channels and quantities, and have more than one sample."""
+    first = pieces[0]
+    kinds = {line.channel.name: line.channel for line in first.lines}
+    for piece in pieces:
+        here = f"{where}, {piece.name}"
+        if piece.take.samples < 2:
+            raise InputError("a record without signals", where=here, got=f"{piece.take.samples} samples",
+                             advice="exclude it by a repair, or measure again")  # fmt: skip
+        if not np.isclose(piece.take.header.sampling_rate, first.take.header.sampling_rate, rtol=1e-6):
+            raise InputError(
+                "unequal sampling rates in one run", where=here, got=f"{piece.take.header.sampling_rate:g} Hz",
+                expected=f"{first.take.header.sampling_rate:g} Hz as in {first.name}",
+                advice="put it into a run of its own",
+            )  # fmt: skip
+        for line in piece.lines:
+            same = kinds.get(line.channel.name)
+            if same is not None and (same.quantity, same.unit) != (line.channel.quantity, line.channel.unit):
+                raise InputError(
+                    "mixed units in one run", where=f"{here}, channel {same.name}",
+                    got=f"{line.channel.quantity} in {line.channel.unit}",
+                    expected=f"{same.quantity} in {same.unit} as in {first.name}",
+                )  # fmt: skip
+
+
+def _record_findings(pieces: list[_Piece], run: RunTable, where: str) -> list[Finding]:
+    unstated = [line.channel.name for line in pieces[0].lines if not line.channel.scaled and _measures(line.channel)]
+    return _unit_findings(unstated, f"run {run.id}")
+
+
+def _measures(channel: Channel) -> bool:
+    return channel.role in ("reference", "response", "normal force")
+
+
+def _unit_findings(unstated: list[str], where: str) -> list[Finding]:
+    if not unstated:
+        return []
+    names = ", ".join(unstated[:5]) + (f" and {len(unstated) - 5} more" if len(unstated) > 5 else "")
+    return [Finding(
+        "warning", "unit-unstated", where, f"Nobody stated the unit of {names}: frequencies, damping and shapes hold, "
+        "scaling to modal mass is impossible.", advice="Find out the unit or the sensitivity and state it.",
+    )]  # fmt: skip
+
+
+def _outside_geometry(geometry: Geometry | None, dofs: set[Dof]) -> list[Finding]:
+    if geometry is None:
+        return []
+    absent = sorted({dof.node for dof in dofs if dof.node not in geometry})
+    scalar = sorted({dof.node for dof in dofs if dof.node in geometry and dof.direction == SCALAR})
+    findings = []
+    if absent:
+        findings.append(Finding(
+            "warning", "node-without-position", "geometry", f"{len(absent)} measured nodes have no position: "
+            + ", ".join(map(str, absent[:8])) + (" ..." if len(absent) > 8 else "") + ".", len(absent), 0,
+            "Add them to the geometry; until then they are not drawn.",
+        ))  # fmt: skip
+    if scalar:
+        findings.append(Finding(
+            "warning", "direction-unstated", "geometry", f"{len(scalar)} measured nodes have no direction: "
+            + ", ".join(map(str, scalar[:8])) + (" ..." if len(scalar) > 8 else "") + ".", len(scalar), 0,
+            'State it in the channel table: dof = "{point}:+Z".',
+        ))  # fmt: skip
+    return findings
+
+
+def _photo(folder: Path, photo: str, where: str) -> Path:
+    if not (folder / photo).is_file():
+        raise InputError("there is no such photo", where=where, got=photo)
+    return folder / photo
+
+
+def _hashes(described: CampaignFile, file: Path, folder: Path) -> tuple[tuple[str, str], ...]:
+    """``(name, sha256)`` of the campaign file and of the tables beside it."""
+    beside = {table.file for run in described.runs for table in run.normal_force if table.file}
+    beside |= {run.file_table for run in described.runs if run.file_table}
+    if described.geometry is not None and described.geometry.file:
+        beside.add(described.geometry.file)
+    paths = [file, *(folder / name for name in sorted(beside))]
+    return tuple((path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths if path.is_file())

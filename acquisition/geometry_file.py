@@ -1,0 +1,103 @@
+"""Geometry of a campaign: from a file, a table with any column names, or nodes written into ``campaign.toml``."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from acquisition import units
+from acquisition.campaign_file import GeometryTable
+from acquisition.columns import column, numbers, read_columns
+from ema.data import Geometry
+from ema.errors import InputError
+
+_TABLES = (".csv", ".txt", ".tsv")
+
+
+def geometry_of(table: GeometryTable | None, folder: Path, data: Path, where: str) -> Geometry | None:
+    """The geometry that the campaign describes.
+
+    Parameters
+    ----------
+    folder, data : of the campaign and of its data files; the file is looked for in both.
+
+    Raises
+    ------
+    InputError : no such file, no geometry in it, a node twice, or a line or face to a node that is not there.
+    """
+    if table is None:
+        return None
+    if table.nodes:
+        factor = units.parse(str(table.unit)).factor
+        nodes = np.array(list(table.nodes))
+        geometry = Geometry(nodes, factor * np.array(list(table.nodes.values()), dtype=np.float64))
+    else:
+        path = next((base / table.file for base in (folder, data) if (base / table.file).is_file()), None)
+        if path is None:
+            raise InputError("there is no such geometry file", where=where, got=table.file)
+        geometry = _read(path, table)
+    geometry = replace(
+        geometry,
+        lines=(*geometry.lines, *(tuple(line) for line in table.lines)),
+        faces=(*geometry.faces, *(tuple(face) for face in table.faces)),
+    )
+    if table.axes:
+        axes = np.tile(np.eye(3), (len(geometry.nodes), 1, 1)) if geometry.axes is None else np.array(geometry.axes)
+        for node, own in table.axes.items():
+            axes[geometry.place(node)] = _orthonormal(np.array(own, dtype=np.float64), f"{where}, axes of node {node}")
+        geometry = replace(geometry, axes=axes)
+    _check(geometry, where)
+    return geometry
+
+
+def _read(path: Path, table: GeometryTable) -> Geometry:
+    if path.suffix.lower() in _TABLES and not table.reader:
+        return _from_columns(path, table)
+    from acquisition.opened import Files
+
+    found = Files().contents(path, table.reader).geometry
+    if found is None:
+        raise InputError("the file holds no geometry", where=str(path), advice="name another file, or say in "
+                         "[geometry.reader] where in the file the coordinates are")  # fmt: skip
+    return found
+
+
+def _from_columns(path: Path, table: GeometryTable) -> Geometry:
+    if table.unit is None:
+        raise InputError("the coordinates have no unit", where=str(path), advice='add unit = "m" to [geometry]')
+    columns = read_columns(path, table.names_in)
+    factor = units.parse(table.unit).factor
+    axes = [numbers(column(columns, name, str(path)), f"{path}, {name}") for name in (table.x, table.y, table.z)]
+    xyz = factor * np.column_stack(axes)
+    if table.node in columns:
+        nodes = numbers(columns[table.node], f"{path}, {table.node}")
+    else:
+        nodes = np.arange(1.0, len(xyz) + 1)  # positions in the order of the points
+    kept = np.isfinite(xyz).all(axis=1)
+    if (not kept.all() and np.isfinite(xyz[~kept]).any()) or np.isnan(nodes[kept]).any():
+        raise InputError("a node with a number or coordinate missing", where=str(path))
+    return Geometry(nodes[kept].astype(np.int64), xyz[kept])
+
+
+def _orthonormal(axes: np.ndarray, where: str) -> np.ndarray:
+    axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    if not np.allclose(axes @ axes.T, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0:
+        raise InputError(
+            "local axes are not three right-handed directions at right angles", where=where, got=axes.round(3).tolist()
+        )
+    left, _, right = np.linalg.svd(axes)
+    return np.asarray(left @ right)  # the nearest exact rotation to what was noted with a few digits
+
+
+def _check(geometry: Geometry, where: str) -> None:
+    if len(set(geometry.nodes.tolist())) < len(geometry.nodes):
+        nodes = geometry.nodes.tolist()
+        raise InputError("a node twice in the geometry", where=where, got=next(n for n in nodes if nodes.count(n) > 1))
+    if not np.isfinite(geometry.xyz).all():
+        raise InputError("a coordinate of the geometry is no finite number", where=where)
+    for kind, groups in (("line", geometry.lines), ("face", geometry.faces)):
+        for group in groups:
+            absent = [node for node in group if node not in geometry]
+            if absent:
+                raise InputError(f"a {kind} of the geometry goes to a node that is not there", where=where,
+                                 got=absent[0])  # fmt: skip

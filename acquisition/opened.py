@@ -1,0 +1,109 @@
+"""The files of a campaign while it is open: read once where they are small, again where they are large."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from acquisition.contents import Contents
+from ema import store
+from ema.data import FrfSet, Geometry, Recording
+
+_KEPT = 256 * 2**20
+"""Bytes of read files that stay in memory, so that opening and then using a campaign reads them once."""
+
+
+@dataclass(frozen=True)
+class Take:
+    """A record in a file: all of it but its samples, and how to get them."""
+
+    header: Recording
+    samples: int
+    read: Callable[[], Recording]
+
+
+class Files:
+    """Reads the files of a campaign; what fits into memory is kept."""
+
+    def __init__(self, kept: int = _KEPT) -> None:
+        self._budget, self._size = kept, 0
+        self._contents: OrderedDict[tuple[Path, str], Contents] = OrderedDict()
+
+    def contents(self, path: Path, options: dict[str, Any]) -> Contents:
+        """Everything in the file.
+
+        Raises
+        ------
+        InputError : it cannot be read.
+        """
+        key = (path, repr(sorted(options.items())))
+        if key in self._contents:
+            self._contents.move_to_end(key)
+            return self._contents[key]
+        found = _read(path, options)
+        if _size(found) <= self._budget:
+            self._contents[key] = found
+            self._size += _size(found)
+            while self._size > self._budget:
+                _, dropped = self._contents.popitem(last=False)
+                self._size -= _size(dropped)
+        return found
+
+    def takes(self, path: Path, options: dict[str, Any]) -> tuple[Take, ...]:
+        """The records in the file; those of our own files stay on disk until they are read.
+
+        Raises
+        ------
+        InputError : the file cannot be read.
+        """
+        if store.is_store(path):
+            return tuple(
+                Take(header.record, header.samples, _reader_of(path, header.name, place))
+                for place, header in enumerate(store.describe(path))
+                if header.record is not None
+            )
+        return tuple(
+            Take(
+                replace(recording, signals=recording.signals[:, :0]),
+                recording.signals.shape[1],
+                lambda place=place: self.contents(path, options).recordings[place],  # type: ignore[misc]
+            )
+            for place, recording in enumerate(self.contents(path, options).recordings)
+        )
+
+
+def _reader_of(path: Path, name: str, place: int) -> Callable[[], Recording]:
+    def read() -> Recording:
+        held = store.load(path)
+        if isinstance(held, Recording):
+            return held
+        recording: Recording = held[name] if name else held[place]
+        return recording
+
+    return read
+
+
+def _read(path: Path, options: dict[str, Any]) -> Contents:
+    if not store.is_store(path):
+        from acquisition.registry import read
+
+        found: Contents = read(path, **options)
+        return found
+    held = store.load(path)
+    nouns = list(held.values()) if hasattr(held, "values") and not isinstance(held, FrfSet) else [held]
+    if hasattr(held, "__len__") and not hasattr(held, "values"):
+        nouns = list(held)
+    geometries = [noun for noun in nouns if isinstance(noun, Geometry)]
+    return Contents(
+        frfs=tuple(noun for noun in nouns if isinstance(noun, FrfSet)),
+        recordings=tuple(noun for noun in nouns if isinstance(noun, Recording)),
+        geometry=geometries[0] if geometries else None,
+    )
+
+
+def _size(contents: Contents) -> int:
+    return sum(recording.signals.nbytes for recording in contents.recordings) + sum(
+        frf.values.nbytes + sum(part.nbytes for part in (frf.coherence, frf.variance) if part is not None)
+        for frf in contents.frfs
+    )

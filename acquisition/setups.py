@@ -1,0 +1,225 @@
+"""FRFs measured file by file or set-up by set-up, joined into one set."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ema.data import Finding, FrfSet
+from ema.dof import Dof
+from ema.errors import InputError
+
+SHIFT_LIMIT = 1e-3
+"""Relative frequency shift between set-ups from which it is a warning: merged shapes suffer from about there on."""
+
+_WIDEST = 0.05
+_RESEMBLANCE = 0.5
+
+
+@dataclass(frozen=True)
+class Part:
+    """FRFs of one file and the sensor set-up it belongs to (empty where the run has only one)."""
+
+    frfs: FrfSet
+    setup: str = ""
+    file: str = ""
+
+
+def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
+    """Join FRFs of several files into one set with every output for every input.
+
+    A roving hammer brings inputs, roving accelerometers bring outputs. A DOF measured in opposite senses by two files
+    keeps the sense in which it came first. FRFs that several set-ups have in common are taken from the first of them.
+    The frequency shift between set-ups is a finding (see ``shift_findings``).
+
+    Raises
+    ------
+    InputError : no FRFs, unequal frequency axes, mixed units, an FRF measured twice in one set-up, or one missing.
+    """
+    if not parts:
+        raise InputError("no FRFs to merge", where=name)
+    first = parts[0]
+    for part in parts[1:]:
+        _refuse_other_kind(first, part, name)
+    outputs = list(dict.fromkeys(dof.positive for part in parts for dof in part.frfs.outputs))
+    inputs = list(dict.fromkeys(dof.positive for part in parts for dof in part.frfs.inputs))
+    owner: dict[tuple[int, int], Part] = {}
+    shape = (len(first.frfs.frequencies), len(outputs), len(inputs))
+    values = np.zeros(shape, complex)
+    coherence = _blank(shape, any(part.frfs.coherence is not None for part in parts))
+    variance = _blank(shape, any(part.frfs.variance is not None for part in parts))
+    averages = _blank(shape[1:], any(part.frfs.averages is not None for part in parts))
+    senses = _senses(parts)
+    for part in parts:
+        for row, output in enumerate(part.frfs.outputs):
+            for column, input_ in enumerate(part.frfs.inputs):
+                cell = outputs.index(output.positive), inputs.index(input_.positive)
+                if cell in owner:
+                    _refuse_double(owner[cell], part, part.frfs.label(row, column), name)
+                    continue
+                owner[cell] = part
+                sign = output.sign * senses[output.positive, 0] * input_.sign * senses[input_.positive, 1]
+                values[:, *cell] = sign * part.frfs.values[:, row, column]
+                _copy(coherence, part.frfs.coherence, cell, (row, column))
+                _copy(variance, part.frfs.variance, cell, (row, column))
+                if averages is not None and part.frfs.averages is not None:
+                    averages[cell] = part.frfs.averages[row, column]
+    signed_outputs = tuple(dof if senses[dof, 0] > 0 else dof.reversed() for dof in outputs)
+    signed_inputs = tuple(dof if senses[dof, 1] > 0 else dof.reversed() for dof in inputs)
+    for row, column in np.ndindex(shape[1:]):
+        if (row, column) not in owner:
+            raise InputError(
+                "an FRF is missing", where=name, got=f"no {signed_outputs[row]}/{signed_inputs[column]}",
+                expected=f"all of {len(outputs)} outputs x {len(inputs)} inputs",
+                advice="measure it, or put the files with other outputs and inputs into a run of their own",
+            )  # fmt: skip
+    findings = (*(finding for part in parts for finding in part.frfs.findings), *shift_findings(parts, name))
+    return replace(
+        first.frfs, values=values, outputs=signed_outputs, inputs=signed_inputs, coherence=coherence,
+        variance=variance, averages=averages, findings=findings, name=name or first.frfs.name,
+    )  # fmt: skip
+
+
+def shift_findings(parts: Sequence[Part], name: str = "") -> tuple[Finding, ...]:
+    """How far the resonances of each set-up lie from those of the first: moved sensors load the structure elsewhere."""
+    labels = list(dict.fromkeys(part.setup for part in parts))
+    findings = []
+    for label in labels[1:]:
+        shift, resemblance = relative_shift(
+            [part.frfs for part in parts if part.setup == labels[0]],
+            [part.frfs for part in parts if part.setup == label],
+        )
+        where = f"{name}, set-up {label}"
+        if resemblance < _RESEMBLANCE:
+            findings.append(Finding(
+                "warning", "setup-shift", where,
+                f"The FRFs of set-up {label} resemble those of {labels[0]} too little to compare their resonances "
+                f"(correlation {resemblance:.2f}).", resemblance, _RESEMBLANCE,
+                "Check that both were measured on the same structure.",
+            ))  # fmt: skip
+            continue
+        large = abs(shift) > SHIFT_LIMIT
+        findings.append(Finding(
+            "warning" if large else "info", "setup-shift", where,
+            f"The resonances of set-up {label} lie {100 * abs(shift):.3f} % {'above' if shift > 0 else 'below'} those "
+            f"of set-up {labels[0]}.", shift, SHIFT_LIMIT,
+            "Leave the sensors of all set-ups on the structure (or dummy masses in their places), or fit each set-up "
+            "by itself." if large else "",
+        ))  # fmt: skip
+    return tuple(findings)
+
+
+def relative_shift(former: Sequence[FrfSet], latter: Sequence[FrfSet]) -> tuple[float, float]:
+    """Relative frequency shift of the resonances of ``latter`` against ``former``, and the correlation it leaves.
+
+    On a logarithmic frequency axis a relative shift is a translation. The level of each set-up is the mean over its
+    FRFs of log |H| less its running mean, so that resonances count and static levels do not; where both measure the
+    same FRFs, only those enter. The shift maximises the correlation of the two levels within +-5 %, refined by a
+    parabola through the three points at the maximum.
+    """
+    frequencies = former[0].frequencies
+    used = frequencies > 0.02 * frequencies[-1]
+    axis = np.log(frequencies[used])
+    points = min(int(4 * (axis[-1] - axis[0]) / (axis[-1] - axis[-2])), 2**17)
+    grid = np.linspace(axis[0], axis[-1], points)
+    step = grid[1] - grid[0]
+    common = _cells(former) & _cells(latter)
+    reach = max(int(_WIDEST / step), 1)
+    levels = [_level(group, common, used, axis, grid, 4 * reach) for group in (former, latter)]
+    correlation = _correlation(levels[0], levels[1], reach)
+    best = int(np.argmax(correlation))
+    peak = float(correlation[best])
+    offset = 0.0
+    if 0 < best < len(correlation) - 1:
+        before, after = correlation[best - 1], correlation[best + 1]
+        offset = float((before - after) / (2 * (before - 2 * peak + after)))
+    return float(np.expm1((best - reach + offset) * step)), peak
+
+
+def _cells(group: Sequence[FrfSet]) -> set[tuple[Dof, Dof]]:
+    return {(output.positive, input_.positive) for frf in group for output in frf.outputs for input_ in frf.inputs}
+
+
+def _level(
+    group: Sequence[FrfSet], common: set[tuple[Dof, Dof]], used: Bool[np.ndarray, "freq"],
+    axis: Float[np.ndarray, "line"], grid: Float[np.ndarray, "point"], width: int,
+) -> Float[np.ndarray, "point"]:  # fmt: skip
+    """Mean of log |H| over the FRFs of a set-up on the logarithmic ``grid``, less its running mean."""
+    logs = []
+    for frf in group:
+        magnitude = np.abs(frf.values[used])
+        floor = np.finfo(float).tiny + 1e-6 * magnitude.max(axis=0)
+        for row, output in enumerate(frf.outputs):
+            for column, input_ in enumerate(frf.inputs):
+                if not common or (output.positive, input_.positive) in common:
+                    logs.append(np.log(np.maximum(magnitude[:, row, column], floor[row, column])))
+    level = np.interp(grid, axis, np.mean(logs, axis=0))
+    total = np.concatenate([[0.0], np.cumsum(level)])
+    place = np.arange(len(level))
+    low, high = np.maximum(place - width, 0), np.minimum(place + width + 1, len(level))
+    return level - (total[high] - total[low]) / (high - low)
+
+
+def _correlation(
+    former: Float[np.ndarray, "point"], latter: Float[np.ndarray, "point"], reach: int
+) -> Float[np.ndarray, "lag"]:
+    """Correlation coefficient of ``former[k]`` and ``latter[k + lag]`` for lags from -reach to reach."""
+    length = len(former) + reach
+    spectrum = np.conj(np.fft.rfft(former, 2 * length)) * np.fft.rfft(latter, 2 * length)
+    lags = np.fft.irfft(spectrum, 2 * length)
+    chosen = np.concatenate([lags[-reach:], lags[: reach + 1]])
+    norm = np.linalg.norm(former) * np.linalg.norm(latter)
+    return chosen / norm if norm > 0 else np.zeros_like(chosen)
+
+
+def _refuse_other_kind(first: Part, part: Part, name: str) -> None:
+    axis, other = first.frfs.frequencies, part.frfs.frequencies
+    if len(axis) != len(other) or not np.allclose(axis, other, rtol=1e-7, atol=1e-3 * first.frfs.frequency_step):
+        raise InputError(
+            "unequal frequency axes", where=f"{name}, {part.file}", got=_axis(part.frfs), expected=_axis(first.frfs),
+            advice=f"put it into a run of its own ({first.file or 'the first file'} has the other axis)",
+        )  # fmt: skip
+    if (first.frfs.quantity, first.frfs.unit) != (part.frfs.quantity, part.frfs.unit):
+        raise InputError(
+            "mixed units", where=f"{name}, {part.file}", got=f"{part.frfs.quantity} in {part.frfs.unit}",
+            expected=f"{first.frfs.quantity} in {first.frfs.unit} as in {first.file or 'the first file'}",
+        )  # fmt: skip
+    if first.frfs.added_decay != part.frfs.added_decay:
+        raise InputError("files with different exponential windows", where=f"{name}, {part.file}")
+
+
+def _axis(frf: FrfSet) -> str:
+    return (
+        f"{len(frf.frequencies)} lines, {frf.frequencies[0]:g} to {frf.frequencies[-1]:g} Hz "
+        f"in steps of {frf.frequency_step:.6g} Hz"
+    )
+
+
+def _refuse_double(former: Part, latter: Part, label: str, name: str) -> None:
+    if former.setup == latter.setup:
+        raise InputError(
+            "an FRF was measured twice in one set-up", where=name, got=f"{label} in {former.file} and {latter.file}",
+            advice="state the point of each file (dof = \"{point}:+Z\"), its set-up, or exclude one by a repair",
+        )  # fmt: skip
+
+
+def _senses(parts: Sequence[Part]) -> dict[tuple[Dof, int], int]:
+    """The sense in which each DOF came first, as output (0) and as input (1)."""
+    senses: dict[tuple[Dof, int], int] = {}
+    for part in parts:
+        for side, dofs in enumerate((part.frfs.outputs, part.frfs.inputs)):
+            for dof in dofs:
+                senses.setdefault((dof.positive, side), dof.sign)
+    return senses
+
+
+def _blank(shape: tuple[int, ...], wanted: bool) -> "np.ndarray | None":
+    return np.full(shape, np.nan) if wanted else None
+
+
+def _copy(
+    target: "np.ndarray | None", source: "np.ndarray | None", cell: tuple[int, int], place: tuple[int, int]
+) -> None:
+    if target is not None and source is not None:
+        target[:, *cell] = source[:, *place]
