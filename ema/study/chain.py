@@ -1,0 +1,105 @@
+"""One run through the chain: records to FRFs to poles to modes, with everything a reader has to know."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from acquisition.setups import Part, merge
+from ema import shapes, synthesis
+from ema.data import Finding, FrfSet, HitGallery, ModalModel, PoleTable, Run, RunResult
+from ema.errors import InputError
+from ema.progress import Progress, silent
+from ema.study.recipe import EstimateTable, FitTable
+
+_OPTIONS = {
+    "hammer": ("estimator", "block", "trigger", "level", "decay", "window_force"),
+    "random": ("estimator", "block", "overlap"),
+    "sweep": ("estimator",),
+}
+"""The settings of ``[estimate]`` that each kind of excitation has."""
+
+_FIRST_LINE = 20
+"""Lines left out at the low end when nobody states a band: suspension, drift and the windows live there."""
+
+
+def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress = silent) -> RunResult:
+    """Estimate the FRFs of ``run``, fit its modes and judge both.
+
+    Raises
+    ------
+    InputError : the run holds neither records nor FRFs, its excitation is unknown, or a verb refuses its input.
+    """
+    from ema.estimate import quality
+
+    frfs, hits = frfs_of(run, estimate, progress)
+    band = fit.band or default_band(frfs, hits)
+    inside = frfs.band(*band)
+    poles, modes = fitted(inside, fit, progress)
+    reconstruction = synthesis.frfs(
+        modes, inside.frequencies, inside.quantity, outputs=inside.outputs, inputs=inside.inputs
+    )
+    reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=inside.unit)
+    findings = _unique(run.findings + frfs.findings + modes.findings + quality(inside, modes))
+    return RunResult(
+        run=run, frfs=frfs, poles=poles, modes=modes, quality=shapes.quality(modes.shapes),
+        reconstruction=reconstruction, reconstruction_error=relative_error(inside, reconstruction),
+        auto_mac=shapes.auto_mac(modes.shapes), hits=hits, findings=findings,
+    )  # fmt: skip
+
+
+def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> tuple[FrfSet, HitGallery | None]:
+    """FRFs of a run: those it brought along, or those of its records."""
+    from ema import estimate
+
+    if run.frfs:
+        sets = tuple(run.frfs)
+        return sets[0] if len(sets) == 1 else merge([Part(one) for one in sets], name=run.id), None
+    if not run.recordings:
+        raise InputError("the run holds neither records nor FRFs", where=f"run {run.id}")
+    given = settings.given()
+    options = {name: given[name] for name in _OPTIONS.get(run.kind, ()) if name in given}
+    match run.kind:
+        case "hammer":
+            return estimate.hammer_test(run, **options, progress=progress)
+        case "random":
+            return estimate.shaker(run, **options, progress=progress), None
+        case "sweep":
+            return estimate.sweep(run, **options, progress=progress), None
+    raise InputError(
+        "nothing is known to be done with this excitation", where=f"run {run.id}", got=run.kind,
+        expected="hammer, random or sweep", advice='state kind = "hammer" (or another) of the run in campaign.toml',
+    )  # fmt: skip
+
+
+def default_band(frfs: FrfSet, hits: HitGallery | None) -> tuple[float, float]:
+    """Where to fit when nobody says: the band of the excitation, without the first few lines."""
+    low, high = frfs.frequencies[0] + _FIRST_LINE * frfs.frequency_step, frfs.frequencies[-1]
+    stated = frfs.condition.excitation.band
+    if stated is not None:
+        low, high = max(frfs.frequencies[0], stated[0]), min(high, stated[1])
+    elif hits is not None:
+        high = min(high, hits.usable_band[1])
+    return (float(low), float(high)) if low < high else (float(frfs.frequencies[0]), float(frfs.frequencies[-1]))
+
+
+def fitted(frfs: FrfSet, settings: FitTable, progress: Progress = silent) -> tuple[PoleTable, ModalModel]:
+    """Poles of all orders, and the modes chosen among them, of FRFs that are already cut to the band."""
+    from ema import fit
+
+    orders = None if settings.orders is None else range(settings.orders[0], settings.orders[1] + 1, settings.orders[2])
+    poles = fit.stabilise(frfs, orders=orders, progress=progress)
+    return poles, fit.modes(frfs, poles, near=settings.near, index=settings.index, progress=progress)
+
+
+def relative_error(measured: FrfSet, model: FrfSet) -> Float[np.ndarray, "out in"]:
+    """Norm of the difference over the norm of the measured FRF, for each FRF."""
+    difference = np.linalg.norm(measured.values - model.values, axis=0)
+    size = np.linalg.norm(measured.values, axis=0)
+    return np.divide(difference, size, out=np.full(size.shape, np.nan), where=size > 0)
+
+
+def _unique(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Each finding once, the grave ones first."""
+    order = {"error": 0, "warning": 1, "info": 2}
+    return tuple(sorted(dict.fromkeys(findings), key=lambda finding: order[finding.severity]))

@@ -1,0 +1,67 @@
+"""Numbers that a recipe expects, against what was found."""
+
+import numpy as np
+
+from ema.data import Expectation, RunResult
+from ema.errors import InputError
+from ema.study.recipe import ExpectTable
+
+
+def check(tables: list[ExpectTable], runs: tuple[RunResult, ...]) -> tuple[Expectation, ...]:
+    """Compare every expectation with the results.
+
+    Raises
+    ------
+    InputError : an expectation is about a run that the study does not have.
+    """
+    results = {result.run.id: result for result in runs}
+    compared: list[Expectation] = []
+    for table in tables:
+        if table.run not in results:
+            raise InputError(
+                "an expectation is about a run that is not in the study", where="[[expect]]", got=table.run,
+                expected="one of " + ", ".join(results),
+            )  # fmt: skip
+        compared += _frequencies(table, results[table.run])
+        compared += _others(table, results[table.run])
+        compared += _findings(table, results[table.run])
+    return tuple(compared)
+
+
+def _frequencies(table: ExpectTable, result: RunResult) -> list[Expectation]:
+    found, damping = result.modes.natural_frequencies, 100 * result.modes.damping_ratios
+    compared = []
+    for number, expected in enumerate(table.natural_frequencies):
+        nearest = int(np.argmin(np.abs(found - expected))) if len(found) else None
+        what = f"{table.run}: natural frequency near {expected:g} Hz [Hz]"
+        compared.append(_compare(what, expected, table.tolerance, np.nan if nearest is None else found[nearest]))
+        if table.damping_percent:
+            value = table.damping_percent[number]
+            what = f"{table.run}: damping ratio near {expected:g} Hz [%]"
+            tolerance = table.damping_tolerance * value
+            compared.append(_compare(what, value, tolerance, np.nan if nearest is None else damping[nearest]))
+    return compared
+
+
+def _others(table: ExpectTable, result: RunResult) -> list[Expectation]:
+    """The number of modes in a band, where the expected ones are to be the only ones."""
+    if table.only is None:
+        return []
+    low, high = table.only
+    found = result.modes.natural_frequencies
+    inside = float(np.sum((found >= low) & (found <= high)))
+    expected = float(sum(low <= frequency <= high for frequency in table.natural_frequencies))
+    return [_compare(f"{table.run}: number of modes from {low:g} to {high:g} Hz", expected, 0.0, inside)]
+
+
+def _findings(table: ExpectTable, result: RunResult) -> list[Expectation]:
+    compared = []
+    for code in table.findings:
+        count = sum(finding.code == code for finding in result.findings)
+        compared.append(Expectation(f"{table.run}: finding {code} (at least one)", 1.0, 0.0, float(count), count >= 1))
+    return compared
+
+
+def _compare(what: str, expected: float, tolerance: float, found: float) -> Expectation:
+    found = float(found)
+    return Expectation(what, expected, tolerance, found, bool(abs(found - expected) <= tolerance))

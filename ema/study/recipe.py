@@ -1,0 +1,147 @@
+"""What a recipe may say: a TOML file in ``reports/``, every key checked before anything is computed."""
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from acquisition.toml_lines import line_of
+from ema.errors import InputError
+
+Band = Annotated[tuple[float, float], Field(description="Hz")]
+
+
+class Table(BaseModel):
+    """A table of a recipe: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True)
+
+    def given(self) -> dict[str, Any]:
+        """The keys that were written, for a verb that has its own defaults for the others."""
+        return {name: getattr(self, name) for name in sorted(self.model_fields_set)}
+
+
+class EstimateTable(Table):
+    """``[estimate]``: settings of ``ema.estimate``; those of another kind of excitation do not disturb."""
+
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    block: int | None = Field(default=None, ge=8)
+    trigger: float | None = Field(default=None, gt=0)
+    level: tuple[float, float] | None = None
+    decay: float | None = Field(default=None, ge=0)
+    window_force: bool = True
+    overlap: float = Field(default=0.75, ge=0, lt=1)
+
+
+class FitTable(Table):
+    """``[fit]``: band in Hz, model orders ``[lowest, highest, step]``, and modes chosen by hand."""
+
+    band: Band | None = None
+    orders: tuple[int, int, int] | None = None
+    near: list[float] | None = None
+    index: list[int] | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> "FitTable":
+        if self.band is not None and not 0 <= self.band[0] < self.band[1]:
+            raise ValueError(
+                f"a band goes from a lower to a higher frequency, got {self.band[0]:g} to {self.band[1]:g}"
+            )
+        if self.orders is not None and not (0 < self.orders[0] <= self.orders[1] and self.orders[2] > 0):
+            raise ValueError("orders are [lowest, highest, step], such as [4, 60, 2]")
+        if self.near is not None and self.index is not None:
+            raise ValueError("modes are chosen near frequencies or by index, not both")
+        return self
+
+
+class ExpectTable(Table):
+    """``[[expect]]``: numbers that the study has to reproduce.
+
+    ``tolerance`` in Hz; ``damping_percent`` with ``damping_tolerance`` relative to the value. ``only`` is a band in Hz
+    that holds no other modes. ``findings`` are codes that have to be among the findings.
+    """
+
+    run: str
+    natural_frequencies: list[float] = []
+    tolerance: float = Field(default=0.1, gt=0)
+    damping_percent: list[float] = []
+    damping_tolerance: float = Field(default=0.05, gt=0)
+    only: Band | None = None
+    findings: list[str] = []
+
+    @model_validator(mode="after")
+    def _sound(self) -> "ExpectTable":
+        if self.damping_percent and len(self.damping_percent) != len(self.natural_frequencies):
+            raise ValueError(
+                f"{len(self.damping_percent)} damping values for {len(self.natural_frequencies)} natural frequencies"
+            )
+        if not (self.natural_frequencies or self.only or self.findings):
+            raise ValueError("an expectation states natural_frequencies, only or findings")
+        return self
+
+
+class Recipe(Table):
+    """The whole recipe. ``campaign`` is a folder or file, ``report`` and ``result`` are written; all relative to the
+    recipe. ``finding_limit`` is the severity from which a finding makes the command end with status 1."""
+
+    campaign: str
+    title: str = ""
+    runs: list[str] = []
+    report: str = ""
+    finding_limit: Literal["warning", "error", "never"] = "error"
+    estimate: EstimateTable = EstimateTable()
+    fit: FitTable = FitTable()
+    expect: list[ExpectTable] = []
+
+
+_TABLES: dict[str, type[Table]] = {"": Recipe, "estimate": EstimateTable, "fit": FitTable, "expect": ExpectTable}
+
+
+def load(path: Path) -> Recipe:
+    """Read a recipe.
+
+    Raises
+    ------
+    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is no UTF-8 text"
+        raise InputError(f"the recipe cannot be read: {reason}", where=str(path), expected="a TOML file") from error
+    return parse(text, str(path))
+
+
+def parse(text: str, where: str = "recipe") -> Recipe:
+    """Understand the text of a recipe; raises as :func:`load`."""
+    try:
+        return Recipe.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not TOML: {error}", where=where, advice="text values stand in quotation marks") from error
+    except ValidationError as error:
+        raise _sentence(error, text, where) from error
+
+
+def _sentence(error: ValidationError, text: str, where: str) -> InputError:
+    """The first problem as one error; an unknown key comes first, for it often explains a missing one."""
+    details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
+    detail = details[0]
+    # a mark that the checker adds for the parts of an alternative is no place in the file
+    steps = [step for step in detail["loc"] if isinstance(step, int) or not step.startswith(("tuple[", "list["))]
+    place = f"{where}, line {line_of(text, steps)}"
+    name = ".".join(str(step) for step in steps) or "the recipe"
+    if detail["type"] == "extra_forbidden":
+        table = next((step for step in steps[:-1] if isinstance(step, str)), "")
+        known = list(_TABLES[table].model_fields)
+        close = difflib.get_close_matches(str(steps[-1]), known, n=1, cutoff=0.5)
+        advice = f"did you mean {close[0]}?" if close else "known keys: " + ", ".join(known)
+        return InputError(
+            f"unknown key {steps[-1]!r}" + (f" in [{table}]" if table else ""), where=place, advice=advice
+        )
+    if detail["type"] == "missing":
+        return InputError(f"the recipe lacks {name!r}", where=place)
+    cause = detail.get("ctx", {}).get("error")
+    message = str(cause) if isinstance(cause, ValueError) else detail["msg"].lower()
+    return InputError(f"{name}: {message}", where=place)

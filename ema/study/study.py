@@ -1,0 +1,203 @@
+"""A study: one recipe, or one campaign with nothing said about it, from the signals to the report."""
+
+import platform
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import ema
+from ema import store
+from ema.data import Campaign, Provenance, Run, RunResult, StudyResult
+from ema.errors import CancelledError, EmaError, FailureError, InputError
+from ema.progress import Progress, advance, silent
+from ema.study import chain, expectations, recipe
+from ema.study.recipe import Recipe
+from ema.study.sources import data_of, fingerprint, opened
+
+_PACKAGES = ("numpy", "scipy", "h5py")
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is to be done: a recipe and the place it came from.
+
+    ``campaign`` is the folder or file with the measurements; ``report`` and ``result`` are where the report (HTML) and
+    the result (HDF5) are written; finished runs are kept beside the result.
+    """
+
+    recipe: Recipe
+    campaign: Path
+    report: Path
+    result: Path
+    source: Path
+
+    @classmethod
+    def load(cls, path: str | Path, output: str | Path | None = None) -> "Study":
+        """Read a recipe; a campaign's folder or file, or a file with FRFs, will do as well and gets the defaults.
+
+        Parameters
+        ----------
+        output : folder for what is written, instead of the one the recipe names or ``_build`` beside it.
+
+        Raises
+        ------
+        InputError : there is no such file, or the recipe is wrong.
+        """
+        path = Path(path)
+        if not path.exists():
+            raise InputError(
+                "there is no such file or folder", where=str(path),
+                expected="a recipe, a campaign's folder or a file with measurements",
+            )  # fmt: skip
+        if path.is_file() and path.suffix.lower() == ".toml" and path.name != "campaign.toml":
+            read = recipe.load(path)
+            campaign = path.parent / read.campaign
+            report = path.parent / (read.report or f"_build/{path.stem}.html")
+        else:
+            read, campaign = Recipe(campaign=str(path)), path
+            folder = path if path.is_dir() else path.parent
+            name = folder.resolve().name if path.is_dir() or path.name == "campaign.toml" else path.stem
+            report = folder / "_build" / f"{name}.html"
+        if output is not None:
+            report = Path(output) / report.name
+        return cls(read, campaign, report, report.with_suffix(".h5"), path)
+
+    @property
+    def kept(self) -> Path:
+        """Folder of the finished runs."""
+        return self.result.with_suffix("")
+
+    def open(self, progress: Progress = silent) -> Campaign:
+        """The campaign; the signals of a built-in one are written first where they are missing.
+
+        Raises
+        ------
+        InputError : the campaign cannot be opened.
+        """
+        return opened(self.campaign, progress)
+
+    def run(self, progress: Progress = silent, resume: bool = False) -> StudyResult:
+        """Do it: every run from signals to modes, expectations, result file and report.
+
+        Parameters
+        ----------
+        resume : take runs finished earlier from the same inputs with the same settings as they are.
+
+        Raises
+        ------
+        InputError : the recipe or a measurement cannot be used.
+        FailureError : something cannot be written.
+        CancelledError : interrupted; finished runs are kept.
+        """
+        campaign = self.open(progress)
+        runs = self._runs(campaign)
+        finished: list[RunResult] = []
+        with _interruptible(self.kept, finished):
+            data = data_of(self.campaign, progress)
+            for number, run in enumerate(runs):
+                advance(progress, "runs", number, len(runs))
+                finished.append(self._one(run, self._made(campaign, data[run.id]), progress, resume))
+            advance(progress, "runs", len(runs), len(runs))
+            inputs = tuple(print_ for run in runs for print_ in data[run.id])
+            return self._conclude(campaign, tuple(finished), inputs, progress)
+
+    def _runs(self, campaign: Campaign) -> tuple[Run, ...]:
+        return tuple(campaign[name] for name in self.recipe.runs) if self.recipe.runs else campaign.runs
+
+    def _one(self, run: Run, made: Provenance, progress: Progress, resume: bool) -> RunResult:
+        """One run, computed or, where it was made in the same way before, taken from its file."""
+        path = self.kept / f"{_file_name(run.id)}.h5"
+        if resume and (known := _kept(path, made)) is not None:
+            return replace(known, run=run)
+        result = chain.analyse(run, self.recipe.estimate, self.recipe.fit, progress)
+        make_folder(self.kept)
+        store.save(path, {"made": made, "result": replace(result, run=_without_signals(run))})
+        return result
+
+    def _conclude(
+        self, campaign: Campaign, runs: tuple[RunResult, ...], inputs: tuple[tuple[str, str], ...], progress: Progress
+    ) -> StudyResult:
+        """Expectations, result file and report."""
+        from ema import report
+
+        result = StudyResult(
+            campaign=campaign, runs=runs, findings=campaign.findings, title=self.recipe.title or campaign.name,
+            repairs=tuple(dict.fromkeys(repair for one in runs for repair in one.run.repairs)),
+            expectations=expectations.check(self.recipe.expect, runs),
+            provenance=replace(self._made(campaign, inputs), steps=("ema.study",), created=datetime.now(UTC)),
+        )  # fmt: skip
+        advance(progress, "saving the result", 0, 2)
+        store.save(self.result, light(result))
+        advance(progress, "writing the report", 1, 2)
+        report.write(result, self.report)
+        advance(progress, "writing the report", 2, 2)
+        return result
+
+    def _made(self, campaign: Campaign, data: tuple[tuple[str, str], ...]) -> Provenance:
+        """From what, with what and how: equal provenance means an equal result."""
+        inputs = campaign.inputs + data
+        if self.source != self.campaign:
+            inputs = ((self.source.name, fingerprint([self.source])), *inputs)
+        options = [(f"estimate.{name}", str(value)) for name, value in self.recipe.estimate.model_dump().items()]
+        options += [(f"fit.{name}", str(value)) for name, value in self.recipe.fit.model_dump().items()]
+        versions = [("friction-ema", ema.__version__), ("Python", platform.python_version())]
+        versions += [(package, version(package)) for package in _PACKAGES]
+        return Provenance(inputs, tuple(versions), tuple(options))
+
+
+def light(result: StudyResult) -> StudyResult:
+    """The result without the signals that it was computed from: those stay where they are."""
+    runs = tuple(replace(one, run=_without_signals(one.run)) for one in result.runs)
+    campaign = replace(result.campaign, runs=tuple(_without_signals(run) for run in result.campaign.runs))
+    return replace(result, runs=runs, campaign=campaign)
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder that results go to.
+
+    Raises
+    ------
+    FailureError : it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FailureError(
+            "the folder for the results cannot be made", where=str(folder), got=error.strerror,
+            advice="choose another one with --output",
+        ) from error  # fmt: skip
+
+
+def _without_signals(run: Run) -> Run:
+    return replace(run, recordings=(), frfs=())
+
+
+def _file_name(run: str) -> str:
+    return re.sub(r"[^\w.-]", "_", run)
+
+
+def _kept(path: Path, made: Provenance) -> RunResult | None:
+    """The result of a run finished earlier, if it was made in the same way; a damaged file counts as none."""
+    if not path.is_file():
+        return None
+    try:
+        held = store.load(path)
+        return held["result"] if held["made"] == made else None
+    except (EmaError, KeyError, TypeError):
+        return None
+
+
+@contextmanager
+def _interruptible(kept: Path, finished: list[RunResult]) -> Iterator[None]:
+    """Turn an interruption into an error that says what is kept."""
+    try:
+        yield
+    except (KeyboardInterrupt, CancelledError) as error:
+        names = ", ".join(result.run.id for result in finished) or "none"
+        raise CancelledError(
+            "interrupted", got=f"finished runs: {names}", advice=f"they are kept in {kept}; go on with --resume"
+        ) from error

@@ -1,0 +1,68 @@
+"""A finished study as plain numbers and texts, for machines."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ema.data import Finding, ModalModel, RunResult, StudyResult
+
+
+def summary(result: StudyResult) -> dict[str, Any]:
+    """The study as what JSON can hold; a number that is not known is ``None``."""
+    return {
+        "title": result.title,
+        "campaign": result.campaign.name,
+        "runs": [_run(run) for run in result.runs],
+        "expectations": [
+            {
+                "what": one.what, "expected": one.expected, "tolerance": one.tolerance, "found": number(one.found),
+                "met": one.met,
+            } for one in result.expectations
+        ],
+        "repairs": [vars(repair) for repair in result.repairs],
+        "findings": [finding(one) for one in result.findings],
+    }  # fmt: skip
+
+
+def _run(result: RunResult) -> dict[str, Any]:
+    return {
+        "run": result.run.id,
+        "modes": modes(result.modes, None if result.quality is None else result.quality.modal_phase_collinearity),
+        "joints": [
+            {"joint": joint.joint, "mean": number(joint.mean), "std": number(joint.std), "drift": number(joint.drift)}
+            for joint in result.run.condition.joints
+        ],
+        "findings": [finding(one) for one in result.findings],
+    }
+
+
+def modes(model: ModalModel, collinearity: "np.ndarray | None" = None) -> list[dict[str, Any]]:
+    """One entry per mode: frequency Hz, damping ratio as a fraction, standard deviations where known, MPC."""
+    rows = []
+    for mode, (frequency, damping) in enumerate(zip(model.natural_frequencies, model.damping_ratios, strict=True)):
+        row: dict[str, Any] = {"natural_frequency": float(frequency), "damping_ratio": float(damping)}
+        if model.covariance is not None:
+            row |= {
+                "natural_frequency_std": number(np.sqrt(model.covariance[mode, 0, 0])),
+                "damping_ratio_std": number(np.sqrt(model.covariance[mode, 1, 1])),
+            }
+        if model.confidence is not None:
+            row["confidence"] = number(model.confidence[mode])
+        if collinearity is not None:
+            row["modal_phase_collinearity"] = number(collinearity[mode])
+        rows.append(row)
+    return rows
+
+
+def finding(one: Finding) -> dict[str, Any]:
+    """A finding as a mapping."""
+    return {
+        "severity": one.severity, "code": one.code, "where": one.where, "message": one.message,
+        "value": number(one.value), "limit": number(one.limit), "advice": one.advice,
+    }  # fmt: skip
+
+
+def number(value: "float | None") -> "float | None":
+    """The number, or ``None`` for one that is missing or not finite."""
+    return None if value is None or not math.isfinite(value) else float(value)
