@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from ema.data import Channel, Recording, Run
 from ema.dof import Dof
@@ -45,8 +44,8 @@ def layout(recording: Recording, where: str) -> Layout:
 
     Raises
     ------
-    InputError : no reference, no response, one sample only, as many channels as there are rows is violated, a signal
-        that is not a number, or a DOF that appears twice among the responses.
+    InputError : no reference, no response, too few samples, not as many channels as signals, or a DOF that appears
+        twice among the responses.
     """
     rows, samples = recording.signals.shape
     if rows != len(recording.channels):
@@ -66,8 +65,6 @@ def layout(recording: Recording, where: str) -> Layout:
                 f"no {role} channel", where=where, got=f"channels {names}",
                 advice=f"give the role '{role}' to a channel in campaign.toml",
             )  # fmt: skip
-    for row in (*references, *responses):
-        finite(recording.signals[row], f"{where}, channel {recording.channels[row].name}")
     outputs = tuple(dof_of(recording.channels[row], place) for place, row in enumerate(responses))
     unique(outputs, where)
     return Layout(
@@ -96,21 +93,25 @@ def unique(dofs: Sequence[Dof], where: str) -> None:
         )  # fmt: skip
 
 
-def finite(signal: Float[np.ndarray, "sample"], where: str) -> None:
-    """Refuse a signal that is not a number somewhere.
+def finite(recording: Recording, layout: Layout, where: str) -> None:
+    """Refuse a force or response that is not a number somewhere.
 
     Raises
     ------
     InputError : NaN or infinity.
     """
-    if not np.isfinite(signal.sum()):  # one fast pass; the slow one only where something is wrong
+    for row in (*layout.references, *layout.responses):
+        signal = recording.signals[row]
+        if np.isfinite(signal.sum()):  # one fast pass; the slow one only where something is wrong
+            continue
         bad = np.flatnonzero(~np.isfinite(signal))
         if len(bad):
             raise InputError(
-                "the signal holds values that are not numbers", where=where,
+                "the signal holds values that are not numbers",
+                where=f"{where}, channel {recording.channels[row].name}",
                 got=f"{len(bad)} NaN or infinite samples, the first at sample {bad[0]}",
                 advice="repair or leave out this record",
-            )  # fmt: skip
+            )
 
 
 def frf_quantity(channels: Sequence[Channel], forces: Sequence[Channel], where: str) -> tuple[FrfQuantity, str]:

@@ -1,7 +1,9 @@
 """FRFs of a hammer test."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import add
 
 import numpy as np
 import scipy.fft
@@ -10,9 +12,10 @@ from jaxtyping import Complex, Float
 from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, single_input
-from ema.estimate.blows import Blow
+from ema.estimate import channels, hammer_findings, single_input
 from ema.estimate.judge import Judged, judge_record
+from ema.estimate.levels import LevelEffect, level_bins, level_effect
+from ema.estimate.ring_down import RingDown, ring_down
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.estimate.windows import exponential_window, force_window
@@ -20,6 +23,11 @@ from ema.progress import Progress, advance, silent
 
 KEPT_IN_MEMORY = 256 * 2**20
 """Bytes of records that are kept between the two passes; larger runs are read twice."""
+
+SAMPLED_BLOWS = 40
+"""Blows that are enough to see how far the response decays."""
+
+_Key = tuple[Dof, tuple[Dof, ...]]
 
 
 @dataclass(frozen=True)
@@ -96,22 +104,34 @@ def hammer_test(
         no blow is left.
     """
     options = Options(estimator, block, trigger, level, decay, window_force)
+    where = channels.describe(run)
     takes = _Takes(channels.recordings_of(run))
     judged, findings = _scan(run, takes, options, progress)
-    length, before = _block(run, judged, options)
-    judged = [_within_block(one, length, before, options) for one in judged]
+    length, before = _block(judged, options)
+    judged = _within_blocks(judged, length, before, options)
     if not any(one.accepted for one in judged):
         raise InputError(
-            "no blow is left", where=channels.describe(run),
-            got="; ".join(sorted({one.reasons[0] for one in judged})[:3]), advice="measure again, or relax the limits",
+            "no blow is left", where=where, got="; ".join(sorted({one.reasons[0][1] for one in judged})[:3]),
+            advice="measure again, or relax the limits",
         )  # fmt: skip
-    added = 0.0 if decay is None else decay
-    sums = {}
-    for key, part in _transformed(run, takes, judged, length, before, added, options, progress):
+    rate = takes[0].sampling_rate
+    ring = _ring_down(takes, judged, length, rate)
+    added = ring.needed if decay is None else decay
+    sums: dict[_Key, Sums] = {}
+    effects: list[LevelEffect] = []
+    for key, part, effect in _transformed(run, takes, judged, length, before, added, options, progress):
         sums[key] = sums[key] + part if key in sums else part
-    first = takes[0]
-    frfs = _assemble(run, first, sums, length, added, options, findings)
-    return frfs, _gallery(run, judged, sums, length, first.sampling_rate)
+        effects += [effect] if effect is not None else []
+    gallery = _gallery(takes, judged, sums, length, rate)
+    findings += [
+        *hammer_findings.about_force(judged, where),
+        *hammer_findings.about_blows(judged, where),
+        *hammer_findings.about_points(judged, where),
+        *hammer_findings.about_window(ring, added, decay is not None, where),
+        *hammer_findings.about_levels(effects, level_bins(gallery), where),
+        *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
+    ]
+    return _assemble(run, takes[0], sums, length, added, options, findings), gallery
 
 
 def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tuple[list[Judged], list[Finding]]:
@@ -123,6 +143,7 @@ def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tupl
         record = takes[place]
         where = channels.describe(run, record)
         layout = channels.layout(record, where)
+        channels.finite(record, layout, where)
         if len(layout.references) > 1:
             raise InputError(
                 "a record of a hammer test has one force channel", where=where, got=f"{len(layout.references)}",
@@ -134,19 +155,26 @@ def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tupl
                 "the records of the run differ in sampling rate", where=where, got=f"{record.sampling_rate:g} Hz",
                 expected=f"{rate:g} Hz",
             )  # fmt: skip
-        blows, problems = judge_record(record, layout, place, where, options.trigger)
-        judged += blows
-        findings += problems
+        found = judge_record(record, layout, place, options.trigger)
+        if not found:
+            findings.append(
+                Finding(
+                    "error", "no-trigger", where, "the force channel never triggers: the record is not used.", None,
+                    None, "Check the hammer's channel, or give the trigger level.",
+                )
+            )  # fmt: skip
+        judged += found
         advance(progress, "finding blows", place + 1, len(takes.records))
     if not judged:
         raise InputError(
             "the force channel never triggers", where=channels.describe(run),
-            got=f"no blow in {len(takes.records)} records", advice="check the hammer's channel, or lower the trigger",
+            got=f"no blow in {len(takes.records)} record{'s' if len(takes.records) > 1 else ''}",
+            advice="check the hammer's channel, or lower the trigger",
         )  # fmt: skip
     return judged, findings
 
 
-def _block(run: Run, judged: list[Judged], options: Options) -> tuple[int, int]:
+def _block(judged: list[Judged], options: Options) -> tuple[int, int]:
     """Samples per block and samples before the trigger that belong to it."""
     usable = [one for one in judged if one.accepted] or judged
     before = int(np.median([one.before for one in usable]))
@@ -168,56 +196,72 @@ def _fast_length(samples: int) -> int:
     return length
 
 
-def _within_block(one: Judged, length: int, before: int, options: Options) -> Judged:
-    """The verdict on a blow now that the block is known."""
-    reasons = list(one.reasons)
-    if min(one.before, before) + one.after < length:
-        reasons.append(f"the next blow or the end of the record comes after {one.after_time:.3g} s")
-    if options.level is not None and not options.level[0] <= abs(one.blow.peak) <= options.level[1]:
-        reasons.append(f"peak {abs(one.blow.peak):.3g} outside {options.level[0]:g} ... {options.level[1]:g}")
-    return replace(one, reasons=tuple(reasons))
+def _within_blocks(judged: list[Judged], length: int, before: int, options: Options) -> list[Judged]:
+    """The verdicts now that the block is known: too little room, the ring-down of an earlier blow, another level."""
+    verdicts: list[Judged] = []
+    for number, one in enumerate(judged):
+        earlier = judged[number - 1] if number and judged[number - 1].place == one.place else None
+        if min(one.before, before) + one.after < length:
+            one = one.because("next-blow", f"the next blow or the end of the record comes after {one.after} samples")
+        if earlier is not None and one.blow.start - earlier.blow.start < 0.5 * length:
+            gap = one.blow.start - earlier.blow.start
+            one = one.because("next-blow", f"it follows the blow before within {gap} of {length} samples")
+        if options.level is not None and not options.level[0] <= abs(one.blow.peak) <= options.level[1]:
+            low, high = options.level
+            one = one.because("level", f"its peak of {abs(one.blow.peak):.4g} is not in {low:g} ... {high:g}")
+        verdicts.append(one)
+    return verdicts
+
+
+def _ring_down(takes: _Takes, judged: list[Judged], length: int, rate: float) -> RingDown:
+    """How far the response has decayed at the end of the blocks, from a sample of them."""
+    accepted = [one for one in judged if one.accepted]
+    blocks = []
+    for one in accepted[:: max(len(accepted) // SAMPLED_BLOWS, 1)]:
+        record = takes[one.place]
+        rows = list(record.with_role("response"))
+        start = one.blow.start
+        blocks.append((record.signals[rows, start : start + min(length, one.after)], one.rest, one.quiet))
+    return ring_down(blocks, rate)
 
 
 def _transformed(
     run: Run, takes: _Takes, judged: list[Judged], length: int, before: int, decay: float, options: Options,
     progress: Progress,
-) -> Iterator[tuple[tuple[Dof, tuple[Dof, ...]], Sums]]:  # fmt: skip
+) -> Iterator[tuple[_Key, Sums, LevelEffect | None]]:  # fmt: skip
     """Sums of spectra of each record, under (force DOF, response DOFs)."""
     for place in range(len(takes.records)):
         accepted = [one for one in judged if one.place == place and one.accepted]
         if accepted:
             record = takes[place]
             layout = channels.layout(record, channels.describe(run, record))
-            force, response = _spectra(record, layout, accepted, length, before, decay, options)
-            yield (layout.inputs[0], layout.outputs), single_input.summed(force, response)
+            spectra = [_spectra(record, layout, one, length, before, decay, options.window_force) for one in accepted]
+            peaks = np.array([abs(one.blow.peak) for one in accepted])
+            effect = level_effect(spectra, peaks)
+            parts = (single_input.summed(force, response) for force, response in spectra)
+            yield (layout.inputs[0], layout.outputs), reduce(add, parts), effect
         advance(progress, "transforming blows", place + 1, len(takes.records))
 
 
 def _spectra(
-    record: Recording, layout: channels.Layout, accepted: list[Judged], length: int, before: int, decay: float,
-    options: Options,
-) -> tuple[Complex[np.ndarray, "avg freq"], Complex[np.ndarray, "avg out freq"]]:  # fmt: skip
-    """Fourier transforms of force and responses of the accepted blows of a record."""
-    lines = length // 2 + 1
-    kind = np.result_type(record.signals.dtype, np.complex64)
-    force = np.empty((len(accepted), lines), kind)
-    response = np.empty((len(accepted), len(layout.responses), lines), kind)
+    record: Recording, layout: channels.Layout, one: Judged, length: int, before: int, decay: float, windowed: bool
+) -> tuple[Complex[np.ndarray, "freq"], Complex[np.ndarray, "out freq"]]:
+    """Fourier transforms of force and responses of a blow."""
+    trigger = one.blow.start
+    start = trigger - min(one.before, before)
+    pulse = _pulse(record.signals[layout.references[0]], one, start, length, windowed)
     rows = list(layout.responses)
-    for number, one in enumerate(accepted):
-        trigger = one.blow.start
-        start = trigger - min(one.before, before)
-        pulse = _pulse(record.signals[layout.references[0]], one, start, length, options.window_force)
+    block = record.signals[rows[0] : rows[-1] + 1, start : start + length]
+    if rows != list(range(rows[0], rows[-1] + 1)):
         block = record.signals[rows, start : start + length]
-        if decay > 0:
-            window = exponential_window(length, trigger - start, record.sampling_rate, decay).astype(block.dtype)
-            pulse = pulse * window[: len(pulse)]
-            block = (block - one.rest.astype(block.dtype)[:, None]) * window
-            response[number] = scipy.fft.rfft(block, axis=1)
-        else:
-            response[number] = scipy.fft.rfft(block, axis=1)
-            response[number, :, 0] -= length * one.rest  # without a window the offset lives in this line only
-        force[number] = scipy.fft.rfft(pulse, length)
-    return force, response
+    if decay > 0:
+        window = exponential_window(length, trigger - start, record.sampling_rate, decay).astype(block.dtype)
+        pulse = pulse * window[: len(pulse)]
+        block = (block - one.rest.astype(block.dtype)[:, None]) * window
+    response = scipy.fft.rfft(block, axis=1)
+    if decay == 0:
+        response[:, 0] -= length * one.rest  # without a window the offset lives in this line only
+    return scipy.fft.rfft(pulse, length), response
 
 
 def _pulse(
@@ -234,7 +278,7 @@ def _pulse(
 
 
 def _assemble(
-    run: Run, first: Recording, sums: dict[tuple[Dof, tuple[Dof, ...]], Sums], length: int, decay: float,
+    run: Run, first: Recording, sums: dict[_Key, Sums], length: int, decay: float,
     options: Options, findings: list[Finding],
 ) -> FrfSet:  # fmt: skip
     """The FRF set of all sums."""
@@ -242,7 +286,10 @@ def _assemble(
     outputs = tuple(dict.fromkeys(dof for _, dofs in sums for dof in dofs))
     lines = length // 2 + 1
     shape = (len(inputs), len(outputs), lines)
-    values, coherence, variance = np.full(shape, np.nan, complex), np.full(shape, np.nan), np.full(shape, np.nan)
+    values, coherence, variance = np.empty(shape, complex), np.empty(shape), np.empty(shape)
+    if sum(len(dofs) for _, dofs in sums) < len(inputs) * len(outputs):
+        for array in (values, coherence, variance):
+            array[:] = np.nan  # pairs that nobody measured
     averages = np.zeros((len(outputs), len(inputs)))
     for (force, dofs), part in sums.items():
         column, rows = inputs.index(force), [outputs.index(dof) for dof in dofs]
@@ -255,6 +302,7 @@ def _assemble(
     quantity, unit = channels.frf_quantity(
         [first.channels[row] for row in layout.responses], [first.channels[row] for row in layout.references], where
     )
+    findings += hammer_findings.about_units(unit, channels.describe(run))
     return FrfSet(
         frequencies=scipy.fft.rfftfreq(length, 1 / first.sampling_rate), values=values.transpose(2, 1, 0),
         outputs=outputs, inputs=inputs, quantity=quantity, unit=unit, coherence=coherence.transpose(2, 1, 0),
@@ -266,22 +314,32 @@ def _assemble(
     )  # fmt: skip
 
 
-def _gallery(
-    run: Run, judged: list[Judged], sums: dict[tuple[Dof, tuple[Dof, ...]], Sums], length: int, rate: float
-) -> HitGallery:
+def _gallery(takes: _Takes, judged: list[Judged], sums: dict[_Key, Sums], length: int, rate: float) -> HitGallery:
     """The blows and the mean energy spectrum of the accepted ones."""
-    total = np.sum([part.force for part in sums.values()], axis=0, dtype=np.float64)
+    total = np.zeros(length // 2 + 1)
+    for part in sums.values():
+        total += part.force
     spectrum = total / sum(part.averages for part in sums.values()) / rate**2
     frequencies = scipy.fft.rfftfreq(length, 1 / rate)
-    hits = tuple(
-        Hit(
-            recording=one.record, index=one.index, dof=one.dof, time=one.blow.start / rate, peak=one.blow.peak,
-            impulse=one.impulse, contact_time=(one.blow.stop - one.blow.start) / rate, accepted=one.accepted,
-            reason="; ".join(one.reasons), pulse=one.pulse, sampling_rate=rate,
-        )
-        for one in judged
+    return HitGallery(
+        tuple(_hit(one, takes[one.place]) for one in judged), frequencies, spectrum, usable_band(frequencies, spectrum)
+    )
+
+
+def _hit(one: Judged, record: Recording) -> Hit:
+    """A blow as a noun; with a second blow its pulse reaches as far."""
+    rate, blow = record.sampling_rate, one.blow
+    force = record.signals[record.with_role("reference")[0]]
+    contact = blow.stop - blow.start + 1
+    first, last = max(blow.start - contact, 0), blow.stop + 4 * contact
+    if one.second is not None:
+        first, last = max(min(first, one.second.sample - 2 * contact), 0), max(last, one.second.sample + 2 * contact)
+    return Hit(
+        recording=one.record, index=one.index, dof=one.dof, time=blow.start / rate, peak=blow.peak,
+        impulse=float((force[blow.start : blow.stop + 1] - one.offset).sum() / rate),
+        contact_time=(blow.stop - blow.start) / rate, accepted=one.accepted,
+        reason="; ".join(text for _, text in one.reasons), pulse=force[first:last] - one.offset, sampling_rate=rate,
     )  # fmt: skip
-    return HitGallery(hits, frequencies, spectrum, usable_band(frequencies, spectrum))
 
 
 def usable_band(frequencies: Float[np.ndarray, "freq"], spectrum: Float[np.ndarray, "freq"]) -> tuple[float, float]:

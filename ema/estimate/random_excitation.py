@@ -27,7 +27,7 @@ class Blocks:
     @property
     def step(self) -> int:
         """Samples from block to block."""
-        return max(int(round(self.length * (1 - self.overlap))), 1)
+        return max(round(self.length * (1 - self.overlap)), 1)
 
 
 def shaker(
@@ -95,6 +95,7 @@ def welch(run: Run, records: Sequence[Recording], cut: Blocks, progress: Progres
     for place, record in enumerate(records):
         where = channels.describe(run, record)
         this = channels.layout(record, where)
+        channels.finite(record, this, where)
         same_test(first.sampling_rate, layout, record.sampling_rate, this, where)
         u, y = (transformed(record.signals[list(rows)], cut, where) for rows in (this.references, this.responses))
         part = spectra.averaged(u, y, 1.0)

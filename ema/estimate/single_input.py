@@ -11,7 +11,7 @@ from ema.estimate.spectra import POOLED_LINES, Estimator
 
 @dataclass(frozen=True)
 class Sums:
-    """Sums over blocks: ``force`` = sum |F|^2 (freq,), ``cross`` = sum Y F* and ``response`` = sum |Y|^2 (out, freq)."""
+    """Sums over blocks: ``force`` = sum |F|^2 (freq,), ``cross`` = sum Y F*, ``response`` = sum |Y|^2."""
 
     force: Float[np.ndarray, "freq"]
     cross: Complex[np.ndarray, "out freq"]
@@ -25,14 +25,9 @@ class Sums:
         )  # fmt: skip
 
 
-def summed(f: Complex[np.ndarray, "avg freq"], y: Complex[np.ndarray, "avg out freq"]) -> Sums:
-    """Sums over the blocks whose spectra are ``f`` and ``y``."""
-    return Sums(
-        np.einsum("af,af->f", f.real, f.real) + np.einsum("af,af->f", f.imag, f.imag),
-        np.einsum("aof,af->of", y, f.conj()),
-        np.einsum("aof,aof->of", y.real, y.real) + np.einsum("aof,aof->of", y.imag, y.imag),
-        len(f),
-    )
+def summed(f: Complex[np.ndarray, "freq"], y: Complex[np.ndarray, "out freq"]) -> Sums:
+    """Sums of one block whose spectra are ``f`` and ``y``."""
+    return Sums(f.real**2 + f.imag**2, y * f.conj(), y.real**2 + y.imag**2, 1)
 
 
 def estimate(
@@ -71,10 +66,18 @@ def reciprocal(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape
 def pooled(values: Float[np.ndarray, "out freq"], lines: int = POOLED_LINES) -> Float[np.ndarray, "out freq"]:
     """Mean over ``lines`` (odd) neighbouring lines; fewer at the ends of the axis."""
     half = min(lines // 2, (values.shape[1] - 1) // 2)
-    total, count = values.copy(), np.ones(values.shape[1])
-    for shift in range(1, half + 1):
-        total[:, shift:] += values[:, :-shift]
-        total[:, :-shift] += values[:, shift:]
-        count[shift:] += 1
-        count[:-shift] += 1
-    return total / count
+    if half == 0:
+        return values
+    total = np.pad(values, ((0, 0), (half, half)), mode="reflect")
+    # Sums over 2, 4, 8 ... lines by doubling; the span is put together from them like a binary number.
+    span, result, start, size = 2 * half + 1, None, 0, values.shape[1]
+    width = 1
+    while width <= span:
+        if span & width:
+            part = total[:, start : start + size]
+            result = part.copy() if result is None else result + part
+            start += width
+        total = total[:, :-width] + total[:, width:]
+        width *= 2
+    assert result is not None
+    return result / span

@@ -1,0 +1,115 @@
+"""A second blow behind the main one, told from filter ringing, sensor undershoot and noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.estimate.blows import Blow
+
+SMALLEST = 0.012
+"""Height of a second pulse relative to the main one that is reported where noise and ringing allow it."""
+
+CLEAR_OF_NOISE = 7.0
+"""Height of a second pulse in units of the noise that is left after smoothing."""
+
+CELLS_PER_PULSE = 4.0
+"""Resolution of the search: cells per width of the main pulse at half its height."""
+
+NOT_A_VALLEY = 0.9
+"""Part of the main pulse above which a local minimum is noise on its top."""
+
+RINGING_CELLS = 5
+"""Cells behind the top of a pulse of a few samples in which the filter's first lobes look like pulses."""
+
+_BINOMIAL = (1 / 16, 4 / 16, 6 / 16)
+
+
+@dataclass(frozen=True)
+class SecondHit:
+    """Sample of its peak, and its height relative to the main pulse."""
+
+    sample: int
+    ratio: float
+
+
+def width_at_half(force: Float[np.ndarray, "sample"], blow: Blow, offset: float) -> int:
+    """Samples around the peak that exceed half of it; ringing and undershoot do not reach there."""
+    sign = np.sign(blow.peak)
+    around = sign * (force[blow.start : blow.stop + 1] - offset) > 0.5 * abs(blow.peak)
+    return int(np.count_nonzero(around))
+
+
+def smoothed(force: Float[np.ndarray, "sample"], offset: float, cell: int) -> Float[np.ndarray, "cell"]:
+    """Means over cells, then a binomial kernel: it has no side lobes and no gain near half the sampling rate.
+
+    Ringing of an anti-alias filter lies there and cancels; a second blow is as wide as the first and stays.
+    """
+    count = len(force) // cell
+    z = force[: count * cell : cell] - force.dtype.type(offset)
+    for shift in range(1, cell):
+        z += force[shift : count * cell : cell]
+    z -= force.dtype.type((cell - 1) * offset)
+    z = np.pad(z, 2, mode="edge").astype(np.float32)
+    far, near, centre = (np.float32(weight / cell) for weight in _BINOMIAL)
+    return far * (z[:-4] + z[4:]) + near * (z[1:-3] + z[3:-1]) + centre * z[2:-2]
+
+
+def second_hits(
+    force: Float[np.ndarray, "sample"], blows: list[Blow], rooms: list[tuple[int, int]], offset: float, noise: float
+) -> list[SecondHit | None]:
+    """The strongest second pulse around each blow, within ``(samples before, samples after)`` its start, or ``None``.
+
+    The smoothed force minus its morphological opening (the baseline that no pulse narrower than the opening can lift)
+    is the height of a pulse; a monotonic baseline such as the undershoot of a sensor gives zero, whatever its slope.
+    """
+    width = float(np.median([width_at_half(force, blow, offset) for blow in blows]))
+    cell = max(int(width / CELLS_PER_PULSE), 1)
+    doublings = 4 if 3 * width <= 16 * cell else 5
+    z = smoothed(force, offset, cell)
+    clear = CLEAR_OF_NOISE * noise * np.sqrt(0.273 / cell)
+    found: list[SecondHit | None] = []
+    for blow, (before, after) in zip(blows, rooms):
+        sign = np.float32(np.sign(blow.peak))
+        first = max(blow.top // cell - 2, 0)
+        top = first + int(np.argmax(sign * z[first : first + 5]))
+        height = float(sign * z[top])
+        limit = max(SMALLEST * height, clear)
+        behind = sign * z[top : max((blow.start + after) // cell, top)]
+        ahead = sign * z[max((blow.start - before) // cell, 0) : top + 1][::-1]
+        best = None
+        for part, direction in ((behind, 1), (ahead, -1)):
+            place, rise = _highest(part, height, doublings, RINGING_CELLS if cell == 1 else 2)
+            if rise > limit and (best is None or rise / height > best.ratio):
+                best = SecondHit((top + direction * place) * cell, rise / height)
+        found.append(best)
+    return found
+
+
+def _highest(part: Float[np.ndarray, "cell"], height: float, doublings: int, least: int) -> tuple[int, float]:
+    """Place and height of the highest pulse behind the top of the main pulse, with which ``part`` begins."""
+    for end in (256, len(part)):
+        some = part[:end]
+        valley = (some[1:-1] <= some[2:]) & (some[1:-1] < NOT_A_VALLEY * height)
+        if valley.any():
+            break
+    else:
+        return 0, 0.0
+    start = max(int(np.argmax(valley)) + 1, least)
+    tail = part[start:]
+    if len(tail) < 3:
+        return 0, 0.0
+    rise = tail - opening(tail, doublings)
+    best = int(np.argmax(rise))
+    return start + best, float(rise[best])
+
+
+def opening(values: Float[np.ndarray, "cell"], doublings: int) -> Float[np.ndarray, "cell"]:
+    """Morphological opening with a span of ``2 ** doublings`` cells: running minimum, then running maximum."""
+    reach = 2**doublings - 1
+    result = np.pad(values, reach, mode="edge")
+    for extreme in (np.minimum, np.maximum):
+        for step in range(doublings):
+            shift = 2**step
+            result = extreme(result[:-shift], result[shift:])
+    return result

@@ -1,0 +1,196 @@
+"""What a reader of a hammer test has to know."""
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+
+from ema.data import Finding
+from ema.dof import Dof
+from ema.estimate.judge import Judged
+from ema.estimate.levels import LevelEffect, pooled_effect
+from ema.estimate.ring_down import LEFT_OVER, STRONGEST, RingDown
+
+NONLINEAR = 0.05
+"""Change of the FRFs over the range of levels above which the structure is called nonlinear."""
+
+SIGNIFICANT = 4.0
+"""Power that follows the level over power that does not, above which the change is not chance."""
+
+_ADVICE = {
+    "double-hit": "Repeat the blow if the point has too few left.",
+    "overload": "Raise the range of the channel or strike more softly.",
+    "pre-trigger": "Start the record earlier: at least 5 % of the block before the blow.",
+    "next-blow": "Wait longer between the blows.",
+    "level": "",
+    "excluded-hit": "",
+}
+_REMARKS = {
+    "under-range": ("below 10 % of the full scale of", "Lower the range of the channel or strike harder."),
+    "not-at-rest": ("while still moving:", "Wait until the structure is at rest before the next blow."),
+    "dc-shift": ("with a lasting shift of the mean of", "Check the sensor's mounting and range: it was overloaded."),
+}
+
+
+def about_blows(judged: Sequence[Judged], where: str) -> list[Finding]:
+    """One finding per rejected blow, and one per kind of remark and channel."""
+    findings = []
+    for one in judged:
+        for code, reason in one.reasons[:1]:
+            quiet = code in ("level", "excluded-hit")
+            findings.append(
+                Finding(
+                    "info" if quiet else "warning", code, f"{where}, {one.record}, point {one.dof}, hit {one.index}",
+                    f"not used: {reason}.", abs(one.blow.peak), None, _ADVICE[code],
+                )
+            )  # fmt: skip
+    counted: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
+    for one in judged:
+        for remark in one.remarks:
+            counted[remark.code, remark.channel].append((remark.value, remark.limit))
+    for (code, channel), values in counted.items():
+        text, advice = _REMARKS[code]
+        low = code == "under-range"
+        worst = min(values)[0] if low else max(values)[0]
+        findings.append(
+            Finding(
+                "info" if len(values) < 0.1 * len(judged) else "warning", code, f"{where}, channel {channel}",
+                f"{len(values)} of {len(judged)} blows {text} {channel} (worst {100 * worst:.1f} %).", worst,
+                values[0][1], advice,
+            )
+        )  # fmt: skip
+    return findings
+
+
+def about_force(judged: Sequence[Judged], where: str) -> list[Finding]:
+    """Sign and pre-trigger of the force."""
+    findings = []
+    negative = sum(one.blow.peak < 0 for one in judged)
+    if negative:
+        findings.append(
+            Finding(
+                "warning", "force-sign", where, f"{negative} of {len(judged)} blows are negative pulses.",
+                float(negative), 0.0,
+                "A hammer can only push: reverse the sign of the force channel by a repair, unless its DOF points "
+                "against the blow on purpose.",
+            )
+        )  # fmt: skip
+    short = sum(one.before < 4 for one in judged)
+    if short:
+        findings.append(
+            Finding(
+                "warning", "pre-trigger", where, f"{short} of {len(judged)} blows have no pre-trigger.", float(short),
+                0.0, "Start the record earlier: offset and noise of the channels are unknown.",
+            )
+        )  # fmt: skip
+    return findings
+
+
+def about_points(judged: Sequence[Judged], where: str) -> list[Finding]:
+    """Points without blows, and points with a single one."""
+    left = Counter({one.dof: 0 for one in judged})
+    left.update(one.dof for one in judged if one.accepted)
+    findings = []
+    lost = [dof for dof, count in left.items() if count == 0]
+    if lost:
+        findings.append(
+            Finding(
+                "error", "lost-point", where, f"no blow is left at {_list(lost)}.", float(len(lost)), 0.0,
+                "These points are missing in the FRFs: measure them again.",
+            )
+        )  # fmt: skip
+    single = [dof for dof, count in left.items() if count == 1]
+    if single:
+        findings.append(
+            Finding(
+                "warning", "one-average", where, f"one blow only at {_list(single)}: the coherence is 1 by definition.",
+                1.0, 3.0, "Strike each point three to five times.",
+            )
+        )  # fmt: skip
+    return findings
+
+
+def about_window(ring: RingDown, used: float, asked: bool, where: str) -> list[Finding]:
+    """Leakage and the exponential window."""
+    findings = []
+    if used > 0 and not asked:
+        findings.append(
+            Finding(
+                "info", "exponential-window", where,
+                f"{100 * ring.left_over:.0f} % of the response is left at the end of the block; an exponential window "
+                f"adds a decay of {used:.3g} 1/s, which the fit takes off exactly.", ring.left_over, LEFT_OVER,
+                "Longer blocks need no window.",
+            )
+        )  # fmt: skip
+    if used > STRONGEST * 1.001 * ring.structural and ring.left_over > LEFT_OVER:
+        findings.append(
+            Finding(
+                "warning", "exponential-window", where,
+                f"the window's decay of {used:.3g} 1/s is {used / ring.structural:.1f} times that of the structure.",
+                used / ring.structural, STRONGEST,
+                "Damping is mostly the window's: use longer blocks or a weaker window.",
+            )
+        )  # fmt: skip
+    remaining = ring.left_over * float(np.exp(-used * ring_duration(ring)))
+    if remaining > LEFT_OVER:
+        findings.append(
+            Finding(
+                "warning", "leakage", where,
+                f"{100 * remaining:.1f} % of the response is left at the end of the block"
+                f"{' in spite of the window' if used > 0 else ''}.", remaining, LEFT_OVER,
+                "Measure longer blocks, or the damping is biased.",
+            )
+        )  # fmt: skip
+    return findings
+
+
+def ring_duration(ring: RingDown) -> float:
+    """Time in s over which the response decayed to what is left."""
+    return -np.log(min(max(ring.left_over, 1e-12), 0.999)) / ring.structural
+
+
+def about_levels(effects: list[LevelEffect], bins: Sequence[tuple[float, float]], where: str) -> list[Finding]:
+    """Whether the level of the blows matters."""
+    if not effects:
+        return []
+    effect = pooled_effect(effects)
+    if effect.change < NONLINEAR or effect.ratio < SIGNIFICANT:
+        return []
+    levels = ", ".join(f"{low:.4g}-{high:.4g}" for low, high in bins[:4])
+    return [
+        Finding(
+            "warning", "level-dependence", where,
+            f"the FRFs change by {100 * effect.change:.0f} % with the level of the blows: the structure is not linear.",
+            effect.change, NONLINEAR, f"Use blows of one level at a time (level = one of {levels}).",
+        )
+    ]  # fmt: skip
+
+
+def about_band(band: tuple[float, float], highest: float, where: str) -> list[Finding]:
+    """Where the force spectrum ends."""
+    if band[1] >= highest:
+        return []
+    return [
+        Finding(
+            "info", "usable-band", where,
+            f"the force spectrum has fallen by 10 dB at {band[0]:.0f} Hz and by 20 dB at {band[1]:.0f} Hz; the FRFs "
+            f"reach to {highest:.0f} Hz.", band[1], highest,
+            "Use the FRFs up to the -20 dB frequency, or a harder tip.",
+        )
+    ]  # fmt: skip
+
+
+def about_units(unit: str, where: str) -> list[Finding]:
+    """Units that nobody stated."""
+    if unit != "unstated":
+        return []
+    return [
+        Finding(
+            "warning", "unit-unstated", where, "the unit of a force or response channel is not stated.", None, None,
+            "Frequencies, damping and shapes are right, scaling is not: state the units in campaign.toml.",
+        )
+    ]  # fmt: skip
+
+
+def _list(dofs: Sequence[Dof]) -> str:
+    return ", ".join(map(str, dofs[:6])) + (f" and {len(dofs) - 6} more" if len(dofs) > 6 else "")
