@@ -27,6 +27,7 @@ TRUTH = "truth.toml"
 
 _START = datetime(2026, 3, 16, 8, 0, tzinfo=UTC)
 _SAMPLING_RATE = 8192.0
+_FULL_SCALES = (500.0, 200.0)
 _MEAN_FORCE, _SCATTER, _LOSS = 1020.0, 30.0, 25.0
 
 
@@ -118,8 +119,8 @@ def _rig(run: str, model: ModalModel, fault: Fault, reversed_sensors: tuple[str,
         tuple(dof.reversed() for dof in table.dofs()), contact_time=0.4e-3, faults=(fault,), spacing=1.1
     )
     sensors = tuple(
-        Channel(f"acc {number}", dof, quantity="acceleration", unit="m/s^2", range=2000.0)
-        for number, dof in enumerate(table.ACCELEROMETERS, 1)
+        Channel(f"acc {number}", dof, quantity="acceleration", unit="m/s^2", range=full_scale)
+        for number, (dof, full_scale) in enumerate(zip(table.ACCELEROMETERS, _FULL_SCALES, strict=True), 1)
     )
     return VirtualRig(
         model, drive, sensors, _SAMPLING_RATE, force_range=2500.0, noise={"acceleration": 0.05, "force": 0.05}, bits=24,
