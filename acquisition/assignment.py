@@ -153,7 +153,10 @@ def _pattern(text: str) -> tuple[re.Pattern[str], list[str]]:
 
 
 def _below(folder: Path) -> list[Path]:
-    return [path for path in sorted(folder.rglob("*")) if path.is_file() and not path.name.startswith(".")]
+    """The files in a folder and below it, hidden ones left out."""
+    found = sorted(folder.rglob("*"))
+    hidden = [any(part.startswith(".") for part in path.relative_to(folder).parts) for path in found]
+    return [path for path, out in zip(found, hidden, strict=True) if not out and path.is_file()]
 
 
 def _plain(text: str) -> str:

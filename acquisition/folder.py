@@ -149,9 +149,11 @@ class _Opening:
             findings += _unit_findings([] if whole.scaled else [f"FRFs of {run.id}"], f"run {run.id}")
         else:
             pieces = self._pieces(run, items, table, options, where)
-            findings += _record_findings(pieces, run, where)
+            unstated = [line.channel for line in pieces[0].lines if not line.channel.scaled]
+            findings += _unit_findings([channel.name for channel in unstated if _measures(channel)], f"run {run.id}")
             self._note(line.channel for piece in pieces for line in piece.lines)
             self.channels = self.channels or tuple(line.channel for line in pieces[0].lines)
+        findings += [finding for item in items for finding in self.files.findings(item.path, options)]
         recordings = Lazy([piece.read for piece in pieces])
         measured = any(force.channel for force in run.normal_force) or any(
             line.channel.role == "normal force" for piece in pieces for line in piece.lines
@@ -298,11 +300,6 @@ def _refuse_odd_records(pieces: list[_Piece], where: str) -> None:
                     got=f"{line.channel.quantity} in {line.channel.unit}",
                     expected=f"{same.quantity} in {same.unit} as in {first.name}",
                 )  # fmt: skip
-
-
-def _record_findings(pieces: list[_Piece], run: RunTable, where: str) -> list[Finding]:
-    unstated = [line.channel.name for line in pieces[0].lines if not line.channel.scaled and _measures(line.channel)]
-    return _unit_findings(unstated, f"run {run.id}")
 
 
 def _measures(channel: Channel) -> bool:

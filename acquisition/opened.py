@@ -8,7 +8,7 @@ from typing import Any
 
 from acquisition.contents import Contents
 from ema import store
-from ema.data import FrfSet, Geometry, Recording
+from ema.data import Finding, FrfSet, Geometry, Recording
 
 _KEPT = 256 * 2**20
 """Bytes of read files that stay in memory, so that opening and then using a campaign reads them once."""
@@ -49,6 +49,10 @@ class Files:
                 _, dropped = self._contents.popitem(last=False)
                 self._size -= _size(dropped)
         return found
+
+    def findings(self, path: Path, options: dict[str, Any]) -> tuple[Finding, ...]:
+        """What the reader of the file has to say about it."""
+        return () if store.is_store(path) else self.contents(path, options).findings
 
     def takes(self, path: Path, options: dict[str, Any]) -> tuple[Take, ...]:
         """The records in the file; those of our own files stay on disk until they are read.

@@ -13,6 +13,7 @@ from ema.errors import InputError
 SHIFT_LIMIT = 1e-3
 """Relative frequency shift between set-ups from which it is a warning: merged shapes suffer from about there on."""
 
+_OUT, _IN = 0, 1
 _WIDEST = 0.05
 _RESEMBLANCE = 0.5
 
@@ -42,43 +43,52 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
     first = parts[0]
     for part in parts[1:]:
         _refuse_other_kind(first, part, name)
-    outputs = list(dict.fromkeys(dof.positive for part in parts for dof in part.frfs.outputs))
-    inputs = list(dict.fromkeys(dof.positive for part in parts for dof in part.frfs.inputs))
-    owner: dict[tuple[int, int], Part] = {}
+    senses = _senses(parts)
+    outputs, inputs = ([dof for dof, side in senses if side == wanted] for wanted in (_OUT, _IN))
+    signed_outputs = tuple(dof if senses[dof, _OUT] > 0 else dof.reversed() for dof in outputs)
+    signed_inputs = tuple(dof if senses[dof, _IN] > 0 else dof.reversed() for dof in inputs)
+    owners = _owners(parts, outputs, inputs, senses, name)
     shape = (len(first.frfs.frequencies), len(outputs), len(inputs))
     values = np.zeros(shape, complex)
     coherence = _blank(shape, any(part.frfs.coherence is not None for part in parts))
     variance = _blank(shape, any(part.frfs.variance is not None for part in parts))
     averages = _blank(shape[1:], any(part.frfs.averages is not None for part in parts))
-    senses = _senses(parts)
-    for part in parts:
-        for row, output in enumerate(part.frfs.outputs):
-            for column, input_ in enumerate(part.frfs.inputs):
-                cell = outputs.index(output.positive), inputs.index(input_.positive)
-                if cell in owner:
-                    _refuse_double(owner[cell], part, part.frfs.label(row, column), name)
-                    continue
-                owner[cell] = part
-                sign = output.sign * senses[output.positive, 0] * input_.sign * senses[input_.positive, 1]
-                values[:, *cell] = sign * part.frfs.values[:, row, column]
-                _copy(coherence, part.frfs.coherence, cell, (row, column))
-                _copy(variance, part.frfs.variance, cell, (row, column))
-                if averages is not None and part.frfs.averages is not None:
-                    averages[cell] = part.frfs.averages[row, column]
-    signed_outputs = tuple(dof if senses[dof, 0] > 0 else dof.reversed() for dof in outputs)
-    signed_inputs = tuple(dof if senses[dof, 1] > 0 else dof.reversed() for dof in inputs)
     for row, column in np.ndindex(shape[1:]):
-        if (row, column) not in owner:
+        if (row, column) not in owners:
             raise InputError(
                 "an FRF is missing", where=name, got=f"no {signed_outputs[row]}/{signed_inputs[column]}",
                 expected=f"all of {len(outputs)} outputs x {len(inputs)} inputs",
                 advice="measure it, or put the files with other outputs and inputs into a run of their own",
             )  # fmt: skip
+        part, place, sign = owners[row, column]
+        values[:, row, column] = sign * part.frfs.values[:, *place]
+        _copy(coherence, part.frfs.coherence, (row, column), place)
+        _copy(variance, part.frfs.variance, (row, column), place)
+        if averages is not None and part.frfs.averages is not None:
+            averages[row, column] = part.frfs.averages[place]
     findings = (*(finding for part in parts for finding in part.frfs.findings), *shift_findings(parts, name))
     return replace(
         first.frfs, values=values, outputs=signed_outputs, inputs=signed_inputs, coherence=coherence,
         variance=variance, averages=averages, findings=findings, name=name or first.frfs.name,
     )  # fmt: skip
+
+
+def _owners(
+    parts: Sequence[Part], outputs: list[Dof], inputs: list[Dof], senses: dict[tuple[Dof, int], int], name: str
+) -> dict[tuple[int, int], tuple[Part, tuple[int, int], int]]:
+    """For each cell of the joined set: the part it comes from, the place there, and the sign by which it changes."""
+    rows, columns = ({dof: place for place, dof in enumerate(dofs)} for dofs in (outputs, inputs))
+    owners: dict[tuple[int, int], tuple[Part, tuple[int, int], int]] = {}
+    for part in parts:
+        for place in np.ndindex(len(part.frfs.outputs), len(part.frfs.inputs)):
+            output, input_ = part.frfs.outputs[place[0]], part.frfs.inputs[place[1]]
+            cell = rows[output.positive], columns[input_.positive]
+            if cell in owners:
+                _refuse_double(owners[cell][0], part, part.frfs.label(*place), name)
+                continue
+            sign = output.sign * senses[output.positive, _OUT] * input_.sign * senses[input_.positive, _IN]
+            owners[cell] = part, (place[0], place[1]), sign
+    return owners
 
 
 def shift_findings(parts: Sequence[Part], name: str = "") -> tuple[Finding, ...]:
@@ -205,10 +215,10 @@ def _refuse_double(former: Part, latter: Part, label: str, name: str) -> None:
 
 
 def _senses(parts: Sequence[Part]) -> dict[tuple[Dof, int], int]:
-    """The sense in which each DOF came first, as output (0) and as input (1)."""
+    """The sense in which each DOF came first, as output and as input, in that order."""
     senses: dict[tuple[Dof, int], int] = {}
     for part in parts:
-        for side, dofs in enumerate((part.frfs.outputs, part.frfs.inputs)):
+        for side, dofs in ((_OUT, part.frfs.outputs), (_IN, part.frfs.inputs)):
             for dof in dofs:
                 senses.setdefault((dof.positive, side), dof.sign)
     return senses

@@ -68,7 +68,7 @@ class Writer(AbstractContextManager["Writer"]):
         temporary = self._exits.enter_context(replacing(self.path))
         self._sink = Sink(temporary)
         self._exits.push(self._finish)  # runs before the renaming, which its failure prevents
-        self._file = h5py.File(self._sink, "w", libver=("earliest", "v110"), track_order=True)
+        self._file = h5py.File(self._sink, "w", libver="v110")
         return self
 
     def __exit__(
@@ -106,13 +106,13 @@ class Writer(AbstractContextManager["Writer"]):
         """
         if header.signals.shape[1] != 0:
             raise InputError("the header of a record in blocks has samples", got=header.signals.shape[1], expected=0)
-        return BlockWriter(self, self._new_item(header, name)["signals"])
+        return BlockWriter(self, self._new_item(header, name, growing=True)["signals"])
 
-    def _new_item(self, noun: Any, name: str) -> h5py.Group:
+    def _new_item(self, noun: Any, name: str, growing: bool = False) -> h5py.Group:
         if self.kind == "mapping" and name in self._names:
             raise InputError("two nouns of one name", where=str(self.path), got=name)
-        group = self._file.create_group(f"{ITEMS}/{len(self._names)}", track_order=True)
-        _write(group, noun)
+        group = self._file.create_group(f"{ITEMS}/{len(self._names)}")
+        _write(group, noun, growing)
         self._names.append(name)
         self.check()
         return group
@@ -148,18 +148,18 @@ class BlockWriter:
         self._writer.check()
 
 
-def _write(group: h5py.Group, noun: Any) -> None:
+def _write(group: h5py.Group, noun: Any, growing: bool = False) -> None:
     parts = Parts()
     tree = encode(noun, parts)
     if not isinstance(tree, dict) or "$noun" not in tree:
         raise InputError("cannot be stored", got=type(noun).__name__, expected="a noun of ema.data")
     _write_text(group, DOCUMENT, json.dumps(tree, allow_nan=False, ensure_ascii=False))
-    growing = isinstance(noun, Recording)
     for path, (array, what) in parts.arrays.items():
-        _write_array(group, path, array, what, growing=growing and path == "signals")
+        chunks = (1, _SIGNAL_CHUNK) if isinstance(noun, Recording) and path == "signals" else None
+        _write_array(group, path, array, what, chunks, growing)
     for path, items in parts.sequences.items():
         for place, item in enumerate(items):
-            _write(group.create_group(f"{path}/{place}", track_order=True), item)
+            _write(group.create_group(f"{path}/{place}"), item)
 
 
 def _write_text(group: h5py.Group, name: str, text: str) -> None:
@@ -170,21 +170,21 @@ def _write_text(group: h5py.Group, name: str, text: str) -> None:
                          compression_opts=1, fletcher32=True)  # fmt: skip
 
 
-def _write_array(group: h5py.Group, path: str, array: np.ndarray, what: Meaning, growing: bool) -> None:
+def _write_array(
+    group: h5py.Group, path: str, array: np.ndarray, what: Meaning, chunks: tuple[int, ...] | None, growing: bool
+) -> None:
     if array.dtype.kind == "U":
         array = np.char.encode(array, "utf-8")
     options: dict[str, Any] = {}
-    if growing:
-        options = {"chunks": (1, _signal_chunk(array.shape[1])), "maxshape": (array.shape[0], None)}
-    if array.nbytes >= _COMPRESS_FROM or growing:
+    if growing and chunks is not None:
+        options = {"chunks": chunks, "maxshape": (array.shape[0], None)}
+    elif chunks is not None and array.size:
+        options = {"chunks": tuple(min(size, chunk) for size, chunk in zip(array.shape, chunks, strict=True))}
+    if array.nbytes >= _COMPRESS_FROM or "maxshape" in options:
         options |= {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-    if (array.size and array.ndim) or growing:
+    if (array.size and array.ndim) or "maxshape" in options:
         options |= {"fletcher32": True}
     dataset = group.create_dataset(path, data=np.asarray(array, order="C"), **options)
     for name, value in (("quantity", what.quantity), ("unit", what.unit), ("long_name", what.long_name)):
         if value:
             dataset.attrs[name] = value if isinstance(value, str) else list(value)
-
-
-def _signal_chunk(samples: int) -> int:
-    return _SIGNAL_CHUNK if samples == 0 else min(samples, _SIGNAL_CHUNK)
