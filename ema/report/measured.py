@@ -7,6 +7,7 @@ from ema.data import RunResult
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.modes import joint_force
 from ema.report.numbers import MISSING, fixed, plain, short, with_uncertainty
+from ema.show.style import unit_text
 
 _MOST_REJECTED = 40
 
@@ -21,7 +22,7 @@ def condition(run: RunResult, book: Book) -> list[Block]:
         ("Force level [N]", with_uncertainty(drive.level, drive.std, 3)),
         ("FRFs", f"{len(frfs.outputs)} responses x {len(frfs.inputs)} forces"),
         ("Estimator", frfs.estimator or "not stated"),
-        ("Quantity", f"{frfs.quantity}, unit {frfs.unit}"),
+        ("Quantity", f"{frfs.quantity}, {unit_text(frfs.unit)}"),
         ("Lines", f"{len(frfs.frequencies)} from {low} to {high} Hz, step {short(frfs.frequency_step)} Hz"),
     ]
     if drive.band is not None:

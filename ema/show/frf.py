@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ema.data import FrfSet, ModalModel
@@ -48,7 +49,11 @@ def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     magnitudes = np.abs(frfs.values).reshape(len(frfs.frequencies), -1)
     lines, peaks = _peaks(frfs.frequencies, magnitudes)
     count = magnitudes.shape[1]
-    axes.semilogy(lines, _positive(peaks), color=GREY, lw=0.5, alpha=max(0.12, min(0.8, 12 / count)), rasterized=True)
+    faint = max(0.12, min(0.8, 12 / count))
+    curves = [np.column_stack([lines, column]) for column in _positive(peaks).T]
+    axes.add_collection(LineCollection(curves, colors=GREY, linewidths=0.5, alpha=faint, rasterized=True))
+    axes.set_yscale("log")
+    axes.autoscale()
     mean = np.sqrt(np.mean(magnitudes**2, axis=1))
     axes.semilogy(frfs.frequencies, _positive(mean), color=BLUE, lw=1.4, label=f"quadratic mean of {count} FRFs")
     _frequency_axis(axes, frfs)

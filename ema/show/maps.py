@@ -1,11 +1,16 @@
 """Modal parameters over excitation level and normal force."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from ema.data import ModalMap
-from ema.show.style import COLOUR_MAP, FAINT, GREY, empty_note, new_figure, styled
+from ema.show.style import COLOUR_MAP, GREY, VERMILION, empty_note, new_figure, styled
+
+_HOLE: dict[str, Any] = {"fill": False, "hatch": "////", "ec": GREY, "lw": 0}
 
 
 @styled
@@ -37,10 +42,9 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
     edges = [_edges(nominal, _geometric(nominal)) for nominal in (x, y)]
     axes.set_facecolor("white")
     mesh = axes.pcolormesh(*edges, np.ma.masked_array(values, holes), cmap=COLOUR_MAP, edgecolors="white", lw=0.3)
-    if holes.any():
-        axes.pcolor(
-            *edges, np.ma.masked_array(np.zeros(values.shape), ~holes), hatch="////", alpha=0, edgecolor=GREY, lw=0
-        )  # fmt: skip
+    for row, column in np.argwhere(holes):
+        corner, width = (edges[0][column], edges[1][row]), np.diff(edges[0])[column]
+        axes.add_patch(Rectangle(corner, width, np.diff(edges[1])[row], **_HOLE))
     if min(values.shape) > 1 and np.ptp(values[~holes]) > 0:
         lines = axes.contour(x, y, np.ma.masked_array(values, holes), levels=6, colors="white", linewidths=0.8)
         axes.clabel(lines, fontsize=7, fmt="%.4g")
@@ -48,7 +52,7 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
         rows = [row for row in range(len(y)) if not holes[row].all()]
         tops = [x[np.nanargmax(values[row])] for row in rows]
         axes.plot(
-            tops, y[rows], color="#d55e00", marker="o", ms=4, mec="white", mew=0.6, lw=1.4, label="largest damping"
+            tops, y[rows], color=VERMILION, marker="o", ms=4, mec="white", mew=0.6, lw=1.4, label="largest damping"
         )
     axes.set_xlabel("Normal force F_N [N]")
     axes.set_ylabel("Excitation force F_E [N]")
@@ -56,7 +60,7 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
     axes.grid(visible=False)
     figure.colorbar(mesh, ax=axes, label=label)
     if holes.any():
-        axes.plot([], [], marker="s", ls="none", mfc="white", mec=FAINT, label="no mode found")
+        axes.add_patch(Rectangle((np.nan, np.nan), 0, 0, label="no mode found", **_HOLE))
     if axes.get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", ncols=2)
     return figure

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from ema.dof import Dof
-from ema.show.style import COLOUR_MAP, dof_labels, empty_note, new_figure, styled, thin_labels
+from ema.show.style import COLOUR_MAP, WIDTH, dof_labels, empty_note, new_figure, styled, thin_labels
 
 _MOST_NUMBERED = 24
 
@@ -25,7 +25,8 @@ def mac_matrix(
     """
     count = max(values.shape, default=0)
     size = float(np.clip(1.8 + 0.22 * count, 2.6, 6.0))
-    figure = new_figure(size, size + 1.4)
+    longest = max((len(label) for label in rows), default=1)
+    figure = new_figure(size, min(WIDTH, size + 1.3 + 0.075 * longest))
     axes = figure.subplots()
     if not values.size:
         empty_note(axes, "no mode, no MAC")

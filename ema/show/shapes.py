@@ -1,5 +1,6 @@
 """Mode shapes on the geometry, or over the DOFs where there is none."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -9,19 +10,31 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from ema.data import Geometry, ModalModel
 from ema.shapes import Expansion, expand, realise
-from ema.show.style import BLUE, COLOUR_MAP, FAINT, GREY, dof_labels, empty_note, new_figure, styled, thin_labels
+from ema.show.style import (
+    BLUE,
+    COLOUR_MAP,
+    FAINT,
+    GREY,
+    dof_labels,
+    empty_note,
+    label_last_rows,
+    new_figure,
+    styled,
+    thin_labels,
+)
 
 PER_FIGURE = 12
-_LARGEST = 0.16
+_LARGEST = 0.13
 """Largest drawn displacement as a fraction of the size of the structure."""
 
 
 @styled
 def mode_shapes(
-    model: ModalModel, geometry: Geometry, modes: "range | list[int] | None" = None, interpolate: bool = True
+    model: ModalModel, geometry: Geometry, modes: Sequence[int] | None = None, interpolate: bool = True
 ) -> Figure:
     """Mode shapes on the geometry: at rest in grey, deformed in the colour of the displacement.
 
@@ -32,7 +45,7 @@ def mode_shapes(
     modes : positions from 0, by default the first twelve.
     interpolate : move points without a measurement with their neighbours; they are drawn hollow.
     """
-    chosen = list(range(min(PER_FIGURE, len(model.poles))) if modes is None else modes)
+    chosen = list(range(min(PER_FIGURE, len(model.poles)))) if modes is None else list(modes)
     if not chosen or not len(geometry.nodes):
         figure = new_figure(1.5)
         empty_note(figure.subplots(), "no mode, no shape" if not chosen else "the geometry has no point")
@@ -68,7 +81,7 @@ def _straight(geometry: Geometry) -> Float[np.ndarray, "3"] | None:
 def _curves(
     model: ModalModel, geometry: Geometry, expansion: Expansion, chosen: list[int], along: Float[np.ndarray, "3"]
 ) -> Figure:
-    columns = 3 if len(chosen) > 2 else len(chosen)
+    columns = len(chosen) if len(chosen) <= 4 else 3
     rows = -(-len(chosen) // columns)
     figure = new_figure(1.9 * rows + 0.3)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
@@ -89,22 +102,27 @@ def _curves(
             axes.plot(position[kind], values[kind], "o", ms=4, mfc=face, mec=BLUE, mew=0.8)
         axes.set_title(_title(model, chosen[panel]), fontsize=8.5)
         axes.set_ylim(-1.15, 1.15)
+    label_last_rows(panels, len(chosen))
     figure.supxlabel("Position [m]", fontsize=9)
     figure.supylabel("Displacement / largest [-]", fontsize=9)
     return figure
 
 
 def _panels(model: ModalModel, geometry: Geometry, expansion: Expansion, chosen: list[int]) -> Figure:
+    from matplotlib.cm import ScalarMappable
+
     columns = min(4, max(2, len(chosen)))
     rows = -(-len(chosen) // columns)
     figure = new_figure(2.35 * rows + 0.5)
-    for place, mode in enumerate(chosen):
+    motions = [_real_motion(expansion, mode) for mode in chosen]
+    size = _LARGEST * (float(np.linalg.norm(np.ptp(geometry.xyz, axis=0))) or 1.0)
+    reach = np.concatenate([geometry.xyz, *(geometry.xyz + size * motion for motion in motions)])
+    for place, (mode, motion) in enumerate(zip(chosen, motions, strict=True)):
         axes = figure.add_subplot(rows, columns, place + 1, projection="3d")
         assert isinstance(axes, Axes3D)
-        draw_shape(axes, geometry, expansion, _real_motion(expansion, mode))
-        axes.set_title(_title(model, mode), fontsize=8.5, loc="center", y=0.98)
-    from matplotlib.cm import ScalarMappable
-
+        _frame(axes, reach)
+        _draw_shape(axes, geometry, expansion, motion, size)
+        axes.set_title(_title(model, mode), fontsize=8.5, loc="center", y=1.0)
     scale = ScalarMappable(cmap=COLOUR_MAP)
     scale.set_clim(0, 1)
     figure.colorbar(
@@ -113,15 +131,16 @@ def _panels(model: ModalModel, geometry: Geometry, expansion: Expansion, chosen:
     return figure
 
 
-def draw_shape(axes: Axes3D, geometry: Geometry, expansion: Expansion, motion: Float[np.ndarray, "n 3"]) -> None:
-    """Draw one real displacement field (largest value 1) on three-dimensional axes."""
+def _draw_shape(
+    axes: Axes3D, geometry: Geometry, expansion: Expansion, motion: Float[np.ndarray, "n 3"], size: float
+) -> None:
+    """Draw one real displacement field (largest value 1, drawn ``size`` m long) on three-dimensional axes."""
     from matplotlib import colormaps
 
     colours = colormaps[COLOUR_MAP]
     # by default the order of drawing follows the mean depth, which puts the structure at rest before the moved one
     axes.computed_zorder = False
-    size = float(np.linalg.norm(np.ptp(geometry.xyz, axis=0))) or 1.0
-    moved = geometry.xyz + _LARGEST * size * motion
+    moved = geometry.xyz + size * motion
     amount = np.linalg.norm(motion, axis=1)
     chains = [[geometry.place(node) for node in line if node in geometry] for line in geometry.lines]
     sheets = [[geometry.place(node) for node in face if node in geometry] for face in geometry.faces]
@@ -146,25 +165,28 @@ def draw_shape(axes: Axes3D, geometry: Geometry, expansion: Expansion, motion: F
         axes.scatter(
             *moved[filled].T, s=7, facecolors="white", edgecolors=GREY, linewidths=0.5, depthshade=False, zorder=4
         )
-    _frame(axes, np.concatenate([geometry.xyz, moved]))
 
 
 def _frame(axes: Axes3D, points: Float[np.ndarray, "n 3"]) -> None:
-    """Equal scales on all axes, no box."""
+    """Equal scales on all axes, no box, and the points filling the panel."""
     low, high = points.min(axis=0), points.max(axis=0)
     spans = np.maximum(high - low, 0.05 * float(np.max(high - low)) or 1.0)
     middle = (low + high) / 2
     limits: list[Any] = [(float(c - s / 2), float(c + s / 2)) for c, s in zip(middle, spans, strict=True)]
     axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
-    axes.set_box_aspect(tuple(spans), zoom=1.1)
+    axes.set_proj_type("ortho")
     axes.view_init(elev=24, azim=-58)
     axes.set_axis_off()
+    axes.set_box_aspect(tuple(spans))
+    across, up, _ = proj_transform(*points.T, axes.get_proj())
+    inside = axes.transLimits.transform(np.column_stack([across, up]))
+    axes.set_box_aspect(tuple(spans), zoom=float(0.92 / max(1e-9, 2 * np.max(np.abs(inside - 0.5)))))
 
 
 @styled
-def shapes_over_dofs(model: ModalModel, modes: "range | list[int] | None" = None) -> Figure:
+def shapes_over_dofs(model: ModalModel, modes: Sequence[int] | None = None) -> Figure:
     """Mode shapes over the list of DOFs, for measurements without a geometry."""
-    chosen = list(range(min(PER_FIGURE, len(model.poles))) if modes is None else modes)
+    chosen = list(range(min(PER_FIGURE, len(model.poles)))) if modes is None else list(modes)
     columns = 2 if len(chosen) > 1 else 1
     rows = max(1, -(-len(chosen) // columns))
     figure = new_figure(1.5 * rows + 0.6)
@@ -186,8 +208,9 @@ def shapes_over_dofs(model: ModalModel, modes: "range | list[int] | None" = None
         axes.plot(places, values, "o", ms=2.5, color=BLUE)
         axes.set_title(_title(model, chosen[panel]), fontsize=8.5)
         axes.set_ylim(-1.15, 1.15)
-        ticks, texts = thin_labels(dof_labels(model.dofs), 40)
+        ticks, texts = thin_labels(dof_labels(model.dofs), 27)
         axes.set_xticks(ticks, texts, rotation=90, fontsize=6)
+    label_last_rows(panels, len(chosen))
     figure.supxlabel("DOF", fontsize=9)
     figure.supylabel("Displacement / largest [-]", fontsize=9)
     return figure

@@ -57,7 +57,12 @@ def frf_label(quantity: str, unit: str) -> str:
     """Axis label of an FRF magnitude, e.g. ``Accelerance [(m/s²)/N]``."""
     name = "FRF" if quantity == UNSTATED else quantity.capitalize()
     known = FRF_UNIT.get(quantity, unit) if unit != UNSTATED else UNSTATED
-    return f"{name} [{_UNIT_TEXT.get(known, known)}]"
+    return f"{name} [{unit_text(known)}]"
+
+
+def unit_text(unit: str) -> str:
+    """The unit of an FRF as people write it."""
+    return _UNIT_TEXT.get(unit, unit)
 
 
 def thin_labels(labels: Sequence[str], most: int) -> tuple[list[int], list[str]]:
@@ -96,3 +101,12 @@ def empty_note(axes: Axes, text: str) -> None:
     """Say in the middle of empty axes why they are empty."""
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", color=GREY, transform=axes.transAxes)
+
+
+def label_last_rows(panels: np.ndarray, count: int) -> None:
+    """Tick labels under the last used panel of each column, where panels share their axis across."""
+    rows, columns = panels.shape
+    for column in range(columns):
+        used = [row for row in range(rows) if row * columns + column < count]
+        if used:
+            panels[used[-1], column].tick_params(labelbottom=True)
