@@ -1,0 +1,288 @@
+"""Functions (data set 58) become recordings and FRF sets."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from acquisition.files.arrays import nice_rate, not_finite, rate_of
+from acquisition.files.uff import header58
+from acquisition.files.uff.header58 import Header, Point
+from acquisition.files.uff.index import Entry
+from acquisition.files.uff.unit_system import Scale, UnitSystem, channel_unit, frf_scale, scale
+from acquisition.files.uff.values58 import Function
+from ema.data import Channel, Finding, FrfSet, Recording
+from ema.dof import Dof
+from ema.errors import EmaError, InputError
+
+Fetch = Callable[[Entry], Function]
+
+
+@dataclass
+class Gathered:
+    """What the functions of a file became."""
+
+    recordings: list[Recording] = field(default_factory=list)
+    frfs: list[FrfSet] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def dof_of(point: Point) -> Dof:
+    """The DOF of a header; an entity that only repeats the DOF in words is dropped."""
+    part = "" if point.entity.upper() in ("", "NONE") else point.entity
+    try:
+        Dof.parse(part)
+    except InputError:
+        return Dof.from_uff(point.node, point.direction, part)
+    return Dof.from_uff(point.node, point.direction)
+
+
+def gather(entries: Iterable[Entry], systems: dict[int, UnitSystem], fetch: Fetch, where: str) -> Gathered:
+    """Recordings and FRF sets of the functions of a file.
+
+    Parameters
+    ----------
+    systems : unit system that holds for each data set, by number.
+    fetch : reads the values of one data set.
+    """
+    made = Gathered()
+    times, ratios, coherences, others = [], [], [], {}
+    for entry in entries:
+        header = entry.header
+        if header is None:
+            continue
+        try:
+            dof_of(header.response), dof_of(header.reference)
+        except EmaError as error:
+            made.findings.append(_problem(where, entry, str(error)))
+            continue
+        if header.function == header58.TIME and not header.is_complex:
+            times.append(entry)
+        elif header.function == header58.FRF and header.is_complex:
+            ratios.append(entry)
+        elif header.function in (header58.COHERENCE, header58.MULTIPLE_COHERENCE) and not header.is_complex:
+            coherences.append(entry)
+        else:
+            others[header.title] = others.get(header.title, 0) + 1
+    for title, count in others.items():
+        message = f"{count} data set{'s' if count > 1 else ''} of kind '{title}' not read."
+        made.findings.append(
+            Finding("info", "not-read", where, message, advice="FRFs, coherences and time signals are.")
+        )
+    _recordings(made, times, systems, fetch, where)
+    _frf_sets(made, ratios, coherences, systems, fetch, where)
+    return made
+
+
+def _problem(where: str, entry: Entry, text: str) -> Finding:
+    return Finding(
+        "error", "damaged-set", f"{where}, data set {entry.number + 1}", text + ".", advice="Export the file again."
+    )
+
+
+def _note(made: Gathered, where: str, entry: Entry, text: str) -> None:
+    """A finding about a unit, once for each wording."""
+    if text and not any(finding.message == text + "." for finding in made.findings):
+        made.findings.append(
+            Finding("warning", "unit-doubtful", f"{where}, data set {entry.number + 1}", text + ".",
+                    advice="Check the unit, or say it in the channel table.")
+        )  # fmt: skip
+
+
+def _take(header: Header) -> tuple[Any, ...]:
+    """What channels of one record have in common."""
+    return (header.points, header.even, header.start, header.step, header.version, header.abscissa.unit)
+
+
+def _recordings(made: Gathered, entries: list[Entry], systems: dict[int, UnitSystem], fetch: Fetch, where: str) -> None:
+    """Time responses: neighbours on one time axis are the channels of one record, until a channel comes again."""
+    groups: list[list[Entry]] = []
+    for entry in entries:
+        header = _header(entry)
+        channel = (header.response, header.ids[0], header.ordinate.code)
+        last = [_header(other) for other in groups[-1]] if groups else []
+        known = {(other.response, other.ids[0], other.ordinate.code) for other in last}
+        if last and _take(last[0]) == _take(header) and channel not in known:
+            groups[-1].append(entry)
+        else:
+            groups.append([entry])
+    for number, group in enumerate(groups):
+        name = where if len(groups) == 1 else f"{where}, record {number + 1}"
+        try:
+            made.recordings.append(_recording(made, group, systems, fetch, name))
+        except (ValueError, EmaError) as error:
+            made.findings.append(_problem(where, group[0], error.args[0] if error.args else str(error)))
+
+
+def _header(entry: Entry) -> Header:
+    assert entry.header is not None  # entries without a header are sorted out at the door
+    return entry.header
+
+
+def _recording(
+    made: Gathered, group: list[Entry], systems: dict[int, UnitSystem], fetch: Fetch, name: str
+) -> Recording:
+    functions = [fetch(entry) for entry in group]
+    length = min(len(function.y) for function in functions)
+    if length < 2:
+        raise InputError("too short to be a record", where=name, got=f"{length} samples", expected="2 or more")
+    first = functions[0]
+    clock = scale(first.header.abscissa, 0, UnitSystem())
+    if first.header.even:
+        step = clock.factor * first.header.step
+        if not 1e-12 < step < 1e9:
+            raise InputError("no time step in the header", where=name, got=f"{step:g} s")
+        rate = nice_rate(step, 0.5 * 10.0 ** (1 - min(first.header.step_digits, 12)))
+    else:
+        rate = rate_of(clock.factor * first.x[:length], name)
+    rows, channels = [], []
+    for entry, function in zip(group, functions, strict=True):
+        found = scale(function.header.ordinate, function.header.response.direction, systems[entry.number])
+        _note(made, name, entry, found.note)
+        rows.append(found.apply(function.y[:length]))
+        channels.append(_channel(function.header, found))
+    dtype = np.float32 if all(row.dtype.itemsize == 4 for row in rows) else np.float64
+    signals = np.stack([row.astype(dtype) for row in rows])
+    made.findings.extend(not_finite(signals, name))
+    return Recording(signals, rate, tuple(channels), name=name)
+
+
+def _channel(header: Header, found: Scale) -> Channel:
+    quantity, unit = channel_unit(found)
+    dof = dof_of(header.response)
+    labels = [text for text in (header.ids[0], header.ordinate.label) if text.upper() not in ("", "NONE")]
+    role: Any = "reference" if quantity in ("force", "torque") else "response"
+    return Channel(labels[0] if labels else str(dof), dof, quantity, role, unit)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """One FRF of a file: its DOFs and the scale to SI."""
+
+    entry: Entry
+    output: Dof
+    input: Dof
+    factor: float
+
+
+def _axis(header: Header, fetch: Callable[[], Function]) -> tuple[Any, ...]:
+    """What FRFs on one frequency axis have in common."""
+    if header.even:
+        return (header.points, header.start, header.step, header.abscissa.unit)
+    return (header.points, fetch().x.tobytes(), header.abscissa.unit)
+
+
+def _frf_sets(
+    made: Gathered, entries: list[Entry], coherences: list[Entry], systems: dict[int, UnitSystem], fetch: Fetch, where: str
+) -> None:  # fmt: skip
+    """FRFs on one axis, of one quantity and unit, become one block of outputs and inputs."""
+    groups: dict[tuple[Any, ...], list[_Line]] = {}
+    counts: dict[tuple[Any, ...], int] = {}
+    for entry in entries:
+        header, system = _header(entry), systems[entry.number]
+        found = frf_scale(
+            scale(header.ordinate, header.response.direction, system),
+            scale(header.denominator, header.reference.direction, system),
+        )
+        _note(made, where, entry, found.note)
+        line = _Line(entry, dof_of(header.response), dof_of(header.reference), found.factor)
+        try:
+            key = (*_axis(header, lambda entry=entry: fetch(entry)), found.quantity, found.unit)  # type: ignore[misc]
+        except ValueError as error:
+            made.findings.append(_problem(where, entry, str(error)))
+            continue
+        pair = (*key, line.output, line.input)
+        counts[pair] = counts.get(pair, 0) + 1
+        groups.setdefault((*key, counts[pair]), []).append(line)
+    twice = [pair for pair, count in counts.items() if count > 1]
+    if twice:
+        message = f"{len(twice)} FRFs occur more than once, first {twice[0][-2]}/{twice[0][-1]}; each copy is a set of its own."
+        made.findings.append(Finding("warning", "duplicated-dof", where, message, float(len(twice)), 0.0))
+    blocks = [(key, block) for key, lines in groups.items() for block in _blocks(made, lines, where)]
+    left = {entry.number: entry for entry in coherences}
+    for number, (key, lines) in enumerate(blocks):
+        name = where if len(blocks) == 1 else f"{where}, FRF set {number + 1}"
+        try:
+            made.frfs.append(_frf_set(made, lines, key[-3], key[-2], left, fetch, name))
+        except (ValueError, EmaError) as error:
+            made.findings.append(_problem(where, lines[0].entry, error.args[0] if error.args else str(error)))
+    if left:
+        message = f"{len(left)} coherences belong to no FRF of the file."
+        made.findings.append(Finding("info", "coherence-alone", where, message))
+
+
+def _blocks(made: Gathered, lines: list[_Line], where: str) -> list[list[_Line]]:
+    """The lines as full matrices of outputs and inputs, as few as possible."""
+    outputs = {line.output for line in lines}
+    inputs = {line.input for line in lines}
+    if len(lines) == len(outputs) * len(inputs):
+        return [lines]
+
+    def full(mine: str, other: str) -> list[list[_Line]]:
+        across: dict[Dof, set[Dof]] = {}
+        for line in lines:
+            across.setdefault(getattr(line, mine), set()).add(getattr(line, other))
+        alike: dict[frozenset[Dof], list[_Line]] = {}
+        for line in lines:
+            alike.setdefault(frozenset(across[getattr(line, mine)]), []).append(line)
+        return list(alike.values())
+
+    blocks = min((full("input", "output"), full("output", "input")), key=len)
+    message = f"{len(lines)} FRFs do not fill the matrix of {len(outputs)} outputs and {len(inputs)} inputs; {len(blocks)} sets."
+    made.findings.append(Finding("info", "incomplete-matrix", where, message))
+    return blocks
+
+
+def _frf_set(
+    made: Gathered, lines: list[_Line], quantity: Any, unit: str, coherences: dict[int, Entry], fetch: Fetch, name: str
+) -> FrfSet:  # fmt: skip
+    outputs = tuple(dict.fromkeys(line.output for line in lines))
+    inputs = tuple(dict.fromkeys(line.input for line in lines))
+    rows = {dof: place for place, dof in enumerate(outputs)}
+    columns = {dof: place for place, dof in enumerate(inputs)}
+    first = fetch(lines[0].entry)
+    frequencies = scale(first.header.abscissa, 0, UnitSystem()).apply(first.x)
+    block = np.empty((len(outputs), len(inputs), len(frequencies)), dtype=np.complex128)
+    for line in lines:
+        function = fetch(line.entry)
+        if len(function.y) != len(frequencies):
+            raise InputError(
+                "an FRF is cut short", where=name, got=f"{len(function.y)} lines", expected=f"{len(frequencies)}"
+            )
+        target = block[rows[line.output], columns[line.input]]
+        target[:] = function.y
+        if line.factor != 1.0:
+            target *= line.factor
+    if np.any(np.diff(frequencies) <= 0) or not np.isfinite(frequencies).all():
+        raise InputError("the frequencies do not increase", where=name)
+    made.findings.extend(not_finite(block, name))
+    coherence = _coherence(coherences, _axis(first.header, lambda: first), outputs, inputs, fetch, len(frequencies))
+    dates = sorted({_header(line.entry).ids[2] for line in lines})
+    return FrfSet(
+        frequencies, block.transpose(2, 0, 1), outputs, inputs, quantity, unit, coherence, name=name,
+        estimator=f"file {dates[0]}" if dates[0] != "NONE" else "file",
+    )  # fmt: skip
+
+
+def _coherence(
+    entries: dict[int, Entry], axis: tuple[Any, ...], outputs: tuple[Dof, ...], inputs: tuple[Dof, ...], fetch: Fetch, lines: int
+) -> Any:  # fmt: skip
+    """Coherences of a block, NaN where there is none; those used are taken out of ``entries``."""
+    block = np.full((lines, len(outputs), len(inputs)), np.nan)
+    used = []
+    for entry in entries.values():
+        header = _header(entry)
+        output, input_ = dof_of(header.response), dof_of(header.reference)
+        multiple = header.function == header58.MULTIPLE_COHERENCE
+        if output not in outputs or (input_ not in inputs and not multiple):
+            continue
+        function = fetch(entry)
+        if _axis(header, lambda function=function: function) != axis or len(function.y) != lines:  # type: ignore[misc]
+            continue
+        place: Any = slice(None) if multiple else inputs.index(input_)
+        block[:, outputs.index(output), place] = function.y[:, None] if multiple else function.y
+        used.append(entry.number)
+    for number in used:
+        del entries[number]
+    return block if used else None

@@ -1,0 +1,172 @@
+"""What a universal file holds and where, found without reading the values of its functions."""
+
+import re
+from dataclasses import dataclass
+from typing import BinaryIO
+
+from acquisition.files.uff import header58, values58
+from acquisition.files.uff.header58 import Header
+
+_PEEK = 1280
+"""Bytes read at a time: one header of data set 58 with its neighbours."""
+_SCAN = 1 << 20
+_END = re.compile(rb"[ \t]*-1[ \t]*(?:\r?\n|\r|$)")
+_NUMBER = re.compile(rb"^\s*(\d{1,6})(b?)(?:\s|$)", re.I)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One data set of a universal file.
+
+    ``start`` is the offset of the line behind the set's number, ``data`` that of the values (of data set 58, else
+    ``start``), ``end`` that of the closing line; ``problem`` says what is wrong with the set, if anything.
+    """
+
+    number: int
+    type: int
+    binary: bool
+    start: int
+    data: int
+    end: int
+    header: Header | None = None
+    problem: str = ""
+
+
+class _Window:
+    """Lines of a file at any offset, read in small pieces."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.file = file
+        self.size = file.seek(0, 2)
+        self.offset, self.bytes = 0, b""
+
+    def at(self, offset: int, length: int) -> bytes:
+        """Bytes from an offset on."""
+        inside = offset - self.offset
+        if inside < 0 or inside + min(length, self.size - offset) > len(self.bytes):
+            self.file.seek(offset)
+            self.offset, self.bytes = offset, self.file.read(max(length, _PEEK))
+            inside = 0
+        return self.bytes[inside : inside + length]
+
+    def line(self, offset: int, limit: int = 512) -> tuple[bytes, int]:
+        """The line at an offset, without its end, and the offset of the next."""
+        piece = self.at(offset, 256)
+        end = piece.find(b"\n")
+        if end < 0 and len(piece) == 256:
+            piece = self.at(offset, limit)
+            end = piece.find(b"\n")
+        if end < 0:
+            return piece, offset + len(piece)
+        return piece[:end].rstrip(b"\r"), offset + end + 1
+
+    def closing(self, offset: int, binary: bool = False) -> int | None:
+        """Offset of the first closing line at or behind an offset; behind binary values it may follow at once."""
+        pattern = rb"(    -1[ \t]*)(?=\r?\n|$)" if binary else rb"(?:^|\n)([ ]{0,5}-1[ \t]*)(?=\r?\n|$)"
+        text, base, length = b"", offset, _PEEK
+        while base + len(text) < self.size:
+            self.file.seek(base + len(text))
+            text += self.file.read(length)
+            last = base + len(text) >= self.size
+            for found in re.finditer(pattern, text):
+                whole = found.end() < len(text) - 1 or last
+                if whole and (found.start() or base == offset):
+                    return base + found.start(1)
+            base, text = base + max(len(text) - 200, 0), text[-200:]
+            length = min(4 * length, _SCAN)
+        return None
+
+
+def index(file: BinaryIO) -> tuple[Entry, ...]:
+    """The data sets of an open universal file, in order; damaged ones carry their problem."""
+    window = _Window(file)
+    entries: list[Entry] = []
+    offset = 0
+    while offset < window.size:
+        line, offset = window.line(offset)
+        if line.strip() != b"-1":
+            continue
+        entry = _entry(window, offset, len(entries))
+        if entry is None:
+            continue
+        entries.append(entry)
+        offset = entry.end
+        if offset < window.size:
+            offset = window.line(offset)[1]
+    return tuple(entries)
+
+
+def _entry(window: _Window, offset: int, number: int) -> Entry | None:
+    """The data set whose opening line ends at ``offset``; ``None`` where no data set begins there."""
+    first, start = window.line(offset)
+    found = _NUMBER.match(first)
+    if found is None:
+        return None
+    kind, binary = int(found[1]), bool(found[2])
+    if kind == 58:
+        return _function(window, first, start, number)
+    end = window.closing(start)
+    problem = "" if end is not None else "the file ends inside the data set"
+    return Entry(number, kind, binary, start, start, window.size if end is None else end, problem=problem)
+
+
+def _function(window: _Window, first: bytes, start: int, number: int) -> Entry:
+    """A data set 58, whose end follows from its header."""
+    records, data = [], start
+    for _ in range(header58.RECORDS):
+        line, data = window.line(data)
+        records.append(line)
+    binary = first[6:7].lower() == b"b"
+    try:
+        header = header58.parse(first, records)
+    except (ValueError, IndexError, OverflowError) as error:
+        end = window.closing(start, binary)
+        return Entry(
+            number,
+            58,
+            binary,
+            start,
+            data,
+            window.size if end is None else end,
+            problem=f"the header is damaged: {error}",
+        )
+    end = _end_of_binary(window, header, data) if header.binary else _end_of_text(window, header, data)
+    if end is not None:
+        return Entry(number, 58, binary, start, data, end, header)
+    end = window.closing(data, binary)
+    stop = window.size if end is None else end
+    why = "the file ends inside the data set" if end is None else "more or fewer values than its header announces"
+    if not header.binary and end is not None:
+        why = ""  # text of another width is read and counted anyway
+    return Entry(number, 58, binary, start, data, stop, header, why)
+
+
+def _closes(window: _Window, offset: int) -> int | None:
+    """Offset of a closing line at ``offset``, perhaps behind a line end that some systems add."""
+    piece = window.at(offset, 100)
+    for skip in (b"", b"\r\n", b"\n"):
+        if piece.startswith(skip) and _END.match(piece, len(skip)):
+            return offset + len(skip)
+    return None
+
+
+def _end_of_binary(window: _Window, header: Header, data: int) -> int | None:
+    for dtype in values58.record_types(header):
+        length = dtype.itemsize * header.points
+        if data + length <= window.size:
+            end = _closes(window, data + length)
+            if end is not None:
+                return end
+    return None
+
+
+def _end_of_text(window: _Window, header: Header, data: int) -> int | None:
+    """End of a block of text whose lines are as long as the first."""
+    _, second = window.line(data)
+    full, rest = divmod(header.points * values58.per_point(header), len(values58.widths(header)))
+    offset = data + full * (second - data)
+    if offset > window.size:
+        return None
+    if rest:
+        offset = window.line(offset)[1]
+    return _closes(window, offset)

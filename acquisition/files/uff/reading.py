@@ -1,0 +1,242 @@
+"""Read a universal file: list its sets, fetch its functions, make nouns of all of it."""
+
+import gzip
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
+from typing import BinaryIO
+
+from acquisition import units
+from acquisition.contents import Contents
+from acquisition.files.layout import Layout
+from acquisition.files.uff import geometry_sets, mode_sets, values58
+from acquisition.files.uff.functions import gather
+from acquisition.files.uff.header58 import mended, text_of
+from acquisition.files.uff.index import Entry, index
+from acquisition.files.uff.unit_system import UnitSystem, parse164
+from acquisition.files.uff.values58 import Function
+from ema.data import Finding
+from ema.errors import InputError
+
+_GEOMETRY: dict[int, Callable[[geometry_sets.Parts, list[bytes]], None]] = {
+    15: geometry_sets.nodes15, 18: geometry_sets.systems18, 82: geometry_sets.lines82, 2411: geometry_sets.nodes2411,
+    2412: geometry_sets.elements2412, 2420: geometry_sets.systems2420,
+}  # fmt: skip
+_MODES = {55: mode_sets.shape55, 2414: mode_sets.shape2414}
+_SILENT = frozenset({151, 164, 58, 2400, 2467, 2477, 1858})
+"""Sets that need no finding: read elsewhere, or of no bearing on measurements (groups, model headers, qualifiers)."""
+_MODEL_FIELDS = ("model name", "model description", "program", "created", "modified", "written by", "written")
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """The file, unpacked in memory where it is gzipped."""
+    with path.open("rb", buffering=0) as file:
+        packed = file.read(2) == b"\x1f\x8b"
+        if not packed:
+            yield file  # type: ignore[misc]
+            return
+    try:
+        yield BytesIO(gzip.decompress(path.read_bytes()))
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"the packed file is damaged: {error}", where=str(path)) from error
+
+
+def list_sets(path: "str | PathLike[str]") -> tuple[Entry, ...]:
+    """The data sets of a universal file, without reading the values of its functions.
+
+    Raises
+    ------
+    InputError : the file cannot be read.
+    """
+    try:
+        with opened(Path(path)) as file:
+            return index(file)
+    except OSError as error:
+        raise InputError(f"the file cannot be read: {error.strerror}", where=str(path)) from error
+
+
+def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) -> tuple[Function, ...]:
+    """The functions (data set 58) of a file as written, of any type, all or those with the given set numbers.
+
+    Raises
+    ------
+    InputError : the file cannot be read, or a function is damaged.
+    """
+    with opened(Path(path)) as file:
+        entries = [entry for entry in index(file) if entry.type == 58 and (sets is None or entry.number in sets)]
+        for entry in entries:
+            if entry.problem or entry.header is None:
+                raise InputError(entry.problem or "damaged", where=f"{Path(path).name}, data set {entry.number + 1}")
+        try:
+            return tuple(fetch(file, entry) for entry in entries)
+        except ValueError as error:
+            raise InputError(f"a function is damaged: {error}", where=Path(path).name) from error
+
+
+def fetch(file: BinaryIO, entry: Entry) -> Function:
+    """The values of one function; fewer than announced where the file is cut short.
+
+    Raises
+    ------
+    ValueError : something in the values is no number.
+    """
+    assert entry.header is not None  # only functions with a sound header are fetched
+    file.seek(entry.data)
+    data = file.read(entry.end - entry.data)
+    if not entry.header.binary:
+        return values58.from_text(entry.header, data)
+    if not entry.problem and len(data) > (sound := _length(entry, len(data))):
+        data = data[:sound]
+    return values58.from_binary(entry.header, data)
+
+
+def _length(entry: Entry, there: int) -> int:
+    """Length of a sound binary block, without a line end behind it."""
+    assert entry.header is not None
+    lengths = [dtype.itemsize * entry.header.points for dtype in values58.record_types(entry.header)]
+    return max((length for length in lengths if length <= there), default=there)
+
+
+@dataclass
+class _File:
+    """What reading one file has gathered so far."""
+
+    where: str
+    parts: geometry_sets.Parts = field(default_factory=geometry_sets.Parts)
+    shapes: list[mode_sets.Shape] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    metadata: list[tuple[str, str]] = field(default_factory=list)
+    skipped: dict[str, int] = field(default_factory=dict)
+
+    def damaged(self, entry: Entry, why: str) -> None:
+        """Note that a data set is not usable."""
+        where = f"{self.where}, data set {entry.number + 1} (type {entry.type})"
+        self.findings.append(Finding("error", "damaged-set", where, why + ".", advice="Export the file again."))
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read a universal file; damaged sets are left out with a finding.
+
+    Raises
+    ------
+    InputError : no data set in it can be used.
+    """
+    with opened(path) as file:
+        entries = [entry for entry in index(file) if layout.sets is None or entry.number in layout.sets]
+        if not entries:
+            raise InputError(
+                "no data set in the file", where=str(path), advice="a universal file begins with a line '    -1'"
+            )
+        gathered = _File(path.name)
+        systems = _unit_systems(file, entries, gathered)
+        for entry in entries:
+            if entry.type != 58:
+                _plain(file, entry, systems[entry.number], gathered)
+        sound = _sound(entries, gathered)
+        made = gather(sound, systems, lambda entry: _checked(file, entry, gathered), path.name)
+    gathered.parts.units = next((systems[e.number] for e in entries if e.type in (15, 2411)), UnitSystem())
+    length = None if layout.unit is None else units.parse(layout.unit).factor
+    geometry = geometry_sets.assemble(gathered.parts, path.name, length)
+    modes, notes = mode_sets.models(gathered.shapes, path.name)
+    for what, count in gathered.skipped.items():
+        times = f"{count} data sets hold" if count > 1 else "1 data set holds"
+        gathered.findings.append(Finding("info", "not-read", path.name, f"{times} {what}, not read."))
+    findings = (*gathered.findings, *made.findings, *gathered.parts.findings, *notes)
+    contents = Contents(
+        tuple(made.recordings), tuple(made.frfs), tuple(modes), geometry, tuple(dict.fromkeys(findings)),
+        (*gathered.metadata, *_ids(sound)),
+    )  # fmt: skip
+    if not contents and any(finding.code == "damaged-set" for finding in findings):
+        worst = next(finding for finding in findings if finding.code == "damaged-set")
+        raise InputError(worst.message.rstrip("."), where=worst.where, advice="export the file again")
+    return contents
+
+
+def _sound(entries: list[Entry], gathered: _File) -> list[Entry]:
+    """The functions that can be read; of the others the problem is noted."""
+    sound = []
+    for entry in entries:
+        if entry.type != 58:
+            continue
+        if entry.problem:
+            gathered.damaged(entry, entry.problem)
+        if entry.header is not None and not (entry.problem and entry.header.even is False):
+            sound.append(entry)
+    return sound
+
+
+def _checked(file: BinaryIO, entry: Entry, gathered: _File) -> Function:
+    """The values of a function; a finding where there are fewer than its header announces."""
+    function = fetch(file, entry)
+    there, announced = len(function.y), function.header.points
+    if there < announced and not entry.problem:
+        gathered.damaged(entry, f"{there} of {announced} announced values are in the file; it is truncated")
+    return function
+
+
+def _unit_systems(file: BinaryIO, entries: list[Entry], gathered: _File) -> dict[int, UnitSystem]:
+    """The unit system of each set: that of the last 164 in front of it, else of the first in the file."""
+    found: dict[int, UnitSystem] = {}
+    for entry in entries:
+        if entry.type == 164:
+            try:
+                found[entry.number] = parse164(_lines(file, entry))
+            except (ValueError, IndexError) as error:
+                gathered.damaged(entry, f"units: {error}")
+    if found:
+        gathered.metadata.append(("unit system", next(iter(found.values())).name))
+    current = next(iter(found.values()), UnitSystem())
+    systems = {}
+    for entry in entries:
+        current = found.get(entry.number, current)
+        systems[entry.number] = current
+    return systems
+
+
+def _lines(file: BinaryIO, entry: Entry) -> list[bytes]:
+    file.seek(entry.data)
+    return file.read(entry.end - entry.data).splitlines()
+
+
+def _plain(file: BinaryIO, entry: Entry, system: UnitSystem, gathered: _File) -> None:
+    """A data set of text: geometry, modes or the model's header."""
+    lines = _lines(file, entry)
+    try:
+        if entry.type in _GEOMETRY:
+            _GEOMETRY[entry.type](gathered.parts, lines)
+        elif entry.type in _MODES:
+            gathered.shapes.append(_MODES[entry.type](lines, system))
+        elif entry.type == 151:
+            texts = [mended(text_of(line)) for line in lines]
+            gathered.metadata += [
+                (name, text)
+                for name, text in zip(_MODEL_FIELDS, texts)
+                if text and text.upper() not in ("NONE", "UNKNOWN")
+            ]
+        elif entry.type not in _SILENT:
+            what = f"type {entry.type}"
+            gathered.skipped[what] = gathered.skipped.get(what, 0) + 1
+    except mode_sets.NotAMode as other:
+        what = f"a {other}"
+        gathered.skipped[what] = gathered.skipped.get(what, 0) + 1
+    except (ValueError, IndexError, OverflowError, FloatingPointError) as error:
+        gathered.damaged(entry, f"damaged: {error}")
+    else:
+        if entry.problem:
+            gathered.damaged(entry, entry.problem)
+
+
+def _ids(entries: list[Entry]) -> list[tuple[str, str]]:
+    """The texts in the heads of the functions, each once."""
+    texts = {}
+    for entry in entries[:200]:
+        if entry.header is not None:
+            for number, text in enumerate(entry.header.ids):
+                if text and text.upper() != "NONE" and not (number == 0 and entry.header.function == 1):
+                    texts[f"function id {number + 1}", text] = None
+    return list(texts)[:20]
