@@ -31,7 +31,7 @@ def receptance(
     values = np.zeros((len(frequencies), len(model.dofs), len(model.inputs)), complex)
     for poles, matrices in blocks:
         direct, mirrored = pole_basis(frequencies, poles)
-        flat = matrices.reshape(len(poles), -1)
+        flat = matrices.reshape(len(poles), values[0].size)
         values += (direct @ flat + mirrored @ flat.conj()).reshape(values.shape)
     if rest is not None:
         squares = (2j * np.pi * frequencies) ** 2

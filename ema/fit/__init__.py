@@ -1,1 +1,24 @@
 """FrfSet -> PoleTable -> ModalModel."""
+
+from importlib import import_module
+from typing import Any
+
+_HOME = {
+    "cmif": "ema.fit.cmif",
+    "mode_indicator": "ema.fit.cmif",
+    "modes": "ema.fit.modes",
+    "multivariate_mode_indicator": "ema.fit.cmif",
+    "reconstruction_error": "ema.fit.modes",
+    "stabilise": "ema.fit.stabilise",
+}
+
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'ema.fit' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    # The verb shares its name with its module, which the import has just put here.
+    globals()[name] = value
+    return value

@@ -1,0 +1,230 @@
+"""From poles to modes: selection, residues with what lies outside, scaling."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Complex, Float
+
+from ema.data import Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
+from ema.errors import InputError
+from ema.fit import likelihood
+from ema.fit.likelihood import ModalFit
+from ema.fit.prepare import Prepared, prepare
+from ema.fit.scaling import scale_to_unit_modal_mass
+from ema.fit.select import Selection, keep_picked, select
+from ema.progress import Progress, advance, silent
+
+_NAMED = 10
+"""Dropped candidates that are told one by one."""
+
+
+def modes(
+    frfs: FrfSet,
+    poles: PoleTable,
+    near: Sequence[float] | None = None,
+    index: Sequence[int] | None = None,
+    shapes: Literal["complex", "real"] = "complex",
+    progress: Progress = silent,
+) -> ModalModel:
+    """Modal model of FRFs: natural frequencies, damping, shapes, participation, residual terms and intervals.
+
+    Told nothing, the modes are selected automatically. The poles are refined by maximum likelihood together with the
+    background (poles outside the band, residual terms) that stays in the model.
+
+    Parameters
+    ----------
+    frfs : the FRFs; the band is that of ``poles``.
+    near : frequencies in Hz; the most persistent pole next to each is taken, and no other.
+    index : rows of ``poles`` to take, and no other.
+    shapes : complex shapes, or real ones (each mode rotated to its mean phase).
+
+    Raises
+    ------
+    InputError : the FRFs cannot be fitted, or there is no pole near a wanted frequency.
+    """
+    band = frfs.band(*poles.band)
+    data = prepare(band)
+    advance(progress, "selection of modes", 0, 2)
+    if near is None and index is None:
+        chosen = select(data, poles, band.added_decay)
+    else:
+        chosen = keep_picked(data, poles, band.added_decay, _picked(poles, near, index, frfs.name))
+    advance(progress, "residues", 1, 2)
+    model = _model(band, data, chosen)
+    return _real(model) if shapes == "real" else model
+
+
+def _picked(table: PoleTable, near: Sequence[float] | None, index: Sequence[int] | None, where: str) -> list[int]:
+    """Rows of the pole table that the user named."""
+    rows = list(index or ())
+    outside = [row for row in rows if not 0 <= row < len(table.poles)]
+    if outside:
+        raise InputError(
+            "no such row in the pole table", where=where, got=outside, expected=f"0 to {len(table.poles) - 1}"
+        )
+    frequencies = table.natural_frequencies
+    for wanted in near or ():
+        distance = np.abs(frequencies - wanted)
+        # Among the poles about as near as the nearest ones, the stable one of the highest order is the best start.
+        close = np.flatnonzero(distance <= max(0.01 * wanted, 1e-12))
+        if not len(close):
+            raise InputError(
+                "no pole near the wanted frequency", where=where, got=f"{wanted:g} Hz",
+                expected=f"a frequency within 1 % of a pole; the nearest is {frequencies[np.argmin(distance)]:.6g} Hz"
+                if len(frequencies) else "a pole table that is not empty",
+            )  # fmt: skip
+        merit = np.isin(table.letter[close], ["s", "d", "v"]) * 1.0 + table.order[close] / table.order.max()
+        rows.append(int(close[np.argmax(merit - distance[close] / (0.01 * wanted))]))
+    return rows
+
+
+def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
+    """Shapes and residual terms on all outputs for the refined poles."""
+    fit = chosen.fit
+    coefficients = _coefficients(data, chosen)
+    count, references = len(fit.poles), len(data.references)
+    pairs = coefficients[: 2 * count].reshape(count, 2, len(data.dofs))
+    psi = pairs[:, 0] + 1j * pairs[:, 1]
+    residues = np.einsum("rk,ir->rki", psi, fit.participation)
+    rest = coefficients[2 * count :].reshape(references, len(chosen.data.rest) + 2, 2, len(data.dofs))
+    complex_rest = rest[:, :, 0] + 1j * rest[:, :, 1]
+    scale = float(np.abs(chosen.data.s).mean())
+    outside = np.flatnonzero(~chosen.is_mode)
+    background = np.concatenate([residues[outside], complex_rest[:, :-2].transpose(1, 2, 0)])
+    residuals = Residuals(
+        lower=complex_rest[:, -2].T * scale**2,
+        upper=complex_rest[:, -1].T,
+        poles=np.concatenate([fit.poles[outside], chosen.data.rest]),
+        residues=background,
+    )
+    order = np.flatnonzero(chosen.is_mode)
+    order = order[np.argsort(np.abs(fit.poles[order]))]
+    shapes, participation = _normalise(psi[order].T, fit.participation[:, order])
+    model = ModalModel(
+        poles=fit.poles[order] + band.added_decay,
+        shapes=shapes,
+        dofs=data.dofs,
+        participation=participation,
+        inputs=data.references,
+        residuals=residuals,
+        covariance=likelihood.covariance(fit, chosen.factor)[order],
+        confidence=chosen.confidence[order],
+        condition=band.condition,
+        provenance=band.provenance,
+        findings=_findings(band, data, chosen),
+        name=band.name,
+    )
+    return scale_to_unit_modal_mass(model) if band.scaled else model
+
+
+def _coefficients(data: Prepared, chosen: Selection) -> Float[np.ndarray, "column out"]:
+    """Linear unknowns of every output at the refined poles, a block of outputs at a time."""
+    fit, blocks = chosen.fit, []
+    noise = chosen.noise
+    for first in range(0, len(data.dofs), 48):
+        rows = slice(first, first + 48)
+        part = replace(noise, outputs=noise.outputs[rows])
+        observed = likelihood.observe(
+            data.frequencies, data.values[:, rows], data.derivative, part, chosen.starts, rotate=False
+        )
+        blocks.append(likelihood.linear_unknowns(observed, fit) * noise.outputs[rows])
+    return np.concatenate(blocks, axis=1)
+
+
+def _normalise(
+    shapes: Complex[np.ndarray, "dof mode"], participation: Complex[np.ndarray, "in mode"]
+) -> tuple[Complex[np.ndarray, "dof mode"], Complex[np.ndarray, "in mode"]]:
+    """Largest component of each shape 1; the participation takes the rest, so that residues stay."""
+    if shapes.shape[1] == 0:
+        return shapes, participation
+    largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])]
+    largest = np.where(largest == 0, 1, largest)
+    return shapes / largest, participation * largest
+
+
+def _real(model: ModalModel) -> ModalModel:
+    """Each shape rotated to its mean phase, its imaginary part dropped, and the participation turned back."""
+    # The phase that maximises the real part is half the phase of the sum of squares.
+    turn = np.exp(-0.5j * np.angle(np.sum(model.shapes**2, axis=0)))
+    return replace(model, shapes=(model.shapes * turn).real.astype(complex), participation=model.participation / turn)
+
+
+def _findings(band: FrfSet, data: Prepared, chosen: Selection) -> tuple[Finding, ...]:
+    """What the selection dropped, modes at the band edge, DOFs without a signal."""
+    where = band.name or "fit"
+    found: list[Finding] = []
+    if data.dead:
+        found.append(
+            Finding(
+                "warning",
+                "dead-output",
+                where,
+                f"All FRFs of {', '.join(map(str, data.dead[:6]))} are zero; they were left out.",
+                value=float(len(data.dead)),
+                advice="Check the cable and the channel table.",
+            )  # fmt: skip
+        )
+    for drop in chosen.dropped[-_NAMED:]:
+        frequency, damping = natural_frequencies(np.array([drop.pole]))[0], damping_ratios(np.array([drop.pole]))[0]
+        found.append(
+            Finding(
+                "info",
+                "dropped-candidate",
+                where,
+                f"A pole at {frequency:.6g} Hz with {100 * damping:.3g} % damping was not taken: {drop.reason}.",
+                value=float(frequency),
+                advice="Name it with near=[...] if you know that it is a mode.",
+            )  # fmt: skip
+        )
+    if len(chosen.dropped) > _NAMED:
+        found.append(
+            Finding(
+                "info",
+                "dropped-candidate",
+                where,
+                f"{len(chosen.dropped) - _NAMED} more candidates were not taken: noise or misfit explains them.",
+                value=float(len(chosen.dropped) - _NAMED),
+                advice="Look at the stabilisation diagram.",
+            )  # fmt: skip
+        )
+    poles = chosen.fit.poles[chosen.is_mode]
+    low, high = 2 * np.pi * data.frequencies[0], 2 * np.pi * data.frequencies[-1]
+    for pole in poles:
+        if min(abs(pole) - low, high - abs(pole)) < abs(pole.real):
+            found.append(
+                Finding(
+                    "warning",
+                    "band-edge",
+                    f"{where}, {abs(pole) / 2 / np.pi:.6g} Hz",
+                    "The band cuts through the peak of this mode.",
+                    value=float(abs(pole) / 2 / np.pi),
+                    advice="Widen the band by a few bandwidths for a trustworthy damping.",
+                )  # fmt: skip
+            )
+    if not len(poles):
+        found.append(
+            Finding("warning", "no-modes", where, "No mode stands out of the noise in this band.",
+                    advice="Look at the coherence, and name frequencies with near=[...] to insist.")
+        )  # fmt: skip
+    return tuple(found)
+
+
+def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, Float[np.ndarray, "out in"]]:
+    """FRFs of the model on the lines of ``measured`` and their relative error, norm over norm, for each FRF.
+
+    The decay that a window added is put back, so that both hold the same window.
+    """
+    from ema import synthesis
+
+    keep = measured.frequencies > 0
+    measured = measured.lines(keep) if not keep.all() else measured
+    windowed = replace(model, poles=model.poles - measured.added_decay)
+    quantity = "accelerance" if measured.quantity == "unstated" else measured.quantity
+    rebuilt = synthesis.frfs(windowed, np.asarray(measured.frequencies), quantity, measured.outputs, measured.inputs)
+    rebuilt = replace(rebuilt, quantity=measured.quantity, unit=measured.unit, added_decay=measured.added_decay)
+    norm = np.linalg.norm(measured.values, axis=0)
+    error = np.linalg.norm(rebuilt.values - measured.values, axis=0) / np.where(norm > 0, norm, 1)
+    return rebuilt, error

@@ -1,0 +1,79 @@
+"""FRFs as the estimators want them: checked, short side as references, free of lines that cannot be used."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from ema.data import FrfSet
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.fit import noise
+from ema.units import DERIVATIVE_ORDER
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """FRFs (freq, dof, reference) with their noise level; ``swapped`` says that references are the outputs of the test
+    (roving hammer: by reciprocity the shapes live on the hammer's DOFs). ``dead`` lists DOFs whose FRFs are all zero.
+    """
+
+    frequencies: Float[np.ndarray, "freq"]
+    values: Complex[np.ndarray, "freq dof in"]
+    dofs: tuple[Dof, ...]
+    references: tuple[Dof, ...]
+    derivative: int
+    noise: noise.NoiseLevel
+    swapped: bool
+    dead: tuple[Dof, ...]
+
+
+def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
+    """Check and orient FRFs for a fit.
+
+    Raises
+    ------
+    InputError : too few lines, a frequency axis that does not increase, NaN or infinite values, nothing but zeros.
+    """
+    where = frfs.name or "FRFs"
+    frequencies, values = np.asarray(frfs.frequencies), np.asarray(frfs.values)
+    variance = frfs.variance
+    if len(frequencies) and frequencies[0] <= 0:
+        keep = frequencies > 0
+        frequencies, values = frequencies[keep], values[keep]
+        variance = None if variance is None else variance[keep]
+    if len(frequencies) < fewest:
+        raise InputError(
+            "too few frequency lines to fit modes", where=where, got=len(frequencies), expected=f"at least {fewest}",
+            advice="widen the band or measure longer records",
+        )  # fmt: skip
+    if np.any(np.diff(frequencies) <= 0):
+        raise InputError(
+            "the frequency axis does not increase", where=where, advice="sort the lines and drop repeated ones"
+        )
+    if values.size == 0:
+        raise InputError("there are no FRFs to fit", where=where, got=f"shape {values.shape}")
+    bad = ~np.isfinite(values)
+    if bad.any():
+        output, input_ = np.argwhere(bad.any(axis=0))[0]
+        raise InputError(
+            "an FRF holds NaN or infinite values", where=f"{where}, {frfs.label(int(output), int(input_))}",
+            got=f"{int(bad.sum())} such values", advice="exclude the record that caused them, or fit a band without them",
+        )  # fmt: skip
+    swapped = values.shape[1] < values.shape[2]
+    dofs, references = (frfs.inputs, frfs.outputs) if swapped else (frfs.outputs, frfs.inputs)
+    if swapped:
+        values = values.transpose(0, 2, 1)
+        variance = None if variance is None else variance.transpose(0, 2, 1)
+    alive = np.abs(values).max(axis=(0, 2)) > 0
+    if not alive.any():
+        raise InputError("all FRFs are zero", where=where, advice="check the response channels and the scaling")
+    level = None
+    if variance is not None and np.all(np.isfinite(variance)) and np.all(np.median(variance[:, alive], axis=0) > 0):
+        level = noise.from_variance(np.asarray(variance)[:, alive])
+    if level is None:
+        level = noise.from_differences(values[:, alive])
+    return Prepared(
+        frequencies, values[:, alive], tuple(d for d, a in zip(dofs, alive, strict=True) if a), references,
+        DERIVATIVE_ORDER[frfs.quantity], level, swapped, tuple(d for d, a in zip(dofs, alive, strict=True) if not a),
+    )  # fmt: skip

@@ -1,0 +1,122 @@
+"""The stabilisation diagram: poles of all model orders."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Complex
+
+from ema.data import FrfSet, PoleTable, damping_ratios, natural_frequencies
+from ema.errors import InputError
+from ema.fit import lscf
+from ema.fit.prepare import Prepared, prepare
+from ema.progress import Progress, advance, silent
+
+TOLERANCES = (0.01, 0.05, 0.02)
+"""Relative change of frequency and damping, and 1 - MAC of the participation vector, that still count as stable."""
+
+
+def stabilise(
+    frfs: FrfSet,
+    orders: Iterable[int] | None = None,
+    tolerances: tuple[float, float, float] = TOLERANCES,
+    progress: Progress = silent,
+) -> PoleTable:
+    """Poles of the poly-reference least-squares complex frequency estimator for a range of model orders.
+
+    Parameters
+    ----------
+    frfs : the FRFs of the band to be analysed (``frfs.band(200, 1350)``); the shorter side serves as references.
+    orders : model orders, counted as usual: an order gives half as many modes per reference. Odd orders count as the
+        next even one. Default: 2, 4, ... 60, or fewer where there are few lines.
+    tolerances : of frequency, damping and vector, for the letters.
+
+    Raises
+    ------
+    InputError : the FRFs cannot be fitted, or an order is out of range.
+
+    References
+    ----------
+    Guillaume et al., A poly-reference implementation of the least-squares complex frequency-domain estimator, IMAC 2003.
+    """
+    data = prepare(frfs)
+    return stabilise_prepared(data, frfs, orders, tolerances, progress)
+
+
+def stabilise_prepared(
+    data: Prepared,
+    frfs: FrfSet,
+    orders: Iterable[int] | None = None,
+    tolerances: tuple[float, float, float] = TOLERANCES,
+    progress: Progress = silent,
+) -> PoleTable:
+    """`stabilise` on FRFs that are already checked and oriented."""
+    degrees = _degrees(orders, data)
+    weights = 1 / np.clip(data.noise.lines, 0.2, 5.0)
+    scaled = data.values / (data.noise.outputs[:, None] * data.noise.references)
+    outputs = lscf.principal_outputs(scaled, weights)
+    polynomials = lscf.normal_matrices(data.frequencies, outputs, degrees, weights)
+    order, poles, letters, vectors = [], [], [], []
+    previous: tuple[np.ndarray, np.ndarray] | None = None
+    for done, degree in enumerate(degrees):
+        advance(progress, "model orders", done, len(degrees))
+        found, participation = lscf.poles(polynomials, degree)
+        letters.append(_letters(found, participation, previous, tolerances))
+        previous = (found, participation)
+        order.append(np.full(len(found), 2 * degree))
+        # An exponential window shifted every pole to the left by the same amount.
+        poles.append(found + frfs.added_decay)
+        vectors.append(participation * data.noise.references)
+    participation = np.concatenate(vectors)
+    norm = np.maximum(np.linalg.norm(participation, axis=1, keepdims=True), np.finfo(float).tiny)
+    return PoleTable(
+        order=np.concatenate(order),
+        poles=np.concatenate(poles),
+        letter=np.concatenate(letters),
+        participation=participation / norm,
+        references=data.references,
+        band=(float(data.frequencies[0]), float(data.frequencies[-1])),
+        tolerances=tolerances,
+    )
+
+
+def _degrees(orders: Iterable[int] | None, data: Prepared) -> list[int]:
+    """Degrees of the complex polynomials behind the model orders."""
+    lines, _, references = data.values.shape
+    limit = max(1, lines // (2 * (references + 1)))
+    if orders is None:
+        return list(range(1, min(30, limit) + 1))
+    degrees = sorted({(int(order) + 1) // 2 for order in orders})
+    if not degrees or degrees[0] < 1:
+        raise InputError(
+            "no usable model order", got=list(orders)[:5], expected="orders of 2 and more, e.g. range(2, 61, 2)"
+        )
+    if degrees[-1] > limit:
+        raise InputError(
+            "a model order is too high for the number of frequency lines", got=f"order {2 * degrees[-1]}, {lines} lines",
+            expected=f"orders up to {2 * limit}",
+        )  # fmt: skip
+    return degrees
+
+
+def _letters(
+    poles: Complex[np.ndarray, "pole"],
+    vectors: Complex[np.ndarray, "pole in"],
+    previous: tuple[np.ndarray, np.ndarray] | None,
+    tolerances: tuple[float, float, float],
+) -> np.ndarray:
+    """o new, f stable in frequency, d also in damping, v in frequency and vector, s in all, against the last order."""
+    letters = np.full(len(poles), "o", dtype="<U1")
+    if previous is None or not len(previous[0]) or not len(poles):
+        return letters
+    before, vectors_before = previous
+    nearest = np.argmin(np.abs(poles[:, None] - before[None, :]), axis=1)
+    frequency, damping = natural_frequencies(poles), damping_ratios(poles)
+    same_f = np.abs(frequency - natural_frequencies(before)[nearest]) <= tolerances[0] * frequency
+    same_d = np.abs(damping - damping_ratios(before)[nearest]) <= tolerances[1] * np.abs(damping)
+    overlap = np.abs(np.einsum("pi,pi->p", vectors.conj(), vectors_before[nearest])) ** 2
+    same_v = overlap >= 1 - tolerances[2]
+    letters[same_f] = "f"
+    letters[same_f & same_d] = "d"
+    letters[same_f & same_v] = "v"
+    letters[same_f & same_d & same_v] = "s"
+    return letters
