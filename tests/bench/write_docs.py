@@ -23,7 +23,8 @@ SPEED = """# Speed
 All systems run on the same cases in one run, each in a process of its own with one thread, warmed up on another case.
 Short runs are taken three times and the fastest counts. *Poles* is the time for the poles of all model orders;
 *selection* is what follows until the chosen modes are there, which for friction-ema includes their shapes and residues.
-*Memory* is the high-water mark above what the process held before, over the size of the FRFs. Medians over the seeds.
+*CPU* is the processor time of both, which other work on the machine disturbs least. *Memory* is the high-water mark
+above what the process held before, over the size of the FRFs. Medians over the seeds.
 
 This page is written by `python -m tests.bench.write_docs` from the figures of `python -m tests.bench.fit`.
 """
@@ -70,7 +71,7 @@ def number(value: float, digits: int = 3) -> str:
     """Three significant digits; a dash for NaN."""
     if not np.isfinite(value):
         return "-"
-    return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e4 else f"{value:.{digits - 1}e}"
+    return f"{value:.{digits}g}" if value == 0 or 1e-3 <= abs(value) < 1e4 else f"{value:.{digits - 1}e}"
 
 
 def name(system: str, runs: list[dict]) -> str:
@@ -108,15 +109,26 @@ def speed(row: dict) -> str:
     lines = []
     for system, own in runs.items():
         poles = median(own, lambda run: run["time_poles"])
-        lines.append([
-            name(system, own), number(poles), number(median(own, lambda run: run["time_selection"])),
-            number(median(own, total)), number(median(own, lambda run: run["extra_memory"] / run["data_bytes"]), 2),
-            "" if system == OURS else f"1/{number(poles / ours)}",
-        ])  # fmt: skip
+        lines.append(
+            [
+                name(system, own),
+                number(poles),
+                number(median(own, lambda run: run["time_selection"])),
+                number(median(own, total)),
+                number(median(own, lambda run: run["time_cpu"])),
+                number(median(own, lambda run: run["extra_memory"] / run["data_bytes"]), 2),
+                "" if system == OURS else f"1/{number(poles / ours)}",
+            ]
+        )
     head = [
-        "system", "poles [s]", "selection [s]", "both [s]", "memory / data",
+        "system",
+        "poles [s]",
+        "selection [s]",
+        "both [s]",
+        "CPU [s]",
+        "memory / data",
         "friction-ema's poles and selection over the peer's poles",
-    ]  # fmt: skip
+    ]
     return "\n\n".join(filter(None, [f"## {row['title']}", table(head, lines), failures(runs), stamp(row)]))
 
 

@@ -10,6 +10,7 @@ from ema.data.modal import damping_ratios, poles_from
 from ema.synthesis import frfs, pole_basis
 from tests.bench.cases import Case, _case, case_160, random_system
 from tests.bench.scoring import cramer_rao, modes_of_poles, score
+from tests.bench.write_docs import OURS, accuracy, speed
 
 
 def tiny(seed: int = 5, noise: float = 0.02) -> Case:
@@ -185,3 +186,40 @@ def test_maximum_likelihood_scatters_as_the_bound_says():
     damping_std = np.std(damping_ratios(np.array(draws)), axis=0)
     assert frequency_std / bound.frequency_std == pytest.approx(np.ones(2), abs=0.15)
     assert damping_std / bound.damping_std == pytest.approx(np.ones(2), abs=0.15)
+
+
+def _run(seed: int, poles: float, selection: float, **more: object) -> dict:
+    return {
+        "seed": seed, "version": "1.0", "time_poles": poles, "time_selection": selection, "time_cpu": poles,
+        "extra_memory": 3e6, "data_bytes": 2e6, "found": 19, "identifiable": 20, "missed": [[123.4, 0.05]],
+        "false": [], "damping_error": 4e-4, "damping_bias": -1e-4, "frequency_ratio": 1.1, "damping_ratio": 1.2,
+        "residue_error": 0.01, "residue_error_largest": 0.02, "bound_damping": 3e-4, "bound_frequency": 2e-6, **more,
+    }  # fmt: skip
+
+
+def test_the_pages_hold_medians_ratios_and_every_miss():
+    machine = {
+        "processor": "p",
+        "cores": 2,
+        "system": "Linux",
+        "python": "3.11",
+        "numpy": "2",
+        "scipy": "1",
+        "numba": "0",
+    }
+    row = {
+        "title": "a case", "seeds": [1, 2, 3], "date": "2026-01-02", "machine": machine,
+        "runs": {
+            OURS: [_run(1, 0.1, 0.1), _run(2, 0.1, 0.3), _run(3, 0.1, 0.2, missed=[], false=[77.0])],
+            "pyfbs": [_run(1, 3.0, 0.0), {"seed": 2, "error": "not finished within 9 s"}],
+        },
+    }  # fmt: skip
+    page = speed(row)
+    assert "| friction-ema 1.0 | 0.1 | 0.2 | 0.3 | 0.1 | 1.5 |  |" in page
+    assert "| pyFBS 1.0 | 3 | 0 | 3 | 3 | 1.5 | 1/10 |" in page
+    assert "pyFBS 1.0, seed 2: not finished within 9 s" in page
+    page = accuracy(row)
+    assert "| friction-ema 1.0 | nothing | 19 + 19 + 19 | 20 + 20 + 20 | 0 + 0 + 1 | 0.04 | -0.01 | 1.1 | 1.2 |" in page
+    assert "friction-ema 1.0, seed 3: false 77 Hz" in page
+    assert "pyFBS 1.0, seed 1: missed 123.4 Hz (5.00 %)" in page
+    assert "Seeds: 1, 2, 3." in page
