@@ -40,7 +40,7 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
         modes, inside.frequencies, inside.quantity, outputs=inside.outputs, inputs=inside.inputs
     )
     reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=inside.unit)
-    findings = _unique(run.findings + frfs.findings + modes.findings + quality(inside, modes))
+    findings = unique(run.findings + frfs.findings + modes.findings + quality(inside, modes))
     return RunResult(
         run=run, frfs=frfs, poles=poles, modes=modes, quality=shapes.quality(modes.shapes),
         reconstruction=reconstruction, reconstruction_error=relative_error(inside, reconstruction),
@@ -99,7 +99,7 @@ def relative_error(measured: FrfSet, model: FrfSet) -> Float[np.ndarray, "out in
     return np.divide(difference, size, out=np.full(size.shape, np.nan), where=size > 0)
 
 
-def _unique(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+def unique(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Each finding once, the grave ones first."""
     order = {"error": 0, "warning": 1, "info": 2}
     return tuple(sorted(dict.fromkeys(findings), key=lambda finding: order[finding.severity]))

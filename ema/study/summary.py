@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ema.data import Finding, ModalModel, RunResult, StudyResult
+from ema.data import Finding, JointForce, ModalModel, RunResult, StudyResult
 
 
 def summary(result: StudyResult) -> dict[str, Any]:
@@ -29,10 +29,7 @@ def _run(result: RunResult) -> dict[str, Any]:
     return {
         "run": result.run.id,
         "modes": modes(result.modes, None if result.quality is None else result.quality.modal_phase_collinearity),
-        "joints": [
-            {"joint": joint.joint, "mean": number(joint.mean), "std": number(joint.std), "drift": number(joint.drift)}
-            for joint in result.run.condition.joints
-        ],
+        "joints": [joint(one) for one in result.run.condition.joints],
         "findings": [finding(one) for one in result.findings],
     }
 
@@ -53,6 +50,11 @@ def modes(model: ModalModel, collinearity: "np.ndarray | None" = None) -> list[d
             row["modal_phase_collinearity"] = number(collinearity[mode])
         rows.append(row)
     return rows
+
+
+def joint(one: JointForce) -> dict[str, Any]:
+    """The normal force of a joint in N."""
+    return {"joint": one.joint, "mean": number(one.mean), "std": number(one.std), "drift": number(one.drift)}
 
 
 def finding(one: Finding) -> dict[str, Any]:

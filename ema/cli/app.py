@@ -1,0 +1,226 @@
+"""The commands. Each parses, calls, prints; heavy modules are imported when a command needs them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+import ema
+from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.errors import InputError
+
+if TYPE_CHECKING:
+    from ema.data import Finding, Geometry, ModalModel
+    from ema.study.recipe import FitTable
+
+app = typer.Typer(
+    name="ema", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    help="Experimental modal analysis where joints and friction matter.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Limit = Annotated[
+    Literal["warning", "error", "never"] | None,
+    typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
+]
+Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")]
+Measurement = Annotated[
+    Path,
+    typer.Argument(help="A campaign's folder or campaign.toml, a recipe, or a file with FRFs.", show_default=False),
+]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"friction-ema {ema.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+@ends_well
+def run(
+    recipe: Measurement,
+    output: Output = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Keep runs finished before with the same inputs.")] = False,
+    limit: Limit = None,
+    json: Json = False,
+) -> int:
+    """Do a whole study: signals to modes, expectations and a report."""
+    from ema.cli import screen
+    from ema.study import Study, summary
+
+    study = Study.load(recipe, output)
+    with screen.Bars() as bars:
+        result = study.run(progress=bars, resume=resume)
+    if json:
+        screen.as_json(summary(result) | {"report": str(study.report), "result": str(study.result)})
+    else:
+        screen.show_result(screen.console(), result, study.report)
+    findings = [*result.findings, *(finding for one in result.runs for finding in one.findings)]
+    missed = any(not expectation.met for expectation in result.expectations)
+    return FINDINGS if missed else _status(findings, limit or study.recipe.finding_limit)
+
+
+@app.command()
+@ends_well
+def check(
+    campaign: Measurement,
+    run: Annotated[list[str] | None, typer.Option("--run", help="Only this run (may be repeated).")] = None,
+    limit: Limit = None,
+    json: Json = False,
+) -> int:
+    """Say what was measured, under which conditions, and what is wrong with it; no modes."""
+    from ema.cli import checking, screen
+    from ema.study import Study
+
+    study = Study.load(campaign)
+    with screen.Bars() as bars:
+        opened = study.open(bars)
+        runs = [opened[name] for name in run] if run else list(opened.runs)
+        checked = [checking.checked(one, study.recipe.estimate, bars) for one in runs]
+    if json:
+        screen.as_json(checking.as_mapping(opened, checked))
+    else:
+        checking.show(screen.console(), opened, checked)
+    findings = [*opened.findings, *(finding for one in checked for finding in one.findings)]
+    return _status(findings, limit or study.recipe.finding_limit)
+
+
+@app.command()
+@ends_well
+def fit(
+    measurement: Measurement,
+    run: Annotated[list[str] | None, typer.Option("--run", help="Only this run (may be repeated).")] = None,
+    near: Annotated[list[float] | None, typer.Option(help="Take the mode near this frequency in Hz (repeat).")] = None,
+    order: Annotated[int | None, typer.Option(help="Highest model order.", min=2)] = None,
+    band: Annotated[tuple[float, float] | None, typer.Option(help="Lowest and highest frequency in Hz.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write the modes to this file (.uff, .unv or .h5).")] = None,
+    json: Json = False,
+) -> int:
+    """Fit the modes of one run or file and print them."""
+    from ema.cli import screen
+    from ema.study import Study, chain
+    from ema.study.summary import modes
+
+    study = Study.load(measurement)
+    told: dict[str, Any] = study.recipe.fit.given()
+    told |= {} if band is None else {"band": band}
+    told |= {} if order is None else {"orders": (2, order, 2)}
+    if near:
+        told = {name: value for name, value in told.items() if name != "index"} | {"near": near}
+    settings = _settings(told)
+    models: dict[str, ModalModel] = {}
+    with screen.Bars() as bars:
+        opened = study.open(bars)
+        for one in [opened[name] for name in run] if run else opened.runs:
+            frfs, hits = chain.frfs_of(one, study.recipe.estimate, bars)
+            inside = frfs.band(*(settings.band or chain.default_band(frfs, hits)))
+            models[one.id] = chain.fitted(inside, settings, bars)[1]
+    if write is not None:
+        _write_modes(write, models, opened.geometry)
+    if json:
+        screen.as_json({name: modes(model) for name, model in models.items()})
+    else:
+        out = screen.console()
+        for name, model in models.items():
+            out.print(screen.mode_table(model, name))
+            screen.show_findings(out, model.findings)
+    return FINE
+
+
+@app.command()
+@ends_well
+def report(
+    result: Annotated[Path, typer.Argument(help="The result file (.h5) of `ema run`.", show_default=False)],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The HTML file to write.")] = None,
+    json: Json = False,
+) -> int:
+    """Write the report of a finished study again."""
+    from ema import store
+    from ema.cli import screen
+    from ema.data import StudyResult
+    from ema.report import write
+
+    held = store.load(result)
+    if not isinstance(held, StudyResult):
+        raise InputError(
+            "no result of a study",
+            where=str(result),
+            got=type(held).__name__,
+            advice="give the .h5 file that `ema run` wrote",
+        )
+    path = write(held, output or result.with_suffix(".html"))
+    if json:
+        screen.as_json({"report": str(path)})
+    else:
+        print(f"Report: {path}")
+    return FINE
+
+
+@app.command()
+@ends_well
+def formats(json: Json = False) -> int:
+    """List the file formats that can be read and written."""
+    import acquisition
+    from ema.cli import listing, screen
+
+    if json:
+        screen.as_json(listing.formats_as_list(acquisition.formats()))
+    else:
+        screen.console().print(listing.formats_as_table(acquisition.formats()))
+    return FINE
+
+
+@app.command()
+@ends_well
+def doctor(json: Json = False) -> int:
+    """Say what works on this machine, and the command that mends what does not."""
+    from ema.cli import doctor, listing, screen
+
+    with screen.Bars() as bars:
+        checks = doctor.examine(bars)
+    if json:
+        screen.as_json({"checks": [vars(one) for one in checks], "repair": doctor.repair(checks)})
+    else:
+        listing.show_checks(screen.console(), checks, doctor.repair(checks))
+    return FINE if all(one.works or not one.needed for one in checks) else FINDINGS
+
+
+def _status(findings: "list[Finding]", limit: str) -> int:
+    grave = {"warning": ("warning", "error"), "error": ("error",), "never": ()}[limit]
+    return FINDINGS if any(finding.severity in grave for finding in findings) else FINE
+
+
+def _settings(told: dict[str, Any]) -> "FitTable":
+    """The options of the command line, checked like those of a recipe."""
+    from pydantic import ValidationError
+
+    from ema.study.recipe import FitTable
+
+    try:
+        return FitTable(**told)
+    except ValidationError as error:
+        detail = error.errors()[0]
+        raise InputError(str(detail.get("ctx", {}).get("error", detail["msg"])), where="options of ema fit") from error
+
+
+def _write_modes(path: Path, models: "dict[str, ModalModel]", geometry: "Geometry | None") -> None:
+    """To our own format or to a foreign one, by the suffix."""
+    if path.suffix.lower() == ".h5":
+        from ema import store
+
+        store.save(path, models)
+    else:
+        import acquisition
+
+        acquisition.write(path, *models.values(), *([] if geometry is None else [geometry]))

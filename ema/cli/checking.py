@@ -1,0 +1,119 @@
+"""What `ema check` looks at: a run up to its FRFs, without modes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ema.cli.screen import show_findings
+from ema.data import Campaign, Finding, FrfSet, HitGallery, JointForce, Run
+from ema.progress import Progress
+from ema.study import chain
+from ema.study.recipe import EstimateTable
+from ema.study.summary import finding, joint, number
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A run, its FRFs, its blows where it has some, and all findings."""
+
+    run: Run
+    frfs: FrfSet
+    hits: HitGallery | None
+    findings: tuple[Finding, ...]
+
+
+def checked(run: Run, settings: EstimateTable, progress: Progress) -> Checked:
+    """Estimate the FRFs of a run and collect what a reader has to know."""
+    from ema.estimate import quality
+
+    frfs, hits = chain.frfs_of(run, settings, progress)
+    return Checked(run, frfs, hits, chain.unique(run.findings + frfs.findings + quality(frfs)))
+
+
+def as_mapping(campaign: Campaign, runs: list[Checked]) -> dict[str, Any]:
+    """The check as what JSON can hold."""
+    return {
+        "campaign": campaign.name, "structure": campaign.structure, "operator": campaign.operator,
+        "date": campaign.date, "comment": campaign.comment, "channels": [_channel(one) for one in campaign.channels],
+        "findings": [finding(one) for one in campaign.findings],
+        "runs": [
+            {
+                "run": one.run.id, "kind": one.run.kind, "records": len(one.run.recordings),
+                "outputs": [str(dof) for dof in one.frfs.outputs], "inputs": [str(dof) for dof in one.frfs.inputs],
+                "frequencies": [float(one.frfs.frequencies[0]), float(one.frfs.frequencies[-1])],
+                "frequency_step": one.frfs.frequency_step, "quantity": one.frfs.quantity, "unit": one.frfs.unit,
+                "temperature": number(one.run.condition.temperature),
+                "joints": [joint(each) for each in one.run.condition.joints],
+                "hits": None if one.hits is None else {"all": len(one.hits.hits), "used": len(one.hits.accepted)},
+                "repairs": [vars(repair) for repair in one.run.repairs],
+                "findings": [finding(each) for each in one.findings],
+            } for one in runs
+        ],
+    }  # fmt: skip
+
+
+def show(out: Console, campaign: Campaign, runs: list[Checked]) -> None:
+    """Print the check for people."""
+    out.print(Text(campaign.name, style="bold"))
+    for what in ("structure", "operator", "date", "comment"):
+        if text := getattr(campaign, what):
+            out.print(Text(f"{what}: {text}"))
+    if campaign.channels:
+        out.print(_channel_table(campaign))
+    show_findings(out, campaign.findings)
+    for one in runs:
+        out.print()
+        out.print(Text(f"Run {one.run.id}", style="bold"))
+        for line in _lines(one):
+            out.print(Text(line), soft_wrap=True)
+        show_findings(out, one.findings)
+
+
+def _lines(one: Checked) -> list[str]:
+    frfs, condition = one.frfs, one.run.condition
+    joints = "; ".join(_force(joint) for joint in condition.joints) or "no beam"
+    lines = [f"excitation: {one.run.kind}", f"normal force: {joints}"]
+    if condition.temperature is not None:
+        lines.append(f"temperature: {condition.temperature - 273.15:.1f} degC")
+    if one.hits is not None:
+        low, high = one.hits.usable_band
+        lines.append(
+            f"blows: {len(one.hits.accepted)} of {len(one.hits.hits)} used; force spectrum down 10 dB at {low:.0f} Hz, "
+            f"20 dB at {high:.0f} Hz"
+        )
+    lines.append(
+        f"FRFs: {len(frfs.outputs)} responses x {len(frfs.inputs)} forces, {frfs.quantity} in {frfs.unit}, "
+        f"{frfs.frequencies[0]:g} to {frfs.frequencies[-1]:g} Hz in steps of {frfs.frequency_step:.4g} Hz"
+    )
+    lines += [f"repair: {each.what}, {each.where}: {each.why} ({each.who})" for each in one.run.repairs]
+    return lines
+
+
+def _force(joint: JointForce) -> str:
+    if not joint.known:
+        return f"{joint.joint} unknown"
+    spread = "" if joint.std != joint.std else f" +- {joint.std:.0f}"
+    drift = "" if joint.drift != joint.drift else f", drift {joint.drift:+.0f} N"
+    return f"{joint.joint} {joint.mean:.0f}{spread} N{drift}"
+
+
+def _channel(channel: Any) -> dict[str, Any]:
+    return {
+        "name": channel.name, "role": channel.role, "quantity": channel.quantity, "unit": channel.unit,
+        "dof": None if channel.dof is None else str(channel.dof), "range": number(channel.range),
+        "serial": channel.serial, "calibrated_on": channel.calibrated_on,
+    }  # fmt: skip
+
+
+def _channel_table(campaign: Campaign) -> Table:
+    table = Table(title="Channels (of the first record)", title_justify="left")
+    for name in ("name", "role", "quantity", "unit", "DOF", "range", "serial", "calibrated"):
+        table.add_column(name)
+    for one in campaign.channels:
+        full_scale = "" if one.range is None else f"{one.range:g}"
+        dof = "" if one.dof is None else str(one.dof)
+        table.add_row(one.name, one.role, one.quantity, one.unit, dof, full_scale, one.serial, one.calibrated_on)
+    return table

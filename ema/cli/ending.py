@@ -1,0 +1,60 @@
+"""How a command ends: one sentence on the error stream, and a status that scripts can use."""
+
+import functools
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from typing import NoReturn, ParamSpec
+
+from ema.errors import EmaError
+
+FINE, FINDINGS, WRONG_USE, FAILURE, INTERRUPTED = 0, 1, 2, 3, 130
+"""Exit statuses: nothing to complain; findings above the limit or an expectation missed; wrong use or bad input; a
+full disk or a fault of ours; interrupted."""
+
+P = ParamSpec("P")
+
+
+def ends_well(command: Callable[P, int]) -> Callable[P, None]:
+    """Turn what ``command`` returns or raises into an exit status; nobody but us ever sees a traceback."""
+
+    @functools.wraps(command)
+    def ended(*args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            status = command(*args, **kwargs)
+            sys.stdout.flush()
+        except EmaError as error:
+            _end(str(error), error.exit_code)
+        except KeyboardInterrupt:
+            _end("interrupted", INTERRUPTED)
+        except BrokenPipeError:
+            # the reader of our output has left; what it has not read need not be flushed at the end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            status = FINE
+        except Exception as error:
+            _end(_fault(error), FAILURE)
+        raise SystemExit(status)
+
+    return ended
+
+
+def _end(sentence: str, status: int) -> NoReturn:
+    print(f"ema: {sentence}", file=sys.stderr)
+    raise SystemExit(status)
+
+
+def _fault(error: Exception) -> str:
+    """What to say about a fault of ours; the details go to a file, which a report should contain."""
+    brief = (
+        f"a fault in ema itself: {type(error).__name__}: {str(error).splitlines()[0] if str(error) else 'no message'}"
+    )
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="ema-fault-", suffix=".txt", delete=False, encoding="utf-8"
+        ) as file:
+            traceback.print_exception(error, file=file)
+    except OSError:
+        return f"{brief}; please report it with the output of `ema doctor --json`"
+    return f"{brief}; please report it with the output of `ema doctor --json` and the file {file.name}"

@@ -1,0 +1,107 @@
+"""What people see: progress bars, tables, findings."""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from ema.data import Finding, ModalModel, RunResult, StudyResult
+
+_STYLES = {"error": "bold red", "warning": "yellow", "info": "dim"}
+_PLAIN_WIDTH = 160
+
+
+def console() -> Console:
+    """The standard output; wide where nobody watches, so that tables in files and pipes are whole."""
+    return Console(highlight=False, width=None if sys.stdout.isatty() else _PLAIN_WIDTH)
+
+
+def as_json(content: Any) -> None:
+    """Print ``content`` as JSON."""
+    print(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+class Bars:
+    """Progress bars on the error stream, gone when the work is done; none where nobody watches."""
+
+    def __init__(self) -> None:
+        stream = Console(stderr=True)
+        self._progress = Progress(
+            SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+            console=stream, transient=True, disable=not stream.is_terminal,
+        )  # fmt: skip
+        self._tasks: dict[str, Any] = {}
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        """Show that ``done`` of ``total`` steps of ``what`` are done."""
+        if what not in self._tasks:
+            self._tasks[what] = self._progress.add_task(what, total=total)
+        self._progress.update(self._tasks[what], completed=done, total=total)
+        if done >= total:
+            self._progress.remove_task(self._tasks.pop(what))
+
+
+def show_result(out: Console, result: StudyResult, report: Path) -> None:
+    """The end of the main job: modes, findings, expectations, and where the report is."""
+    for run in result.runs:
+        out.print(mode_table(run.modes, run.run.id, run))
+    findings = [*result.findings, *(finding for run in result.runs for finding in run.findings)]
+    show_findings(out, [finding for finding in findings if finding.severity != "info"])
+    if result.expectations:
+        missed = [expectation for expectation in result.expectations if not expectation.met]
+        out.print(f"{len(result.expectations) - len(missed)} of {len(result.expectations)} expected numbers met.")
+        for one in missed:
+            out.print(
+                Text(f"missed: {one.what}: found {one.found:.6g}, expected {one.expected:.6g} +- {one.tolerance:.3g}"),
+                style=_STYLES["error"],
+            )
+    out.print(Text(f"Report: {report}"))
+
+
+def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -> Table:
+    """Frequencies and damping with their standard deviations, MPC where there is one, normal force per joint."""
+    table = Table(title=f"{title}: {len(model.poles)} modes", title_justify="left", title_style="bold")
+    columns: dict[str, Sequence[str]] = {
+        "mode": [str(mode + 1) for mode in range(len(model.poles))],
+        "f [Hz]": [f"{value:.3f}" for value in model.natural_frequencies],
+    }
+    if model.covariance is not None:
+        columns["std f [Hz]"] = [f"{value:.2g}" for value in np.sqrt(model.covariance[:, 0, 0])]
+    columns["zeta [%]"] = [f"{100 * value:.4f}" for value in model.damping_ratios]
+    if model.covariance is not None:
+        columns["std zeta [%]"] = [f"{100 * value:.2g}" for value in np.sqrt(model.covariance[:, 1, 1])]
+    if result is not None and result.quality is not None:
+        columns["MPC"] = [f"{value:.4f}" for value in result.quality.modal_phase_collinearity]
+    if model.confidence is not None:
+        columns["confidence"] = [f"{value:.2f}" for value in model.confidence]
+    for joint in model.condition.joints:
+        force = f"{joint.mean:.0f}" if joint.known else "unknown"
+        columns[f"F_N {joint.joint} [N]"] = [force] * len(model.poles)
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
+    for row in zip(*columns.values(), strict=True):
+        table.add_row(*row)
+    return table
+
+
+def show_findings(out: Console, findings: Sequence[Finding]) -> None:
+    """One line per finding, the severity first."""
+    for finding in findings:
+        out.print(Text(f"{finding.severity}: {finding}", style=_STYLES[finding.severity]), soft_wrap=True)
