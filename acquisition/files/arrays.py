@@ -96,7 +96,7 @@ class Arrays:
     def texts(self, value: Any) -> list[str]:
         """Texts given directly, or at a place."""
         if isinstance(value, str):
-            value = self.arrays[value] if value in self.arrays else [value]
+            value = self.arrays.get(value, [value])
         return [item.decode("utf-8", "replace") if isinstance(item, bytes) else str(item) for item in np.ravel(value)]
 
 

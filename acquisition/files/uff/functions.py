@@ -142,6 +142,13 @@ def _recording(
         _note(made, name, entry, found.note)
         rows.append(found.apply(function.y[:length]))
         channels.append(_channel(function.header, found))
+    places = [(channel.dof, channel.quantity) for channel in channels]
+    if len(set(places)) < len(places):
+        dof = next(place[0] for place in places if places.count(place) > 1)
+        message = f"several channels are said to be at {dof}."
+        made.findings.append(
+            Finding("warning", "duplicated-dof", name, message, advice="Give the right DOFs in the channel table.")
+        )
     dtype = np.float32 if all(row.dtype.itemsize == 4 for row in rows) else np.float64
     signals = np.stack([row.astype(dtype) for row in rows])
     made.findings.extend(not_finite(signals, name))

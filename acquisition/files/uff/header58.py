@@ -1,7 +1,9 @@
 """The header of data set 58, function at a nodal DOF (I-DEAS universal file format)."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 FUNCTION_TYPES = {
     0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response function",
@@ -96,6 +98,8 @@ def text_of(raw: bytes) -> str:
 
 def mended(text: str) -> str:
     """A field whose UTF-8 bytes were read as Latin-1, as text."""
+    if text.isascii():
+        return text.strip()
     try:
         return text.encode("latin-1").decode("utf-8").strip()
     except UnicodeError:
@@ -114,7 +118,7 @@ def real(line: str, start: int, stop: int) -> float:
     return float(field.replace("D", "E").replace("d", "e")) if field else 0.0
 
 
-def parse(number_line: bytes, records: list[bytes]) -> Header:
+def parse(number_line: bytes, records: Sequence[bytes]) -> Header:
     """The header from the line with the number and the eleven lines behind it.
 
     Raises
@@ -163,6 +167,7 @@ def _digits(field: str) -> int:
     return max(1, sum(c.isdigit() for c in mantissa))
 
 
+@lru_cache(maxsize=256)
 def _axis(line: str) -> Axis:
     exponents = (integer(line, 10, 15), integer(line, 15, 20), integer(line, 20, 25))
     return Axis(integer(line, 0, 10), exponents, mended(line[25:46]) or "NONE", mended(line[46:67]) or "NONE")

@@ -1,7 +1,8 @@
 """What a universal file holds and where, found without reading the values of its functions."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import BinaryIO
 
 from acquisition.files.uff import header58, values58
@@ -28,8 +29,30 @@ class Entry:
     start: int
     data: int
     end: int
-    header: Header | None = None
     problem: str = ""
+    raw: tuple[bytes, ...] = field(default=(), repr=False)
+    """Lines of the header of data set 58, that of the number first."""
+
+    @cached_property
+    def header(self) -> Header | None:
+        """The header of data set 58, understood when asked for; ``None`` where it is damaged or of another type."""
+        try:
+            return header58.parse(self.raw[0], self.raw[1:]) if self.raw else None
+        except (ValueError, IndexError, OverflowError):
+            return None
+
+
+@dataclass(frozen=True)
+class _Form:
+    """What the header says about the length of the values: possible numbers of bytes, or lines and a rest of text."""
+
+    lengths: tuple[int, ...]
+    lines: int
+    rest: int
+
+
+_Forms = dict[tuple[bytes, bytes], _Form]
+"""Forms by the two lines that determine them; the sets of a file mostly share one."""
 
 
 class _Window:
@@ -48,6 +71,18 @@ class _Window:
             self.offset, self.bytes = offset, self.file.read(max(length, _PEEK))
             inside = 0
         return self.bytes[inside : inside + length]
+
+    def lines(self, offset: int, count: int) -> tuple[list[bytes], int]:
+        """Up to ``count`` lines from an offset on, and the offset behind them."""
+        inside = offset - self.offset
+        piece = self.bytes[inside:] if 0 <= inside < len(self.bytes) else b""
+        parts = piece.split(b"\n", count)
+        if len(parts) <= count:
+            piece = self.at(offset, 4 * _PEEK)
+            parts = piece.split(b"\n", count)
+        if len(parts) <= count:
+            return parts, offset + len(piece)
+        return parts[:count], offset + len(piece) - len(parts[count])
 
     def line(self, offset: int, limit: int = 512) -> tuple[bytes, int]:
         """The line at an offset, without its end, and the offset of the next."""
@@ -81,12 +116,13 @@ def index(file: BinaryIO) -> tuple[Entry, ...]:
     """The data sets of an open universal file, in order; damaged ones carry their problem."""
     window = _Window(file)
     entries: list[Entry] = []
+    forms: _Forms = {}
     offset = 0
     while offset < window.size:
         line, offset = window.line(offset)
         if line.strip() != b"-1":
             continue
-        entry = _entry(window, offset, len(entries))
+        entry = _entry(window, offset, len(entries), forms)
         if entry is None:
             continue
         entries.append(entry)
@@ -96,7 +132,7 @@ def index(file: BinaryIO) -> tuple[Entry, ...]:
     return tuple(entries)
 
 
-def _entry(window: _Window, offset: int, number: int) -> Entry | None:
+def _entry(window: _Window, offset: int, number: int, forms: _Forms) -> Entry | None:
     """The data set whose opening line ends at ``offset``; ``None`` where no data set begins there."""
     first, start = window.line(offset)
     found = _NUMBER.match(first)
@@ -104,41 +140,39 @@ def _entry(window: _Window, offset: int, number: int) -> Entry | None:
         return None
     kind, binary = int(found[1]), bool(found[2])
     if kind == 58:
-        return _function(window, first, start, number)
+        return _function(window, first, start, number, forms)
     end = window.closing(start)
     problem = "" if end is not None else "the file ends inside the data set"
-    return Entry(number, kind, binary, start, start, window.size if end is None else end, problem=problem)
+    return Entry(number, kind, binary, start, start, window.size if end is None else end, problem)
 
 
-def _function(window: _Window, first: bytes, start: int, number: int) -> Entry:
+def _function(window: _Window, first: bytes, start: int, number: int, forms: _Forms) -> Entry:
     """A data set 58, whose end follows from its header."""
-    records, data = [], start
-    for _ in range(header58.RECORDS):
-        line, data = window.line(data)
-        records.append(line)
+    records, data = window.lines(start, header58.RECORDS)
     binary = first[6:7].lower() == b"b"
+    raw = (first, *records)
+    key = (first, records[6] if len(records) > 6 else b"")
     try:
-        header = header58.parse(first, records)
+        form = forms.get(key)
+        if form is None:
+            form = forms[key] = _form(header58.parse(first, records))
     except (ValueError, IndexError, OverflowError) as error:
         end = window.closing(start, binary)
-        return Entry(
-            number,
-            58,
-            binary,
-            start,
-            data,
-            window.size if end is None else end,
-            problem=f"the header is damaged: {error}",
-        )
-    end = _end_of_binary(window, header, data) if header.binary else _end_of_text(window, header, data)
+        why = f"the header is damaged: {error}"
+        return Entry(number, 58, binary, start, data, window.size if end is None else end, why)
+    end = _end_of_binary(window, form, data) if binary else _end_of_text(window, form, data)
     if end is not None:
-        return Entry(number, 58, binary, start, data, end, header)
+        return Entry(number, 58, binary, start, data, end, "", raw)
     end = window.closing(data, binary)
-    stop = window.size if end is None else end
-    why = "the file ends inside the data set" if end is None else "more or fewer values than its header announces"
-    if not header.binary and end is not None:
-        why = ""  # text of another width is read and counted anyway
-    return Entry(number, 58, binary, start, data, stop, header, why)
+    why = "the file ends inside the data set" if end is None else ""
+    if binary and end is not None:  # text of another width is read and counted anyway
+        why = "more or fewer values than its header announces"
+    return Entry(number, 58, binary, start, data, window.size if end is None else end, why, raw)
+
+
+def _form(header: Header) -> _Form:
+    lines, rest = divmod(header.points * values58.per_point(header), len(values58.widths(header)))
+    return _Form(tuple(dtype.itemsize * header.points for dtype in values58.record_types(header)), lines, rest)
 
 
 def _closes(window: _Window, offset: int) -> int | None:
@@ -150,9 +184,8 @@ def _closes(window: _Window, offset: int) -> int | None:
     return None
 
 
-def _end_of_binary(window: _Window, header: Header, data: int) -> int | None:
-    for dtype in values58.record_types(header):
-        length = dtype.itemsize * header.points
+def _end_of_binary(window: _Window, form: _Form, data: int) -> int | None:
+    for length in form.lengths:
         if data + length <= window.size:
             end = _closes(window, data + length)
             if end is not None:
@@ -160,13 +193,12 @@ def _end_of_binary(window: _Window, header: Header, data: int) -> int | None:
     return None
 
 
-def _end_of_text(window: _Window, header: Header, data: int) -> int | None:
+def _end_of_text(window: _Window, form: _Form, data: int) -> int | None:
     """End of a block of text whose lines are as long as the first."""
     _, second = window.line(data)
-    full, rest = divmod(header.points * values58.per_point(header), len(values58.widths(header)))
-    offset = data + full * (second - data)
+    offset = data + form.lines * (second - data)
     if offset > window.size:
         return None
-    if rest:
+    if form.rest:
         offset = window.line(offset)[1]
     return _closes(window, offset)

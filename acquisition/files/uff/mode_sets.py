@@ -1,7 +1,7 @@
 """Data at nodes (55, 2414) that hold mode shapes become modal models, and the reverse (55)."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from acquisition.files.uff.geometry_sets import block
 from acquisition.files.uff.header58 import mended, text_of
 from acquisition.files.uff.unit_system import UnitSystem
-from ema.data import Finding, ModalModel, poles_from
+from ema.data import Finding, ModalModel
 from ema.dof import Dof
 from ema.errors import InputError
 
@@ -31,6 +31,8 @@ class Shape:
     values: Any
     title: str
     system: UnitSystem
+    case: tuple[int, int] = (0, 0)
+    """Kind of analysis and load case: modes of one model share them."""
 
 
 class NotAMode(Exception):
@@ -92,9 +94,12 @@ def shape55(lines: list[bytes], system: UnitSystem) -> Shape:
     real = [*_reals(lines[7]), *[0.0] * 6]
     title = mended(text_of(lines[0]))
     nodes, values = _values(lines[8:], kind, count)
+    case = (analysis, int(lines[6].split()[2]) if len(lines[6].split()) > 2 else 0)
     if analysis == NORMAL:
-        return _normal(real[0], real[1], real[2], real[3], nodes, values, title, system)
-    return _complex(complex(real[0], real[1]), complex(real[2], real[3]), nodes, values, title, system)
+        shape = _normal(real[0], real[1], real[2], real[3], nodes, values, title, system)
+    else:
+        shape = _complex(complex(real[0], real[1]), complex(real[2], real[3]), nodes, values, title, system)
+    return replace(shape, case=case)
 
 
 def shape2414(lines: list[bytes], system: UnitSystem) -> Shape:
@@ -111,12 +116,14 @@ def shape2414(lines: list[bytes], system: UnitSystem) -> Shape:
         raise NotAMode("result on elements")
     analysis, characteristic, _, kind, count = (int(word) for word in lines[8].split()[1:6])
     _check(analysis, characteristic, count)
-    real = [*_reals(lines[11]), *[0.0] * 6][:6] + [*_reals(lines[12]), *[0.0] * 6]
+    real = [*[*_reals(lines[11]), *[0.0] * 6][:6], *_reals(lines[12]), *[0.0] * 6]
     title = mended(text_of(lines[1]))
     nodes, values = _values(lines[13:], kind, count)
     if analysis == NORMAL:
-        return _normal(real[1], real[3], real[4], real[5], nodes, values, title, system)
-    return _complex(complex(real[6], real[7]), complex(real[8], real[9]), nodes, values, title, system)
+        shape = _normal(real[1], real[3], real[4], real[5], nodes, values, title, system)
+    else:
+        shape = _complex(complex(real[6], real[7]), complex(real[8], real[9]), nodes, values, title, system)
+    return replace(shape, case=(analysis, 0))
 
 
 def _normal(
@@ -126,7 +133,8 @@ def _normal(
     damping = viscous or hysteretic / 2
     if not (0 <= frequency < 1e12 and 0 <= damping < 1):
         raise ValueError(f"a mode at {frequency:g} Hz with a damping ratio of {damping:g}")
-    pole = complex(poles_from(np.array([frequency]), np.array([damping]))[0])
+    omega = 2 * np.pi * frequency
+    pole = complex(-damping * omega, omega * np.sqrt(1 - damping**2))
     return Shape(pole, mass, 0j, nodes, values, title, system)
 
 
@@ -142,7 +150,7 @@ def models(shapes: Iterable[Shape], where: str) -> tuple[list[ModalModel], list[
     """Modal models of the shapes; those on the same nodes and directions belong together."""
     groups: dict[Any, list[Shape]] = {}
     for shape in shapes:
-        groups.setdefault((shape.nodes, shape.values.shape[1]), []).append(shape)
+        groups.setdefault((shape.nodes, shape.values.shape[1], shape.case), []).append(shape)
     found = []
     findings: list[Finding] = []
     for number, group in enumerate(groups.values()):
@@ -161,9 +169,11 @@ def _model(group: list[Shape], name: str, findings: list[Finding]) -> ModalModel
     array = np.stack([shape.values for shape in group], axis=2)  # node, direction, mode
     directions = array.shape[1]
     codes = [0] if directions == 1 else list(range(1, directions + 1))
-    used = [place for place in range(directions) if directions <= 3 or place < 3 or np.any(array[:, place])]
-    dofs = tuple(Dof.from_uff(node, codes[place]) for node in group[0].nodes for place in used)
-    shapes = array[:, used].reshape(-1, len(group))
+    moving = np.any(array != 0, axis=2)
+    # a value that is zero in all modes was not measured, unless the whole node stands still
+    used = moving | (~moving.any(axis=1, keepdims=True) & (np.arange(directions) < 3))
+    dofs = tuple(Dof.from_uff(group[0].nodes[n], codes[d]) for n, d in np.argwhere(used))
+    shapes = array[used]
     poles = np.array([shape.pole for shape in group])
     if not np.isfinite(shapes).all() or not np.isfinite(poles).all():
         findings.append(Finding("error", "not-finite", name, "some mode shapes are NaN or infinite."))
@@ -200,7 +210,7 @@ def _modal_a(shape: Shape) -> complex | None:
     return 2j * shape.pole.imag * shape.modal_mass * factor if shape.modal_mass > 0 else None
 
 
-def write_modes(model: ModalModel) -> bytes:
+def write_modes(model: ModalModel, case: int = 1) -> bytes:
     """One data set 55 for each mode; complex shapes as complex eigenvalues with modal A.
 
     Raises
@@ -225,7 +235,7 @@ def write_modes(model: ModalModel) -> bytes:
         values = np.zeros((len(nodes), count), dtype=complex)
         for (row, code), value, dof in zip(places, model.shapes[:, mode], model.dofs, strict=True):
             values[row, max(code - 1, 0)] = dof.sign * value
-        blocks.append(_write55(model.name or "mode", mode + 1, pole, scale[mode], nodes, values, real))
+        blocks.append(_write55(model.name or "mode", (case, mode + 1), pole, scale[mode], nodes, values, real))
     return b"".join(blocks)
 
 
@@ -248,21 +258,21 @@ def _modal_scale(model: ModalModel) -> Any:
 
 
 def _write55(
-    title: str, number: int, pole: complex, modal_a: complex, nodes: list[int], values: Any, real: bool
+    title: str, number: tuple[int, int], pole: complex, modal_a: complex, nodes: list[int], values: Any, real: bool
 ) -> bytes:
     count = values.shape[1]
     frequency, damping = abs(pole) / (2 * np.pi), -pole.real / abs(pole)
     analysis = NORMAL if real else COMPLEX
-    ids = [title[:80], "NONE", "NONE", f"mode {number}", f"f = {frequency:.8g} Hz, damping ratio = {damping:.6g}"]
+    ids = [title[:80], "NONE", "NONE", f"mode {number[1]}", f"f = {frequency:.8g} Hz, damping ratio = {damping:.6g}"]
     characteristic = {1: 1, 3: 2, 6: 3}[count]
     lines = [f"{text:<80}" for text in ids]
     lines.append("".join(f"{value:10d}" for value in (1, analysis, characteristic, 8, 2 if real else 5, count)))
-    lines.append("".join(f"{value:10d}" for value in (2, 4 if real else 6, 1, number)))
+    lines.append("".join(f"{value:10d}" for value in (2, 4 if real else 6, *number)))
     if real:
         mass = (modal_a / (2j * pole.imag)).real if pole.imag else 0.0
-        lines.append(_e13(frequency, mass, damping, 0.0))
+        lines.append(_e13(frequency, mass, damping, 0.0, digits=6))
     else:
-        lines.append(_e13(pole.real, pole.imag, modal_a.real, modal_a.imag, 0.0, 0.0))
+        lines.append(_e13(pole.real, pole.imag, modal_a.real, modal_a.imag, 0.0, 0.0, digits=6))
     for node, row in zip(nodes, values, strict=True):
         numbers = row.real if real else np.stack([row.real, row.imag], axis=1).reshape(-1)
         lines.append(f"{node:10d}")
@@ -270,5 +280,5 @@ def _write55(
     return block(55, lines)
 
 
-def _e13(*values: float) -> str:
-    return "".join(f"{value:13.5e}" for value in values)
+def _e13(*values: float, digits: int = 5) -> str:
+    return "".join(f"{value:13.{digits}e}" for value in values)

@@ -4,7 +4,7 @@ import gzip
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -151,6 +151,12 @@ def read(path: Path, layout: Layout) -> Contents:
         tuple(made.recordings), tuple(made.frfs), tuple(modes), geometry, tuple(dict.fromkeys(findings)),
         (*gathered.metadata, *_ids(sound)),
     )  # fmt: skip
+    if not contents and not findings:
+        types = ", ".join(sorted({str(entry.type) for entry in entries}))
+        note = Finding(
+            "warning", "nothing-to-read", path.name, f"only data sets of type {types}, which hold no measurement."
+        )
+        return replace(contents, findings=(note,))
     if not contents and any(finding.code == "damaged-set" for finding in findings):
         worst = next(finding for finding in findings if finding.code == "damaged-set")
         raise InputError(worst.message.rstrip("."), where=worst.where, advice="export the file again")
@@ -163,8 +169,8 @@ def _sound(entries: list[Entry], gathered: _File) -> list[Entry]:
     for entry in entries:
         if entry.type != 58:
             continue
-        if entry.problem:
-            gathered.damaged(entry, entry.problem)
+        if entry.problem or entry.header is None:
+            gathered.damaged(entry, entry.problem or "the header is damaged")
         if entry.header is not None and not (entry.problem and entry.header.even is False):
             sound.append(entry)
     return sound

@@ -1,6 +1,8 @@
 """The values of data set 58: where they lie, reading and writing them."""
 
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -59,9 +61,17 @@ def from_binary(header: Header, data: bytes) -> Function:
     return Function(header, _abscissa(header, points), points["y"])
 
 
+@lru_cache(maxsize=8)
+def _even(start: float, step: float, points: int) -> Any:
+    """An even abscissa, shared by the functions that lie on it."""
+    axis = start + step * np.arange(points)
+    axis.flags.writeable = False
+    return axis
+
+
 def _abscissa(header: Header, points: Any) -> Any:
     if header.even:
-        return header.start + header.step * np.arange(len(points))
+        return _even(header.start, header.step, len(points))
     return points["x"].astype(np.float64)
 
 
@@ -80,7 +90,7 @@ def from_text(header: Header, data: bytes) -> Function:
     count = per_point(header)
     points = numbers[: min(len(numbers) // count, header.points) * count].reshape(-1, count)
     y = np.ascontiguousarray(points[:, -2:]).view(np.complex128)[:, 0] if header.is_complex else points[:, -1]
-    x = points[:, 0] if not header.even else header.start + header.step * np.arange(len(points))
+    x = points[:, 0] if not header.even else _even(header.start, header.step, len(points))
     return Function(header, x, y)
 
 
@@ -108,7 +118,7 @@ def _fixed(data: bytes, fields: tuple[int, ...]) -> Any:
             numbers = _floats(whole)
         else:
             edges = np.cumsum((0, *fields))
-            columns = [np.ascontiguousarray(block[:, a:b]).view(f"S{b - a}")[:, 0] for a, b in zip(edges, edges[1:])]
+            columns = [np.ascontiguousarray(block[:, a:b]).view(f"S{b - a}")[:, 0] for a, b in pairwise(edges)]
             numbers = np.stack([_floats(column) for column in columns], axis=1).reshape(-1)
         tail, start = [], 0
         for field in fields:

@@ -20,7 +20,9 @@ from ema.units import SI_UNIT, UNSTATED
 
 _CODES = {"displacement": 8, "velocity": 11, "acceleration": 12, "force": 13, "strain": 3, "pressure": 15, "temperature": 5,
           "torque": 13, "rotation": 8, "angular velocity": 11, "angular acceleration": 12}  # fmt: skip
-_RESPONSE = {"receptance": (8, "m"), "mobility": (11, "m/s"), "accelerance": (12, "m/s^2"), "unstated": (0, UNSTATED)}
+_RESPONSE = {"receptance": ("displacement", "rotation"), "mobility": ("velocity", "angular velocity"),
+             "accelerance": ("acceleration", "angular acceleration"), "unstated": ("unstated", "unstated")}  # fmt: skip
+"""Response of each kind of FRF, in translation and rotation."""
 
 
 def write(path: Path, nouns: Sequence[Any], binary: bool = False, created: datetime | None = None) -> None:
@@ -101,7 +103,7 @@ def _blocks(noun: Any, binary: bool, number: int) -> Iterator[bytes]:
     if isinstance(noun, Geometry):
         yield geometry_sets.write_geometry(noun)
     elif isinstance(noun, ModalModel):
-        yield write_modes(noun)
+        yield write_modes(noun, number + 1)
     elif isinstance(noun, Recording):
         yield from _recording(noun, binary, number)
     else:
@@ -133,21 +135,30 @@ def _spacing(axis: Any) -> tuple[bool, float, float]:
     return even, float(axis[0]), step
 
 
+def _turns(dof: Dof) -> bool:
+    return dof.axis.startswith("R")
+
+
+def _ordinate(quantity: str, scaled: bool) -> Axis:
+    """Axis of a quantity in SI, or of bare numbers."""
+    return Axis(_CODES.get(quantity, 0), label=quantity, unit=SI_UNIT[quantity] if scaled else UNSTATED)
+
+
 def _frfs(frfs: FrfSet, binary: bool) -> Iterator[bytes]:
     even, start, step = _spacing(frfs.frequencies)
-    code, unit = _RESPONSE[frfs.quantity]
-    if not frfs.scaled:
-        unit = UNSTATED
     base = Header(
         ids=(frfs.name or "NONE", frfs.estimator or "NONE", "NONE", "NONE", "NONE"), function=header58.FRF, kind=6,
         points=len(frfs.frequencies), even=even, start=start, step=step, abscissa=Axis(18, label="Frequency", unit="Hz"),
-        ordinate=Axis(code, label=frfs.quantity, unit=unit), denominator=Axis(13, label="force", unit="N" if frfs.scaled else UNSTATED),
         binary=binary,
     )  # fmt: skip
     coherence = frfs.coherence
     for column, input_ in enumerate(frfs.inputs):
         for row, output in enumerate(frfs.outputs):
-            header = replace(base, response=_point(output), reference=_point(input_))
+            response = _RESPONSE[frfs.quantity][_turns(output)]
+            header = replace(
+                base, response=_point(output), reference=_point(input_), ordinate=_ordinate(response, frfs.scaled),
+                denominator=_ordinate(("force", "torque")[_turns(input_)], frfs.scaled),
+            )  # fmt: skip
             yield function(header, frfs.frequencies, frfs.values[:, row, column])
             if coherence is not None and np.isfinite(coherence[:, row, column]).all():
                 header = replace(
@@ -164,11 +175,10 @@ def _recording(recording: Recording, binary: bool, number: int) -> Iterator[byte
     double = recording.signals.dtype == np.float64
     date = "NONE" if recording.start is None else recording.start.strftime("%d-%b-%y %H:%M:%S")
     for channel, signal in zip(recording.channels, recording.signals, strict=True):
-        unit = SI_UNIT[channel.quantity] if channel.scaled else UNSTATED
         header = Header(
             ids=(channel.name or "NONE", recording.name or "NONE", date, channel.serial or "NONE", "NONE"),
             function=header58.TIME, version=number, response=_point(channel.dof), kind=4 if double else 2, points=len(signal),
             even=True, start=0.0, step=1.0 / recording.sampling_rate, abscissa=Axis(17, label="Time", unit="s"),
-            ordinate=Axis(_CODES.get(channel.quantity, 0), label=channel.quantity, unit=unit), binary=binary,
+            ordinate=_ordinate(channel.quantity, channel.scaled), binary=binary,
         )  # fmt: skip
         yield function(header, None, signal)
