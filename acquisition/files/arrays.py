@@ -211,7 +211,7 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
         array = np.asarray(arrays[place])
         if array.dtype.kind not in "biuf":
             raise InputError("no real numbers", where=arrays.where, got=f"{place} of type {array.dtype}")
-        block = _channels_first(np.atleast_2d(array), layout.axis)
+        block = array[None] if array.ndim == 1 else _channels_first(array, layout.axis)
         kept = np.ones(len(block), dtype=bool)
         if (
             time_of is not None
@@ -219,8 +219,7 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
             and time_of["axis"] == _axis(array, layout)
         ):
             kept[int(time_of["number"])] = False
-        titles = list(arrays.titles) if len(arrays.titles) == len(block) and place == arrays.main else []
-        default = titles or ([place] if len(block) == 1 and place else [f"{i}" for i in range(len(block))])
+        default = [place] if array.ndim == 1 else [f"{_axis(array, layout)} {number}" for number in range(len(block))]
         names += [name for name, keep in zip(default, kept, strict=True) if keep]
         blocks.append(block[_rows(kept)])
     lengths = {block.shape[1] for block in blocks}
@@ -259,6 +258,8 @@ def _places(arrays: Arrays, layout: Layout) -> list[str]:
     """Where the signals are: as said, or everything but the time axis."""
     if layout.signals is not None:
         return [layout.signals] if isinstance(layout.signals, str) else list(layout.signals)
+    if arrays.titles:
+        return [title for title in arrays.titles if title not in (layout.time, units.bracketed(layout.time or "")[0])]
     if arrays.main in arrays.arrays and (layout.time is None or _PLACE.match(layout.time)):
         return [arrays.main]
     if layout.time is None:

@@ -61,7 +61,7 @@ def read(path: Path, layout: Layout) -> Contents:
     """
     text = decode(sniff.whole(path))
     segments = parse(text, layout, path.name)
-    parts = [_contents(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)]
+    parts = [arranged(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)]
     return merge(parts)
 
 
@@ -214,7 +214,7 @@ def _unit_row(header: tuple[str, ...], columns: int, delimiters: str = "\t;,") -
     return []
 
 
-def _contents(segment: Segment, layout: Layout, where: str) -> Contents:
+def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
     """One segment arranged by the user's layout, or by its titles where these leave no doubt."""
     if segment.labels:
         named = {label: row[np.isfinite(row)] for label, row in zip(segment.labels, segment.values, strict=True)}
@@ -229,8 +229,10 @@ def _contents(segment: Segment, layout: Layout, where: str) -> Contents:
     for place, name in enumerate(names):
         arrays.setdefault(name, segment.values[:, place])
         arrays.setdefault(segment.titles[place], segment.values[:, place])
+        if name in known:
+            known.setdefault(segment.titles[place], known[name])
     pool = Arrays(where, arrays, "", known, names, _metadata(segment.header))
-    contents = arrange(pool, layout if layout.kind else _by_titles(names, layout))
+    contents = arrange(pool, replace(layout, axis="columns") if layout.kind else _by_titles(names, layout))
     stated = layout.units is not None or layout.unit is not None
     notes = () if stated else tuple(_unknown_unit(where, name, text) for name, text in unknown.items())
     return replace(contents, findings=contents.findings + notes)

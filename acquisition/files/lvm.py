@@ -1,0 +1,134 @@
+"""LabVIEW measurement text (LVM): several segments, decimal comma or point, none, one or many time columns."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition import units
+from acquisition.contents import Contents
+from acquisition.files import sniff, table
+from acquisition.files.arrays import make_recording, nice_rate, not_finite, rate_of
+from acquisition.files.layout import Layout
+from ema.data import Finding
+from ema.errors import InputError
+
+_END = "***End_of_Header***"
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read every segment as a recording.
+
+    Raises
+    ------
+    InputError : no segment, or one with rows of unequal length.
+    """
+    lines = table.decode(sniff.whole(path)).splitlines()
+    separator, decimal = _dialect(lines)
+    segments = list(_segments(lines, separator))
+    if not segments:
+        raise InputError("no measurement in the file", where=path.name, expected=f"a line {_END} and rows behind it")
+    general, parts = segments[0][0], []
+    for number, (header, rows) in enumerate(segments[1:] or segments):
+        name = path.name if len(segments) <= 2 else f"{path.name}, segment {number + 1}"
+        parts.append(_recording(general | header, rows, separator, decimal, name, layout))
+    return table.merge(parts)
+
+
+def _dialect(lines: list[str]) -> tuple[str, str]:
+    """Separator and decimal mark, as the header names them."""
+    words = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}
+    separator, decimal = "\t", "."
+    for line in lines[:40]:
+        key, _, value = line.partition("\t") if "\t" in line else line.partition(",")
+        if key == "Separator":
+            separator = words.get(value.strip("\t, "), "\t")
+        if key == "Decimal_Separator":
+            decimal = "," if value.startswith(",") else "."
+    return separator, decimal
+
+
+def _segments(lines: list[str], separator: str) -> Iterator[tuple[dict[str, list[str]], list[str]]]:
+    """Header and rows of every part that a line of stars closes; the first header is that of the file."""
+    header: dict[str, list[str]] = {}
+    rows: list[str] = []
+    in_header = True
+    for line in lines:
+        cells = [cell.strip() for cell in line.split(separator)]
+        if cells[0] == _END:
+            in_header = False
+        elif not in_header and (not line.strip() or (rows and cells[0] == "Channels")):
+            if rows or cells[0] == "Channels":
+                yield header, rows
+                header, rows, in_header = {}, [], True
+            elif not in_header and not rows and "Channels" not in header and "Writer_Version" in header:
+                yield header, rows
+                header, rows, in_header = {}, [], True
+            if cells[0]:
+                header[cells[0]] = cells[1:]
+        elif in_header:
+            if cells[0]:
+                header[cells[0]] = cells[1:]
+        else:
+            rows.append(line)
+    if header or rows:
+        yield header, rows
+
+
+def _recording(
+    header: dict[str, list[str]], rows: list[str], separator: str, decimal: str, name: str, layout: Layout
+) -> Contents:
+    if len(rows) < 2:
+        raise InputError("a segment without samples", where=name, got=f"{len(rows)} rows")
+    titles = [cell.strip() for cell in rows[0].split(separator)]
+    columns = len(titles) - (1 if titles[-1] == "Comment" else 0)
+    values = _values(rows[1:], separator, decimal, columns, name)
+    multi = (header.get("X_Columns") or ["One"])[0]
+    times = [] if multi == "No" else [place for place in range(columns) if titles[place] == "X_Value"]
+    signals = [place for place in range(columns) if titles[place] != "X_Value" and np.isfinite(values[:, place]).any()]
+    if not signals:
+        raise InputError("a segment without signals", where=name, got=", ".join(titles))
+    rate = _rate(header, values[:, times[0]] if times else None, decimal, name)
+    names = [titles[place] or f"column {place}" for place in signals]
+    labels = [label for label in header.get("Y_Unit_Label", [])][: len(signals)]
+    labels += [""] * (len(signals) - len(labels))
+    if layout.units is not None:
+        labels = [layout.units.get(n, "") for n in names] if isinstance(layout.units, dict) else list(layout.units)
+    notes = []
+    found = []
+    for title, label in zip(names, labels, strict=True):
+        unit = units.known(label) if label else None
+        if label and unit is None:
+            message = f"{label!r} is not a unit; the numbers are taken without one."
+            notes.append(Finding("warning", "unknown-unit", f"{name}, {title}", message))
+        found.append(unit or units.parse(units.UNSTATED))
+    record = make_recording(np.ascontiguousarray(values[:, signals].T), names, found, rate, name)
+    metadata = tuple(
+        (key, header[key][0]) for key in ("Operator", "Project", "Description", "Date", "Time") if header.get(key)
+    )
+    return Contents(recordings=(record,), findings=(*notes, *not_finite(record.signals, name)), metadata=metadata)
+
+
+def _values(rows: list[str], separator: str, decimal: str, columns: int, name: str) -> Any:
+    """Numbers of the rows; an empty cell is NaN, a comment behind the last column is dropped."""
+    try:
+        if decimal == ",":
+            rows = [row.replace(",", ".") for row in rows]
+        table_ = [[float(cell) if cell.strip() else np.nan for cell in row.split(separator)[:columns]] for row in rows]
+        return np.array([row + [np.nan] * (columns - len(row)) for row in table_])
+    except ValueError as error:
+        raise InputError(f"a row is no numbers: {error}", where=name) from error
+
+
+def _rate(header: dict[str, list[str]], times: Any, decimal: str, name: str) -> float:
+    """Sampling rate: from the step in the header, else from the time column."""
+    steps = [cell.replace(",", ".") for cell in header.get("Delta_X", []) if cell]
+    if steps:
+        step = float(steps[0])
+        if step > 0 and len({float(other) for other in steps}) == 1:
+            return nice_rate(step, 1e-6)
+        raise InputError("the channels differ in their time step", where=name, got=", ".join(steps[:4]))
+    if times is None:
+        raise InputError("no time step in the header and no time column", where=name)
+    return rate_of(times, name)
