@@ -160,7 +160,7 @@ class ChannelTable(Table):
         if self.quantity and self.unit and self.unit != "unstated":
             found = units.parse(self.unit).quantity
             if found not in (self.quantity, "voltage"):
-                raise ValueError(f"{self.unit!r} is the unit of a {found}, not of a {self.quantity}")
+                raise ValueError(f"{self.unit!r} is a unit of {found}, not of {self.quantity}")
         if self.role == "normal force" and not self.joint:
             raise ValueError('a normal-force channel belongs to a joint; add joint = "J1"')
         return self

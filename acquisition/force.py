@@ -27,10 +27,12 @@ _ENDS = 0.1
 
 @dataclass(frozen=True)
 class Trace:
-    """Normal force (sample,) in N at times (sample,) in s from the start of the run, and its standard deviation."""
+    """Normal force (sample,) in N at times (sample,) in s from the start of the run; mean and standard deviation of
+    all that was measured, of which the values may be block means."""
 
     times: Float[np.ndarray, "sample"]
     values: Float[np.ndarray, "sample"]
+    mean: float
     std: float
 
 
@@ -88,7 +90,7 @@ def _measured(
         return noted
     trace = _of_channel(records, channel, where) if channel else _of_side_data(table, span, folder, where)
     return replace(
-        noted, mean=float(np.mean(trace.values)), std=trace.std, drift=drift(trace), trace=trace.values,
+        noted, mean=trace.mean, std=trace.std, drift=drift(trace), trace=trace.values,
         trace_times=trace.times,
     )  # fmt: skip
 
@@ -127,9 +129,10 @@ def _of_channel(records: Sequence[Recording], channel: str, where: str) -> Trace
         times += list(elapsed + 0.5 * (edges[:-1] + edges[1:]) / record.sampling_rate)
         weight, total, squares = weight + len(signal), total + signal.sum(), squares + float(signal @ signal)
         elapsed += record.duration
-    variance = max(squares / weight - (total / weight) ** 2, 0.0)
+    mean = total / weight
+    std = float(np.sqrt(max(squares / weight - mean**2, 0.0)))
     order = np.argsort(times, kind="stable")
-    return Trace(np.array(times)[order], np.array(values)[order], float(np.sqrt(variance)))
+    return Trace(np.array(times)[order], np.array(values)[order], float(mean), std)
 
 
 def _of_side_data(table: NormalForceTable, span: Span, folder: Path, where: str) -> Trace:
@@ -153,7 +156,7 @@ def _of_side_data(table: NormalForceTable, span: Span, folder: Path, where: str)
             advice="check start, between and the clock of the front end",
         )  # fmt: skip
     times, values = times[inside], values[inside]
-    return Trace(times - (times[0] if table.between else 0.0), values, float(np.std(values)))
+    return Trace(times - (times[0] if table.between else 0.0), values, float(np.mean(values)), float(np.std(values)))
 
 
 def _dated(table: NormalForceTable, columns: dict[str, list[str]]) -> bool:

@@ -123,10 +123,11 @@ def shift_findings(parts: Sequence[Part], name: str = "") -> tuple[Finding, ...]
 def relative_shift(former: Sequence[FrfSet], latter: Sequence[FrfSet]) -> tuple[float, float]:
     """Relative frequency shift of the resonances of ``latter`` against ``former``, and the correlation it leaves.
 
-    On a logarithmic frequency axis a relative shift is a translation. The level of each set-up is the mean over its
-    FRFs of log |H| less its running mean, so that resonances count and static levels do not; where both measure the
-    same FRFs, only those enter. The shift maximises the correlation of the two levels within +-5 %, refined by a
-    parabola through the three points at the maximum.
+    On a logarithmic frequency axis a relative shift is a translation. The level of each set-up is
+    ``log(1 + P / G)`` with the power P of its FRFs (each scaled to unit mean square, then summed) and the geometric mean
+    G of P over the surroundings (+-20 % of the frequency): resonances count by their height in log |H|, antiresonances
+    and the noise between hardly at all. Where both set-ups measure the same FRFs, only those enter. The shift maximises
+    the correlation of the two levels within +-5 %, refined by a parabola through the three points at the maximum.
     """
     frequencies = former[0].frequencies
     used = frequencies > 0.02 * frequencies[-1]
@@ -155,20 +156,20 @@ def _level(
     group: Sequence[FrfSet], common: set[tuple[Dof, Dof]], used: Bool[np.ndarray, "freq"],
     axis: Float[np.ndarray, "line"], grid: Float[np.ndarray, "point"], width: int,
 ) -> Float[np.ndarray, "point"]:  # fmt: skip
-    """Mean of log |H| over the FRFs of a set-up on the logarithmic ``grid``, less its running mean."""
-    logs = []
+    """Height of the FRFs of a set-up above their surroundings, on the logarithmic ``grid``."""
+    power = np.zeros(len(axis))
     for frf in group:
-        magnitude = np.abs(frf.values[used])
-        floor = np.finfo(float).tiny + 1e-6 * magnitude.max(axis=0)
         for row, output in enumerate(frf.outputs):
             for column, input_ in enumerate(frf.inputs):
                 if not common or (output.positive, input_.positive) in common:
-                    logs.append(np.log(np.maximum(magnitude[:, row, column], floor[row, column])))
-    level = np.interp(grid, axis, np.mean(logs, axis=0))
-    total = np.concatenate([[0.0], np.cumsum(level)])
-    place = np.arange(len(level))
-    low, high = np.maximum(place - width, 0), np.minimum(place + width + 1, len(level))
-    return level - (total[high] - total[low]) / (high - low)
+                    magnitude = np.abs(frf.values[used, row, column])
+                    power += (magnitude / (np.sqrt(np.mean(magnitude**2)) or 1.0)) ** 2
+    logs = np.interp(grid, axis, np.log(np.maximum(power, np.finfo(float).tiny)))
+    total = np.concatenate([[0.0], np.cumsum(logs)])
+    place = np.arange(len(logs))
+    low, high = np.maximum(place - width, 0), np.minimum(place + width + 1, len(logs))
+    above = np.logaddexp(0.0, logs - (total[high] - total[low]) / (high - low))
+    return above - above.mean()
 
 
 def _correlation(

@@ -26,6 +26,7 @@ def _places(text: str) -> dict[tuple[str, ...], int]:
             if header := _HEADER.match(line):
                 table = _inside(_names(header[2]), counts, listed=header[1] == "[[")
                 places.setdefault(table, number)
+                places.setdefault(tuple(_names(header[2])), number)
                 continue
             if key := _KEY.match(line):
                 places.setdefault((*table, *_names(key[1])), number)

@@ -14,8 +14,29 @@ from hypothesis.extra.numpy import arrays
 
 from ema import data, store
 from ema.data import (
-    Campaign, Channel, Condition, Excitation, Expectation, Finding, FrfSet, Geometry, Hit, HitGallery, JointForce, Lazy,
-    ModalMap, ModalModel, ModeQuality, PoleTable, Provenance, Recording, Repair, Residuals, Run, RunResult, StudyResult,
+    Campaign,
+    Channel,
+    Condition,
+    Excitation,
+    Expectation,
+    Finding,
+    FrfSet,
+    Geometry,
+    Hit,
+    HitGallery,
+    JointForce,
+    Lazy,
+    ModalMap,
+    ModalModel,
+    ModeQuality,
+    PoleTable,
+    Provenance,
+    Recording,
+    Repair,
+    Residuals,
+    Run,
+    RunResult,
+    StudyResult,
 )  # fmt: skip
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
@@ -321,7 +342,7 @@ def test_what_reaches_outside_the_file_is_refused(tmp_path: Path, kind: str) -> 
                 group.create_virtual_dataset("signals", layout)
             case "compound":
                 group.create_dataset("signals", data=np.zeros(3, [("a", "f8")]))
-    with pytest.raises(InputError, match="not followed|not read"):
+    with pytest.raises(InputError, match=r"not followed|not read"):
         store.load(path)
 
 

@@ -1,0 +1,188 @@
+"""Normal force per joint: from a channel, from side data, stated, unknown; and what is wrong with it."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import acquisition
+from ema import store
+from ema.data import Channel, Recording, Run
+from ema.errors import InputError
+
+START = datetime(2026, 11, 21, 10, 0, tzinfo=UTC)
+BASE = """
+[campaign]
+name = "test"
+files = "raw"
+
+[[channels]]
+name = "hammer"
+role = "reference"
+unit = "N"
+
+[[joints]]
+name = "J1"
+load_cell = "ring 7"
+calibrated_on = 2026-01-10
+
+[[runs]]
+id = "beam"
+kind = "hammer"
+files = "beam_{point}.h5"
+"""
+
+
+def opened(path: Path, text: str, side: str = "", base: str = BASE, signals: "list[np.ndarray] | None" = None) -> Run:
+    (path / "raw").mkdir(exist_ok=True)
+    (path / "campaign.toml").write_text(base + text)
+    (path / "rings.csv").write_text(side)
+    for number, signal in enumerate(signals or [np.zeros(1000), np.zeros(1000)]):
+        start = START + timedelta(seconds=60 * number)
+        take = Recording(np.array([signal, signal]), 100.0, (Channel("hammer"), Channel("ring")), start)
+        store.save(path / "raw" / f"beam_{number + 1}.h5", take)
+    return acquisition.open_campaign(path)["beam"]
+
+
+def force(text: str, joint: str = "J1") -> str:
+    return f'[[runs.normal_force]]\njoint = "{joint}"\n{text}\n'
+
+
+def codes(run: Run) -> list[str]:
+    return [finding.code for finding in run.findings]
+
+
+def test_a_bare_structure_has_no_joints(tmp_path: Path) -> None:
+    for text in ("", "beam = false\n"):
+        run = opened(tmp_path, text)
+        assert run.condition.joints == () and run.findings == ()
+
+
+def test_a_stated_force_with_its_circumstances(tmp_path: Path) -> None:
+    text = 'value = "1.02 kN"\nstd = "0.03 kN"\ntorque = "12 N m"\nsequence = "up"\nrun_in = 20'
+    run = opened(tmp_path, force(text))
+    joint = run.condition.joints[0]
+    assert (joint.joint, joint.mean, joint.std, joint.torque, joint.sequence, joint.run_in) == (
+        "J1", 1020.0, pytest.approx(30.0), 12.0, "up", 20,
+    )  # fmt: skip
+    assert joint.calibration == "ring 7, calibrated on 2026-01-10" and codes(run) == []
+
+
+@pytest.mark.parametrize("text", ["beam = true\n", force(""), force('torque = "12 N m"')])
+def test_an_unknown_force_is_admitted_with_a_finding(tmp_path: Path, text: str) -> None:
+    run = opened(tmp_path, text)
+    assert not run.condition.joints[0].known and codes(run) == ["normal-force-unknown"]
+    assert run.findings[0].severity == "error"
+
+
+def test_a_joint_of_the_campaign_that_the_run_forgets_is_unknown(tmp_path: Path) -> None:
+    base = BASE.replace("[[runs]]", '[[joints]]\nname = "J2"\n\n[[runs]]')
+    run = opened(tmp_path, force('value = "1 kN"'), base=base)
+    assert [(joint.joint, joint.known) for joint in run.condition.joints] == [("J1", True), ("J2", False)]
+    assert codes(run) == ["normal-force-unknown"] and "J2" in run.findings[0].where
+
+
+def test_a_channel_of_the_record_is_reduced(tmp_path: Path) -> None:
+    """A ramp from 990 to 1010 N over two records, one minute apart."""
+    base = BASE.replace(
+        "[[joints]]", '[[channels]]\nname = "ring"\nrole = "normal force"\njoint = "J1"\nunit = "kN"\n\n[[joints]]'
+    )
+    ramp = np.linspace(0.99, 1.01, 2000)
+    for text in ("", force('channel = "ring"')):
+        run = opened(tmp_path, text, base=base, signals=[ramp[:1000], ramp[1000:]])
+        joint = run.condition.joints[0]
+        assert joint.mean == pytest.approx(1000.0, abs=1e-9)
+        assert joint.std == pytest.approx(float(np.std(1000 * ramp)), rel=1e-9)
+        assert joint.trace is not None and joint.trace_times is not None and len(joint.trace) == 128
+        assert joint.trace_times[0] == pytest.approx(0.075, abs=0.05) and 69 < joint.trace_times[-1] < 70
+        assert joint.drift == pytest.approx(20.0, rel=0.5) and joint.drift > 0
+
+
+def test_a_channel_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match="no such normal-force channel in the record; got ring 9, expected one of hammer"
+    ):
+        opened(tmp_path, force('channel = "ring 9"'))
+
+
+SIDE = 'file = "rings.csv"\ncolumn = "J1"\nunit = "kN"\n'
+
+
+def test_side_data_without_clock_are_used_whole(tmp_path: Path) -> None:
+    run = opened(tmp_path, force(SIDE + 'time = "t"\ntime_unit = "min"'), "t;J1\n0;0,98\n1;1,00\n2;1,02\n")
+    joint = run.condition.joints[0]
+    assert joint.mean == pytest.approx(1000.0) and joint.drift == pytest.approx(40.0)
+    np.testing.assert_allclose(joint.trace_times, [0.0, 60.0, 120.0])
+
+
+@pytest.mark.parametrize("clock", ["stamps", "start"])
+def test_side_data_with_a_clock_are_cut_to_the_run(tmp_path: Path, clock: str) -> None:
+    """The run lasts from 10:00:00 to 10:01:10; before and after it the joint had another force."""
+    seconds = np.arange(-100, 200, 10)
+    values = np.where((seconds >= 0) & (seconds <= 70), 500.0, 3.0)
+    if clock == "stamps":
+        stamps = [(START + timedelta(seconds=int(each) + 3600)).strftime("%Y-%m-%dT%H:%M:%S+01:00") for each in seconds]
+        text = force(SIDE.replace("kN", "N") + 'time = "t"')
+    else:
+        stamps = [str(each + 100) for each in seconds]
+        text = force(SIDE.replace("kN", "N") + 'time = "t"\ntime_unit = "s"\nstart = 2026-11-21T09:58:20Z')
+    side = "t,J1\n" + "\n".join(f"{stamp},{value}" for stamp, value in zip(stamps, values, strict=True))
+    joint = opened(tmp_path, text, side).condition.joints[0]
+    assert joint.mean == 500.0 and joint.std == 0.0
+    np.testing.assert_allclose(joint.trace_times, np.arange(0, 71, 10))
+
+
+def test_a_stretch_of_the_side_data(tmp_path: Path) -> None:
+    text = force(SIDE + 'time = "t"\ntime_unit = "s"\nbetween = ["1 min", "2 min"]')
+    joint = opened(tmp_path, text, "t,J1\n0,9\n60,1\n120,1\n180,9\n").condition.joints[0]
+    assert joint.mean == 1000.0 and joint.trace_times is not None and joint.trace_times.tolist() == [0.0, 60.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "side", "message"),
+    [
+        (SIDE, "t,J2\n0,1\n", "no such column; got J1, expected one of t, J2"),
+        (SIDE, "", "the table is empty"),
+        (SIDE, "t,J1\n0,much\n", "not a number; got 'much'"),
+        (SIDE.replace("rings", "ring"), "", "there is no such file"),
+        (SIDE + 'time = "t"', "t,J1\n0,1\n", "the time column has no unit"),
+        (SIDE + 'time = "t"\ntime_unit = "s"\nbetween = ["5 s", "6 s"]', "t,J1\n0,1\n", "no normal force within the time"),
+        (SIDE + 'time = "t"', "t,J1\n2026-11-20T10:00:00Z,1\n", "no normal force within the time"),
+        (SIDE.replace("kN", "kg"), "", "unit"),
+        (SIDE + 'value = "1 kN"', "", "state one"),
+        ('file = "rings.csv"\ncolumn = "J1"', "", "side data have no unit"),
+    ],
+)  # fmt: skip
+def test_side_data_that_cannot_be_used_are_refused(tmp_path: Path, text: str, side: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        opened(tmp_path, force(text), side)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_drift_above_five_per_cent_is_a_finding(tmp_path: Path) -> None:
+    for end, expected in ((1049, []), (1060, ["normal-force-drift"])):
+        side = "J1\n" + "\n".join(str(value) for value in np.linspace(1000, end, 101))
+        run = opened(tmp_path, force(SIDE.replace("kN", "N")), side)
+        assert codes(run) == expected
+    finding = run.findings[0]
+    assert finding.limit == 0.05 and finding.value == pytest.approx(60 * 0.9 / 1030, rel=0.02)
+
+
+def test_scatter_between_joints_above_ten_per_cent_is_a_finding(tmp_path: Path) -> None:
+    base = BASE.replace("[[runs]]", '[[joints]]\nname = "J2"\n\n[[runs]]')
+    for second, expected in (("1.2 kN", []), ("1.25 kN", ["normal-force-scatter"])):
+        run = opened(tmp_path, force('value = "1 kN"') + force(f'value = "{second}"', "J2"), base=base)
+        assert codes(run) == expected
+    assert run.findings[0].value == pytest.approx(0.125 / 1.125)
+
+
+def test_kilonewtons_taken_for_newtons_are_noticed(tmp_path: Path) -> None:
+    side = "J1\n" + "1.01\n" * 20
+    run = opened(tmp_path, force(SIDE.replace("kN", "N") + 'nominal = "1 kN"'), side)
+    assert codes(run) == ["normal-force-unit"] and "as if kN had been taken for N" in run.findings[0].message
+    assert run.findings[0].value == pytest.approx(1.01e-3)
+    jumping = "J1\n" + "1010\n" * 15 + "1.01\n" * 5
+    run = opened(tmp_path, force(SIDE.replace("kN", "N")), jumping)
+    assert codes(run)[0] == "normal-force-unit" and "25 %" in run.findings[0].message
+    assert codes(opened(tmp_path, force(SIDE + 'nominal = "1 kN"'), side)) == []
