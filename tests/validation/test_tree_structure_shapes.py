@@ -15,6 +15,7 @@ import pytest
 from ema.data import Geometry, ModalModel, poles_from
 from ema.dof import Dof
 from ema.shapes import auto_mac, expand
+from ema.show import mode_shapes
 
 
 @pytest.fixture(scope="module")
@@ -83,10 +84,22 @@ def test_branches_bend_and_do_not_stretch(tree: ModalModel, geometry: Geometry, 
     axial = np.einsum("nim,i->nm", motion, along)
     across = motion - along[None, :, None] * axial[:, None, :]
     stretch = np.median(axial.std(axis=0) / np.sqrt(np.mean(np.sum(across**2, axis=1), axis=0)))
-    assert stretch < 0.15
+    assert stretch < 0.01
 
 
 def test_shapes_are_distinct(tree: ModalModel):
     table = auto_mac(tree.shapes)
     np.testing.assert_allclose(np.diag(table), 1, atol=1e-12)
     assert np.median(table[~np.eye(24, dtype=bool)]) < 0.05
+
+
+def test_shapes_are_drawn_on_the_branches(tree: ModalModel, geometry: Geometry):
+    """Twelve panels, in each all pieces of the four branches."""
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+    panels = [axes for axes in mode_shapes(tree, geometry).axes if axes.name == "3d"]
+    assert [axes.get_title().split(":")[0] for axes in panels] == [str(mode) for mode in range(1, 13)]
+    pieces = sum(len(line) - 1 for line in geometry.lines)
+    for axes in panels:
+        moved = [c for c in axes.collections if isinstance(c, Line3DCollection)][1]
+        assert len(moved.get_colors()) == pieces

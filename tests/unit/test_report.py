@@ -1,0 +1,436 @@
+"""The report, read as a reader's browser does: numbers, order, escaping, and nothing fetched from elsewhere."""
+
+import base64
+import csv
+import errno
+import os
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+
+import ema.report
+from ema.data import (
+    Campaign,
+    Condition,
+    Excitation,
+    Expectation,
+    Finding,
+    Geometry,
+    Hit,
+    HitGallery,
+    JointForce,
+    ModalModel,
+    PoleTable,
+    Provenance,
+    Repair,
+    Run,
+    RunResult,
+    StudyResult,
+    poles_from,
+)  # fmt: skip
+from ema.dof import Dof
+from ema.errors import FailureError
+from ema.synthesis import frfs as synthesise
+
+EVIL = "<script>alert('x')</script> & <b>"
+
+
+def plate(across: int, up: int) -> Geometry:
+    x, y = np.meshgrid(np.linspace(0, 1.2, across), np.linspace(0, 0.8, up), indexing="ij")
+    grid = np.arange(1, across * up + 1).reshape(across, up)
+    faces = tuple(
+        (int(grid[i, j]), int(grid[i + 1, j]), int(grid[i + 1, j + 1]), int(grid[i, j + 1]))
+        for i in range(across - 1) for j in range(up - 1)
+    )  # fmt: skip
+    return Geometry(grid.ravel(), np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]), faces=faces)
+
+
+def modal(geometry: Geometry, count: int, shift: float, factor: float, joints: tuple[JointForce, ...]) -> ModalModel:
+    frequencies = shift * np.linspace(240, 1300, count)
+    damping = factor * np.linspace(0.001, 0.01, count)
+    x, y = geometry.xyz[:, 0] / 1.2, geometry.xyz[:, 1] / 0.8
+    orders = sorted(((i, j) for i in range(8) for j in range(8)), key=sum)[1 : count + 1]
+    shapes = (
+        np.array([np.cos(np.pi * i * x) * np.cos(np.pi * j * y) for i, j in orders], complex).reshape(count, len(x)).T
+    )
+    poles = poles_from(frequencies, damping)
+    covariance = np.zeros((count, 2, 2))
+    covariance[:, 0, 0], covariance[:, 1, 1] = 0.005**2, (0.01 * damping) ** 2
+    return ModalModel(
+        poles, shapes, tuple(Dof(int(node), "+Z") for node in geometry.nodes), shapes[[0, 7]] / (2j * poles.imag),
+        (Dof(1, "+Z"), Dof(8, "+Z")), scaling="unit modal mass", covariance=covariance, confidence=np.full(count, 0.97),
+        condition=Condition(Excitation("hammer", 800.0, 60.0), joints, 294.15),
+    )  # fmt: skip
+
+
+def gallery() -> HitGallery:
+    pulse = 800 * np.sin(np.pi * np.linspace(0, 1, 60)) ** 2
+    reasons = ["", "", "double hit", ""]
+    blows = tuple(
+        Hit("take", n, Dof(3, "-Z"), 0.1 * n, 800.0 + n, 0.4, 1e-3, not reason, reason, pulse, 51200.0)
+        for n, reason in enumerate(reasons)
+    )
+    frequencies = np.linspace(0, 4000, 100)
+    return HitGallery(blows, frequencies, np.exp(-((frequencies / 1500) ** 2)), (2276.0, 3219.0))
+
+
+def run_result(
+    name: str, geometry: Geometry, count: int = 4, shift: float = 1.0, factor: float = 1.0,
+    joints: tuple[JointForce, ...] = (), lines: int = 300, repeat: str = "",
+) -> RunResult:  # fmt: skip
+    modes = modal(geometry, count, shift, factor, joints)
+    clean = synthesise(modes, np.linspace(200, 1350, lines), "accelerance", outputs=modes.inputs, inputs=modes.dofs)
+    generator = np.random.default_rng(len(name))
+    noise = 0.01 * np.abs(clean.values) * generator.normal(size=clean.values.shape)
+    frfs = replace(
+        clean, values=clean.values + noise, coherence=np.full(clean.values.shape, 0.99), estimator="H1",
+        provenance=Provenance(inputs=((f"{name}.h5", "ab" * 32),), options=(("estimator", "H1"),)),
+    )  # fmt: skip
+    error = np.linspace(0.001, 0.2, noise[0].size).reshape(noise[0].shape)
+    orders = np.repeat(np.arange(4, 41, 2), count)
+    poles = np.tile(modes.poles, 19)
+    table = PoleTable(
+        orders, poles, np.full(len(poles), "s"), np.ones((len(poles), 2), complex), modes.inputs, (200.0, 1350.0)
+    )
+    findings = (
+        Finding("info", "frequency-shift", f"run {name}", "set-ups differ by 0.02 Hz.", 0.02, 0.1, "Nothing to do."),
+        Finding(
+            "warning", "low-coherence", f"run {name}, FRF 1", "coherence 0.61 at 499 Hz.", 0.61, 0.8, "Hit harder."
+        ),
+        Finding(
+            "warning", "low-coherence", f"run {name}, FRF 2", "coherence 0.52 at 499 Hz.", 0.52, 0.8, "Hit harder."
+        ),
+        Finding("error", "reversed-sensor", f"run {name}, {EVIL}", "the phase is reversed.", advice="Turn the sign."),
+    )
+    run = Run(name, modes.condition, repeat=repeat)
+    return RunResult(run, frfs, table, modes, None, clean, error, None, gallery(), findings)
+
+
+def study(runs: tuple[RunResult, ...], geometry: Geometry | None, **fields) -> StudyResult:
+    campaign = Campaign(
+        "Table, hammer", tuple(run.run for run in runs), geometry, "Cast iron table", "A. Tester", "2026-11-21", EVIL,
+        inputs=(("campaign.toml", "cd" * 32),),
+    )  # fmt: skip
+    return StudyResult(campaign, runs, title="Table with a friction beam", **fields)
+
+
+@dataclass
+class Page(HTMLParser):
+    """What a browser would see of a report."""
+
+    path: Path
+    images: list[dict[str, str]] = field(default_factory=list)
+    tags: list[str] = field(default_factory=list)
+    links: list[str] = field(default_factory=list)
+    text: str = ""
+    tables: list[list[list[str]]] = field(default_factory=list)
+    _cell: bool = False
+    _mute: bool = False
+
+    def __post_init__(self) -> None:
+        super().__init__()
+        self.source = self.path.read_text(encoding="utf-8")
+        self.feed(self.source)
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.tags.append(tag)
+        self._mute = tag == "style"
+        if tag == "img":
+            self.images.append(found)
+        if "href" in found:
+            self.links.append(found["href"])
+        if tag == "table":
+            self.tables.append([])
+        if tag == "tr":
+            self.tables[-1].append([])
+        if tag in ("td", "th"):
+            self.tables[-1][-1].append("")
+            self._cell = True
+
+    def handle_endtag(self, tag):
+        self._mute = False
+        self._cell = self._cell and tag not in ("td", "th")
+
+    def handle_data(self, data):
+        if not self._mute:
+            self.text += data
+            if self._cell:
+                self.tables[-1][-1][-1] += data
+
+    def words(self) -> str:
+        return " ".join(self.text.split())
+
+    def table(self, *columns: str) -> list[dict[str, str]]:
+        """The rows of the first table that has these columns."""
+        found = next(t for t in self.tables if set(columns) <= set(t[0]))
+        return [dict(zip(found[0], row, strict=True)) for row in found[1:]]
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made and not rendered, for tests that read words."""
+    monkeypatch.setattr("ema.report.blocks.data_uri", lambda figure: "data:image/png;base64,AAAA")
+
+
+JOINTS = (
+    JointForce(
+        "J1", 1018.3, 27.0, -12.0, np.linspace(1020, 1008, 50), np.linspace(0, 60, 50), "cell 17", 12.0, "up", 20
+    ),
+    JointForce("J2", 995.0, 31.0),
+)
+
+
+@pytest.fixture(scope="module")
+def two_runs() -> StudyResult:
+    geometry = plate(5, 4)
+    runs = (run_result("bare", geometry), run_result("beam_1kN", geometry, shift=1.013, factor=1.9, joints=JOINTS))
+    return study(
+        runs, geometry, repairs=(Repair("reverse sign", "acc 2", "A. Tester", EVIL),),
+        expectations=(Expectation("f of mode 1 [Hz]", 240.0, 0.5, 240.0, True), Expectation("zeta", 0.1, 0.05, 0.71, False)),
+        provenance=Provenance(versions=(("numpy", "2.4.6"),), steps=("open", "fit"), created=datetime(2026, 11, 21, tzinfo=UTC)),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def page(two_runs: StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    folder = tmp_path_factory.mktemp("Bericht über Tisch")
+    return Page(ema.report.write(two_runs, folder / "Tisch & Balken.html"))
+
+
+def test_mode_table_has_the_numbers_rounded_by_their_uncertainty(page: Page):
+    rows = page.table("Mode", "F_N J1 [N]")
+    assert next(row["f [Hz]"] for row in rows) == "243.120 ± 0.010"
+    assert rows[0]["ζ [%]"] == "0.1900 ± 0.0038"
+    assert [row["MPC [-]"] for row in rows] == ["1.000"] * 4
+    assert rows[0]["F_N J1 [N]"] == "1018 ± 27"
+    assert rows[0]["Confidence [-]"] == "0.97"
+
+
+def test_answer_comes_first(page: Page):
+    words = page.words()
+    places = [
+        words.index(text) for text in ("Table with a friction beam", "In short", "Table 1.", "Runs compared",
+        "What to worry about", "Expected and found", "Run bare Condition and normal force", "Repairs Table")
+    ]  # fmt: skip
+    assert places == sorted(places)
+    assert "Run beam_1kN (mean normal force 1007 N over 2 joints): 4 modes from 243.12 to 1316.9 Hz" in words
+    assert (
+        "beam_1kN against bare, 4 pairs of modes: frequency +1.3 % (median; +1.3 to +1.3 %), damping times 1.90"
+        in words
+    )
+
+
+def test_comparison_pairs_the_modes_and_says_what_the_interval_holds(page: Page):
+    rows = page.table("Mode", "Mode in beam_1kN")
+    assert [(row["Mode"], row["Mode in beam_1kN"]) for row in rows] == [(str(n), str(n)) for n in (1, 2, 3, 4)]
+    assert {row["Change of f [%]"] for row in rows} == {"+1.30"}
+    assert {row["ζ ratio [-]"] for row in rows} == {"1.90"}
+    assert {row["MAC [-]"] for row in rows} == {"1.000"}
+    assert "noise only; assembly scatter unknown" in page.words()
+
+
+def test_worries_are_grouped_and_sorted_by_severity(page: Page):
+    words = page.words()
+    places = [
+        words.index(text) for text in ("reversed-sensor 2 times", "low-coherence 4 times", "frequency-shift 2 times")
+    ]
+    assert places == sorted(places)
+    assert "Noticed: 2 errors, 4 warnings, 2 remarks." in words
+
+
+def test_missed_expectations_come_first(page: Page):
+    rows = page.table("Expected", "Found")
+    assert [(row["What"], row["Found"], row["Result"]) for row in rows] == [
+        ("zeta", "0.710", "missed"), ("f of mode 1 [Hz]", "240.00", "met"),
+    ]  # fmt: skip
+
+
+def test_every_figure_has_a_telling_alternative_text(page: Page):
+    assert len(page.images) == 2 * 10 + 1
+    for image in page.images:
+        assert len(image["alt"]) > 30
+    told = " ".join(image["alt"] for image in page.images)
+    assert "3 of 4 accepted; rejected for: double hit" in told
+    assert "76 poles; selected modes at 240, 593.33, 946.67, 1300 Hz" in told
+
+
+def test_figures_and_tables_are_numbered_in_order(page: Page):
+    words = page.words()
+    for kind, count in (("Figure", len(page.images)), ("Table", sum(link.endswith(".csv") for link in page.links))):
+        places = [words.index(f"{kind} {number}.") for number in range(1, count + 1)]
+        assert places == sorted(places)
+        assert f"{kind} {count + 1}." not in words
+
+
+def test_nothing_is_fetched_and_nothing_runs(page: Page):
+    assert "script" not in page.tags and "link" not in page.tags and "iframe" not in page.tags
+    assert all(
+        image["src"].startswith(("data:image/png;base64,", "data:image/svg+xml;base64,")) for image in page.images
+    )
+    for image in page.images:
+        base64.b64decode(image["src"].split(",")[1], validate=True)
+    assert all(link.startswith("#") or link.endswith(".csv") for link in page.links)
+    assert "http://" not in page.source and "https://" not in page.source and "url(" not in page.source
+
+
+def test_text_from_files_stays_text(page: Page):
+    assert "<script" not in page.source
+    assert page.words().count("<script>alert('x')</script> & <b>") >= 3
+
+
+def test_every_link_inside_the_page_has_a_target(page: Page):
+    for link in page.links:
+        if link.startswith("#"):
+            assert f'id="{link[1:]}"' in page.source
+
+
+def test_every_table_lies_beside_the_report_with_its_full_numbers(page: Page, two_runs: StudyResult):
+    files = [page.path.parent / unquote(link) for link in page.links if link.endswith(".csv")]
+    assert len(set(files)) == len(files) > 10
+    assert {file.parent.name for file in files} == {"Tisch & Balken_tables"}
+    tables = {file.stem: list(csv.DictReader(file.open(encoding="utf-8"))) for file in files}
+    modes = two_runs.runs[1].modes
+    np.testing.assert_array_equal([float(row["f [Hz]"]) for row in tables["modes_beam_1kN"]], modes.natural_frequencies)
+    assert [float(row["std f [Hz]"]) for row in tables["modes_beam_1kN"]] == pytest.approx([0.005] * 4)
+    assert len(tables["findings"]) == 8
+    assert len(tables["frf_errors_bare"]) == 40
+
+
+def test_repairs_and_provenance(page: Page):
+    assert page.table("What", "Who", "Why")[0]["Who"] == "A. Tester"
+    files = {row["File"]: row["SHA-256"] for row in page.table("File", "SHA-256")}
+    assert files == {"campaign.toml": "cd" * 32, "bare.h5": "ab" * 32, "beam_1kN.h5": "ab" * 32}
+    assert "Steps: open → fit." in page.words()
+
+
+def test_normal_force_table(page: Page):
+    rows = page.table("Joint", "Run-in")
+    assert rows[0] == {
+        "Joint": "J1", "F_N [N]": "1018 ± 27", "std [N]": "27", "drift [N]": "-12", "Torque [N m]": "12.0",
+        "Loading": "up", "Run-in": "20", "Calibration": "cell 17",
+    }  # fmt: skip
+
+
+def test_the_same_result_gives_the_same_file(tmp_path: Path):
+    geometry = plate(5, 4)
+    first, second = (
+        ema.report.write(study((run_result("one", geometry, count=2),), geometry), tmp_path / folder / "r.html")
+        for folder in ("a", "b")
+    )
+    assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_one_mode_no_geometry_no_coherence_no_blows(tmp_path: Path):
+    run = run_result("one", plate(5, 4), count=1)
+    bare = replace(
+        run, frfs=replace(run.frfs, coherence=None), hits=None, poles=None, reconstruction=None, findings=(),
+        modes=replace(run.modes, covariance=None, confidence=None),
+    )  # fmt: skip
+    words = (page := Page(ema.report.write(study((bare,), None), tmp_path / "r.html"))).words()
+    for told in (
+        "1 mode at 240 Hz", "no geometry, so shapes cannot be drawn in space", "No coherence came with these FRFs",
+        "came as finished FRFs", "no stabilisation diagram", "were not computed", "no uncertainty was estimated",
+        "No problem was noticed.", "No metadata was repaired.",
+    ):  # fmt: skip
+        assert told in words
+    assert page.table("Mode", "MPC [-]")[0]["f [Hz]"] == "240.000"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_no_mode_is_said(tmp_path: Path):
+    run = run_result("none", plate(5, 4), count=0)
+    words = Page(ema.report.write(study((run,), plate(5, 4)), tmp_path / "r.html")).words()
+    assert "Run none (no friction beam): 0 modes." in words
+    assert "no mode was found, so there are no modal parameters to show" in words
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_no_run_at_all(tmp_path: Path):
+    assert "No run was analysed." in Page(ema.report.write(study((), None), tmp_path / "r.html")).words()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_unknown_normal_force_is_called_unknown(tmp_path: Path):
+    run = run_result("beam", plate(5, 4), joints=(JointForce("J1"),))
+    page = Page(ema.report.write(study((run,), None), tmp_path / "r.html"))
+    assert page.table("Mode", "F_N J1 [N]")[0]["F_N J1 [N]"] == "unknown"
+    assert "normal force unknown in 1 of 1 joint" in page.words()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_repeats_bound_the_assembly_scatter(tmp_path: Path):
+    geometry = plate(5, 4)
+    runs = (
+        run_result("first", geometry, joints=JOINTS, repeat="1kN"),
+        run_result("second", geometry, shift=1.002, factor=1.1, joints=JOINTS, repeat="1kN"),
+    )
+    words = Page(ema.report.write(study(runs, geometry), tmp_path / "r.html")).words()
+    assert "2 repeats of 1kN differ by up to 0.20 % in frequency and 10 % in damping" in words
+    assert "scatter unknown" not in words
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_runs_on_different_points_are_not_compared(tmp_path: Path):
+    one, other = run_result("one", plate(5, 4)), run_result("other", plate(5, 4))
+    moved = replace(other, modes=replace(other.modes, dofs=tuple(Dof(d.node + 100, "+Z") for d in other.modes.dofs)))
+    words = Page(ema.report.write(study((one, moved), plate(5, 4)), tmp_path / "r.html")).words()
+    assert "the models have no DOF in common" in words
+    assert "No measured DOF is a direction at a point of the geometry" in words
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_names_that_no_file_system_likes(tmp_path: Path):
+    geometry = plate(5, 4)
+    runs = tuple(replace(run_result("a", geometry), run=Run(name, Condition())) for name in ("a/b", "a b", "a:b"))
+    page = Page(ema.report.write(study(runs, geometry), tmp_path / "r.html"))
+    files = [tmp_path / unquote(link) for link in page.links if link.endswith(".csv")]
+    assert len(set(files)) == len(files)
+    assert all(file.is_file() for file in files)
+
+
+def test_a_run_of_160_frfs_and_20_modes_takes_less_than_half_of_15_megabytes(tmp_path: Path):
+    geometry = plate(10, 8)
+    run = run_result("beam", geometry, 20, joints=(JointForce("J1", 1000.0, 20.0),), lines=1601)
+    path = ema.report.write(study((run,), geometry), tmp_path / "r.html")
+    assert path.stat().st_size < 7.5e6
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_sixty_modes(tmp_path: Path):
+    run = run_result("many", plate(10, 8), 60)
+    page = Page(ema.report.write(study((run,), plate(10, 8)), tmp_path / "r.html"))
+    assert len(page.table("Mode", "MPC [-]")) == 60
+    told = [image["alt"] for image in page.images if image["alt"].startswith("Mode shapes")]
+    assert len(told) == 5
+    assert "60 at 1300 Hz" in told[-1]
+
+
+def test_a_place_that_cannot_be_written_is_said(two_runs: StudyResult, tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    small = study((), None)
+    with pytest.raises(FailureError, match="cannot be written"):
+        ema.report.write(small, tmp_path / "file" / "r.html")
+    with pytest.raises(FailureError, match="a folder has its name"):
+        ema.report.write(small, tmp_path)
+    assert FailureError.exit_code == 3
+
+
+def test_a_full_disk_leaves_the_old_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    path = tmp_path / "r.html"
+    path.write_text("old")
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(FailureError, match="No space left"):
+        ema.report.write(study((), None, provenance=Provenance(versions=(("a", "1"),))), path)
+    assert path.read_text() == "old"
+    assert [file for file in tmp_path.rglob("*") if file.name.startswith(".")] == []
