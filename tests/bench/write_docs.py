@@ -23,8 +23,8 @@ SPEED = """# Speed
 All systems run on the same cases in one run, each in a process of its own with one thread, warmed up on another case.
 Short runs are taken three times and the fastest counts. *Poles* is the time for the poles of all model orders;
 *selection* is what follows until the chosen modes are there, which for friction-ema includes their shapes and residues.
-*CPU* is the processor time of both, which other work on the machine disturbs least. *Memory* is the high-water mark
-above what the process held before, over the size of the FRFs. Medians over the seeds.
+Both are processor times, which other work on the machine disturbs least; the wall clock stands beside them. *Memory* is
+the high-water mark above what the process held before, over the size of the FRFs. Medians over the seeds.
 
 This page is written by `python -m tests.bench.write_docs` from the figures of `python -m tests.bench.fit`.
 """
@@ -115,7 +115,7 @@ def speed(row: dict) -> str:
                 number(poles),
                 number(median(own, lambda run: run["time_selection"])),
                 number(median(own, total)),
-                number(median(own, lambda run: run["time_cpu"])),
+                number(median(own, lambda run: run["time_wall"])),
                 number(median(own, lambda run: run["extra_memory"] / run["data_bytes"]), 2),
                 "" if system == OURS else f"1/{number(poles / ours)}",
             ]
@@ -125,7 +125,7 @@ def speed(row: dict) -> str:
         "poles [s]",
         "selection [s]",
         "both [s]",
-        "CPU [s]",
+        "wall clock [s]",
         "memory / data",
         "friction-ema's poles and selection over the peer's poles",
     ]

@@ -190,7 +190,7 @@ def test_maximum_likelihood_scatters_as_the_bound_says():
 
 def _run(seed: int, poles: float, selection: float, **more: object) -> dict:
     return {
-        "seed": seed, "version": "1.0", "time_poles": poles, "time_selection": selection, "time_cpu": poles,
+        "seed": seed, "version": "1.0", "time_poles": poles, "time_selection": selection, "time_wall": poles,
         "extra_memory": 3e6, "data_bytes": 2e6, "found": 19, "identifiable": 20, "missed": [[123.4, 0.05]],
         "false": [], "damping_error": 4e-4, "damping_bias": -1e-4, "frequency_ratio": 1.1, "damping_ratio": 1.2,
         "residue_error": 0.01, "residue_error_largest": 0.02, "bound_damping": 3e-4, "bound_frequency": 2e-6, **more,
