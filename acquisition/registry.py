@@ -129,7 +129,7 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
         raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
     except Exception as error:  # readers of foreign formats fail in ways of their own; the cause is kept
         raise InputError(
-            f"damaged, or not a {kind.title} file: {str(error).splitlines()[0] if str(error) else type(error).__name__}",
+            f"damaged, or not a {kind.title} file: {(str(error) or type(error).__name__).splitlines()[0]}",
             where=str(path),
         ) from error
     suffix = _suffixes(path)
@@ -161,9 +161,11 @@ def write(path: "str | PathLike[str]", *nouns: Any, format: str = "", **options:
     choices = [candidate for candidate in choices if candidate.writes]
     if not choices:
         raise InputError(
-            "this format is not written", where=str(path), got=suffix or format or "no suffix",
+            "this format is not written",
+            where=str(path),
+            got=suffix or format or "no suffix",
             expected="one of " + ", ".join(s for f in _FORMATS if f.writes for s in f.suffixes),
-        )  # fmt: skip
+        )
     adapter = import_module(choices[0].module)
     try:
         adapter.write(path, nouns, **options)

@@ -37,11 +37,67 @@ _DIMENSIONS: dict[tuple[tuple[str, int], ...], str] = {
 }
 _ANGULAR = {"frequency": "angular velocity", "ratio": "rotation"}
 _USUAL = (
-    "N", "kN", "mN", "MN", "lbf", "kip", "kgf", "m/s^2", "m/s²", "mm/s^2", "g", "mg", "in/s^2", "m/s", "mm/s", "in/s",
-    "m", "mm", "um", "in", "ft", "Pa", "kPa", "MPa", "bar", "psi", "V", "mV", "degC", "degF", "K", "s", "ms", "us", "min",
-    "N m", "N*m", "kN m", "in lbf", "Hz", "kHz", "rpm", "rad/s", "rad", "deg", "um/m", "microstrain", "strain", "%",
-    "(m/s^2)/N", "g/N", "g/lbf", "(m/s)/N", "m/N", "mm/N", "mV/N", "mV/g", "mV/(m/s^2)", "V/V", "mV/lbf", "pC/N", UNSTATED,
-)  # fmt: skip
+    "N",
+    "kN",
+    "mN",
+    "MN",
+    "lbf",
+    "kip",
+    "kgf",
+    "m/s^2",
+    "m/s²",
+    "mm/s^2",
+    "g",
+    "mg",
+    "in/s^2",
+    "m/s",
+    "mm/s",
+    "in/s",
+    "m",
+    "mm",
+    "um",
+    "in",
+    "ft",
+    "Pa",
+    "kPa",
+    "MPa",
+    "bar",
+    "psi",
+    "V",
+    "mV",
+    "degC",
+    "degF",
+    "K",
+    "s",
+    "ms",
+    "us",
+    "min",
+    "N m",
+    "N*m",
+    "kN m",
+    "in lbf",
+    "Hz",
+    "kHz",
+    "rpm",
+    "rad/s",
+    "rad",
+    "deg",
+    "um/m",
+    "microstrain",
+    "strain",
+    "%",
+    "(m/s^2)/N",
+    "g/N",
+    "g/lbf",
+    "(m/s)/N",
+    "m/N",
+    "mm/N",
+    "mV/N",
+    "mV/g",
+    "mV/(m/s^2)",
+    "mV/lbf",
+    UNSTATED,
+)
 """Spellings offered when a unit is not understood."""
 
 
@@ -79,7 +135,7 @@ def _registry() -> Any:
     """The table of units (pint), made on first use."""
     import pint
 
-    registry = pint.UnitRegistry(cache_folder=None)
+    registry: Any = pint.UnitRegistry(cache_folder=None)
     registry.define(f"accel_g = {STANDARD_GRAVITY!r} * meter / second ** 2")
     registry.define("strain_unit = []")
     registry.define("microstrain_unit = 1e-6 * strain_unit")

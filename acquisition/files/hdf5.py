@@ -1,11 +1,13 @@
 """HDF5 files of any layout; arrays are named by their path: ``InputTask/data``."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from acquisition.contents import Contents
-from acquisition.files.arrays import Arrays, arrange
+from acquisition.files.arrange import arrange
+from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 
 
@@ -48,7 +50,7 @@ def variables(path: Path) -> Arrays:
     return Arrays(path.name, arrays, numeric[0] if len(numeric) == 1 else "", stated, metadata=tuple(metadata))
 
 
-def _itself(arrays: dict[str, Any], layout: Layout) -> dict[str, Any]:
+def _itself(arrays: Mapping[str, Any], layout: Layout) -> dict[str, Any]:
     """Layout of a group with data, sample_rate, channel_names or time, in whatever order of the axes."""
     for name in arrays:
         group, _, last = name.rpartition("/")

@@ -9,7 +9,8 @@ import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files import sniff, table
-from acquisition.files.arrays import Arrays, arrange
+from acquisition.files.arrange import arrange
+from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 
 

@@ -9,8 +9,9 @@ import numpy as np
 from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files import sniff, table
-from acquisition.files.arrays import make_recording, nice_rate, not_finite, rate_of
+from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
+from acquisition.files.signals import make_recording, nice_rate, rate_of
 from ema.data import Finding
 from ema.errors import InputError
 
@@ -52,27 +53,19 @@ def _dialect(lines: list[str]) -> tuple[str, str]:
 def _segments(lines: list[str], separator: str) -> Iterator[tuple[dict[str, list[str]], list[str]]]:
     """Header and rows of every part that a line of stars closes; the first header is that of the file."""
     header: dict[str, list[str]] = {}
-    rows: list[str] = []
-    in_header = True
+    rows: list[str] | None = None  # none yet: still in the header
     for line in lines:
         cells = [cell.strip() for cell in line.split(separator)]
         if cells[0] == _END:
-            in_header = False
-        elif not in_header and (not line.strip() or (rows and cells[0] == "Channels")):
-            if rows or cells[0] == "Channels":
-                yield header, rows
-                header, rows, in_header = {}, [], True
-            elif not in_header and not rows and "Channels" not in header and "Writer_Version" in header:
-                yield header, rows
-                header, rows, in_header = {}, [], True
-            if cells[0]:
-                header[cells[0]] = cells[1:]
-        elif in_header:
-            if cells[0]:
-                header[cells[0]] = cells[1:]
-        else:
+            rows = []
+        elif rows is None:
+            header[cells[0]] = cells[1:]
+        elif cells[0] == "Channels" or (rows and not line.strip()):
+            yield header, rows
+            header, rows = {cells[0]: cells[1:]}, None
+        elif line.strip():
             rows.append(line)
-    if header or rows:
+    if rows is not None:
         yield header, rows
 
 
@@ -91,7 +84,7 @@ def _recording(
         raise InputError("a segment without signals", where=name, got=", ".join(titles))
     rate = _rate(header, values[:, times[0]] if times else None, decimal, name)
     names = [titles[place] or f"column {place}" for place in signals]
-    labels = [label for label in header.get("Y_Unit_Label", [])][: len(signals)]
+    labels = header.get("Y_Unit_Label", [])[: len(signals)]
     labels += [""] * (len(signals) - len(labels))
     if layout.units is not None:
         labels = [layout.units.get(n, "") for n in names] if isinstance(layout.units, dict) else list(layout.units)

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from acquisition.contents import Contents
-from acquisition.files.arrays import Arrays, arrange
+from acquisition.files.arrange import arrange
+from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from acquisition import units
 from acquisition.contents import Contents
-from acquisition.files.arrays import make_recording, not_finite
+from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
+from acquisition.files.signals import make_recording
 from ema.data import Finding, Recording
 
 

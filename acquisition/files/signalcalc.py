@@ -6,8 +6,9 @@ from pathlib import Path
 from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files import sniff, table
-from acquisition.files.arrays import make_frfs, not_finite
+from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
+from acquisition.files.ratios import make_frfs
 from ema.dof import Dof
 from ema.errors import InputError
 

@@ -10,7 +10,8 @@ import numpy as np
 from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files import sniff
-from acquisition.files.arrays import Arrays, arrange
+from acquisition.files.arrange import arrange
+from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 from ema.data import Finding
 from ema.errors import InputError
@@ -252,13 +253,16 @@ def _by_titles(names: list[str], layout: Layout) -> Layout:
         others = [name for name in names if name != places["time"]]
         return replace(layout, time=places["time"], signals=others)
     if "frequency" in places and ({"real", "imaginary"} <= places.keys() or {"amplitude", "phase"} <= places.keys()):
-        chosen = {role: places.get(role) for role in ("frequency", "real", "imaginary", "coherence")}
-        if "real" not in places:
-            chosen = {role: places.get(role) for role in ("frequency", "amplitude", "phase", "coherence")}
-        return replace(layout, **chosen)
+        roles = ("real", "imaginary") if "real" in places else ("amplitude", "phase")
+        return _with(layout, places, "frequency", "coherence", *roles)
     if {"x", "y", "z"} <= places.keys():
-        return replace(layout, **{role: places.get(role) for role in ("x", "y", "z", "node")})
+        return _with(layout, places, "x", "y", "z", "node")
     return layout
+
+
+def _with(layout: Layout, places: dict[str, str], *roles: str) -> Layout:
+    chosen: dict[str, Any] = {role: places[role] for role in roles if role in places}
+    return replace(layout, **chosen)
 
 
 def _metadata(header: tuple[str, ...]) -> tuple[tuple[str, str], ...]:

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.contents import Contents
-from acquisition.files.arrays import nice_rate
 from acquisition.files.layout import Layout
 from acquisition.files.sampled import Sampled, recordings
+from acquisition.files.signals import nice_rate
 from ema.errors import InputError, require
 
 

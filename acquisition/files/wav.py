@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.contents import Contents
-from acquisition.files.arrays import channel_units, make_recording, not_finite
-from acquisition.files.arrays import Arrays
+from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
+from acquisition.files.signals import channel_units, make_recording
 from ema.data import Finding
 from ema.errors import require
 

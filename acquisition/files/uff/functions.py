@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.files.arrays import nice_rate, not_finite, rate_of
+from acquisition.files.arrays import not_finite
+from acquisition.files.signals import nice_rate, rate_of
 from acquisition.files.uff import header58
 from acquisition.files.uff.header58 import Header, Point
 from acquisition.files.uff.index import Entry
@@ -47,7 +48,8 @@ def gather(entries: Iterable[Entry], systems: dict[int, UnitSystem], fetch: Fetc
     fetch : reads the values of one data set.
     """
     made = Gathered()
-    times, ratios, coherences, others = [], [], [], {}
+    times, ratios, coherences = [], [], []
+    others: dict[str, int] = {}
     for entry in entries:
         header = entry.header
         if header is None:
@@ -181,8 +183,13 @@ def _axis(header: Header, fetch: Callable[[], Function]) -> tuple[Any, ...]:
 
 
 def _frf_sets(
-    made: Gathered, entries: list[Entry], coherences: list[Entry], systems: dict[int, UnitSystem], fetch: Fetch, where: str
-) -> None:  # fmt: skip
+    made: Gathered,
+    entries: list[Entry],
+    coherences: list[Entry],
+    systems: dict[int, UnitSystem],
+    fetch: Fetch,
+    where: str,
+) -> None:
     """FRFs on one axis, of one quantity and unit, become one block of outputs and inputs."""
     groups: dict[tuple[Any, ...], list[_Line]] = {}
     counts: dict[tuple[Any, ...], int] = {}
@@ -204,7 +211,8 @@ def _frf_sets(
         groups.setdefault((*key, counts[pair]), []).append(line)
     twice = [pair for pair, count in counts.items() if count > 1]
     if twice:
-        message = f"{len(twice)} FRFs occur more than once, first {twice[0][-2]}/{twice[0][-1]}; each copy is a set of its own."
+        first = f"{twice[0][-2]}/{twice[0][-1]}"
+        message = f"{len(twice)} FRFs occur more than once, first {first}; each copy is a set of its own."
         made.findings.append(Finding("warning", "duplicated-dof", where, message, float(len(twice)), 0.0))
     blocks = [(key, block) for key, lines in groups.items() for block in _blocks(made, lines, where)]
     left = {entry.number: entry for entry in coherences}
@@ -236,7 +244,8 @@ def _blocks(made: Gathered, lines: list[_Line], where: str) -> list[list[_Line]]
         return list(alike.values())
 
     blocks = min((full("input", "output"), full("output", "input")), key=len)
-    message = f"{len(lines)} FRFs do not fill the matrix of {len(outputs)} outputs and {len(inputs)} inputs; {len(blocks)} sets."
+    matrix = f"{len(outputs)} outputs and {len(inputs)} inputs"
+    message = f"{len(lines)} FRFs do not fill the matrix of {matrix}; they are {len(blocks)} sets."
     made.findings.append(Finding("info", "incomplete-matrix", where, message))
     return blocks
 
@@ -273,8 +282,13 @@ def _frf_set(
 
 
 def _coherence(
-    entries: dict[int, Entry], axis: tuple[Any, ...], outputs: tuple[Dof, ...], inputs: tuple[Dof, ...], fetch: Fetch, lines: int
-) -> Any:  # fmt: skip
+    entries: dict[int, Entry],
+    axis: tuple[Any, ...],
+    outputs: tuple[Dof, ...],
+    inputs: tuple[Dof, ...],
+    fetch: Fetch,
+    lines: int,
+) -> Any:
     """Coherences of a block, NaN where there is none; those used are taken out of ``entries``."""
     block = np.full((lines, len(outputs), len(inputs)), np.nan)
     used = []

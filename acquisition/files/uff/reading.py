@@ -38,7 +38,7 @@ def opened(path: Path) -> Iterator[BinaryIO]:
     with path.open("rb", buffering=0) as file:
         packed = file.read(2) == b"\x1f\x8b"
         if not packed:
-            yield file  # type: ignore[misc]
+            yield file
             return
     try:
         yield BytesIO(gzip.decompress(path.read_bytes()))
@@ -239,7 +239,7 @@ def _plain(file: BinaryIO, entry: Entry, system: UnitSystem, gathered: _File) ->
 
 def _ids(entries: list[Entry]) -> list[tuple[str, str]]:
     """The texts in the heads of the functions, each once."""
-    texts = {}
+    texts: dict[tuple[str, str], None] = {}
     for entry in entries[:200]:
         if entry.header is not None:
             for number, text in enumerate(entry.header.ids):

@@ -13,8 +13,11 @@ _EXPONENTS = {
 }  # fmt: skip
 """Powers of length, force and temperature of each specific data type, for translations."""
 _ANGULAR = {
-    "displacement": "rotation", "velocity": "angular velocity", "acceleration": "angular acceleration", "force": "torque",
-}  # fmt: skip
+    "displacement": "rotation",
+    "velocity": "angular velocity",
+    "acceleration": "angular acceleration",
+    "force": "torque",
+}
 _LINEAR = {angular: linear for linear, angular in _ANGULAR.items()}
 
 

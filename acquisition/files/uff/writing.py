@@ -18,8 +18,19 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import SI_UNIT, UNSTATED
 
-_CODES = {"displacement": 8, "velocity": 11, "acceleration": 12, "force": 13, "strain": 3, "pressure": 15, "temperature": 5,
-          "torque": 13, "rotation": 8, "angular velocity": 11, "angular acceleration": 12}  # fmt: skip
+_CODES = {
+    "displacement": 8,
+    "velocity": 11,
+    "acceleration": 12,
+    "force": 13,
+    "strain": 3,
+    "pressure": 15,
+    "temperature": 5,
+    "torque": 13,
+    "rotation": 8,
+    "angular velocity": 11,
+    "angular acceleration": 12,
+}
 _RESPONSE = {"receptance": ("displacement", "rotation"), "mobility": ("velocity", "angular velocity"),
              "accelerance": ("acceleration", "angular acceleration"), "unstated": ("unstated", "unstated")}  # fmt: skip
 """Response of each kind of FRF, in translation and rotation."""
@@ -78,9 +89,11 @@ def _check(noun: Any, path: Path) -> None:
         bad = int(array.size - np.count_nonzero(np.isfinite(array)))
         if bad:
             raise InputError(
-                "NaN or infinite values are not written", where=f"{path.name}, {noun.name}", got=f"{bad} of {array.size}",
+                "NaN or infinite values are not written",
+                where=f"{path.name}, {noun.name}",
+                got=f"{bad} of {array.size}",
                 advice="leave the bad lines or channels out first",
-            )  # fmt: skip
+            )
 
 
 def _preamble(name: str, created: datetime) -> bytes:
@@ -147,10 +160,16 @@ def _ordinate(quantity: str, scaled: bool) -> Axis:
 def _frfs(frfs: FrfSet, binary: bool) -> Iterator[bytes]:
     even, start, step = _spacing(frfs.frequencies)
     base = Header(
-        ids=(frfs.name or "NONE", frfs.estimator or "NONE", "NONE", "NONE", "NONE"), function=header58.FRF, kind=6,
-        points=len(frfs.frequencies), even=even, start=start, step=step, abscissa=Axis(18, label="Frequency", unit="Hz"),
+        ids=(frfs.name or "NONE", frfs.estimator or "NONE", "NONE", "NONE", "NONE"),
+        function=header58.FRF,
+        kind=6,
+        points=len(frfs.frequencies),
+        even=even,
+        start=start,
+        step=step,
+        abscissa=Axis(18, label="Frequency", unit="Hz"),
         binary=binary,
-    )  # fmt: skip
+    )
     coherence = frfs.coherence
     for column, input_ in enumerate(frfs.inputs):
         for row, output in enumerate(frfs.outputs):
@@ -177,8 +196,16 @@ def _recording(recording: Recording, binary: bool, number: int) -> Iterator[byte
     for channel, signal in zip(recording.channels, recording.signals, strict=True):
         header = Header(
             ids=(channel.name or "NONE", recording.name or "NONE", date, channel.serial or "NONE", "NONE"),
-            function=header58.TIME, version=number, response=_point(channel.dof), kind=4 if double else 2, points=len(signal),
-            even=True, start=0.0, step=1.0 / recording.sampling_rate, abscissa=Axis(17, label="Time", unit="s"),
-            ordinate=_ordinate(channel.quantity, channel.scaled), binary=binary,
-        )  # fmt: skip
+            function=header58.TIME,
+            version=number,
+            response=_point(channel.dof),
+            kind=4 if double else 2,
+            points=len(signal),
+            even=True,
+            start=0.0,
+            step=1.0 / recording.sampling_rate,
+            abscissa=Axis(17, label="Time", unit="s"),
+            ordinate=_ordinate(channel.quantity, channel.scaled),
+            binary=binary,
+        )
         yield function(header, None, signal)

@@ -1,0 +1,69 @@
+"""Mode shapes in named arrays become a modal model."""
+
+from typing import Any
+
+import numpy as np
+
+from acquisition.contents import Contents
+from acquisition.files.arrays import Arrays, not_finite
+from acquisition.files.layout import Layout
+from ema.data import Finding, ModalModel, poles_from
+from ema.dof import Dof
+from ema.errors import InputError
+
+
+def modes(arrays: Arrays, layout: Layout) -> Contents:
+    """Mode shapes with their natural frequencies and damping ratios.
+
+    Raises
+    ------
+    InputError : the numbers of shapes and frequencies disagree.
+    """
+    array = np.asarray(arrays.numbers(str(layout.shapes), np.complex128))
+    names = layout.shape_axes.split()
+    if array.ndim != len(names) or not set(names) <= {"direction", "node", "mode"} or len(set(names)) < len(names):
+        raise InputError(
+            "the axes of the shapes",
+            where=arrays.where,
+            got=f"{layout.shape_axes!r} for an array of shape {array.shape}",
+            expected="the words direction, node and mode in the order of the array, e.g. 'direction node mode'",
+        )
+    for missing in ("direction", "node", "mode"):
+        if missing not in names:
+            names, array = [*names, missing], array[..., None]
+    array = array.transpose([names.index(name) for name in ("node", "direction", "mode")])
+    nodes = list(range(1, array.shape[0] + 1)) if layout.nodes is None else [int(n) for n in layout.nodes]
+    if len(nodes) != array.shape[0]:
+        raise InputError("the number of nodes", where=arrays.where, got=len(nodes), expected=array.shape[0])
+    codes = (0,) if array.shape[1] == 1 else range(1, array.shape[1] + 1)
+    dofs = tuple(Dof.from_uff(node, code) for node in nodes for code in codes)
+    count = array.shape[2]
+    poles, findings = _poles(arrays, layout, count)
+    shapes = array.reshape(-1, count)
+    model = ModalModel(poles, shapes, dofs, np.zeros((0, count), complex), (), name=arrays.where)
+    return Contents(modes=(model,), findings=findings + not_finite(shapes, arrays.where))
+
+
+def _poles(arrays: Arrays, layout: Layout, count: int) -> tuple[Any, tuple[Finding, ...]]:
+    """Poles of the shapes; NaN and a finding where no frequencies are given."""
+
+    def values(given: Any) -> Any:
+        return arrays.vector(given) if isinstance(given, str) else np.asarray(given, dtype=np.float64)
+
+    if layout.natural_frequencies is None:
+        note = Finding(
+            "warning", "frequencies-unstated", arrays.where, f"{count} mode shapes without natural frequencies."
+        )
+        return np.full(count, np.nan, dtype=np.complex128), (note,)
+    frequencies = values(layout.natural_frequencies)
+    damping = np.zeros(count) if layout.damping_ratios is None else values(layout.damping_ratios)
+    for name, given in (("natural frequencies", frequencies), ("damping ratios", damping)):
+        if len(given) != count:
+            raise InputError(
+                f"mode shapes and {name} do not pair",
+                where=arrays.where,
+                got=f"{count} shapes, {len(given)} {name}",
+                expected="as many of one as of the other",
+                advice="find out which belong together; read the shapes alone meanwhile",
+            )
+    return poles_from(frequencies, damping), ()

@@ -1,0 +1,195 @@
+"""Time signals in named arrays become a recording."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from acquisition import units
+from acquisition.contents import Contents
+from acquisition.files.arrays import PLACE, Arrays, not_finite
+from acquisition.files.layout import Layout
+from ema.data import Channel, Recording
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.units import QUANTITIES, UNSTATED
+
+
+def rate_of(times: Float[np.ndarray, "sample"], where: str) -> float:
+    """Sampling rate in Hz of a time axis in s, whose steps may be rounded.
+
+    Raises
+    ------
+    InputError : fewer than two samples, or a step that is not constant.
+    """
+    if len(times) < 2 or not np.all(np.isfinite(times)) or times[-1] <= times[0]:
+        raise InputError("no increasing time axis", where=where, got=f"{len(times)} values")
+    step = (times[-1] - times[0]) / (len(times) - 1)
+    off = np.abs(times - times[0] - step * np.arange(len(times)))
+    if off.max() > 0.25 * step:
+        raise InputError(
+            "the time steps are not constant",
+            where=where,
+            got=f"{off.max() / step:.2g} of a step off at sample {off.argmax()}",
+            expected=f"a constant step of {step:.6g} s",
+            advice="resample the signals or cut the file at the gap",
+        )
+    return nice_rate(float(step), 1e-6)
+
+
+def nice_rate(step: float, tolerance: float) -> float:
+    """Sampling rate in Hz of a step in s that is known within a relative tolerance: a whole number if one fits."""
+    rate = 1.0 / step
+    whole = round(rate)
+    return float(whole) if whole and abs(whole / rate - 1) <= tolerance else rate
+
+
+def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str]) -> list[units.Unit]:
+    """Unit of every channel: the user's, else the file's, else unstated.
+
+    Raises
+    ------
+    UnitError : a unit is unknown.
+    """
+    given = layout.units
+    if isinstance(given, Mapping):
+        texts = [given.get(name, arrays.units.get(name, UNSTATED)) for name in names]
+    elif given is not None:
+        listed = arrays.texts(given)
+        texts = listed * len(names) if len(listed) == 1 else listed
+    else:
+        texts = [arrays.units.get(name, UNSTATED) for name in names]
+    if len(texts) != len(names):
+        raise InputError(
+            "the number of units", where=arrays.where, got=len(texts), expected=f"{len(names)}, one per channel"
+        )
+    return [units.parse(text) for text in texts]
+
+
+def make_recording(
+    signals: Any, names: Sequence[str], unit: Sequence[units.Unit], sampling_rate: float, where: str, **more: Any
+) -> Recording:
+    """A recording with its signals in SI."""
+    if not (np.isfinite(sampling_rate) and sampling_rate > 0):
+        raise InputError("no sampling rate", where=where, got=f"{sampling_rate} Hz", expected="more than 0 Hz")
+    if signals.shape[1] < 2:
+        raise InputError(
+            "too short to be a record", where=where, got=f"{signals.shape[1]} sample", expected="2 or more"
+        )
+    if any(not (u.factor == 1 and u.offset == 0) for u in unit):
+        signals = np.stack([u.to_si(row) for u, row in zip(unit, signals, strict=True)])
+    channels = tuple(make_channel(name, u) for name, u in zip(names, unit, strict=True))
+    return Recording(signals, float(sampling_rate), channels, name=where, **more)
+
+
+def make_channel(name: str, unit: units.Unit, dof: Dof | None = None) -> Channel:
+    """A channel of a known unit; a force is taken as the reference."""
+    quantity: Any = unit.quantity if unit.quantity in QUANTITIES else "unstated"
+    stated = unit.stated and quantity != "unstated"
+    role: Any = "reference" if quantity == "force" else "response"
+    return Channel(name, dof, quantity, role, unit.si if stated else UNSTATED)
+
+
+def recording(arrays: Arrays, layout: Layout) -> Contents:
+    """Time signals."""
+    places = _places(arrays, layout)
+    blocks, names = [], []
+    time_of = PLACE.match(layout.time or "")
+    for place in places:
+        array = np.asarray(arrays[place])
+        if array.dtype.kind not in "biuf":
+            raise InputError("no real numbers", where=arrays.where, got=f"{place} of type {array.dtype}")
+        block = array[None] if array.ndim == 1 else _channels_first(array, layout.axis)
+        kept = np.ones(len(block), dtype=bool)
+        if (
+            time_of is not None
+            and (time_of["array"] or arrays.main) == place
+            and time_of["axis"] == _axis(array, layout)
+        ):
+            kept[int(time_of["number"])] = False
+        default = [place] if array.ndim == 1 else [f"{_axis(array, layout)} {number}" for number in range(len(block))]
+        names += [name for name, keep in zip(default, kept, strict=True) if keep]
+        blocks.append(block[_rows(kept)])
+    lengths = {block.shape[1] for block in blocks}
+    if len(lengths) != 1:
+        raise InputError("the signals differ in length", where=arrays.where, got=", ".join(map(str, sorted(lengths))))
+    signals = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
+    if layout.names is not None:
+        names = _given_names(arrays, layout, len(signals))
+    if signals.dtype not in (np.float32, np.float64):
+        signals = signals.astype(np.float64)
+    rate = _rate(arrays, layout, signals.shape[1])
+    record = make_recording(signals, names, channel_units(arrays, layout, names), rate, arrays.where)
+    return Contents(recordings=(record,), findings=not_finite(record.signals, arrays.where))
+
+
+def _rows(kept: Bool[np.ndarray, "channel"]) -> "slice | Bool[np.ndarray, 'channel']":
+    return slice(None) if kept.all() else kept
+
+
+def _axis(array: Any, layout: Layout) -> str:
+    if layout.axis:
+        return layout.axis.rstrip("s")
+    return "row" if array.ndim == 1 or array.shape[0] <= array.shape[1] else "column"
+
+
+def _channels_first(array: Any, axis: str) -> Any:
+    """The array with one channel per row; without an axis the longer side is time."""
+    if array.ndim != 2:
+        raise InputError("a table of signals is wanted", got=f"an array of shape {array.shape}", expected="two axes")
+    if axis == "columns" or (not axis and array.shape[0] > array.shape[1]):
+        return array.T
+    return array
+
+
+def _places(arrays: Arrays, layout: Layout) -> list[str]:
+    """Where the signals are: as said, or everything but the time axis."""
+    if layout.signals is not None:
+        return [layout.signals] if isinstance(layout.signals, str) else list(layout.signals)
+    if arrays.titles:
+        return [title for title in arrays.titles if title not in (layout.time, units.bracketed(layout.time or "")[0])]
+    if arrays.main in arrays.arrays and (layout.time is None or PLACE.match(layout.time)):
+        return [arrays.main]
+    if layout.time is None:
+        raise InputError(
+            "which array holds the signals?", where=arrays.where, expected=arrays.listing(), advice="signals='...'"
+        )
+    length = np.size(arrays[layout.time])
+    others = [
+        n for n, a in arrays.arrays.items() if n not in (layout.time, arrays.main) or (n == arrays.main and n != "")
+    ]
+    others = [
+        n for n in others if n != layout.time and np.size(arrays.arrays[n]) == length and np.ndim(arrays.arrays[n]) > 0
+    ]
+    return [name for name in others if np.asarray(arrays.arrays[name]).dtype.kind in "biuf"]
+
+
+def _given_names(arrays: Arrays, layout: Layout, count: int) -> list[str]:
+    names = arrays.texts(layout.names)
+    if len(names) != count:
+        raise InputError(
+            "the number of names", where=arrays.where, got=len(names), expected=f"{count}, one per channel"
+        )
+    return names
+
+
+def _rate(arrays: Arrays, layout: Layout, samples: int) -> float:
+    if layout.time is not None:
+        times = arrays.vector(layout.time)
+        if len(times) != samples:
+            raise InputError(
+                "time axis and signals differ in length", where=arrays.where, got=len(times), expected=samples
+            )
+        stated = arrays.units.get(layout.time, "") if layout.time_unit == "s" else ""
+        unit = units.parse(stated or layout.time_unit)
+        return rate_of(unit.factor * times, arrays.where)
+    if layout.sampling_rate is None:
+        raise InputError(
+            "the file does not state the sampling rate",
+            where=arrays.where,
+            advice="say sampling_rate=... [Hz] or time='...'",
+        )
+    if isinstance(layout.sampling_rate, str):
+        return float(arrays.vector(layout.sampling_rate)[0])
+    return float(layout.sampling_rate)
