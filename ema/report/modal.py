@@ -4,6 +4,7 @@ import numpy as np
 
 from ema import show
 from ema.data import Geometry, RunResult
+from ema.fit import cmif
 from ema.report.blocks import Block, Book, Text
 from ema.report.numbers import plain, short
 from ema.shapes import auto_mac as auto_mac_of
@@ -20,12 +21,11 @@ def _missing(text: str) -> list[Block]:
 
 
 def stabilisation(run: RunResult, book: Book) -> list[Block]:
-    """The stabilisation diagram over the level of the FRFs."""
+    """The stabilisation diagram over the complex mode indicator functions."""
     poles, name = run.poles, run.run.id
     if poles is None:
         return _missing("There is no stabilisation diagram: the modes were not found through model orders.")
-    behind = np.sqrt(np.mean(np.abs(run.frfs.values) ** 2, axis=(1, 2)))[:, None]
-    figure = show.stabilisation(poles, run.modes, run.frfs.frequencies, behind, "Quadratic mean of all FRFs")
+    figure = show.stabilisation(poles, run.modes, run.frfs.frequencies, cmif(run.frfs))
     named = [short(frequency) for frequency in run.modes.natural_frequencies[:_MOST_NAMED]]
     more = len(run.modes.poles) - len(named)
     marked = "no mode was selected"
@@ -33,8 +33,8 @@ def stabilisation(run: RunResult, book: Book) -> list[Block]:
         marked = f"selected modes at {', '.join(named)}{f' and {more} more' if more else ''} Hz"
     f, d, v = (short(100 * tolerance) for tolerance in poles.tolerances)
     caption = (
-        f"Stabilisation diagram (tolerances {f} % in frequency, {d} % in damping, {v} % in vector); numbered lines are "
-        "the selected modes."
+        f"Stabilisation diagram over the CMIF (tolerances {f} % in frequency, {d} % in damping, {v} % in vector); "
+        "numbered lines are the selected modes."
     )
     alt = f"Stabilisation diagram of run {name}: {len(poles.poles)} poles; {marked}."
     return [book.picture(figure, alt, caption)]
