@@ -1,10 +1,11 @@
 """Progress is an injected callback; silent by default, and the way to cancel long work."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from ema.errors import CancelledError
 
 
+@runtime_checkable
 class Progress(Protocol):
     """Called as ``progress(what, done, total)``; returning ``False`` cancels the work."""
 

@@ -20,7 +20,8 @@ def _checked_modules() -> list[str]:
     return modules
 
 
-install_import_hook(_checked_modules(), "beartype.beartype")
+# an int is a float where one is declared, as PEP 484 has it
+install_import_hook(_checked_modules(), "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
 
 
 @pytest.fixture(scope="session")

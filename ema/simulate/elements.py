@@ -11,7 +11,7 @@ from ema.errors import InputError
 def element(
     length: float, width: float, height: float, youngs_modulus: float, density: float
 ) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6 6"]]:
-    """Consistent mass and stiffness of a Bernoulli element with u, w, phi = dw/dx at both ends (lengths in m, Pa, kg/m^3)."""
+    """Consistent mass and stiffness of a Bernoulli element with u, w, phi = dw/dx at both ends, all in SI."""
     area, inertia = width * height, width * height**3 / 12
     mass, stiffness = np.zeros((6, 6)), np.zeros((6, 6))
     axial, bending = np.array([0, 3]), np.array([1, 2, 4, 5])
@@ -62,7 +62,7 @@ def beam(
                         ("youngs_modulus", youngs_modulus), ("density", density)):  # fmt: skip
         if not value > 0 or not np.isfinite(value):
             raise InputError("not a positive number", where=f"beam {part}".strip(), got=f"{name} = {value}",
-                             expected="a positive SI value", advice="lengths in m, E in Pa, density in kg/m^3")  # fmt: skip
+                             expected="above 0", advice="lengths in m, E in Pa, density in kg/m^3")  # fmt: skip
     if elements < 1:
         raise InputError("a beam needs elements", where=f"beam {part}".strip(), got=elements, expected="1 or more")
     size = 3 * (elements + 1)

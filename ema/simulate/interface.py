@@ -13,7 +13,9 @@ _ROTATION = {"X": "-RY", "Y": "+RX"}
 """phi = slope of w along the direction, as a rotation of a right-handed frame."""
 
 
-def _entry(row: np.ndarray, node: int, direction: str, dofs: Sequence[Dof], offset: int, value: float, joint: str) -> None:
+def _entry(
+    row: np.ndarray, node: int, direction: str, dofs: Sequence[Dof], offset: int, value: float, joint: str
+) -> None:
     for place, dof in enumerate(dofs):
         if dof.node == node and dof.axis == direction.lstrip("+-"):
             wanted = -1 if direction.startswith("-") else 1

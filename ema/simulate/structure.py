@@ -5,11 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices
+from ema.data import BeamModel, Damping, Finding, FrictionLaw, Joint, Matrices
 from ema.dof import Dof, match
 from ema.errors import InputError
 from ema.simulate.elements import beam
 from ema.simulate.interface import normal_rows, tangential_rows
+
+RIGID_FACTOR = 1000.0
+NO_DAMPING = Damping()
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,7 @@ class Contacts:
 
     ``slip`` (contact, n) maps the DOFs on the relative displacement u; ``stiffness`` N/m and ``limits`` N (contact,);
     ``joint`` the number of the joint of each contact; ``partner`` the contact of the same pair in the other direction
-    of an isotropic law, else -1.
+    of an isotropic law, else -1; ``friction`` the slip force of a contact over the normal force of its joint.
     """
 
     slip: Float[np.ndarray, "contact n"]
@@ -27,17 +30,23 @@ class Contacts:
     joint: tuple[int, ...]
     partner: tuple[int, ...]
     laws: tuple[FrictionLaw, ...]
+    friction: Float[np.ndarray, "contact"]
 
 
 @dataclass(frozen=True)
 class System:
-    """Matrices of the whole structure with normal, but without tangential coupling."""
+    """Matrices of the whole structure with normal, but without tangential coupling.
+
+    ``spacing`` is the distance of neighbouring node pairs in m, infinite where unknown.
+    """
 
     mass: Float[np.ndarray, "n n"]
     stiffness: Float[np.ndarray, "n n"]
     dofs: tuple[Dof, ...]
     contacts: Contacts
     damping: Damping
+    spacing: float = float("inf")
+    findings: tuple[Finding, ...] = ()
     name: str = ""
 
     def row(self, dof: Dof | str) -> Float[np.ndarray, "n"]:
@@ -59,24 +68,29 @@ class System:
         return row
 
 
+def pair_areas(joint: Joint) -> Float[np.ndarray, "pair"]:
+    """Share of every node pair in the contact area of a joint."""
+    count = len(joint.pairs)
+    return np.full(count, 1 / count) if joint.area_shares is None else np.asarray(joint.area_shares)
+
+
 def pair_forces(joint: Joint) -> Float[np.ndarray, "pair"]:
     """Normal force of every node pair of a joint in N."""
-    count = len(joint.pairs)
-    shares = np.full(count, 1 / count) if joint.force_shares is None else joint.force_shares
+    shares = pair_areas(joint) if joint.force_shares is None else joint.force_shares
     return joint.normal_force * np.asarray(shares)
 
 
 def pair_stiffness(joint: Joint) -> Float[np.ndarray, "pair"]:
     """Tangential contact stiffness of every node pair of a joint in N/m.
 
-    The power law k_T(F_N) with its cap holds for the pressure of the pair: n times its normal force takes the place of
-    the force of the joint.
+    The power law k_T(F_N) with its cap holds for the pressure of the pair: its normal force over its share of the area
+    takes the place of the force of the joint.
     """
-    law, count = joint.law, len(joint.pairs)
+    law, areas = joint.law, pair_areas(joint)
     if law.stiffness_exponent == 0:
-        return np.full(count, min(law.contact_stiffness, law.stiffness_cap) / count)
-    ratio = count * pair_forces(joint) / law.reference_force
-    return np.minimum(law.contact_stiffness * ratio**law.stiffness_exponent, law.stiffness_cap) / count
+        return areas * min(law.contact_stiffness, law.stiffness_cap)
+    ratio = pair_forces(joint) / areas / law.reference_force
+    return areas * np.minimum(law.contact_stiffness * ratio**law.stiffness_exponent, law.stiffness_cap)
 
 
 def _check_joint(joint: Joint) -> None:
@@ -96,15 +110,18 @@ def _check_joint(joint: Joint) -> None:
     if not (np.isfinite(law.friction_coefficient) and law.friction_coefficient >= 0):
         raise wrong("not a friction coefficient", law.friction_coefficient, "mu of 0 or more",
                     "the direction of friction follows from the motion, mu has no sign")  # fmt: skip
-    if not (np.isfinite(law.contact_stiffness) and law.contact_stiffness > 0):
+    if not law.contact_stiffness > 0 or (np.isinf(law.contact_stiffness) and law.name != "coulomb"):
         raise wrong("not a tangential contact stiffness", f"{law.contact_stiffness} N/m", "a positive finite number",
                     "for rigid contact use ema.simulate.Coulomb")  # fmt: skip
-    shares = joint.force_shares
-    if shares is not None:
+    for name, shares in (("normal force", joint.force_shares), ("area", joint.area_shares)):
+        if shares is None:
+            continue
         if shares.shape != (len(joint.pairs),):
-            raise wrong("shares of the normal force do not fit", shares.shape, f"one for each of {len(joint.pairs)} pairs")
+            raise wrong(f"shares of the {name} do not fit", shares.shape, f"{len(joint.pairs)}, one per pair")
         if np.any(~np.isfinite(shares)) or np.any(shares < 0) or abs(shares.sum() - 1) > 1e-9:
-            raise wrong("not shares of a force", f"sum {shares.sum():g}, least {shares.min():g}", "0 or more, sum 1")
+            raise wrong(
+                f"not shares of the {name}", f"sum {shares.sum():g}, least {shares.min():g}", "0 or more, sum 1"
+            )
 
 
 def check_matrices(matrices: Matrices, where: str) -> None:
@@ -123,7 +140,7 @@ def check_matrices(matrices: Matrices, where: str) -> None:
         unequal = np.abs(matrix - matrix.T).max()
         if unequal > 1e-9 * np.abs(matrix).max():
             raise InputError(f"the {name} matrix is not symmetric", where=where, got=f"difference {unequal:g}",
-                             expected="K equal to its transpose", advice="export both triangles, or the full matrix")  # fmt: skip
+                             expected="equal to its transpose", advice="export the full matrix")  # fmt: skip
         lowest = np.linalg.eigvalsh(matrix)[[0, -1]]
         if lowest[0] < -1e-9 * lowest[1] or (name == "mass" and lowest[0] <= 0):
             raise InputError(f"the {name} matrix is not positive", where=where, got=f"lowest eigenvalue {lowest[0]:g}",
@@ -142,7 +159,9 @@ def assemble(model: BeamModel) -> System:
         raise InputError("the host is a modal model", where=model.name, expected="matrices",
                          advice="turn it into matrices with ema.simulate.modal_host")  # fmt: skip
     if not model.joints:
-        raise InputError("a model without joints", where=model.name, got="0 contact pairs", expected="at least one joint")
+        raise InputError(
+            "a model without joints", where=model.name, got="0 contact pairs", expected="at least one joint"
+        )
     for joint in model.joints:
         _check_joint(joint)
     parts = [model.host] if model.beam is None else [model.host, model.beam]
@@ -154,25 +173,59 @@ def assemble(model: BeamModel) -> System:
     beam_dofs = dofs[split:] if model.beam is not None else dofs
     offset = split if model.beam is not None else 0
     slips: list[np.ndarray] = []
-    limits, springs, joints, partners, laws = [], [], [], [], []
+    limits: list[float] = []
+    springs: list[float] = []
+    shares: list[float] = []
+    joints: list[int] = []
+    partners: list[int] = []
+    laws: list[FrictionLaw] = []
     for number, joint in enumerate(model.joints):
         gaps = normal_rows(joint, dofs[:split], beam_dofs, offset, len(dofs))
-        stiffness = stiffness + gaps.T @ gaps * (joint.normal_stiffness / len(joint.pairs))
+        stiffness = stiffness + gaps.T @ (gaps * (joint.normal_stiffness * pair_areas(joint))[:, None])
         both = len(joint.directions) == 2 and joint.law.isotropic
         rows = [tangential_rows(joint, d, dofs[:split], beam_dofs, offset, len(dofs)) for d in joint.directions]
         first, count = len(limits), len(joint.pairs)
         for place, row in enumerate(rows):
             slips.append(row)
             limits += list(joint.law.friction_coefficient * pair_forces(joint))
+            shares += list(joint.law.friction_coefficient * pair_forces(replace(joint, normal_force=1.0)))
             springs += list(pair_stiffness(joint))
             joints += [number] * count
             laws += [joint.law] * count
             other = first + (1 - place) * count
             partners += [other + k if both else -1 for k in range(count)]
+    slip = np.vstack(slips)
+    held, findings = _rigid_contacts(slip, np.array(springs), mass, stiffness, model.name)
     contacts = Contacts(
-        np.vstack(slips), np.array(springs), np.array(limits), tuple(joints), tuple(partners), tuple(laws)
-    )
-    return System(mass, stiffness, dofs, contacts, model.damping, model.name)
+        slip, held, np.array(limits), tuple(joints), tuple(partners), tuple(laws), np.array(shares)
+    )  # fmt: skip
+    return System(mass, stiffness, dofs, contacts, model.damping, _spacing(model), findings, model.name)
+
+
+def pair_counts(model: BeamModel, system: System) -> list[int]:
+    """Number of node pairs that share the joint of every contact."""
+    return [len(model.joints[number].pairs) for number in system.contacts.joint]
+
+
+def _rigid_contacts(
+    slip: np.ndarray, springs: np.ndarray, mass: np.ndarray, stiffness: np.ndarray, where: str
+) -> tuple[np.ndarray, tuple[Finding, ...]]:
+    """Give contacts of rigid friction a finite spring, 1000 times as stiff as the structure that holds them."""
+    rigid = ~np.isfinite(springs)
+    if not rigid.any():
+        return springs, ()
+    shift = 1e-9 * np.trace(stiffness) / np.trace(mass)
+    own = 1 / np.diag(slip @ np.linalg.solve(stiffness + shift * mass, slip.T))
+    chosen = RIGID_FACTOR * float(own[rigid].max())
+    finding = Finding(
+        "info", "rigid-friction", where, f"rigid friction is computed with {chosen:.2e} N/m per contact.",
+        chosen, None, "Give stick_stiffness to choose another.",
+    )  # fmt: skip
+    return np.where(rigid, chosen, springs), (finding,)
+
+
+def _spacing(model: BeamModel) -> float:
+    return model.pair_spacing if model.pair_spacing is not None else float("inf")
 
 
 def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
@@ -196,20 +249,25 @@ def double_beam(
     elements: int = 20,
     normal_stiffness: float = 1e9,
     force_shares: Float[np.ndarray, "pair"] | None = None,
-    damping: Damping = Damping(),
+    damping: Damping = NO_DAMPING,
 ) -> BeamModel:
     """Two equal clamped-free beams pressed together at every node (Gaul, Roseira and Becker 2008, Fig. 1).
 
     Beam 1 is the host and lies below beam 2. The defaults are a reference set: L 0.5 m, 40 x 5 mm each, steel, 20
     elements. ``normal_force`` N, ``normal_stiffness`` N/m and the contact stiffness of ``law`` are those of the whole
-    interface. The tip is node ``elements`` of the parts ``beam 1`` and ``beam 2``.
+    interface; a node pair has the area of one element, the tip that of half an element. The tip is node ``elements`` of
+    the parts ``beam 1`` and ``beam 2``.
     """
     lower, upper = (
         beam(length, width, height, youngs_modulus, density, elements, part=f"beam {number}") for number in (1, 2)
     )
     pairs = tuple((node, node) for node in range(1, elements + 1))
-    joint = Joint("interface", pairs, (height / 2, height / 2), law, normal_force, normal_stiffness, force_shares)
-    return BeamModel(lower, upper, (joint,), damping, "double beam")
+    areas = np.append(np.ones(elements - 1), 0.5)
+    joint = Joint(
+        "interface", pairs, (height / 2, height / 2), law, normal_force, normal_stiffness, force_shares,
+        area_shares=areas / areas.sum(),
+    )  # fmt: skip
+    return BeamModel(lower, upper, (joint,), damping, "double beam", pair_spacing=length / elements)
 
 
 def without_friction(model: BeamModel) -> BeamModel:

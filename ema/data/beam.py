@@ -1,0 +1,120 @@
+"""A structure with friction joints: what the simulator is told."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data._arrays import freeze
+from ema.data.modal import ModalModel
+from ema.data.provenance import Provenance
+from ema.dof import Dof
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """A tangential contact law by name and parameters.
+
+    Parameters
+    ----------
+    name : ``masing``, ``regularised masing``, ``coulomb``, ``parallel masing``, ``iwan``, ``dahl``, ``lugre``, or the
+        name of a user's own law.
+    friction_coefficient : mu, slip force over normal force.
+    contact_stiffness : k_T of the whole joint in N/m at ``reference_force`` (at any force with exponent 0).
+    stiffness_exponent, reference_force, stiffness_cap : k_T(F_N) = k_T (F_N / reference)^exponent, never above the cap;
+        forces in N of the whole joint, cap in N/m.
+    parameters : further numbers of the law, ``(name, value)``.
+    isotropic : in two directions, whether the slip force is a circle (true) or a box with one limit per direction.
+    """
+
+    name: str
+    friction_coefficient: float
+    contact_stiffness: float
+    parameters: tuple[tuple[str, float], ...] = ()
+    stiffness_exponent: float = 0.0
+    reference_force: float = 1000.0
+    stiffness_cap: float = float("inf")
+    isotropic: bool = True
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Node pairs of host and friction beam that are pressed together.
+
+    Parameters
+    ----------
+    pairs : ``(node of the host, node of the beam)``; the beam lies on the +Z side of the host.
+    half_heights : distances in m from the middle layers of host and beam to the interface.
+    normal_force : F_N of the whole joint in N.
+    normal_stiffness : of the whole joint in N/m.
+    force_shares : share of each pair in the normal force, shape (pair,), sum 1; that of the area by default.
+    directions : tangential directions, ``("X",)``, ``("Y",)`` or ``("X", "Y")``.
+    area_shares : share of each pair in the contact area, hence in both contact stiffnesses, shape (pair,), sum 1; equal
+        by default.
+    """
+
+    name: str
+    pairs: tuple[tuple[int, int], ...]
+    half_heights: tuple[float, float]
+    law: FrictionLaw
+    normal_force: float
+    normal_stiffness: float
+    force_shares: Float[np.ndarray, "pair"] | None = None
+    directions: tuple[str, ...] = ("X",)
+    area_shares: Float[np.ndarray, "pair"] | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, force_shares=np.float64, area_shares=np.float64)
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """Mass (kg, kg m^2) and stiffness (N/m, N m) matrices, shape (n, n), and the DOFs of their rows."""
+
+    mass: Float[np.ndarray, "n n"]
+    stiffness: Float[np.ndarray, "n n"]
+    dofs: tuple[Dof, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, mass=np.float64, stiffness=np.float64)
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Background damping, without the joints.
+
+    ``ratio`` is the modal damping ratio of every mode of the structure with stuck joints; ``mass_factor`` in 1/s
+    multiplies the mass matrix.
+    """
+
+    ratio: float = 0.0
+    mass_factor: float = 0.0
+
+
+@dataclass(frozen=True)
+class BeamModel:
+    """A host structure, a friction beam, and the joints between them.
+
+    ``host`` is given by matrices or is a measured modal model; ``beam`` by matrices. DOFs of the beam carry its part
+    name, so that host and beam may use the same node numbers. ``pair_spacing`` is the distance of neighbouring node
+    pairs in m, where known.
+    """
+
+    host: Matrices | ModalModel
+    beam: Matrices | None
+    joints: tuple[Joint, ...]
+    damping: Damping = Damping()
+    name: str = ""
+    pair_spacing: float | None = None
+    provenance: Provenance = field(default=Provenance(), compare=False)
+
+    def with_law(self, law: FrictionLaw) -> "BeamModel":
+        """The model with the same law in every joint."""
+        return replace(self, joints=tuple(replace(joint, law=law) for joint in self.joints))
+
+    def with_normal_force(self, force: float | Sequence[float]) -> "BeamModel":
+        """The model with the normal force of every joint (one number for all, or one per joint) in N."""
+        forces = np.broadcast_to(np.asarray(force, dtype=np.float64), (len(self.joints),))
+        joints = tuple(replace(joint, normal_force=float(f)) for joint, f in zip(self.joints, forces, strict=True))
+        return replace(self, joints=joints)

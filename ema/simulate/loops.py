@@ -1,0 +1,105 @@
+"""Hysteresis loops: of a law under prescribed motion, and the energy of any loop."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import FrictionLaw, Loop
+from ema.errors import InputError
+from ema.simulate.friction import pack, virgin_rate
+
+
+def drive(
+    law: FrictionLaw,
+    displacements: Float[np.ndarray, "sample"],
+    normal_force: float | Float[np.ndarray, "sample"],
+    interval: float = 1e-3,
+) -> Float[np.ndarray, "sample"]:
+    """Friction force in N of one contact that is moved through ``displacements`` (m), from the unstressed state.
+
+    ``normal_force`` N, constant or per sample; ``interval`` s between samples matters to LuGre only.
+
+    Raises
+    ------
+    InputError : the normal force is negative or not finite, or the law is rigid.
+    """
+    from ema.simulate import friction_kernels
+
+    kernels: Any = friction_kernels
+    force = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), displacements.shape)
+    if not np.all(np.isfinite(force)) or force.min() < 0:
+        raise InputError("not a normal force", where=f"law {law.name}", got=f"{force.min()} N", expected="0 N or more")
+    if not np.isfinite(law.contact_stiffness):
+        raise InputError("a rigid law has no loop of its own", where=f"law {law.name}", got="infinite stick stiffness",
+                         expected="a stiffness", advice="Coulomb(mu, stick_stiffness=...)")  # fmt: skip
+    packed = pack([law], [1])
+    stiffness = law.contact_stiffness
+    if law.stiffness_exponent:
+        stiffness *= (float(force[0]) / law.reference_force) ** law.stiffness_exponent
+    stiffness = min(stiffness, law.stiffness_cap)
+    state = np.zeros((1, packed.stiffness_shares.shape[1]))
+    limits = np.ascontiguousarray(law.friction_coefficient * force)
+    return np.asarray(
+        kernels.drive(
+            packed.codes, stiffness, limits, *packed.arguments[1:], np.ascontiguousarray(displacements), interval, state
+        )
+    )
+
+
+def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int = 4096, frequency: float = 1.0) -> Loop:
+    """Stabilised loop of a law under a harmonic displacement of ``amplitude`` m: one cycle after very many.
+
+    ``samples`` per cycle; ``frequency`` Hz matters to LuGre only.
+    """
+    fine = amplitude * np.sin(np.linspace(0, 2 * np.pi, samples + 1) + np.pi / 2)
+    turns = amplitude * np.resize([1.0, -1.0], 100_000) if law.name != "lugre" else np.tile(fine[:-1], 20)
+    forces = drive(law, np.concatenate([[0.0], turns, fine]), normal_force, 1 / (frequency * samples))[-len(fine) :]
+    return Loop(
+        fine, forces, enclosed_area(fine, forces), amplitude, 1, normal_force,
+        np.arange(samples + 1) / (frequency * samples), name=law.name,
+    )  # fmt: skip
+
+
+def enclosed_area(displacements: Float[np.ndarray, "sample"], forces: Float[np.ndarray, "sample"]) -> float:
+    """Work in J done on the contact along the path, integral of F du by the trapezoidal rule."""
+    return float(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(displacements)))
+
+
+def masing_area(stiffness: float, slip_force: float, amplitude: float) -> float:
+    """Closed-form energy per cycle of a Masing spring, 4 F_C (A - F_C/k_T) above A = F_C/k_T, else 0."""
+    return max(4 * slip_force * (amplitude - slip_force / stiffness), 0.0)
+
+
+def regularised_area(stiffness: float, slip_force: float, amplitude: float, exponent: float) -> float:
+    """Energy per stabilised cycle of Eq. (5) by quadrature of its virgin curve.
+
+    Unloading is elastic to F = 0; from there the virgin curve is followed to the other end, so that
+    W = 2 (integral of F dx over the virgin part - F_max^2 / 2 k_T).
+    """
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+
+    def part(y: float, weighted: bool) -> float:
+        def rate(q: float) -> float:
+            return float(virgin_rate(np.asarray(q), exponent)) * (-np.expm1(-q) if weighted else 1.0)
+
+        return float(quad(rate, 0, y, epsabs=0, epsrel=1e-9, limit=500)[0])
+
+    way = 2 * amplitude * stiffness / slip_force
+    y = brentq(lambda q: part(q, False) - np.expm1(-q) - way, 1e-12, 36 + exponent * way, xtol=1e-14)
+    return float(2 * (slip_force**2 / stiffness) * (part(y, True) - 0.5 * np.expm1(-y) ** 2))
+
+
+def dahl_area(stiffness: float, slip_force: float, amplitude: float) -> float:
+    """Closed-form energy per stabilised cycle of Dahl's law with shape 1: 4 F_C (A - F_C/k_T tanh(k_T A/F_C))."""
+    ratio = stiffness * amplitude / slip_force
+    return float(4 * slip_force * (amplitude - slip_force / stiffness * np.tanh(ratio)))
+
+
+def iwan_area(stiffness: float, slip_force: float, amplitude: float, chi: float, beta: float) -> float:
+    """Closed-form energy per cycle of the continuous Iwan model in microslip, ~ A^(chi + 3) (Segalman 2005)."""
+    scale = beta + (chi + 1) / (chi + 2)
+    largest = slip_force * (1 + beta) / (stiffness * scale)
+    density = slip_force * (chi + 1) / (largest ** (chi + 2) * scale)
+    return float(4 * density * amplitude ** (chi + 3) / ((chi + 3) * (chi + 2)))

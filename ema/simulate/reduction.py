@@ -1,0 +1,91 @@
+"""Modes of the structure with stuck joints, and how the contacts and forces see them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import eigh
+
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.simulate.structure import System
+
+_UNCOUPLED = 1e-9
+
+
+@dataclass(frozen=True)
+class ModalBase:
+    """Mass-normalised modes of the stuck structure.
+
+    ``frequencies`` rad/s and ``decay`` 2 zeta w in 1/s (mode,); ``slip`` (contact, mode) u = slip @ q; ``shapes``
+    (dof, mode).
+    ``coupled`` says which modes the contacts see at all: the others stay linear.
+    """
+
+    frequencies: Float[np.ndarray, "mode"]
+    decay: Float[np.ndarray, "mode"]
+    slip: Float[np.ndarray, "contact mode"]
+    shapes: Float[np.ndarray, "dof mode"]
+    coupled: np.ndarray
+
+    def row(self, system: System, dof: Dof | str) -> Float[np.ndarray, "mode"]:
+        """Modal row of a DOF."""
+        return system.row(dof) @ self.shapes
+
+
+def stuck_stiffness(system: System, stiffness: Float[np.ndarray, "contact"]) -> Float[np.ndarray, "n n"]:
+    """Stiffness matrix with the given contact springs in place."""
+    return system.stiffness + system.contacts.slip.T @ (stiffness[:, None] * system.contacts.slip)
+
+
+def modal_base(
+    system: System, stiffness: Float[np.ndarray, "contact"] | None = None, modes: int | None = None,
+    loads: Sequence[Dof | str] = (),
+) -> ModalBase:  # fmt: skip
+    """Modes with contact springs ``stiffness`` (N/m; those of the laws by default).
+
+    ``modes`` keeps that many of the lowest and adds one static correction for every contact and every load, so that
+    the flexibility at the contacts stays exact; by default all modes are kept.
+
+    Raises
+    ------
+    InputError : there are rigid-body modes whose frequency comes out imaginary, or damping is not physical.
+    """
+    springs = system.contacts.stiffness if stiffness is None else stiffness
+    matrix, mass = stuck_stiffness(system, springs), system.mass
+    transform = None
+    if modes is not None and modes + len(springs) + len(loads) < len(mass):
+        transform = _with_static_correction(system, matrix, modes, loads)
+        matrix, mass = transform.T @ matrix @ transform, transform.T @ mass @ transform
+    squares, shapes = eigh(matrix, mass)
+    if squares[0] < -1e-6 * squares[-1] or not np.all(np.isfinite(squares)):
+        raise InputError("the structure is unstable", where=system.name, got=f"lowest eigenvalue {squares[0]:g}",
+                         expected="no negative stiffness", advice="check the stiffness matrix")  # fmt: skip
+    rigid = squares < 1e-12 * squares[-1]
+    frequencies = np.sqrt(np.where(rigid, 0.0, np.maximum(squares, 0.0)))
+    shapes = shapes if transform is None else transform @ shapes
+    slip = system.contacts.slip @ shapes
+    seen = np.abs(slip).max(axis=0)
+    settings = system.damping
+    if settings.ratio < 0 or settings.mass_factor < 0 or settings.ratio >= 1:
+        raise InputError(
+            "not a background damping", where=system.name, got=settings, expected="0 <= ratio < 1, factor >= 0"
+        )
+    decay = 2 * settings.ratio * frequencies + settings.mass_factor
+    return ModalBase(frequencies, decay, slip, shapes, seen > _UNCOUPLED * seen.max())
+
+
+def _with_static_correction(system: System, matrix: np.ndarray, modes: int, loads: Sequence[Dof | str]) -> np.ndarray:
+    """Lowest modes and the static deflections under contact and load forces, orthonormal in the mass matrix."""
+    _, low = eigh(matrix, system.mass, subset_by_index=(0, modes - 1))
+    forces = np.vstack([system.contacts.slip, *[system.row(dof) for dof in loads]]).T
+    shift = matrix + 1e-3 * np.trace(matrix) / np.trace(system.mass) * system.mass * 1e-6
+    static = np.linalg.solve(shift, forces)
+    for _ in range(2):
+        static -= low @ (low.T @ (system.mass @ static))
+    gram = static.T @ system.mass @ static
+    scale = 1 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+    keep = values > 1e-10 * values[-1]
+    return np.hstack([low, (static * scale) @ vectors[:, keep] / np.sqrt(values[keep])])

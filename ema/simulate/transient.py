@@ -1,0 +1,367 @@
+"""Motion in time, fast: every mode of the stuck structure moves exactly; what is approximated is the slip.
+
+The contacts act over a step with the mean of their old and new force, which keeps the energy balance exact and the
+steps stable at any length. The step is halved until the difference to the run before falls below the tolerance, so
+that a result carries its error.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import BeamModel, EnergyBalance, Finding, Response
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.progress import Progress, advance, silent
+from ema.simulate.friction import PackedLaws, pack
+from ema.simulate.reduction import ModalBase, modal_base
+from ema.simulate.statics import ramp
+from ema.simulate.structure import System, assemble, pair_counts
+
+ENERGY_LIMIT = 1e-6
+
+
+def step_coefficients(base: ModalBase, h: float) -> tuple[Float[np.ndarray, "mode 6"], Float[np.ndarray, "form 6"]]:
+    """Exact motion of every mode over a step ``h`` s under a constant force, and the energy it loses to damping.
+
+    The second table is empty without damping.
+    """
+    flow = _flow(base, h)
+    table = np.concatenate([flow[:, 0], flow[:, 1]], axis=1)
+    if not np.any(base.decay > 0):
+        return table, np.zeros((0, 6))
+    points, weights = np.polynomial.legendre.leggauss(int(min(16 + 1.5 * (base.frequencies * h).max(), 200)))
+    form = np.zeros((len(table), 3, 3))
+    for point, weight in zip((points + 1) / 2, weights / 2, strict=True):
+        row = _flow(base, h * point)[:, 1]
+        form += weight * h * base.decay[:, None, None] * row[:, :, None] * row[:, None, :]
+    pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+    return table, np.stack([form[:, i, j] * (1 if i == j else 2) for i, j in pairs], axis=1)
+
+
+def _flow(base: ModalBase, h: float) -> Float[np.ndarray, "mode 2 3"]:
+    """(q, p) after ``h`` from (q, p, force) in closed form."""
+    half = base.decay / 2
+    root = np.sqrt((base.frequencies**2 - half**2).astype(complex))
+    decay, angle = np.exp(-half * h), root * h
+    cosine, sine = np.real(np.cos(angle)), np.real(h * np.sinc(angle / np.pi))
+    flow = np.empty((len(half), 2, 3))
+    flow[:, 0, 0], flow[:, 0, 1] = decay * (cosine + half * sine), decay * sine
+    flow[:, 1, 0], flow[:, 1, 1] = -(base.frequencies**2) * decay * sine, decay * (cosine - half * sine)
+    small = base.frequencies * h < 1e-3
+    square = np.where(small, 1.0, base.frequencies**2)
+    flow[:, 0, 2] = np.where(small, h**2 / 2 * (1 - base.decay * h / 3), (1 - flow[:, 0, 0]) / square)
+    flow[:, 1, 2] = flow[:, 0, 1]
+    return flow
+
+
+@dataclass
+class _State:
+    """Modal displacements and velocities, and the contacts, at one instant."""
+
+    q: np.ndarray
+    p: np.ndarray
+    u: np.ndarray
+    f: np.ndarray
+    z: np.ndarray
+
+    def copy(self) -> "_State":
+        return _State(*(part.copy() for part in (self.q, self.p, self.u, self.f, self.z)))
+
+
+@dataclass
+class Problem:
+    """A model prepared for time integration."""
+
+    system: System
+    base: ModalBase
+    laws: PackedLaws
+    outputs: tuple[Dof, ...]
+    findings: tuple[Finding, ...]
+
+    def rest(self) -> _State:
+        """Everything at rest and unstressed."""
+        modes, contacts = len(self.base.frequencies), len(self.system.contacts.limits)
+        width = self.laws.stiffness_shares.shape[1]
+        return _State(
+            np.zeros(modes), np.zeros(modes), np.zeros(contacts), np.zeros(contacts), np.zeros((contacts, width))
+        )
+
+
+def prepare(
+    model: BeamModel, outputs: Sequence[Dof | str], modes: int | None = None, loads: Sequence[Dof | str] = ()
+) -> Problem:
+    """Assemble a model, find its modes and pack its laws."""
+    system = assemble(model)
+    laws = pack(system.contacts.laws, pair_counts(model, system))
+    if any(p >= 0 for p in system.contacts.partner):
+        raise InputError("isotropic friction in two directions is not in the fast mode", where=model.name,
+                         got="directions X and Y", expected="one direction, or a law with isotropic=False")  # fmt: skip
+    base = modal_base(system, modes=modes, loads=loads)
+    dofs = tuple(Dof.parse(dof) for dof in outputs)
+    return Problem(system, base, laws, dofs, system.findings)
+
+
+class Stepper:
+    """Steps a prepared model with one step length; resumable, so that a controller may act between calls."""
+
+    def __init__(self, problem: Problem, state: _State, h: float, loads: Sequence[Dof | str] = ()) -> None:
+        base, self.problem, self.h = problem.base, problem, h
+        self.coupled, self.free = np.flatnonzero(base.coupled), np.flatnonzero(~base.coupled)
+        table, form = step_coefficients(base, h)
+        self.table = [np.ascontiguousarray(table[part]) for part in (self.coupled, self.free)]
+        self.form = [np.ascontiguousarray(form[part]) if len(form) else form for part in (self.coupled, self.free)]
+        self.slip = np.ascontiguousarray(base.slip[:, self.coupled])
+        self.slip_t = np.ascontiguousarray(self.slip.T)
+        self.gains = np.ascontiguousarray((self.slip * (0.5 * self.table[0][:, 2])) @ self.slip_t)
+        rows = np.array([base.row(problem.system, dof) for dof in loads]).reshape(len(loads), len(base.frequencies))
+        self.rows = [np.ascontiguousarray(rows[:, part].T) for part in (self.coupled, self.free)]
+        self.q = [state.q[part].copy() for part in (self.coupled, self.free)]
+        self.p = [state.p[part].copy() for part in (self.coupled, self.free)]
+        self.u, self.f, self.z = state.u.copy(), state.f.copy(), state.z.copy()
+        self.energies = [np.zeros(4), np.zeros(4)]
+        self.dissipated, self.sliding = np.zeros(len(self.u)), np.zeros(len(self.u))
+        self.limits = problem.system.contacts.limits.copy()
+        self.sweeps, self.residual = 0, 0.0
+        laws = problem.laws
+        self.general = None if np.all((laws.codes == 0) & (laws.counts == 1)) else 1
+
+    def run(
+        self, steps: int, every: int, limits: Float[np.ndarray, "row contact"], loads: Float[np.ndarray, "end load"]
+    ) -> dict[str, np.ndarray]:
+        """Take ``steps`` steps and return samples of q, p (mode), u, f (contact) and energies (6)."""
+        from ema.simulate import transient_kernels
+
+        kernels: Any = transient_kernels
+        base, count, contacts = self.problem.base, steps // every, len(self.u)
+        sizes = [len(self.coupled), len(self.free)]
+        q, p = [np.empty((count, size)) for size in sizes], [np.empty((count, size)) for size in sizes]
+        u, f, energy = np.empty((count, contacts)), np.empty((count, contacts)), np.empty((count, 5))
+        sweeps, residual = kernels.advance(
+            steps, every, self.h, self.table[0], self.form[0], self.slip, self.slip_t, self.gains,
+            self.problem.system.contacts.stiffness, limits, loads, self.rows[0], *self.problem.laws.arguments,
+            self.q[0], self.p[0], self.u, self.f, self.z, self.energies[0], self.dissipated, self.sliding,
+            self.limits, q[0], p[0], u, f, energy, self.general,
+        )  # fmt: skip
+        self.sweeps, self.residual = max(self.sweeps, sweeps), max(self.residual, residual)
+        linear = np.empty((count, 4))
+        kernels.advance_linear(
+            steps, every, self.table[1], self.form[1], loads if len(loads) else np.zeros((steps + 1, 0)),
+            self.rows[1], self.q[1], self.p[1], self.energies[1], q[1], p[1], linear,
+        )  # fmt: skip
+        energy[:, :4] += linear
+        both = {name: np.empty((count, sum(sizes))) for name in ("q", "p")}
+        for part, place in enumerate((self.coupled, self.free)):
+            both["q"][:, place], both["p"][:, place] = q[part], p[part]
+        mechanical = 0.5 * (both["p"] ** 2 + (base.frequencies * both["q"]) ** 2).sum(axis=1)
+        mechanical -= 0.5 * (u**2 @ self.problem.system.contacts.stiffness)
+        return both | {"u": u, "f": f, "energy": np.column_stack([energy, mechanical])}
+
+
+def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
+    """The sample at time zero, in the form of ``Stepper.run``."""
+    from ema.simulate.friction_kernels import stored_energy
+
+    laws, stiffness = stepper.problem.laws, stepper.problem.system.contacts.stiffness
+    stored = sum(
+        stored_energy(i, laws.codes[i], stiffness[i], laws.stiffness_shares, laws.counts[i], state.z)
+        for i in range(len(stiffness))
+    )
+    omega = stepper.problem.base.frequencies
+    mechanical = 0.5 * (state.p**2 + (omega * state.q) ** 2).sum() - 0.5 * stiffness @ state.u**2
+    energy = np.array([[0.0, 0.0, 0.0, 0.0, stored, mechanical]])
+    return {"q": state.q[None], "p": state.p[None], "u": state.u[None], "f": state.f[None], "energy": energy}
+
+
+def integrate(
+    problem: Problem, state: _State, h: float, every: int, samples: int, drive: "Drive",
+) -> tuple[dict[str, np.ndarray], Stepper]:  # fmt: skip
+    """One run with one step length: samples at 0 and after every ``every`` steps, ``samples`` intervals."""
+    stepper = Stepper(problem, state, h, drive.at)
+    first = _initial(stepper, state)
+    steps = samples * every
+    loads, limits = drive.loads(h, steps), drive.limits(problem, h, steps)
+    return {
+        name: np.concatenate([first[name], part]) for name, part in stepper.run(steps, every, limits, loads).items()
+    }, stepper
+
+
+@dataclass(frozen=True)
+class Drive:
+    """External forces ``values`` (load, sample) at DOFs ``at`` and normal forces (joint, sample), N, over ``times``."""
+
+    times: np.ndarray
+    at: tuple[Dof, ...] = ()
+    values: np.ndarray | None = None
+    normal_forces: np.ndarray | None = None
+
+    def loads(self, h: float, steps: int) -> np.ndarray:
+        """External forces at the ends of the steps, (step + 1, load)."""
+        if self.values is None:
+            return np.zeros((0, len(self.at)))
+        t = h * np.arange(steps + 1)
+        return np.ascontiguousarray(np.array([np.interp(t, self.times, row) for row in self.values]).T)
+
+    def limits(self, problem: Problem, h: float, steps: int) -> np.ndarray:
+        """Slip forces, (1, contact) when constant, else (step, contact)."""
+        contacts = problem.system.contacts
+        if self.normal_forces is None:
+            return contacts.limits[None].copy()
+        t = h * np.arange(steps)
+        force = np.array([np.interp(t, self.times, row) for row in self.normal_forces])
+        return np.ascontiguousarray(force[list(contacts.joint)].T * contacts.friction)
+
+
+def solve(
+    problem: Problem, state: _State, drive: Drive, duration: float, sampling_rate: float, tolerance: float,
+    progress: Progress = silent, halvings: int = 9,
+) -> Response:  # fmt: skip
+    """Halve the step until two runs agree within ``tolerance`` of the largest displacement.
+
+    Raises
+    ------
+    InputError : duration, rate or tolerance is not positive.
+    """
+    for name, value in (("duration", duration), ("sampling_rate", sampling_rate), ("tolerance", tolerance)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(
+                "not a positive number", where=problem.system.name, got=f"{name} = {value}", expected="above 0"
+            )
+    samples = max(round(duration * sampling_rate), 1)
+    interval = 1 / sampling_rate
+    every = max(int(np.ceil(interval / 1e-4)), 1)
+    rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
+    run, stepper = integrate(problem, state, interval / every, every, samples, drive)
+    error, halving = np.inf, 0
+    while error > tolerance and halving < halvings:
+        advance(progress, "time steps", halving, halvings)
+        coarse, every, halving = run["q"] @ rows.T, 2 * every, halving + 1
+        run, stepper = integrate(problem, state, interval / every, every, samples, drive)
+        fine = run["q"] @ rows.T
+        error = float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
+    return _response(problem, drive, run, stepper, interval, error, tolerance)
+
+
+def _response(
+    problem: Problem, drive: Drive, run: dict[str, np.ndarray], stepper: Stepper, interval: float, error: float,
+    tolerance: float,
+) -> Response:  # fmt: skip
+    rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
+    names = ("friction", "damping", "projection", "supplied", "contact", "mechanical")
+    energy = EnergyBalance(**dict(zip(names, run["energy"].T, strict=True)))
+    times = interval * np.arange(len(run["q"]))
+    findings = list(problem.findings) + energy_findings(energy, problem.system.name, ENERGY_LIMIT)
+    if error > tolerance:
+        findings.append(Finding(
+            "warning", "step-error", problem.system.name, f"two runs differ by {error:.1e} of the largest value.",
+            error, tolerance, "Raise the tolerance, or use the reference mode.",
+        ))  # fmt: skip
+    findings += displacement_findings(problem.system, run["u"])
+    forces = None
+    if drive.normal_forces is not None:
+        forces = np.array([np.interp(times, drive.times, row) for row in drive.normal_forces])
+    steps = max(len(times) - 1, 1) * max(round(interval / stepper.h), 1)
+    return Response(
+        times, rows @ run["q"].T, rows @ run["p"].T, problem.outputs, run["u"].T, run["f"].T, stepper.dissipated,
+        stepper.sliding / steps, energy, forces, error, stepper.h, "fast", tuple(findings), problem.system.name,
+    )  # fmt: skip
+
+
+def energy_findings(energy: EnergyBalance, where: str, limit: float) -> list[Finding]:
+    """A finding when the energy balance of a run is off by more than ``limit``."""
+    if energy.error <= limit:
+        return []
+    return [Finding("error", "energy-balance", where, f"the energy balance is off by {energy.error:.1e}.", energy.error,
+                    limit, "Do not use this run; report it with the model.")]  # fmt: skip
+
+
+def displacement_findings(system: System, slips: Float[np.ndarray, "sample contact"]) -> list[Finding]:
+    """A finding when a node pair slides further than 5 % of the distance to the next pair."""
+    largest, limit = float(np.abs(slips).max()), 0.05 * system.spacing
+    if largest <= limit:
+        return []
+    return [Finding("warning", "large-slip", system.name, f"node pairs slide {largest:.2e} m.", largest,
+                    limit, "The pairing is fixed: lower the load, or do not trust the contact positions.")]  # fmt: skip
+
+
+def snapback(
+    model: BeamModel, load: float, at: Dof | str, duration: float, outputs: Sequence[Dof | str] | None = None,
+    sampling_rate: float = 5000.0, tolerance: float = 1e-3, modes: int | None = None, progress: Progress = silent,
+) -> Response:  # fmt: skip
+    """Raise a load slowly at one DOF, let go, and follow the free vibration (Gaul, Roseira and Becker 2008, Sec. 1).
+
+    Parameters
+    ----------
+    load : N; ``at`` its DOF.
+    duration : s; ``sampling_rate`` Hz of the samples kept (the steps are chosen by ``tolerance``).
+    outputs : DOFs whose motion is kept; the loaded one by default.
+    tolerance : error of the displacements over the largest one.
+    modes : number of modes kept besides the static corrections; all by default.
+
+    Raises
+    ------
+    InputError : the model or a number is not physical, the structure is not held.
+    """
+    dof = Dof.parse(at)
+    problem = prepare(model, outputs or [dof], modes, [dof])
+    if not np.isfinite(load):
+        raise InputError("not a load", where=model.name, got=f"{load} N", expected="a finite force")
+    return solve(
+        problem, released(problem, load, dof), Drive(np.zeros(1)), duration, sampling_rate, tolerance, progress
+    )
+
+
+def released(problem: Problem, load: float, dof: Dof) -> _State:
+    """State of a structure at the moment a slowly raised load is let go."""
+    system = problem.system
+    state = ramp(system, problem.laws, load * system.row(dof))
+    q = problem.base.shapes.T @ (system.mass @ state.displacements)
+    return _State(q, np.zeros_like(q), problem.base.slip @ q, state.forces, state.memory)
+
+
+def respond(
+    model: BeamModel, forces: Float[np.ndarray, "load sample"], at: Sequence[Dof | str], sampling_rate: float,
+    outputs: Sequence[Dof | str], normal_forces: Float[np.ndarray, "joint sample"] | None = None,
+    tolerance: float = 1e-3, modes: int | None = None, progress: Progress = silent,
+) -> Response:  # fmt: skip
+    """Motion from rest under arbitrary forces, linear between their samples.
+
+    Parameters
+    ----------
+    forces : N; ``at`` their DOFs; ``sampling_rate`` Hz of forces and response.
+    normal_forces : of every joint over time in N; those of the model by default. k_T stays that of the model.
+    tolerance : error of the displacements over the largest one.
+
+    Raises
+    ------
+    InputError : the shapes do not fit, a force is not finite, a normal force is negative.
+    """
+    dofs = tuple(Dof.parse(dof) for dof in at)
+    if len(dofs) != len(forces) or forces.shape[1] < 2 or not np.all(np.isfinite(forces)):
+        raise InputError("the forces do not fit", where=model.name, got=f"{forces.shape} for {len(dofs)} DOFs",
+                         expected="one finite row of two or more samples for every DOF")  # fmt: skip
+    if normal_forces is not None:
+        check_normal_forces(model, normal_forces, forces.shape[1])
+    problem = prepare(model, outputs, modes, dofs)
+    times = np.arange(forces.shape[1]) / sampling_rate
+    drive = Drive(times, dofs, forces, normal_forces)
+    return solve(problem, problem.rest(), drive, float(times[-1]), sampling_rate, tolerance, progress)
+
+
+def check_normal_forces(model: BeamModel, forces: Float[np.ndarray, "joint sample"], samples: int) -> None:
+    """Refuse normal forces that are negative, not finite, or of the wrong shape.
+
+    Raises
+    ------
+    InputError : as said.
+    """
+    if forces.shape != (len(model.joints), samples):
+        raise InputError("the normal forces do not fit", where=model.name, got=forces.shape,
+                         expected=f"({len(model.joints)} joints, {samples} samples)")  # fmt: skip
+    if not np.all(np.isfinite(forces)) or forces.min() < 0:
+        raise InputError(
+            "not a normal force", where=model.name, got=f"{np.nanmin(forces)} N", expected="0 N or more, no NaN"
+        )
