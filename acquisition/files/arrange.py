@@ -26,8 +26,8 @@ def arrange(arrays: Arrays, layout: Layout) -> Contents:
             "the file does not say what its arrays are",
             where=arrays.where,
             got=arrays.listing(),
-            advice="say it, e.g. signals='...' with time='...' or sampling_rate=..., frequency='...' with real='...' and "
-            "imaginary='...', or x, y, z",
+            advice="say it, e.g. signals='...' with time='...' or sampling_rate=..., frequency='...' with real='...' "
+            "and imaginary='...', or x, y, z",
         )
     contents = verbs[layout.kind](arrays, layout)
     return replace(contents, metadata=(*arrays.metadata, *contents.metadata))

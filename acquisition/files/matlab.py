@@ -10,6 +10,7 @@ from acquisition.contents import Contents
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
+from acquisition.files.quiet import quiet
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -31,7 +32,8 @@ def variables(path: Path) -> Arrays:
     else:
         from scipy.io import loadmat
 
-        tree = loadmat(path, simplify_cells=True)
+        with quiet():
+            tree = loadmat(path, simplify_cells=True)
     found = {name: value for key, top in tree.items() if not key.startswith("__") for name, value in _walk(key, top)}
     metadata = tuple((name, value) for name, value in found.items() if isinstance(value, str))
     numeric = {name: value for name, value in found.items() if not isinstance(value, str)}

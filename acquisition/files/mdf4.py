@@ -6,6 +6,7 @@ import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files.layout import Layout
+from acquisition.files.quiet import quiet
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import rate_of
 from ema.errors import InputError, require
@@ -21,7 +22,8 @@ def read(path: Path, layout: Layout) -> Contents:
     """
     asammdf = require("asammdf", "formats")
     channels = []
-    with asammdf.MDF(str(path)) as file:
+    # handed an open file: by name the package may open it for writing
+    with quiet("asammdf"), path.open("rb") as raw, asammdf.MDF(raw) as file:
         metadata = [("version", str(file.version)), ("start", str(file.start_time))]
         for signal in file.iter_channels(skip_master=True):
             samples = np.asarray(signal.samples)

@@ -1,13 +1,16 @@
 """LabVIEW TDMS."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files.layout import Layout
+from acquisition.files.quiet import quiet
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import nice_rate
+from ema.data import Finding
 from ema.errors import InputError, require
 
 
@@ -21,7 +24,8 @@ def read(path: Path, layout: Layout) -> Contents:
     """
     nptdms = require("nptdms", "formats")
     channels = []
-    with nptdms.TdmsFile.read(str(path)) as file:
+    with quiet("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
+        cut = bool(file.file_status.incomplete_final_segment)
         metadata = [(str(key), str(value)) for key, value in file.properties.items()]
         groups = file.groups()
         for group in groups:
@@ -41,4 +45,11 @@ def read(path: Path, layout: Layout) -> Contents:
                 channels.append(Sampled(name, unit, channel[:], float(rate)))
     if not channels:
         raise InputError("no numeric channel in the file", where=path.name)
-    return recordings(channels, layout, path.name, metadata)
+    contents = recordings(channels, layout, path.name, metadata)
+    if not cut:
+        return contents
+    note = Finding(
+        "error", "damaged-set", path.name, "the last segment of the file is not complete; it is truncated.",
+        advice="Export the file again.",
+    )  # fmt: skip
+    return replace(contents, findings=(note, *contents.findings))

@@ -8,6 +8,7 @@ import numpy as np
 from acquisition.contents import Contents
 from acquisition.files import table
 from acquisition.files.layout import Layout
+from acquisition.files.quiet import quiet
 from ema.errors import InputError, require
 
 
@@ -20,7 +21,8 @@ def read(path: Path, layout: Layout) -> Contents:
     InputError : no such sheet, no numbers, or the titles do not say what the columns are.
     """
     openpyxl = require("openpyxl", "formats")
-    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    with quiet():
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     try:
         names = book.sheetnames if layout.sheet is None else [layout.sheet]
         if layout.sheet is not None and layout.sheet not in book.sheetnames:

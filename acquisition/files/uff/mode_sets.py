@@ -61,6 +61,8 @@ def _data(lines: list[bytes], per_node: int) -> tuple[tuple[int, ...], Any]:
         place += 1 + step
     if not nodes:
         raise ValueError("no data at any node")
+    if not np.isfinite(values).all():
+        raise ValueError("values that are NaN or infinite")
     return tuple(nodes), np.array(values)
 
 
@@ -141,6 +143,8 @@ def _normal(
 def _complex(
     pole: complex, modal_a: complex, nodes: tuple[int, ...], values: Any, title: str, system: UnitSystem
 ) -> Shape:
+    if not (0 < abs(pole) < 1e13 and abs(modal_a) < float("inf")):
+        raise ValueError(f"an eigenvalue of {pole}")
     if pole.imag < 0:  # the conjugate partner says the same
         pole, modal_a, values = pole.conjugate(), modal_a.conjugate(), values.conj()
     return Shape(pole, 0.0, modal_a, nodes, values, title, system)

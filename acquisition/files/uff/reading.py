@@ -13,6 +13,7 @@ from typing import BinaryIO
 from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.layout import Layout
+from acquisition.files.quiet import quiet
 from acquisition.files.uff import geometry_sets, mode_sets, values58
 from acquisition.files.uff.functions import gather
 from acquisition.files.uff.header58 import mended, text_of
@@ -126,7 +127,7 @@ def read(path: Path, layout: Layout) -> Contents:
     ------
     InputError : no data set in it can be used.
     """
-    with opened(path) as file:
+    with opened(path) as file, quiet():  # damaged numbers may overflow; they are found as such
         entries = [entry for entry in index(file) if layout.sets is None or entry.number in layout.sets]
         if not entries:
             raise InputError(
