@@ -4,18 +4,31 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ema.estimate.calibrate import Calibration, known_mass
+    from ema.estimate.frf_checks import quality
     from ema.estimate.impact import hammer, hammer_test
+    from ema.estimate.integrate import integrated, to_quantity
     from ema.estimate.levels import level_bins
     from ema.estimate.random_excitation import shaker
+    from ema.estimate.swept_sine import sweep
 
 _NAMES = {
+    "Calibration": "calibrate",
     "hammer": "impact",
     "hammer_test": "impact",
+    "integrated": "integrate",
+    "known_mass": "calibrate",
     "level_bins": "levels",
+    "quality": "frf_checks",
     "shaker": "random_excitation",
+    "sweep": "swept_sine",
+    "to_quantity": "integrate",
 }
 
-__all__ = ["hammer", "hammer_test", "level_bins", "shaker"]
+__all__ = [
+    "Calibration", "hammer", "hammer_test", "integrated", "known_mass", "level_bins", "quality", "shaker", "sweep",
+    "to_quantity",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -17,6 +17,9 @@ NONLINEAR = 0.05
 SIGNIFICANT = 4.0
 """Power that follows the level over power that does not, above which the change is not chance."""
 
+SWEEP_LEFT_OVER = 0.2
+"""Response at the end of a sweep's record relative to its rms that betrays leakage."""
+
 _ADVICE = {
     "double-hit": "Repeat the blow if the point has too few left.",
     "overload": "Raise the range of the channel or strike more softly.",

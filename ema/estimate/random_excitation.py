@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import scipy.fft
@@ -9,12 +10,18 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, spectra, windows
+from ema.estimate import channels, hammer_findings, local_model, spectra, windows
 from ema.estimate.spectra import Estimator, Spectra
 from ema.progress import Progress, advance, silent
 
 CORRELATED = 0.5
 """Median coherence between two inputs above which a finding says so."""
+
+
+Method = Literal["local", "welch"]
+
+LONGEST_BLOCK = 2**16
+"""Samples beyond which the local model works on blocks of a record."""
 
 
 @dataclass(frozen=True)
@@ -33,48 +40,114 @@ class Blocks:
 def shaker(
     run: Run,
     estimator: Estimator = "H1",
+    method: Method = "local",
     block: int | None = None,
     overlap: float = 0.75,
     progress: Progress = silent,
 ) -> FrfSet:
-    """FRFs from random excitation by one or several shakers (Welch's method with a Hann window).
+    """FRFs from random (or any other) excitation by one or several shakers.
+
+    ``local`` models system and leakage together on the few lines around each line (:mod:`ema.estimate.local_model`):
+    resonances are not smeared, the damping is not biased, and the resolution is that of the whole record. ``welch`` is
+    the classical average over overlapping Hann blocks, which reads light damping too high.
 
     Parameters
     ----------
     run : its recordings hold all shaker forces as references; several recordings are averaged.
-    estimator : ``H1`` (noise on the responses), ``H2`` (one force only) or ``Hv``.
-    block : samples per block; by default the longest power of two that leaves enough independent averages.
-    overlap : fraction by which blocks overlap.
+    estimator : ``H1`` (noise on the responses); ``H2`` (one force only) and ``Hv`` for ``welch``.
+    block : samples per block; by default for ``local`` the longest power of two of which a record holds
+        two, and for ``welch`` the longest power of two that leaves
+        enough independent averages for ``welch``.
+    overlap : fraction by which blocks of ``welch`` overlap.
 
     Raises
     ------
     InputError : a record cannot be used, the records differ in channels or rate, or the inputs are dependent.
     """
+    if method not in ("local", "welch"):
+        raise InputError("unknown method", got=repr(method), expected="local or welch")
+    if not 0 <= overlap < 1:
+        raise InputError("not an overlap", got=overlap, expected="0 ... 0.95")
     records = channels.recordings_of(run)
     first = records[0]
     where = channels.describe(run, first)
     layout = channels.layout(first, where)
-    quantity, unit = channels.frf_quantity(
-        [first.channels[row] for row in layout.responses], [first.channels[row] for row in layout.references], where
-    )
-    if block is None:
-        block = automatic_block(first.signals.shape[1], len(layout.references))
-    cut = Blocks(block, overlap)
-    found = welch(run, records, cut, progress)
+    chosen = [first.channels[row] for row in layout.responses], [first.channels[row] for row in layout.references]
+    quantity, unit = channels.frf_quantity(*chosen, where)
+    cut = Blocks(automatic_block(first.signals.shape[1], len(layout.references)) if block is None else block, overlap)
+    if cut.length < 16:
+        raise InputError("the block is too short", got=f"{cut.length} samples", expected="at least 16")
+    where = channels.describe(run)
+    if method == "local":
+        if estimator != "H1":
+            raise InputError("the local model is an H1 estimate", got=estimator, advice="use method='welch'")
+        # The correlation of the inputs, and whether they can be told apart, is a matter of averages.
+        inputs = welch(run, records, cut, progress)
+        spectra.frf(inputs)
+        parts = local_frfs(run, records, block, progress)
+        name = "H1 (local model)"
+    else:
+        inputs = welch(run, records, cut, progress)
+        parts = welch_frfs(inputs, estimator, first.sampling_rate, cut.length)
+        name = estimator
+    findings = (*input_findings(inputs, layout.inputs, where), *hammer_findings.about_units(unit, where))
+    options = {"estimator": estimator, "method": method, "block": block, "overlap": overlap}
+    return FrfSet(
+        **parts, outputs=layout.outputs, inputs=layout.inputs, quantity=quantity, unit=unit, estimator=name,
+        condition=run.condition, name=run.id, findings=findings,
+        provenance=Provenance(steps=("estimate.shaker",), options=tuple((k, str(v)) for k, v in options.items())),
+    )  # fmt: skip
+
+
+def welch_frfs(found: Spectra, estimator: Estimator, rate: float, length: int) -> dict[str, Any]:
+    """Frequencies, FRFs, multiple coherence, variance and averages of Welch's method."""
     values = spectra.frf(found, estimator)
     multiple = spectra.multiple_coherence(found)
-    shape = values.shape[1:]
-    return FrfSet(
-        frequencies=scipy.fft.rfftfreq(block, 1 / first.sampling_rate), values=values, outputs=layout.outputs,
-        inputs=layout.inputs, quantity=quantity, unit=unit, estimator=estimator,
-        coherence=np.repeat(multiple[:, :, None], shape[1], axis=2), variance=spectra.variance(found, multiple),
-        averages=np.full(shape, found.averages), condition=run.condition, name=run.id,
-        findings=input_findings(found, layout.inputs, channels.describe(run)),
-        provenance=Provenance(
-            steps=("estimate.shaker",),
-            options=(("estimator", estimator), ("block", str(block)), ("overlap", f"{overlap:g}"), ("window", "Hann")),
-        ),
-    )  # fmt: skip
+    return {
+        "frequencies": scipy.fft.rfftfreq(length, 1 / rate), "values": values,
+        "coherence": np.repeat(multiple[:, :, None], values.shape[2], axis=2),
+        "variance": spectra.variance(found, multiple), "averages": np.full(values.shape[1:], found.averages),
+    }  # fmt: skip
+
+
+def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progress: Progress) -> dict[str, Any]:
+    """Frequencies, FRFs, coherence, variance and averages of the local model, over blocks and records.
+
+    Blocks are averaged with the inverse of their variances as weights. The coherence is the part of the response power
+    that forces and transient explain.
+    """
+    first = records[0]
+    layout = channels.layout(first, channels.describe(run, first))
+    length = local_block(min(record.signals.shape[1] for record in records)) if block is None else block // 2 * 2
+    least = 2 * (local_model.width(len(layout.references)) + 2)
+    if length < least:
+        raise InputError(
+            "the record is too short for the local model", where=channels.describe(run), got=f"{length} samples",
+            expected=f"at least {least}", advice="measure longer records",
+        )  # fmt: skip
+    weighted: Any = 0.0
+    weights: Any = 0.0
+    noise: Any = 0.0
+    power: Any = 0.0
+    count = 0
+    for place, record in enumerate(records):
+        this = channels.layout(record, channels.describe(run, record))
+        for start in range(0, record.signals.shape[1] - length + 1, length):
+            rows = [*this.references, *this.responses]
+            lines = scipy.fft.rfft(record.signals[rows, start : start + length].astype(np.float64), axis=1)[:, 1:-1].T
+            split = len(this.references)
+            found = local_model.local_model(lines[:, :split], lines[:, split:])
+            weight = 1 / np.maximum(found.variance, 1e-300)
+            weighted, weights = weighted + weight * found.values, weights + weight
+            noise, power, count = noise + found.noise, power + found.power, count + 1
+        advance(progress, "modelling records", place + 1, len(records))
+    coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
+    values = weighted / weights
+    return {
+        "frequencies": np.arange(1, length // 2) * first.sampling_rate / length, "values": values,
+        "coherence": np.repeat(coherence[:, :, None], values.shape[2], axis=2), "variance": 1 / weights,
+        "averages": np.full(values.shape[1:], float(count)),
+    }  # fmt: skip
 
 
 def automatic_block(samples: int, inputs: int) -> int:
@@ -82,6 +155,16 @@ def automatic_block(samples: int, inputs: int) -> int:
     wanted = 8 + 4 * inputs
     length = 16
     while 2 * length * (wanted + 1) / 2 <= samples:
+        length *= 2
+    return length
+
+
+def local_block(samples: int) -> int:
+    """Longest power of two (at most ``LONGEST_BLOCK``) that fits in twice, or all of a short record."""
+    length = 256
+    if samples < 2 * length:
+        return samples // 2 * 2
+    while 4 * length <= samples and 2 * length <= LONGEST_BLOCK:
         length *= 2
     return length
 

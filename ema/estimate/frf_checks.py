@@ -1,0 +1,242 @@
+"""What FRFs say about the measurement that gave them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import Finding, FrfSet, HitGallery, ModalModel
+from ema.dof import match
+
+LOW_COHERENCE = 0.8
+"""Coherence at a resonance, and median over the band, below which a finding says so."""
+
+RECIPROCITY = 0.05
+"""Relative difference between an FRF and the one with force and response exchanged."""
+
+NOISY = 0.1
+"""Median standard deviation of an FRF, relative to its magnitude."""
+
+WRONG_PHASE = 0.1
+"""Part of the response power of a drive point in the wrong half plane."""
+
+
+def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | None = None) -> tuple[Finding, ...]:
+    """Everything a reader has to know about FRFs before believing what is fitted to them.
+
+    Dead or undefined FRFs, coherence over the band and at the resonances, noise, sign and phase of drive points,
+    reciprocity, averages, and the band that the force reaches.
+
+    Parameters
+    ----------
+    modes : where the resonances are; by default the strongest peaks of the sum of the FRFs.
+    hits : the blows, for the usable band.
+    """
+    dead, findings = _dead(frfs)
+    alive = frfs if not dead.any() else _without(frfs, dead)
+    if alive is None:
+        return tuple(findings)
+    peaks = _resonances(alive, modes)
+    findings += _coherence(alive, peaks)
+    findings += _noise(alive)
+    findings += _drive_points(alive)
+    findings += _reciprocity(alive)
+    if hits is not None:
+        findings += _beyond_force(alive, hits, peaks)
+    return tuple(findings)
+
+
+def _dead(frfs: FrfSet) -> tuple[np.ndarray, list[Finding]]:
+    """FRFs that are not numbers or zero on most lines, and what there is to say about them."""
+    with_numbers = np.isfinite(frfs.values)
+    broken = np.mean(~with_numbers[1:], axis=0) > 0
+    zero = ~broken & (np.abs(np.where(with_numbers, frfs.values, 0)).max(axis=0) == 0)
+    findings = []
+    for which, code, text, advice in (
+        (broken, "not-a-number", "holds values that are not numbers", "It was not measured, or its record is damaged."),
+        (
+            zero,
+            "dead-channel",
+            "is zero: the response channel is dead",
+            "Check sensor and cable, leave the channel out.",
+        ),
+    ):
+        labels = [frfs.label(int(o), int(i)) for o, i in np.argwhere(which)]
+        if labels:
+            findings.append(
+                Finding(
+                    "error", code, _where(frfs, _list(labels)), f"{_count(labels, 'FRF')} {text}.", float(len(labels)),
+                    0.0, advice,
+                )
+            )  # fmt: skip
+    return broken | zero, findings
+
+
+def _without(frfs: FrfSet, dead: np.ndarray) -> FrfSet | None:
+    """The rows and columns in which nothing is dead: fewer rows or fewer columns, whichever keeps more."""
+    rows = [row for row in range(dead.shape[0]) if not dead[row].all()]
+    columns = [c for c in range(dead.shape[1]) if rows and not dead[rows][:, c].any()]
+    if not rows or not columns:
+        columns = [c for c in range(dead.shape[1]) if not dead[:, c].all()]
+        rows = [row for row in range(dead.shape[0]) if columns and not dead[row][columns].any()]
+    return frfs.pick(rows, columns) if rows and columns else None
+
+
+def _resonances(frfs: FrfSet, modes: ModalModel | None) -> Float[np.ndarray, "mode"]:
+    """Frequencies in Hz of the modes, or of the strongest peaks of the summed FRFs."""
+    low, high = frfs.frequencies[0], frfs.frequencies[-1]
+    if modes is not None:
+        f = modes.natural_frequencies
+        return np.asarray(f[(f >= low) & (f <= high)])
+    from scipy.signal import find_peaks
+
+    level = np.log10(np.maximum(np.sum(np.abs(frfs.values) ** 2, axis=(1, 2)), 1e-300))
+    places, about = find_peaks(level, prominence=1.0)
+    strongest = places[np.argsort(about["prominences"])[::-1][:20]]
+    return np.sort(frfs.frequencies[strongest])
+
+
+def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
+    """Coherence over the band and at the resonances; nothing can be said of single averages."""
+    if frfs.coherence is None:
+        return []
+    findings = []
+    known = np.ones(frfs.values.shape[1:], bool) if frfs.averages is None else frfs.averages > 1
+    if not known.all():
+        findings.append(
+            Finding(
+                "warning", "one-average", _where(frfs),
+                f"{np.sum(~known)} of {known.size} FRFs have one average: their coherence is 1 by definition.", 1.0, 2.0,
+                "Average at least three measurements.",
+            )
+        )  # fmt: skip
+    if not known.any():
+        return findings
+    median = float(np.nanmedian(frfs.coherence[:, known]))
+    if median < LOW_COHERENCE:
+        findings.append(
+            Finding(
+                "warning", "low-coherence", _where(frfs), f"the median coherence over the band is {median:.2f}.", median,
+                LOW_COHERENCE, "Check noise, leakage, double hits and the excited band before trusting the damping.",
+            )
+        )  # fmt: skip
+    weight = np.abs(frfs.values)
+    for peak in peaks:
+        line = int(np.argmin(np.abs(frfs.frequencies - peak)))
+        near = slice(max(line - 1, 0), line + 2)
+        # The best FRFs of each resonance decide: points on a nodal line have no coherence there, and need none.
+        strong = known & (weight[line] >= 0.5 * weight[line][known].max())
+        here = float(np.nanmedian(frfs.coherence[near][:, strong]))
+        if here < LOW_COHERENCE:
+            findings.append(
+                Finding(
+                    "warning", "low-coherence", _where(frfs, f"{peak:.1f} Hz"),
+                    f"the coherence at the resonance at {peak:.1f} Hz is {here:.2f}.", here, LOW_COHERENCE,
+                    "Leakage, noise or nonlinearity: use longer blocks, more averages or one force level.",
+                )
+            )  # fmt: skip
+    return findings
+
+
+def _noise(frfs: FrfSet) -> list[Finding]:
+    """FRFs whose standard deviation is a large part of their magnitude."""
+    if frfs.variance is None:
+        return []
+    size = np.abs(frfs.values)
+    ratio = np.sqrt(np.divide(frfs.variance, size**2, out=np.full_like(size, np.nan), where=size > 0))
+    known = np.isfinite(ratio).any(axis=0)
+    if not known.any():
+        return []
+    median = float(np.nanmedian(ratio[:, known]))
+    if median < NOISY:
+        return []
+    return [
+        Finding(
+            "warning", "noisy-frfs", _where(frfs),
+            f"the standard deviation of the FRFs is {100 * median:.0f} % of their magnitude (median).", median, NOISY,
+            "Average more, or raise the force.",
+        )
+    ]  # fmt: skip
+
+
+def _drive_points(frfs: FrfSet) -> list[Finding]:
+    """A drive point takes in power at all frequencies: its mobility lies in the right half plane."""
+    power = {"receptance": 1, "mobility": 0, "accelerance": -1, "unstated": -1}[frfs.quantity]
+    findings = []
+    for row, column, sign in match(frfs.outputs, frfs.inputs):
+        mobility = sign * frfs.values[1:, row, column] * (1j * np.sign(frfs.frequencies[1:])) ** power
+        strength = np.abs(mobility)
+        # The real part at the resonances decides; elsewhere it is small and noise has its sign.
+        negative = float(np.sum(np.minimum(mobility.real, 0) ** 2) / max(np.sum(mobility.real**2), 1e-300))
+        where = _where(frfs, frfs.label(row, column))
+        if not strength.any():
+            continue
+        if negative > 0.5:
+            findings.append(
+                Finding(
+                    "error", "drive-point-sign", where,
+                    "the drive point has the wrong sign: force or response is reversed.", negative, WRONG_PHASE,
+                    "Reverse the sign of the channel by a repair, or correct its direction.",
+                )
+            )  # fmt: skip
+        elif negative > WRONG_PHASE:
+            findings.append(
+                Finding(
+                    "warning", "drive-point-phase", where,
+                    f"{100 * negative:.0f} % of the drive point's resistance is negative: not all resonances have the "
+                    "same phase.", negative, WRONG_PHASE,
+                    "Force and response are not at the same place and direction, or the channels have a phase error.",
+                )
+            )  # fmt: skip
+    return findings
+
+
+def _reciprocity(frfs: FrfSet) -> list[Finding]:
+    """Pairs of FRFs with force and response exchanged."""
+    pairs = match(frfs.outputs, frfs.inputs)
+    findings = []
+    for place, (row, column, sign) in enumerate(pairs):
+        for other_row, other_column, other_sign in pairs[:place]:
+            one = sign * other_sign * frfs.values[1:, row, other_column]
+            other = frfs.values[1:, other_row, column]
+            size = np.sqrt(np.sum(np.abs(one) ** 2) * np.sum(np.abs(other) ** 2))
+            difference = float(np.sqrt(np.sum(np.abs(one - other) ** 2) / size)) if size > 0 else 0.0
+            if difference > RECIPROCITY:
+                reversed_ = np.sum(one * other.conj()).real < 0
+                findings.append(
+                    Finding(
+                        "warning", "reciprocity",
+                        _where(frfs, f"{frfs.label(row, other_column)} and {frfs.label(other_row, column)}"),
+                        f"the two FRFs differ by {100 * difference:.0f} %"
+                        f"{': they have opposite signs' if reversed_ else ''}.", difference, RECIPROCITY,
+                        "A sensor is reversed or misplaced." if reversed_ else
+                        "Check places, directions and sensitivities; a friction joint breaks reciprocity too.",
+                    )
+                )  # fmt: skip
+    return findings
+
+
+def _beyond_force(frfs: FrfSet, hits: HitGallery, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
+    """Resonances that the blows hardly excite."""
+    beyond = peaks[peaks > hits.usable_band[1]]
+    if len(beyond) == 0:
+        return []
+    return [
+        Finding(
+            "warning", "usable-band", _where(frfs),
+            f"{len(beyond)} resonances lie above {hits.usable_band[1]:.0f} Hz, where the force has fallen by 20 dB.",
+            float(beyond[0]), hits.usable_band[1], "Use a harder tip, or leave these modes out.",
+        )
+    ]  # fmt: skip
+
+
+def _where(frfs: FrfSet, what: str = "") -> str:
+    return ", ".join(part for part in (f"run {frfs.name}" if frfs.name else "", what) if part) or "FRFs"
+
+
+def _list(labels: Sequence[str]) -> str:
+    return ", ".join(labels[:4]) + (f" and {len(labels) - 4} more" if len(labels) > 4 else "")
+
+
+def _count(labels: Sequence[str], noun: str) -> str:
+    return f"one {noun}" if len(labels) == 1 else f"each of {len(labels)} {noun}s"

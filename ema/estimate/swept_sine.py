@@ -1,0 +1,167 @@
+"""FRFs of swept-sine takes."""
+
+from functools import reduce
+from operator import add
+
+import numpy as np
+import scipy.fft
+
+from ema.data import Finding, FrfSet, Provenance, Run
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.estimate import channels, hammer_findings, single_input
+from ema.estimate.single_input import Sums
+from ema.estimate.spectra import Estimator
+from ema.progress import Progress, advance, silent
+
+EXCITED = 0.001
+"""Part of the median force power in the swept band below which a line was not excited (-30 dB)."""
+
+
+def sweep(
+    run: Run,
+    estimator: Estimator = "H1",
+    band: tuple[float, float] | None = None,
+    block: int | None = None,
+    progress: Progress = silent,
+) -> FrfSet:
+    """FRFs of swept-sine takes: one whole sweep per block, averaged over the takes.
+
+    No window: a sweep that begins and ends at rest within its record has no leakage.
+
+    Parameters
+    ----------
+    run : each recording holds one sweep: one force (reference) and one or more responses.
+    band : lines in Hz to return; by default those that the sweep excited (force power within 30 dB of its median in
+        the band that holds 98 % of it).
+    block : samples of each record to use; by default all of the shortest one.
+
+    Raises
+    ------
+    InputError : a record cannot be used, the records differ in rate or responses, or the force is zero.
+    """
+    records = channels.recordings_of(run)
+    length = block or min(record.signals.shape[1] for record in records)
+    sums: dict[Dof, Sums] = {}
+    first, layout = None, None
+    left = 0.0
+    for place, record in enumerate(records):
+        where = channels.describe(run, record)
+        this = channels.layout(record, where)
+        channels.finite(record, this, where)
+        if first is None or layout is None:
+            first, layout = record, this
+        _check(first.sampling_rate, record.sampling_rate, layout, this, record.signals.shape[1], length, where)
+        signals = record.signals[[*this.references, *this.responses], :length]
+        signals = signals - signals.mean(axis=1, keepdims=True)
+        left = max(left, _left_over(signals[1:]))
+        lines = scipy.fft.rfft(signals, axis=1)
+        part = single_input.summed(lines[0], lines[1:])
+        force = this.inputs[0]
+        sums[force] = sums[force] + part if force in sums else part
+        advance(progress, "transforming sweeps", place + 1, len(records))
+    assert first is not None
+    assert layout is not None
+    frequencies = scipy.fft.rfftfreq(length, 1 / first.sampling_rate)
+    keep = _lines(frequencies, reduce(add, sums.values()), band, channels.describe(run))
+    return _frfs(run, sums, layout.outputs, frequencies[keep], keep, estimator, left)
+
+
+def _check(
+    rate: float,
+    other_rate: float,
+    layout: channels.Layout,
+    this: channels.Layout,
+    samples: int,
+    length: int,
+    where: str,
+) -> None:
+    """Refuse a take that does not fit the others.
+
+    Raises
+    ------
+    InputError : another rate, other responses, several forces, or fewer samples than a block.
+    """
+    if len(this.references) > 1:
+        raise InputError("a sweep has one force channel", where=where, got=f"{len(this.references)}")
+    if other_rate != rate:
+        raise InputError(
+            "the records of the run differ in sampling rate", where=where, got=f"{other_rate:g} Hz",
+            expected=f"{rate:g} Hz",
+        )  # fmt: skip
+    if this.outputs != layout.outputs:
+        raise InputError(
+            "the records of the run differ in their responses", where=where, got=", ".join(map(str, this.outputs)),
+            expected=", ".join(map(str, layout.outputs)),
+        )  # fmt: skip
+    if samples < length:
+        raise InputError("the record is shorter than a block", where=where, got=samples, expected=length)
+
+
+def _left_over(signals: np.ndarray) -> float:
+    """Largest rms of the last hundredth of a response relative to its rms."""
+    last = signals[:, -max(signals.shape[1] // 100, 8) :]
+    rms = np.sqrt(np.mean(signals**2, axis=1))
+    return float(np.max(np.divide(np.sqrt(np.mean(last**2, axis=1)), rms, out=np.zeros_like(rms), where=rms > 0)))
+
+
+def _lines(frequencies: np.ndarray, total: Sums, band: tuple[float, float] | None, where: str) -> slice:
+    """The lines to return.
+
+    Raises
+    ------
+    InputError : the force is zero, or no line lies in the band.
+    """
+    power = total.force
+    if not power[1:].any():
+        raise InputError("the force is zero or constant", where=where, advice="check the force channel")
+    if band is not None:
+        first, last = np.searchsorted(frequencies, [band[0] - 1e-9, band[1] + 1e-9])
+    else:
+        share = np.cumsum(power[1:]) / power[1:].sum()
+        low, high = 1 + np.searchsorted(share, [0.01, 0.99])
+        smooth = single_input.pooled(power[None, :])[0]
+        inside = np.flatnonzero(smooth > EXCITED * np.median(power[low : high + 1]))
+        inside = inside[(inside >= max(low // 2, 1)) & (inside <= 2 * high)]
+        first, last = int(inside[0]), int(inside[-1]) + 1
+    if last <= first:
+        raise InputError("no frequency line in the band", where=where, got=f"{band}")
+    return slice(int(first), int(last))
+
+
+def _frfs(
+    run: Run, sums: dict[Dof, Sums], outputs: tuple[Dof, ...], frequencies: np.ndarray, keep: slice,
+    estimator: Estimator, left: float,
+) -> FrfSet:  # fmt: skip
+    """The FRF set of the sums of each force DOF."""
+    where = channels.describe(run)
+    first = run.recordings[0]
+    quantity, unit = channels.frf_quantity(
+        [first.channels[row] for row in first.with_role("response")],
+        [first.channels[row] for row in first.with_role("reference")], where,
+    )  # fmt: skip
+    parts = [single_input.estimate(part, estimator) for part in sums.values()]
+    values, coherence, variance = (np.stack(list(each))[:, :, keep].transpose(2, 1, 0) for each in zip(*parts))
+    averages = [float(part.averages) for part in sums.values()]
+    findings = list(hammer_findings.about_units(unit, where))
+    if left > hammer_findings.SWEEP_LEFT_OVER:
+        findings.append(
+            Finding(
+                "warning", "leakage", where,
+                f"the response at the end of the record still has {100 * left:.0f} % of its rms.", left,
+                hammer_findings.SWEEP_LEFT_OVER, "Record on until the structure is at rest.",
+            )
+        )  # fmt: skip
+    if min(averages) < 2:
+        findings.append(
+            Finding(
+                "warning", "one-average", where, "one sweep only: the coherence is 1 by definition.", 1.0, 2.0,
+                "Repeat the sweep.",
+            )
+        )  # fmt: skip
+    return FrfSet(
+        frequencies=frequencies, values=values, outputs=outputs, inputs=tuple(sums), quantity=quantity, unit=unit,
+        coherence=coherence, variance=variance, estimator=estimator,
+        averages=np.tile(np.array(averages), (len(outputs), 1)), condition=run.condition, name=run.id,
+        findings=tuple(findings), provenance=Provenance(steps=("estimate.sweep",), options=(("estimator", estimator),)),
+    )  # fmt: skip
