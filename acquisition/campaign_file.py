@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from acquisition import units
+from acquisition.files.layout import Layout
 from acquisition.toml_lines import line_of
 from ema.data.condition import ExcitationKind
 from ema.data.recording import Role
@@ -55,6 +56,15 @@ def _as_columns(value: Any) -> Any:
     return value
 
 
+def _as_reader(options: dict[str, Any]) -> dict[str, Any]:
+    """Options of ``acquisition.read``, checked before any file is opened."""
+    try:
+        Layout.of(**{name: value for name, value in options.items() if name != "format"})
+    except EmaError as error:
+        raise ValueError(str(error)) from error
+    return options
+
+
 Unit = Annotated[
     str, _checked(units.parse), AfterValidator(lambda text: "unstated" if text.lower() == "unstated" else text)
 ]
@@ -65,6 +75,7 @@ Torque = Annotated[str, _with_unit("torque")]
 Temperature = Annotated[str, _with_unit("temperature")]
 Seconds = Annotated[str, _with_unit("time")]
 Moment = Annotated[str, BeforeValidator(_as_text)]
+Reader = Annotated[dict[str, Any], AfterValidator(_as_reader)]
 Names = Annotated[list[str], BeforeValidator(_as_list)]
 Numbers = Annotated[list[int], BeforeValidator(_as_list)]
 Direction = str | Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -88,7 +99,7 @@ class CampaignTable(Table):
     files: str = "."
     generator: str = ""
     command: str = ""
-    reader: dict[str, Any] = {}
+    reader: Reader = {}
 
     @property
     def generating_command(self) -> str:
@@ -106,7 +117,7 @@ class GeometryTable(Table):
     y: str = "y"
     z: str = "z"
     names_in: Literal["first row", "first column"] = "first row"
-    reader: dict[str, Any] = {}
+    reader: Reader = {}
     nodes: dict[int, Annotated[list[float], Field(min_length=3, max_length=3)]] = {}
     lines: list[list[int]] = []
     faces: list[list[int]] = []
@@ -227,7 +238,7 @@ class RunTable(Table):
     files: Annotated[list[FileTable], BeforeValidator(lambda value: _as_files(_as_list(value)))] = []
     file_table: str = ""
     take: Literal["records", "FRFs"] | None = None
-    channels: list[ChannelTable] = []
+    channels: list[ChannelTable] | None = None
     level: Force | None = None
     level_std: Force | None = None
     band: Annotated[list[Frequency], Field(min_length=2, max_length=2)] | None = None
@@ -238,7 +249,7 @@ class RunTable(Table):
     normal_force: list[NormalForceTable] = []
     repeat: str = ""
     comment: str = ""
-    reader: dict[str, Any] = {}
+    reader: Reader = {}
 
     @model_validator(mode="after")
     def _sound(self) -> "RunTable":
@@ -303,6 +314,10 @@ class CampaignFile(Table):
     channels: list[ChannelTable] = []
     joints: list[JointTable] = []
     repairs: list[RepairTable] = []
+
+    def channels_of(self, run: RunTable) -> list[ChannelTable]:
+        """The channel table of a run: its own, even an empty one, or that of the campaign."""
+        return self.channels if run.channels is None else run.channels
 
     @model_validator(mode="after")
     def _sound(self) -> "CampaignFile":

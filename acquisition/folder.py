@@ -17,7 +17,15 @@ from acquisition.force import Span, joint_forces, span_of
 from acquisition.geometry_file import geometry_of
 from acquisition.opened import Files, Take
 from acquisition.repairs import Repairs
-from acquisition.scaling import Line, lines_of_frf, lines_of_record, node_number, scaled_frf, scaled_record
+from acquisition.scaling import (
+    Line,
+    lines_of_frf,
+    lines_of_record,
+    node_number,
+    refuse_doubles,
+    scaled_frf,
+    scaled_record,
+)
 from acquisition.setups import Part, merge
 from ema import store
 from ema.data import (
@@ -97,8 +105,8 @@ def open_campaign(path: str | Path, progress: Progress = silent) -> Campaign:
         items[run.id] = repairs.items(run.id, items_of(run, data, folder, f"{where}, run {run.id}"))
         if not items[run.id]:
             raise InputError("repairs exclude every file of the run", where=f"{where}, run {run.id}")
-        _note_skewed(run.channels or described.channels, items[run.id], axes, f"{where}, run {run.id}")
-    opening = _Opening(described, folder, where, axes, repairs, Files(), progress)
+        _note_skewed(described.channels_of(run), items[run.id], axes, f"{where}, run {run.id}")
+    opening = _Opening(described, (folder, data), where, axes, repairs, Files(), progress)
     runs = tuple(opening.run(run, items[run.id]) for run in described.runs)
     repairs.refuse_unused()
     if geometry is not None:
@@ -121,7 +129,7 @@ class _Opening:
     """A campaign while it is being opened."""
 
     described: CampaignFile
-    folder: Path
+    folders: tuple[Path, Path]
     where: str
     axes: LocalAxes
     repairs: Repairs
@@ -136,7 +144,7 @@ class _Opening:
         """One run, with its condition and findings."""
         where = f"{self.where}, run {run.id}"
         options = self.described.campaign.reader | run.reader
-        table = run.channels or self.described.channels
+        table = self.described.channels_of(run)
         findings: list[Finding] = []
         pieces: list[_Piece] = []
         frfs: Sequence[FrfSet] = ()
@@ -153,7 +161,8 @@ class _Opening:
             findings += _unit_findings([channel.name for channel in unstated if _measures(channel)], f"run {run.id}")
             self._note(line.channel for piece in pieces for line in piece.lines)
             self.channels = self.channels or tuple(line.channel for line in pieces[0].lines)
-        findings += [finding for item in items for finding in self.files.findings(item.path, options)]
+        told = [finding for item in items for finding in self.files.findings(item.path, options)]
+        findings += [finding for finding in told if finding.code != "duplicated-dof"]  # settled by ``refuse_doubles``
         recordings = Lazy([piece.read for piece in pieces])
         measured = any(force.channel for force in run.normal_force) or any(
             line.channel.role == "normal force" for piece in pieces for line in piece.lines
@@ -162,7 +171,7 @@ class _Opening:
             span_of([piece.header for piece in pieces], [piece.take.samples for piece in pieces]) if pieces else Span()
         )
         joints, about_force = joint_forces(
-            run, self.described.joints, recordings if measured else (), span, self.folder, f"run {run.id}"
+            run, self.described.joints, recordings if measured else (), span, self.folders, f"run {run.id}"
         )
         condition = _condition(run, joints)
         if whole is not None:
@@ -209,7 +218,9 @@ class _Opening:
                 name = item.label if len(takes) == 1 else f"{item.label}, {take.header.name or f'record {place + 1}'}"
                 here = f"{where}, {name}"
                 lines = lines_of_record(take.header.channels, table, item, self.axes, here)
-                pieces.append(_Piece(item, name, take, self.repairs.lines(run.id, item, lines), excluded))
+                lines = self.repairs.lines(run.id, item, lines)
+                refuse_doubles(lines, here)
+                pieces.append(_Piece(item, name, take, lines, excluded))
         _refuse_odd_records(pieces, where)
         return pieces
 
@@ -226,6 +237,8 @@ class _Opening:
             for frf in found:
                 outputs, inputs = lines_of_frf(frf, table, item, self.axes, here)
                 outputs, inputs = (self.repairs.lines(run.id, item, lines) for lines in (outputs, inputs))
+                refuse_doubles((*outputs, *inputs), here)
+                self.channels = self.channels or tuple(line.channel for line in (*inputs, *outputs))
                 parts.append(Part(scaled_frf(frf, outputs, inputs, here), item.setup, item.label))
         merged = merge(parts, f"run {run.id}")
         if run.estimator:

@@ -45,14 +45,19 @@ class Span:
 
 
 def joint_forces(
-    run: RunTable, joints: Sequence[JointTable], records: Sequence[Recording], span: Span, folder: Path, where: str
+    run: RunTable,
+    joints: Sequence[JointTable],
+    records: Sequence[Recording],
+    span: Span,
+    folders: Sequence[Path],
+    where: str,
 ) -> tuple[tuple[JointForce, ...], tuple[Finding, ...]]:
     """Normal force of every joint of a run, with what is wrong about it.
 
     Parameters
     ----------
     records : of the run; read only where a channel measures a normal force.
-    folder : of the campaign, where side data are.
+    folders : of the campaign and of its data, where side data are looked for.
 
     Raises
     ------
@@ -68,14 +73,14 @@ def joint_forces(
     for name in names:
         table = stated.get(name, NormalForceTable(joint=name))
         channel = table.channel or ("" if table.file or table.value else on_records.get(name, ""))
-        force = _measured(table, channel, records, span, folder, f"{where}, joint {name}")
+        force = _measured(table, channel, records, span, folders, f"{where}, joint {name}")
         forces.append(replace(force, calibration=_calibration(cells.get(name))))
     nominal = {name: units.measure(table.nominal, "force")[0] for name, table in stated.items() if table.nominal}
     return tuple(forces), tuple(_findings(forces, nominal, where))
 
 
 def _measured(
-    table: NormalForceTable, channel: str, records: Sequence[Recording], span: Span, folder: Path, where: str
+    table: NormalForceTable, channel: str, records: Sequence[Recording], span: Span, folders: Sequence[Path], where: str
 ) -> JointForce:
     noted = JointForce(
         table.joint,
@@ -88,7 +93,7 @@ def _measured(
         return replace(noted, mean=units.measure(table.value, "force")[0], std=std)
     if not channel and not table.file:
         return noted
-    trace = _of_channel(records, channel, where) if channel else _of_side_data(table, span, folder, where)
+    trace = _of_channel(records, channel, where) if channel else _of_side_data(table, span, folders, where)
     return replace(
         noted, mean=trace.mean, std=trace.std, drift=drift(trace), trace=trace.values,
         trace_times=trace.times,
@@ -106,6 +111,8 @@ def drift(trace: Trace) -> float:
 
 def _of_channel(records: Sequence[Recording], channel: str, where: str) -> Trace:
     """Block means of a channel over all records; the standard deviation is that of all samples."""
+    if not records:
+        raise InputError("the run has no records, so no channel of a record", where=where, got=channel)
     times: list[float] = []
     values: list[float] = []
     weight, total, squares = 0, 0.0, 0.0
@@ -135,9 +142,10 @@ def _of_channel(records: Sequence[Recording], channel: str, where: str) -> Trace
     return Trace(np.array(times)[order], np.array(values)[order], float(mean), std)
 
 
-def _of_side_data(table: NormalForceTable, span: Span, folder: Path, where: str) -> Trace:
+def _of_side_data(table: NormalForceTable, span: Span, folders: Sequence[Path], where: str) -> Trace:
     """The part of a column of side data that was written during the run."""
-    path = folder / table.file
+    paths = [folder / table.file for folder in folders]
+    path = next((path for path in paths if path.is_file()), paths[0])
     place = f"{where}, {table.file}"
     columns = read_columns(path)
     unit = units.parse(str(table.unit))

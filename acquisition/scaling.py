@@ -45,13 +45,12 @@ def lines_of_record(
 
     Raises
     ------
-    InputError : a channel is missing, has no unit, two have one DOF, ...
+    InputError : a channel is missing, has no unit, ...
     """
     if not table:
         lines = tuple(_as_in_file(row, channel, item, where) for row, channel in enumerate(present))
     else:
         lines = tuple(_line(slot, present[slot.row], item, axes, where) for slot in _slots(present, table, where))
-    _refuse_doubles(lines, where)
     return lines
 
 
@@ -65,7 +64,7 @@ def lines_of_frf(
 
     Raises
     ------
-    InputError : the table has another number of channels, two have one DOF, ...
+    InputError : the table has another number of channels, ...
     """
     response = {kind: quantity for quantity, kind in FRF_OF_RESPONSE.items()}[frf.quantity]
     found = []
@@ -80,7 +79,6 @@ def lines_of_frf(
         else:
             slots = _slots_in_order(present, specs, role, where)
             lines = tuple(_line(slot, present[slot.row], item, axes, where) for slot in slots)
-        _refuse_doubles(lines, where)
         found.append(lines)
     return found[0], found[1]
 
@@ -177,7 +175,7 @@ def _slots(present: tuple[Channel, ...], table: list[ChannelTable], where: str) 
         rows = [_by_column(present, column, where) for column in columns] or [
             _by_name(present, name, where) for name in names
         ]
-        names = names or [f"{spec.name or spec.role} {row + 1}" for row in rows]
+        names = names or [f"{spec.name} {row + 1}" if spec.name else present[row].name for row in rows]
         directions = spec.directions or [spec.direction] * len(rows)
         slots += [_Slot(spec, name, row, towards) for name, row, towards in zip(names, rows, directions, strict=True)]
     return slots
@@ -338,7 +336,13 @@ def _dof_of(line: Line, where: str) -> Dof:
     return line.channel.dof
 
 
-def _refuse_doubles(lines: tuple[Line, ...], where: str) -> None:
+def refuse_doubles(lines: tuple[Line, ...], where: str) -> None:
+    """Two channels of one role do not measure the same DOF.
+
+    Raises
+    ------
+    InputError : they do.
+    """
     seen: dict[tuple[str, Dof], str] = {}
     for line in lines:
         channel = line.channel
@@ -348,6 +352,6 @@ def _refuse_doubles(lines: tuple[Line, ...], where: str) -> None:
         if key in seen:
             raise InputError(
                 "two channels with one DOF", where=where, got=f"{channel.dof} for {seen[key]} and {channel.name}",
-                advice="correct the dof of one of them in the channel table",
+                advice='correct one of them in the channel table, or by a repair "move dof" of its channel',
             )  # fmt: skip
         seen[key] = channel.name

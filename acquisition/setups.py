@@ -124,10 +124,11 @@ def relative_shift(former: Sequence[FrfSet], latter: Sequence[FrfSet]) -> tuple[
     """Relative frequency shift of the resonances of ``latter`` against ``former``, and the correlation it leaves.
 
     On a logarithmic frequency axis a relative shift is a translation. The level of each set-up is
-    ``log(1 + P / G)`` with the power P of its FRFs (each scaled to unit mean square, then summed) and the geometric mean
-    G of P over the surroundings (+-20 % of the frequency): resonances count by their height in log |H|, antiresonances
-    and the noise between hardly at all. Where both set-ups measure the same FRFs, only those enter. The shift maximises
-    the correlation of the two levels within +-5 %, refined by a parabola through the three points at the maximum.
+    ``log(1 + P / G)`` with the power P of its FRFs (each scaled to unit mean square, then summed) and the geometric
+    mean G of P over the surroundings (+-20 % of the frequency): resonances count by their height in log |H|,
+    antiresonances and the noise between hardly at all. Where both set-ups measure the same FRFs, only those enter.
+    The shift maximises the correlation of the two levels within +-5 %, refined by a parabola through the three points
+    at the maximum.
     """
     frequencies = former[0].frequencies
     used = frequencies > 0.02 * frequencies[-1]

@@ -10,7 +10,7 @@ import pytest
 import acquisition
 from acquisition import campaign_file
 from ema import store
-from ema.data import Channel, FrfSet, Geometry, Recording
+from ema.data import Channel, FrfSet, Geometry, Lazy, Recording
 from ema.dof import Dof
 from ema.errors import CancelledError, InputError
 
@@ -274,6 +274,22 @@ def test_frfs_of_a_roving_hammer_become_one_set(tmp_path: Path) -> None:
     assert found.condition == run.condition and len(run.recordings) == 0
 
 
+def test_large_frfs_are_read_when_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    where = folder(tmp_path, HEAD + RUN, {"bare_1.h5": frf("1:+Z", "7:-Z", 1)})
+    small = acquisition.open_campaign(where)["bare"]
+    monkeypatch.setattr("acquisition.folder._KEPT", 0)
+    large = acquisition.open_campaign(where)["bare"]
+    assert isinstance(small.frfs, tuple) and isinstance(large.frfs, Lazy)
+    np.testing.assert_array_equal(large.frfs[0].values, small.frfs[0].values)
+    assert large.frfs[0].condition == large.condition
+
+
+def test_frfs_have_no_channel_for_the_normal_force(tmp_path: Path) -> None:
+    force = '[[runs.normal_force]]\njoint = "J1"\nchannel = "ring"\n'
+    with pytest.raises(InputError, match="the run has no records, so no channel of a record; got ring"):
+        acquisition.open_campaign(folder(tmp_path, HEAD + RUN + force, {"bare_1.h5": frf("1:+Z", "7:-Z", 1)}))
+
+
 def test_frfs_with_their_own_dofs_and_units_need_no_table(tmp_path: Path) -> None:
     files = {"bare_1.h5": {"a": frf("1:+Z", "7:-Z", 1), "b": frf("2:-Z", "7:+Z", 2)}}
     found = acquisition.open_campaign(folder(tmp_path, HEAD + RUN, files))["bare"].frfs[0]
@@ -360,6 +376,13 @@ def test_two_channels_with_one_dof_are_refused(tmp_path: Path) -> None:
         acquisition.open_campaign(folder(tmp_path, HEAD + CHANNELS + more + RUN))
 
 
+def test_a_repair_parts_two_channels_with_one_dof(tmp_path: Path) -> None:
+    more = '[[channels]]\nname = "hammer"\nunit = "N"\ndof = "1:-Z"\n'
+    repair = '[[repairs]]\nwhat = "move dof"\nchannel = "acc"\ndof = "1:+Z"\nto = "8:+Z"\nwho = "me"\nwhy = "photo"\n'
+    take = acquisition.open_campaign(folder(tmp_path, HEAD + CHANNELS + more + RUN + repair))["bare"].recordings[0]
+    assert [str(channel.dof) for channel in take.channels] == ["2:-Z", "8:+Z", "1:-Z"]
+
+
 def test_mixed_units_between_the_files_of_a_run_are_refused(tmp_path: Path) -> None:
     def stated(quantity: str, unit: str) -> Recording:
         channels = (
@@ -422,6 +445,7 @@ def test_opening_can_be_cancelled(tmp_path: Path) -> None:
         ('name = "acc"', "", 11, "nothing says which channel of the file this is"),
         ('unit = "g"', 'unit = "g"\nquantity = "force"', 11, "'g' is a unit of acceleration, not of force"),
         ('files = "bare_{point}.h5"\n', "", 18, "a run names its files"),
+        ('kind = "hammer"', 'reader = { sampling_rat = 5 }', 20, "unknown option .*'?sampling_rat.*did you mean sampling_rate"),
         ('name = "test"', "name = test", None, "not TOML"),
     ],
 )  # fmt: skip
