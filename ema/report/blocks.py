@@ -24,9 +24,12 @@ class Text:
 
 @dataclass(frozen=True)
 class Picture:
-    """A numbered figure as a data URI, with its alternative text and caption; ``width`` in percent of the page."""
+    """A figure as a data URI, with its alternative text and caption; ``width`` in percent of the page.
 
-    number: int
+    Photographs carry no number.
+    """
+
+    number: int | None
     source: str
     alt: str
     caption: str

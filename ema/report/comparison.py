@@ -6,7 +6,7 @@ from ema.data import RunResult
 from ema.errors import InputError
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.modes import condition_text, interval, standard_deviations
-from ema.report.numbers import MISSING, count, fixed, plain, signed
+from ema.report.numbers import MISSING, Value, count, fixed, plain, signed
 from ema.shapes import Comparison, compare
 
 
@@ -76,8 +76,9 @@ def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> 
             continue
         f_j, z_j = float(other.modes.natural_frequencies[j]), 100 * float(other.modes.damping_ratios[j])
         rows.append([
-            i + 1, j + 1, left[0], interval(f_j, deviations[1][0][j], 6), signed(100 * (f_j / f_i - 1)),
-            left[1], interval(z_j, deviations[1][1][j], 3), plain(z_j / z_i if z_i else None, 3),
+            i + 1, j + 1, left[0], interval(f_j, deviations[1][0][j], 6),
+            Value(change := 100 * (f_j / f_i - 1), f"{change:+.2f}"),
+            left[1], interval(z_j, deviations[1][1][j], 3), fixed(z_j / z_i if z_i else None, 2),
             fixed(float(found.mac[i, j]), 3),
         ])  # fmt: skip
     alone = sorted(set(range(len(other.modes.poles))) - set(partners.values()))

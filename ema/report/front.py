@@ -6,7 +6,7 @@ from ema.data import StudyResult
 from ema.report.blocks import Block, Book, Table
 from ema.report.comparison import comparisons
 from ema.report.modes import mode_table, run_sentence
-from ema.report.numbers import count, plain, rounded
+from ema.report.numbers import Value, count, plain, rounded, short
 from ema.report.worries import Group, all_findings, counted, finding_table, grouped
 
 
@@ -40,10 +40,15 @@ def _expectations(result: StudyResult, book: Book) -> Table | None:
         return None
     rows = [
         (
-            e.what, rounded(e.expected, e.tolerance), plain(e.tolerance, 2), rounded(e.found, e.tolerance),
+            e.what, _held(e.expected, e.tolerance), plain(e.tolerance, 2), _held(e.found, e.tolerance),
             "met" if e.met else "missed",
         )
         for e in sorted(result.expectations, key=lambda e: e.met)
     ]  # fmt: skip
     columns = ("What", "Expected", "Tolerance", "Found", "Result")
     return book.table("expectations", "Numbers that the recipe expects.", columns, rows)
+
+
+def _held(value: float, tolerance: float) -> Value:
+    """Rounded by the tolerance; a number that has to be met exactly, such as a count, as it is."""
+    return rounded(value, tolerance) if tolerance > 0 else Value(value, short(value))

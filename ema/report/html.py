@@ -9,6 +9,7 @@ from ema.report.back import back
 from ema.report.blocks import Book
 from ema.report.files import as_csv, write_text
 from ema.report.front import front
+from ema.report.photos import photos
 from ema.report.runs import run_sections
 
 
@@ -52,5 +53,11 @@ def _render(result: StudyResult, book: Book, tables: str) -> str:
     head = front(result, book)
     runs = [(run, run_sections(run, geometry, number, book)) for number, run in enumerate(result.runs, 1)]
     return environment.get_template("report.html").render(
-        result=result, campaign=result.campaign, head=head, runs=runs, back=back(result, book), tables=quote(tables)
+        result=result,
+        campaign=result.campaign,
+        photos=photos(result.campaign),
+        head=head,
+        runs=runs,
+        back=back(result, book),
+        tables=quote(tables),
     )

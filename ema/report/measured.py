@@ -1,12 +1,14 @@
 """The measurement side of a run: condition, blows, FRFs and their coherence."""
 
+from math import isfinite
+
 import numpy as np
 
 from ema import show
 from ema.data import RunResult
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.modes import joint_force
-from ema.report.numbers import MISSING, fixed, plain, short, with_uncertainty
+from ema.report.numbers import MISSING, count, fixed, plain, short, with_uncertainty
 from ema.show.style import unit_text
 
 _MOST_REJECTED = 40
@@ -19,14 +21,19 @@ def condition(run: RunResult, book: Book) -> list[Block]:
     low, high = short(frfs.frequencies[0]), short(frfs.frequencies[-1])
     rows: list[tuple[Cell, ...]] = [
         ("Excitation", drive.kind),
-        ("Force level [N]", with_uncertainty(drive.level, drive.std, 3)),
-        ("FRFs", f"{len(frfs.outputs)} responses x {len(frfs.inputs)} forces"),
+        ("FRFs", f"{count(len(frfs.outputs), 'response')} x {count(len(frfs.inputs), 'force')}"),
         ("Estimator", frfs.estimator or "not stated"),
         ("Quantity", f"{frfs.quantity}, {unit_text(frfs.unit)}"),
         ("Lines", f"{len(frfs.frequencies)} from {low} to {high} Hz, step {short(frfs.frequency_step)} Hz"),
     ]
     if drive.band is not None:
-        rows.insert(2, ("Excited band", f"{short(drive.band[0])} to {short(drive.band[1])} Hz"))
+        rows.insert(1, ("Excited band", f"{short(drive.band[0])} to {short(drive.band[1])} Hz"))
+    if isfinite(drive.level):
+        rows.insert(1, ("Force level [N]", with_uncertainty(drive.level, drive.std, 3)))
+    elif run.hits is not None and run.hits.accepted:
+        peaks = [hit.peak for hit in run.hits.accepted]
+        middle, weakest, strongest = (str(plain(float(x), 3)) for x in (np.median(peaks), min(peaks), max(peaks)))
+        rows.insert(1, (f"Peak of the blows [{force_unit(run)}]", f"median {middle}, {weakest} to {strongest}"))
     if state.temperature is not None:
         rows.append(("Temperature [°C]", fixed(state.temperature - 273.15, 1)))
     if run.run.comment:
@@ -64,13 +71,13 @@ def blows(run: RunResult, book: Book) -> list[Block]:
         return [Text(text, missing=True)] if run.run.kind == "hammer" else []
     rejected = [hit for hit in gallery.hits if not hit.accepted]
     accepted = len(gallery.hits) - len(rejected)
-    unit = "N" if run.frfs.scaled else "unit unstated"
+    unit = force_unit(run)
     told = f"Blows of run {name}: {accepted} of {len(gallery.hits)} accepted"
     reasons = sorted({hit.reason for hit in rejected})
     alt = f"{told}; rejected for: {'; '.join(reasons[:5])}." if reasons else f"{told}."
     blocks: list[Block] = [book.picture(show.hits(gallery, unit), alt, f"{told}.")]
     if accepted:
-        ten, twenty = (short(float(f"{frequency:.3g}")) for frequency in gallery.usable_band)
+        ten, twenty = (short(float(f"{frequency:.4g}")) for frequency in gallery.usable_band)
         text = f"the force autospectrum has fallen by 10 dB at {ten} Hz and by 20 dB at {twenty} Hz"
         blocks.append(book.picture(show.force_spectrum(gallery), f"Run {name}: {text}.", f"Usable band: {text}."))
     if rejected:
@@ -101,3 +108,8 @@ def overview(run: RunResult, book: Book) -> list[Block]:
     figure = show.coherence(frfs, run.modes)
     blocks.append(book.picture(figure, f"Coherence of run {name}: {told}.", f"Coherence ({told})."))
     return blocks
+
+
+def force_unit(run: RunResult) -> str:
+    """The unit of the blows, or that nobody stated it."""
+    return "N" if run.frfs.scaled else "unit unstated"

@@ -8,6 +8,7 @@ from ema.fit import cmif
 from ema.report.blocks import Block, Book, Text
 from ema.report.numbers import plain, short
 from ema.shapes import auto_mac as auto_mac_of
+from ema.shapes import expand
 from ema.show.frf import drive_points
 from ema.show.polar import PER_FIGURE as _COMPLEXITY_PANELS
 from ema.show.shapes import PER_FIGURE as _SHAPE_PANELS
@@ -123,16 +124,16 @@ def shapes(run: RunResult, geometry: Geometry | None, book: Book) -> list[Block]
         blocks += _missing(
             "The campaign has no geometry, so shapes cannot be drawn in space; they stand over the DOFs."
         )
+    unmeasured = ""
+    if geometry is not None and not expand(modes, geometry).measured.all():
+        unmeasured = " Points that were not measured follow their neighbours."
     for page in _pages(len(modes.poles), _SHAPE_PANELS):
         listed = ", ".join(f"{mode + 1} at {short(modes.natural_frequencies[mode])} Hz" for mode in page)
         if geometry is None:
             figure, caption = show.shapes_over_dofs(modes, page), f"Shapes of {_named(page)} over the DOFs."
         else:
             figure = show.mode_shapes(modes, geometry, page)
-            caption = (
-                f"Shapes of {_named(page)} with natural frequency and damping; at rest in grey. Hollow points were not "
-                "measured and follow their neighbours."
-            )
+            caption = f"Shapes of {_named(page)} with natural frequency and damping; at rest in grey.{unmeasured}"
         blocks.append(book.picture(figure, f"Mode shapes of run {name}: {listed}.", caption))
     return blocks
 

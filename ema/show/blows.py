@@ -52,7 +52,7 @@ def hits(gallery: HitGallery, unit: str = "N") -> Figure:
         )
     below.set_xlabel("Blow, in order of measurement")
     below.set_ylabel(f"Peak [{unit}]")
-    below.set_ylim(bottom=0)
+    below.set_ylim(0, 1.12 * max((hit.peak for hit in gallery.hits), default=0) or 1)
     below.set_xlim(0, len(gallery.hits) + 1)
     figure.legend(*below.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure

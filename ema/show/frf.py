@@ -138,7 +138,7 @@ def reconstruction(
     titles: Sequence[str] = (),
     modes: ModalModel | None = None,
 ) -> Figure:
-    """Measured FRFs against those of the modal model: magnitude and phase, two FRFs side by side.
+    """Measured FRFs against those of the modal model in its band: magnitude and phase, two FRFs side by side.
 
     Parameters
     ----------
@@ -175,9 +175,11 @@ def reconstruction(
 def _one_reconstruction(
     magnitude: Axes, phase: Axes, measured: FrfSet, rebuilt: FrfSet, output: int, input_: int
 ) -> None:
-    """Draw one FRF; the phase is drawn as points where a line would jump over 360 degrees."""
+    """Draw one FRF over the band of the rebuilt one; a phase that jumps over 360 degrees starts a new line."""
     styles = (("measured", measured, BLACK, "-", 1.1), ("modal model", rebuilt, VERMILION, "--", 1.3))
-    for label, frfs, colour, style, width in styles:
+    low, high = rebuilt.frequencies[0], rebuilt.frequencies[-1]
+    for label, whole, colour, style, width in styles:
+        frfs = whole.lines((whole.frequencies >= low) & (whole.frequencies <= high))
         values = frfs.values[:, output, input_]
         magnitude.semilogy(
             frfs.frequencies, _positive(np.abs(values)), color=colour, ls=style, lw=width, label=label
@@ -189,7 +191,7 @@ def _one_reconstruction(
     phase.set_ylabel("Phase [°]")
     phase.set_yticks([-180, 0, 180])
     phase.set_ylim(-190, 190)
-    _frequency_axis(magnitude, measured, label=False)
+    _frequency_axis(magnitude, rebuilt, label=False)
 
 
 def _frequency_axis(axes: Axes, frfs: FrfSet, label: bool = True) -> None:

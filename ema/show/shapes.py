@@ -156,7 +156,9 @@ def _draw_shape(
         faces.set_facecolor(colours([float(amount[sheet].mean()) for sheet in sheets]))
         axes.add_collection3d(faces)
     if segments:
-        lines = Line3DCollection(np.array([moved[list(pair)] for pair in segments]), linewidths=1.6, zorder=3)
+        lines = Line3DCollection(
+            np.array([moved[list(pair)] for pair in segments]), linewidths=1.0 if sheets else 1.6, zorder=3
+        )
         lines.set_color(colours([float(amount[list(pair)].mean()) for pair in segments]))
         axes.add_collection3d(lines)
     if not sheets:

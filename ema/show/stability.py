@@ -62,5 +62,5 @@ def stabilisation(
     axes.set_ylim(int(poles.order.min()) - 0.04 * top - 0.5, 1.03 * top + 0.5)
     if modes is not None:
         mark_modes(axes, modes.natural_frequencies)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5, markerscale=1.6)
     return figure

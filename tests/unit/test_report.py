@@ -434,3 +434,30 @@ def test_a_full_disk_leaves_the_old_report(monkeypatch: pytest.MonkeyPatch, tmp_
         ema.report.write(study((), None, provenance=Provenance(versions=(("a", "1"),))), path)
     assert path.read_text() == "old"
     assert [file for file in tmp_path.rglob("*") if file.name.startswith(".")] == []
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_photographs_are_inside_and_the_missing_ones_named(tmp_path: Path):
+    (tmp_path / "table.jpg").write_bytes(b"\xff\xd8\xff" + bytes(50))
+    (tmp_path / "note.txt").write_text("no picture")
+    result = study((), None)
+    shown = replace(result.campaign, folder=str(tmp_path), photos=("table.jpg", "note.txt", "gone.png"))
+    page = Page(ema.report.write(replace(result, campaign=shown), tmp_path / "out" / "r.html"))
+    assert [image["alt"] for image in page.images] == ["Photograph of the test: table.jpg"]
+    assert "note.txt is not shown: it is neither JPEG, PNG nor GIF" in page.words()
+    assert "gone.png cannot be read" in page.words()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_count_is_expected_exactly(tmp_path: Path):
+    result = study((), None, expectations=(Expectation("number of modes", 8.0, 0.0, 9.0, False),))
+    row = Page(ema.report.write(result, tmp_path / "r.html")).table("Expected", "Found")[0]
+    assert (row["Expected"], row["Found"]) == ("8", "9")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_blows_give_the_level_where_none_is_stated(tmp_path: Path):
+    run = run_result("bare", plate(5, 4))
+    unstated = replace(run, run=replace(run.run, condition=Condition(Excitation("hammer"))))
+    page = Page(ema.report.write(study((unstated,), None), tmp_path / "r.html"))
+    assert {"What": "Peak of the blows [N]", "Value": "median 801, 800 to 803"} in page.table("What", "Value")

@@ -225,6 +225,13 @@ def test_reconstruction_draws_measured_and_model_for_each_place():
     assert axes.lines[0].get_linestyle() != axes.lines[1].get_linestyle()
 
 
+def test_reconstruction_shows_the_band_of_the_model_only():
+    band = FRFS.band(400, 900)
+    axes = show.reconstruction(FRFS, band, [(0, 0)]).axes[0]
+    np.testing.assert_array_equal(axes.lines[0].get_xdata(), band.frequencies)
+    assert axes.get_xlim() == (band.frequencies[0], band.frequencies[-1])
+
+
 def test_drive_points_are_found_in_either_sense():
     from ema.show.frf import drive_points
 

@@ -1,0 +1,30 @@
+"""Photographs of the test, inside the report."""
+
+from base64 import b64encode
+from pathlib import Path
+
+from ema.data import Campaign
+from ema.report.blocks import Block, Picture, Text
+
+_LARGEST = 3_000_000
+_SIGNATURES = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png", b"GIF8": "image/gif"}
+
+
+def photos(campaign: Campaign) -> list[Block]:
+    """The photographs of a campaign; those that cannot be shown are named with the reason."""
+    return [_photo(Path(campaign.folder), name) for name in campaign.photos]
+
+
+def _photo(folder: Path, name: str) -> Block:
+    try:
+        content = (folder / name).read_bytes()
+    except OSError as error:
+        return Text(f"The photograph {name} cannot be read: {error.strerror or error}.", missing=True)
+    mime = next((mime for start, mime in _SIGNATURES.items() if content.startswith(start)), None)
+    if mime is None:
+        return Text(f"The photograph {name} is not shown: it is neither JPEG, PNG nor GIF.", missing=True)
+    if len(content) > _LARGEST:
+        told = f"The photograph {name} is not shown: {len(content) / 1e6:.1f} MB, limit {_LARGEST / 1e6:.0f} MB."
+        return Text(told, missing=True)
+    source = f"data:{mime};base64,{b64encode(content).decode('ascii')}"
+    return Picture(None, source, f"Photograph of the test: {Path(name).name}", Path(name).stem.replace("_", " "), 60)
