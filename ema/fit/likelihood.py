@@ -371,16 +371,18 @@ def residuals(data: Observations, fit: ModalFit) -> tuple[Float[np.ndarray, "fre
 
 
 def dominance(data: Observations, fit: ModalFit) -> Float[np.ndarray, "mode"]:
-    """Energy of each mode over that of the data in the bin next to its pole, all FRFs together."""
+    """Energy of each mode over that of the data within its half-power bandwidth (three bins at least)."""
     columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 2, data.reference_weights)
-    modes = len(fit.poles)
-    result = np.empty(modes)
+    result = np.empty(len(fit.poles))
     for mode, pole in enumerate(fit.poles):
-        k = int(np.argmin(np.abs(data.s.imag - pole.imag)))
-        base = _base(data, slice(k, k + 1), fit.poles[[mode]])[:2]
-        own = [c[2 * mode : 2 * mode + 2, :linear] @ fit.coefficients for c in columns[:, :, :]]
+        distance = np.abs(data.s.imag - pole.imag)
+        reach = max(abs(pole.real), np.partition(distance, min(2, len(distance) - 1))[min(2, len(distance) - 1)])
+        near = np.flatnonzero(distance <= reach)
+        rows = slice(int(near[0]), int(near[-1]) + 1)
+        base = _base(data, rows, fit.poles[[mode]])[:2]
+        own = [c[2 * mode : 2 * mode + 2, :linear] @ fit.coefficients for c in columns]
         energy = sum(float(np.sum((part.T @ base) ** 2)) for part in own)
-        measured = float(np.sum(data.signals[:, :, 2 * k : 2 * k + 2] ** 2))
+        measured = float(np.sum(data.signals[:, :, 2 * rows.start : 2 * rows.stop] ** 2))
         result[mode] = energy / max(measured, 1e-300)
     return result
 

@@ -25,6 +25,22 @@ def from_variance(variance: Float[np.ndarray, "freq out in"]) -> NoiseLevel:
     return _separable(np.sqrt(0.5 * variance), overall)
 
 
+def from_coherence(
+    values: Complex[np.ndarray, "freq out in"], coherence: Float[np.ndarray, "freq out in"]
+) -> NoiseLevel | None:
+    """Level proportional to ``|H| sqrt((1 - c) / c)`` (Bendat and Piersol), each factor pooled over nine lines.
+
+    ``None`` where the coherence says nothing: NaN, outside 0 ... 1, or 1 everywhere as after a single average.
+    """
+    if not np.all(np.isfinite(coherence)) or coherence.max() > 1 + 1e-6 or coherence.min() < 0:
+        return None
+    if np.median(1 - coherence) < 1e-9:
+        return None
+    pooled = scipy.ndimage.uniform_filter1d(np.clip(coherence, 1e-3, 1 - 1e-9), 9, axis=0, mode="nearest")
+    power = scipy.ndimage.uniform_filter1d(np.abs(values) ** 2, 9, axis=0, mode="nearest")
+    return from_variance(power * (1 - pooled) / pooled + np.finfo(float).tiny)
+
+
 def from_differences(values: Complex[np.ndarray, "freq out in"]) -> NoiseLevel:
     """Level seen in the third differences over neighbouring lines, where a well resolved FRF is smooth.
 

@@ -71,6 +71,10 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     level = None
     if variance is not None and np.all(np.isfinite(variance)) and np.all(np.median(variance[:, alive], axis=0) > 0):
         level = noise.from_variance(np.asarray(variance)[:, alive])
+    coherence = None if frfs.coherence is None else np.asarray(frfs.coherence)[frfs.frequencies > 0]
+    if level is None and coherence is not None:
+        coherence = (coherence.transpose(0, 2, 1) if swapped else coherence)[:, alive]
+        level = noise.from_coherence(values[:, alive], coherence)
     if level is None:
         level = noise.from_differences(values[:, alive])
     return Prepared(

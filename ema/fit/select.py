@@ -110,7 +110,8 @@ def cluster(
             taken.add(int(row))
             distance[row, :] = distance[:, centre] = np.inf
         members += [[int(row)] for position, row in enumerate(rows) if position not in taken]
-    heads = [cluster[0] for cluster in members]
+    # The member of median damping speaks for the cluster: high orders split peaks, low orders widen them.
+    heads = [sorted(cluster, key=lambda row: -poles[row].real)[len(cluster) // 2] for cluster in members]
     vectors = participation[heads].T
     largest = vectors[np.argmax(np.abs(vectors), axis=0), np.arange(len(heads))] if len(heads) else 1
     return Candidates(poles[heads], vectors / largest, np.array([len(c) / len(orders) for c in members], dtype=float))
@@ -140,9 +141,16 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
             data, noise, starts = _observe(prepared, larger)
             fit = _start(data, larger)
     dropped: list[Dropped] = []
+    unweighted = data, noise, fit
     data, noise, fit = _reweight(data, noise, fit, 3)
     fit = _eliminate(data, fit, everything, table.band, dropped)
-    if likelihood.residuals(data, fit)[1] < _MISFIT:
+    if not _inside(fit.poles, table.band).any():
+        # No model order shows a mode: noise that grows with the FRF itself does that. Search before the weights hide it.
+        data, noise, fit = unweighted
+        fit = _search(data, _keep_outside(data, fit, table.band), table.band)
+        data, noise, fit = _reweight(data, noise, fit, 3)
+        fit = _eliminate(data, fit, everything, table.band, dropped)
+    else:
         fit = _search(data, fit, table.band)
     data, noise, fit = _reweight(data, noise, fit, 12)
     fit = _eliminate(data, fit, everything, table.band, dropped)
@@ -150,7 +158,9 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
     is_mode = _inside(fit.poles, table.band) & (damping_ratios(fit.poles) <= HEAVIEST) & (fit.poles.real < 0)
     is_mode &= _certain(fit, factor, dropped, is_mode)
     confidence = _confidence(fit, factor, everything)
-    return Selection(fit, data, noise, starts, is_mode, confidence, factor, tuple(dropped))
+    taken = fit.poles[is_mode]
+    lost = [d for d in dropped if np.all(np.abs(taken - d.pole) > np.abs(taken.real) + abs(d.pole.real))]
+    return Selection(fit, data, noise, starts, is_mode, confidence, factor, tuple(lost))
 
 
 def keep_picked(prepared: Prepared, table: PoleTable, added_decay: float, rows: list[int]) -> Selection:
@@ -187,9 +197,9 @@ def _start(data: Observations, candidates: Candidates) -> ModalFit:
 def _reweight(
     data: Observations, noise: NoiseLevel, fit: ModalFit, iterations: int
 ) -> tuple[Observations, NoiseLevel, ModalFit]:
-    """Take the noise of each bin from the residual (mean over its neighbours) and refine again."""
+    """Take the noise of each bin from the residual and refine again; with few FRFs, from its neighbours too."""
     profile, _ = likelihood.residuals(data, fit)
-    window = min(9, len(profile))
+    window = int(np.clip(150 // data.signals[:, :, 0].size, 1, min(9, len(profile)))) | 1
     power = np.convolve(np.pad(profile**2, window // 2, mode="edge"), np.ones(window) / window, mode="valid")[
         : len(profile)
     ]
@@ -223,19 +233,14 @@ def _zoom(prepared: Prepared, data: Observations, profile: Float[np.ndarray, "bi
         weights = 1 / np.clip(prepared.noise.lines[rows], 0.2, 5.0)
         outputs = lscf.principal_outputs(prepared.values[rows] / scaled, weights)
         polynomials = lscf.normal_matrices(f, outputs, degrees, weights)
-        order, poles, vectors = [], [], []
-        for degree in degrees:
-            p, v = lscf.poles(polynomials, degree)
-            order.append(np.full(len(p), degree))
-            poles.append(p)
-            vectors.append(v * prepared.noise.references)
-        own = cluster(np.concatenate(order), np.concatenate(poles), np.concatenate(vectors))
-        keep = (
-            (own.persistence >= 0.5)
-            & _inside(own.poles, (float(f[0]), float(f[-1])))
-            & (damping_ratios(own.poles) <= HEAVIEST)
+        tables = [(degree, *lscf.poles(polynomials, degree)) for degree in degrees]
+        own = cluster(
+            np.concatenate([np.full(len(p), degree) for degree, p, _ in tables]),
+            np.concatenate([p for _, p, _ in tables]),
+            np.concatenate([v for _, _, v in tables]) * prepared.noise.references,
         )
-        found = found.joined(own.keep(keep))
+        plausible = _inside(own.poles, (float(f[0]), float(f[-1]))) & (damping_ratios(own.poles) <= HEAVIEST)
+        found = found.joined(own.keep(plausible & (own.persistence >= 0.5)))
     return found
 
 
@@ -250,7 +255,7 @@ def _eliminate(
 ) -> ModalFit:
     """Take out, one after the other, what noise or misfit explains and what repeats a neighbour."""
     limit = _threshold(data, 2 * len(fit.participation))
-    for _ in range(4 * _ROUNDS):
+    for _ in range(8 * _ROUNDS):
         if not len(fit.poles):
             break
         factor = max(likelihood.variance_factor(data, fit), 1e-300)
@@ -261,15 +266,14 @@ def _eliminate(
             int(k): f"it explains {gain[k] / required[k]:.2g} times what noise and misfit would"
             for k in np.flatnonzero(gain <= required)
         }
-        if len(reasons) > 1:
-            # Leaving one out can make another one needed: only those far below the limit go together.
-            weakest = int(np.argmin(gain / required))
-            reasons = {k: why for k, why in reasons.items() if k == weakest or gain[k] <= 0.5 * required[k]}
-        reasons |= {k: "it is narrower than a frequency line" for k in _spurs(data, fit, band)}
+        reasons |= dict.fromkeys(_spurs(data, fit, band), "it is narrower than a frequency line")
+        # Leaving one out can make another one needed, so the weaker ones go first.
+        weakest = sorted(reasons, key=lambda k: gain[k] / required[k])[: (len(reasons) + 2) // 3]
+        reasons = {k: reasons[k] for k in weakest}
         if not reasons and correlation > _MISFIT:
             hidden = (_persistence(fit, candidates) < _PERSISTENCE) & (likelihood.dominance(data, fit) < _VISIBLE)
-            weakest = np.argsort(np.where(hidden, gain, np.inf))[: (np.count_nonzero(hidden) + 1) // 2]
-            reasons = {int(k): "few model orders show it, and it makes no peak of its own" for k in weakest}
+            lowest = np.argsort(np.where(hidden, gain, np.inf))[: (np.count_nonzero(hidden) + 2) // 3]
+            reasons = dict.fromkeys(map(int, lowest), "few model orders show it, and it makes no peak of its own")
         if not reasons:
             twin = _twin(fit, gain)
             if twin is None:
@@ -359,28 +363,48 @@ def _search(data: Observations, fit: ModalFit, band: tuple[float, float]) -> Mod
     references, outputs, _ = data.signals.shape
     freedom = 2 * outputs * references
     limit = float(scipy.stats.chi2.isf(_FALSE_ALARM / len(data.s), freedom))
-    trials = _trials(band)
     for _ in range(_ROUNDS):
+        profile, correlation = likelihood.residuals(data, fit)
+        trials = _trials(band, _peaks(data, profile, band))
         factor = max(likelihood.variance_factor(data, fit), 1e-300)
         gain, vectors = _trial_gains(data, fit, trials)
         typical = np.median(gain.reshape(-1, len(_TRIAL_DAMPING)), axis=0) / (factor * freedom)
         required = np.tile(np.maximum(typical, 1), len(gain) // len(_TRIAL_DAMPING)) * limit * factor
+        # What takes a fifth of the whole residual away is no decoration of a misfit: the skirts of a missed mode are it.
+        required = np.minimum(required, max(0.2 * fit.cost, limit * factor))
         best = int(np.argmax(gain / required))
         if not gain[best] > required[best]:
             break
         larger = likelihood.with_mode(data, fit, complex(trials[best]), vectors[best])
-        larger = likelihood.refine(data, larger, iterations=6, tolerance=1e-2)
+        larger = likelihood.refine(data, larger, iterations=10, tolerance=1e-2)
         if fit.cost - larger.cost < required[best] or np.any(larger.poles.real >= 0):
+            break
+        if correlation > _MISFIT and likelihood.dominance(data, larger)[-1] < _VISIBLE:
             break
         fit = larger
     return fit
 
 
-def _trials(band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
-    """Trial poles: 48 places over the band, each with four damping ratios."""
-    step = (band[1] - band[0]) / 48
-    centres = 2 * np.pi * np.linspace(band[0] + 0.5 * step, band[1] - 0.5 * step, 48)
-    return (centres[:, None] * (-_TRIAL_DAMPING + 1j)[None, :]).reshape(-1)
+def _keep_outside(data: Observations, fit: ModalFit, band: tuple[float, float]) -> ModalFit:
+    return likelihood.drop(data, fit, ~_inside(fit.poles, band))
+
+
+def _peaks(
+    data: Observations, profile: Float[np.ndarray, "bin"], band: tuple[float, float]
+) -> Float[np.ndarray, "peak"]:
+    """Frequencies (Hz) of the sixteen largest maxima of the residual energy."""
+    power = np.convolve(profile**2, np.ones(3), mode="same")
+    inner = power[1:-1]
+    maxima = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
+    return data.s.imag[maxima[np.argsort(-power[maxima])][:16]] / (2 * np.pi)
+
+
+def _trials(band: tuple[float, float], peaks: Float[np.ndarray, "peak"] | None = None) -> Complex[np.ndarray, "trial"]:
+    """Trial poles: 32 places over the band and the given ones, each with four damping ratios."""
+    step = (band[1] - band[0]) / 32
+    places = np.linspace(band[0] + 0.5 * step, band[1] - 0.5 * step, 32)
+    places = places if peaks is None else np.concatenate([places, peaks])
+    return (2 * np.pi * places[:, None] * (-_TRIAL_DAMPING + 1j)[None, :]).reshape(-1)
 
 
 def _trial_gains(
