@@ -95,6 +95,8 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
     """Time signals."""
     places = _places(arrays, layout)
     blocks, names = [], []
+    if layout.time is not None:
+        arrays[layout.time]  # a place that is not there is refused before anything is cut by it
     time_of = PLACE.match(layout.time or "")
     for place in places:
         array = np.asarray(arrays[place])

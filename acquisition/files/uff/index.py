@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import BinaryIO
+from typing import Protocol, runtime_checkable
 
 from acquisition.files.uff import header58, values58
 from acquisition.files.uff.header58 import Header
@@ -13,6 +13,19 @@ _PEEK = 1280
 _SCAN = 1 << 20
 _END = re.compile(rb"[ \t]*-1[ \t]*(?:\r?\n|\r|$)")
 _NUMBER = re.compile(rb"^\s*(\d{1,6})(b?)(?:\s|$)", re.I)
+
+
+@runtime_checkable
+class ByteFile(Protocol):
+    """Bytes on disk or in memory."""
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """Go to an offset."""
+        ...
+
+    def read(self, size: int = -1, /) -> bytes:
+        """Read some bytes, or all."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -58,7 +71,7 @@ _Forms = dict[tuple[bytes, bytes], _Form]
 class _Window:
     """Lines of a file at any offset, read in small pieces."""
 
-    def __init__(self, file: BinaryIO) -> None:
+    def __init__(self, file: ByteFile) -> None:
         self.file = file
         self.size = file.seek(0, 2)
         self.offset, self.bytes = 0, b""
@@ -112,7 +125,7 @@ class _Window:
         return None
 
 
-def index(file: BinaryIO) -> tuple[Entry, ...]:
+def index(file: ByteFile) -> tuple[Entry, ...]:
     """The data sets of an open universal file, in order; damaged ones carry their problem."""
     window = _Window(file)
     entries: list[Entry] = []

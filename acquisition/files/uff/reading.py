@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import BinaryIO
 
 from acquisition import units
 from acquisition.contents import Contents
@@ -17,7 +16,7 @@ from acquisition.files.quiet import quiet
 from acquisition.files.uff import geometry_sets, mode_sets, values58
 from acquisition.files.uff.functions import gather
 from acquisition.files.uff.header58 import mended, text_of
-from acquisition.files.uff.index import Entry, index
+from acquisition.files.uff.index import ByteFile, Entry, index
 from acquisition.files.uff.unit_system import UnitSystem, parse164
 from acquisition.files.uff.values58 import Function
 from ema.data import Finding
@@ -34,7 +33,7 @@ _MODEL_FIELDS = ("model name", "model description", "program", "created", "modif
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[BinaryIO]:
+def opened(path: Path) -> Iterator[ByteFile]:
     """The file, unpacked in memory where it is gzipped."""
     with path.open("rb", buffering=0) as file:
         packed = file.read(2) == b"\x1f\x8b"
@@ -79,7 +78,7 @@ def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) ->
             raise InputError(f"a function is damaged: {error}", where=Path(path).name) from error
 
 
-def fetch(file: BinaryIO, entry: Entry) -> Function:
+def fetch(file: ByteFile, entry: Entry) -> Function:
     """The values of one function; fewer than announced where the file is cut short.
 
     Raises
@@ -177,7 +176,7 @@ def _sound(entries: list[Entry], gathered: _File) -> list[Entry]:
     return sound
 
 
-def _checked(file: BinaryIO, entry: Entry, gathered: _File) -> Function:
+def _checked(file: ByteFile, entry: Entry, gathered: _File) -> Function:
     """The values of a function; a finding where there are fewer than its header announces."""
     function = fetch(file, entry)
     there, announced = len(function.y), function.header.points
@@ -186,7 +185,7 @@ def _checked(file: BinaryIO, entry: Entry, gathered: _File) -> Function:
     return function
 
 
-def _unit_systems(file: BinaryIO, entries: list[Entry], gathered: _File) -> dict[int, UnitSystem]:
+def _unit_systems(file: ByteFile, entries: list[Entry], gathered: _File) -> dict[int, UnitSystem]:
     """The unit system of each set: that of the last 164 in front of it, else of the first in the file."""
     found: dict[int, UnitSystem] = {}
     for entry in entries:
@@ -205,12 +204,12 @@ def _unit_systems(file: BinaryIO, entries: list[Entry], gathered: _File) -> dict
     return systems
 
 
-def _lines(file: BinaryIO, entry: Entry) -> list[bytes]:
+def _lines(file: ByteFile, entry: Entry) -> list[bytes]:
     file.seek(entry.data)
     return file.read(entry.end - entry.data).splitlines()
 
 
-def _plain(file: BinaryIO, entry: Entry, system: UnitSystem, gathered: _File) -> None:
+def _plain(file: ByteFile, entry: Entry, system: UnitSystem, gathered: _File) -> None:
     """A data set of text: geometry, modes or the model's header."""
     lines = _lines(file, entry)
     try:

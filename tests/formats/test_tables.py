@@ -1,0 +1,161 @@
+"""Text tables: decimal point and comma, several segments, header lines, Latin-1, packed."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import acquisition
+from ema.dof import Dof
+from ema.errors import InputError
+
+G = 9.80665
+
+
+def test_german_table_with_units_in_the_titles(tmp_path: Path) -> None:
+    text = "Messung vom 3. Mai\nZeit [ms];Kraft [kN];Beschl. [m/s²]\n0,0;1,5;2\n1,0;1,25;3\n2,0;-1,75E0;4\n"
+    (tmp_path / "a.csv").write_bytes(text.encode("latin-1"))
+    contents = acquisition.read(tmp_path / "a.csv")
+    (record,) = contents.recordings
+    assert record.sampling_rate == 1000.0
+    assert [(c.name, c.quantity, c.unit, c.role) for c in record.channels] == [
+        ("Kraft", "force", "N", "reference"),
+        ("Beschl.", "acceleration", "m/s^2", "response"),
+    ]
+    np.testing.assert_allclose(record.signals, [[1500, 1250, -1750], [2, 3, 4]])
+    assert contents.findings == ()
+
+
+@pytest.mark.parametrize("code", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_codes_and_packing(tmp_path: Path, code: str, packed: bool) -> None:
+    data = "t [s]\ta [m/s²]\n0.0\t1.5\n0.5\t2.5\n1.0\t3.5\n".encode(code)
+    path = tmp_path / ("a.txt.gz" if packed else "a.txt")
+    path.write_bytes(gzip.compress(data) if packed else data)
+    (record,) = acquisition.read(path).recordings
+    assert record.channels[0].unit == "m/s^2"
+    np.testing.assert_array_equal(record.signals, [[1.5, 2.5, 3.5]])
+
+
+def test_several_segments(tmp_path: Path) -> None:
+    one = "hit {}\ntime,force,acc\n0,1,2\n0.1,3,4\n0.2,5,6\n"
+    (tmp_path / "a.csv").write_text("".join(one.format(k) for k in range(3)))
+    records = acquisition.read(tmp_path / "a.csv", units={"force": "lbf", "acc": "g"}).recordings
+    assert len(records) == 3
+    assert [record.name for record in records] == [f"a.csv, segment {k}" for k in (1, 2, 3)]
+    np.testing.assert_allclose(records[2].signals, [np.array([1, 3, 5]) * 4.4482216152605, np.array([2, 4, 6]) * G])
+
+
+def test_units_in_a_line_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("time\tforce\tacc\ns\tkN\tg\n0\t1\t2\n1\t3\t4\n")
+    (record,) = acquisition.read(tmp_path / "a.txt").recordings
+    assert [c.name for c in record.channels] == ["force", "acc"]
+    np.testing.assert_allclose(record.signals, [[1000, 3000], [2 * G, 4 * G]])
+
+
+def test_an_unknown_unit_in_a_title_is_a_finding(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time,force [wobble]\n0,1\n1,3\n2,4\n")
+    contents = acquisition.read(tmp_path / "a.csv")
+    assert contents.recordings[0].channels[0].unit == "unstated"
+    assert [finding.code for finding in contents.findings] == ["unknown-unit"]
+    with_unit = acquisition.read(tmp_path / "a.csv", units=["N"])
+    assert with_unit.recordings[0].channels[0].unit == "N"
+    assert with_unit.findings == ()
+
+
+def test_no_titles_and_a_layout(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("# exported\n0.00 1 10\n0.25 2 20\n0.50 3 30\n")
+    (record,) = acquisition.read(
+        tmp_path / "a.txt", time="column 0", names=["f", "a"], units=["N", "unstated"]
+    ).recordings
+    assert record.sampling_rate == 4.0
+    np.testing.assert_array_equal(record.signals, [[1, 2, 3], [10, 20, 30]])
+    (record,) = acquisition.read(tmp_path / "a.txt", signals=["column 2"], sampling_rate=50).recordings
+    np.testing.assert_array_equal(record.signals, [[10, 20, 30]])
+    assert record.sampling_rate == 50.0
+
+
+def test_rounded_times_are_fine_and_a_gap_is_not(tmp_path: Path) -> None:
+    times = np.arange(500) / 25600
+    rows = "".join(f"{t:.6f},{k}\n" for k, t in enumerate(times))
+    (tmp_path / "a.csv").write_text("time,a\n" + rows)
+    (record,) = acquisition.read(tmp_path / "a.csv").recordings
+    assert record.sampling_rate == pytest.approx(25600, rel=1e-4)
+    kept = "".join(f"{t:.6f},{k}\n" for k, t in enumerate(times) if k not in (100, 101))
+    (tmp_path / "b.csv").write_text("time,a\n" + kept)
+    with pytest.raises(InputError, match="time steps are not constant"):
+        acquisition.read(tmp_path / "b.csv")
+
+
+def test_frf_by_its_titles_with_coherence(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("Frequency [Hz],Real,Imag,Coherence\n0,1,2,1\n0.5,2,3,0.9\n1,3,4,0.8\n")
+    (frfs,) = acquisition.read(tmp_path / "a.csv", unit="g/N", outputs="3:+Z", inputs="5:-Z").frfs
+    assert (frfs.outputs, frfs.inputs) == ((Dof(3, "+Z"),), (Dof(5, "-Z"),))
+    assert (frfs.quantity, frfs.unit) == ("accelerance", "(m/s^2)/N")
+    np.testing.assert_allclose(frfs.values[:, 0, 0], G * np.array([1 + 2j, 2 + 3j, 3 + 4j]))
+    assert frfs.coherence is not None
+    np.testing.assert_array_equal(frfs.coherence[:, 0, 0], [1, 0.9, 0.8])
+
+
+def test_amplitude_and_phase_in_degrees(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("f,amp,ph\n1,2,90\n2,3,-180\n")
+    (frfs,) = acquisition.read(tmp_path / "a.csv", frequency="f", amplitude="amp", phase="ph", phase_unit="deg").frfs
+    np.testing.assert_allclose(frfs.values[:, 0, 0], [2j, -3], atol=1e-12)
+
+
+def test_geometry_by_its_titles(tmp_path: Path) -> None:
+    (tmp_path / "g.csv").write_text("node,x [mm],y [mm],z [mm]\n1,0,0,0\n2,10,0,0\n7,10,5,-2\n")
+    geometry = acquisition.read(tmp_path / "g.csv").geometry
+    assert geometry is not None
+    np.testing.assert_array_equal(geometry.nodes, [1, 2, 7])
+    np.testing.assert_allclose(geometry.xyz[2], [0.01, 0.005, -0.002])
+    (tmp_path / "h.csv").write_text("node,x,y,z\n1,0,0,0\n2,10,0,0\n1,10,5,-2\n")
+    with pytest.raises(InputError, match="occurs twice"):
+        acquisition.read(tmp_path / "h.csv")
+    (tmp_path / "i.csv").write_text("node,x,y,z\n1,0,0,0\n2,10,0,0\n")
+    assert [finding.code for finding in acquisition.read(tmp_path / "i.csv").findings] == ["unit-unstated"]
+
+
+LVM_HEAD = """LabVIEW Measurement\t
+Writer_Version\t2
+Reader_Version\t2
+Separator\tTab
+Decimal_Separator\t{mark}
+Multi_Headings\tYes
+X_Columns\t{columns}
+Operator\tme
+Date\t2017/02/16
+***End_of_Header***\t
+\t
+"""
+LVM_SEGMENT = """Channels\t2\t\t\t
+Samples\t3\t3\t\t
+Date\t2017/02/16\t2017/02/16\t\t
+Y_Unit_Label\tkN\tm/s²\t\t
+X_Dimension\tTime\tTime\t\t
+X0\t0,0E+0\t0,0E+0\t\t
+Delta_X\t5,0E-4\t5,0E-4\t\t
+***End_of_Header***\t\t\t\t
+"""
+LVM_ROWS = {
+    "One": "X_Value\tforce\tacc\tComment\n0,0000\t1,5\t-2\tstart\n0,0005\t2,5\t3\n0,0010\t3,5\t4\n",
+    "No": "X_Value\tforce\tacc\tComment\n\t1,5\t-2\n\t2,5\t3\n\t3,5\t4\n",
+    "Multi": "X_Value\tforce\tX_Value\tacc\tComment\n0,0\t1,5\t0,0\t-2\n0,0005\t2,5\t0,0005\t3\n0,001\t3,5\t0,001\t4\n",
+}
+
+
+@pytest.mark.parametrize("columns", ["One", "No", "Multi"])
+@pytest.mark.parametrize("mark", [",", "."])
+def test_labview_text_with_two_segments(tmp_path: Path, columns: str, mark: str) -> None:
+    body = (LVM_SEGMENT + LVM_ROWS[columns] + "\n") * 2
+    text = LVM_HEAD.format(mark=mark, columns=columns) + (body if mark == "," else body.replace(",", "."))
+    (tmp_path / "a.lvm").write_bytes(text.encode("latin-1"))
+    contents = acquisition.read(tmp_path / "a.lvm")
+    assert len(contents.recordings) == 2
+    for record in contents.recordings:
+        assert record.sampling_rate == 2000.0
+        assert [(c.name, c.unit) for c in record.channels] == [("force", "N"), ("acc", "m/s^2")]
+        np.testing.assert_allclose(record.signals, [[1500, 2500, 3500], [-2, 3, 4]])
+    assert ("Operator", "me") in contents.metadata
+    assert contents.findings == ()
