@@ -74,6 +74,11 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if value == 0 or 1e-3 <= abs(value) < 1e4 else f"{value:.{digits - 1}e}"
 
 
+def seconds(value: float) -> str:
+    """Three significant digits, milliseconds at the finest."""
+    return "<0.001" if 0 <= value < 1e-3 else number(value)
+
+
 def name(system: str, runs: list[dict]) -> str:
     """Name and version."""
     versions = [run["version"] for run in runs if "version" in run]
@@ -112,12 +117,12 @@ def speed(row: dict) -> str:
         lines.append(
             [
                 name(system, own),
-                number(poles),
-                number(median(own, lambda run: run["time_selection"])),
-                number(median(own, total)),
-                number(median(own, lambda run: run["time_wall"])),
+                seconds(poles),
+                seconds(median(own, lambda run: run["time_selection"])),
+                seconds(median(own, total)),
+                seconds(median(own, lambda run: run["time_wall"])),
                 number(median(own, lambda run: run["extra_memory"] / run["data_bytes"]), 2),
-                "" if system == OURS else f"1/{number(poles / ours)}",
+                "" if system == OURS else number(poles / ours),
             ]
         )
     head = [
@@ -127,7 +132,7 @@ def speed(row: dict) -> str:
         "both [s]",
         "wall clock [s]",
         "memory / data",
-        "friction-ema's poles and selection over the peer's poles",
+        "poles over friction-ema's poles and selection",
     ]
     return "\n\n".join(filter(None, [f"## {row['title']}", table(head, lines), failures(runs), stamp(row)]))
 
