@@ -17,6 +17,7 @@ from ema.data import Lazy, Recording
 from ema.errors import InputError
 from ema.store.atomic import replacing, write_failure
 from ema.store.document import Parts, encode
+from ema.store.interrupts import deferred
 from ema.store.layout import CONTENTS, DOCUMENT, FORMAT, ITEMS, SCHEMA_VERSION
 from ema.store.meaning import Meaning
 from ema.store.sink import Sink
@@ -64,11 +65,13 @@ class Writer(AbstractContextManager["Writer"]):
         self._names: list[str] = []
 
     def __enter__(self) -> "Writer":
-        self._exits = contextlib.ExitStack()
-        temporary = self._exits.enter_context(replacing(self.path))
-        self._sink = Sink(temporary)
-        self._exits.push(self._finish)  # runs before the renaming, which its failure prevents
-        self._file = h5py.File(self._sink, "w", libver="v110")
+        with contextlib.ExitStack() as exits:
+            temporary = exits.enter_context(replacing(self.path))
+            with deferred():
+                self._sink = Sink(temporary)
+                self._file = h5py.File(self._sink, "w", libver="v110")
+                exits.push(self._finish)  # runs before the renaming, which its failure prevents
+            self._exits = exits.pop_all()
         return self
 
     def __exit__(
@@ -79,13 +82,14 @@ class Writer(AbstractContextManager["Writer"]):
     def _finish(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if error is None:
-            self._file.attrs.update(
-                format=FORMAT, schema_version=SCHEMA_VERSION, written_by=f"friction-ema {__version__}"
-            )
-            _write_text(self._file, CONTENTS, json.dumps({"kind": self.kind, "names": self._names}))
-        self._file.close()
-        self._sink.close()
+        with deferred():
+            if error is None:
+                self._file.attrs.update(
+                    format=FORMAT, schema_version=SCHEMA_VERSION, written_by=f"friction-ema {__version__}"
+                )
+                _write_text(self._file, CONTENTS, json.dumps({"kind": self.kind, "names": self._names}))
+            self._file.close()
+            self._sink.close()
         if error is None:
             self.check()
 
@@ -111,8 +115,9 @@ class Writer(AbstractContextManager["Writer"]):
     def _new_item(self, noun: Any, name: str, growing: bool = False) -> h5py.Group:
         if self.kind == "mapping" and name in self._names:
             raise InputError("two nouns of one name", where=str(self.path), got=name)
-        group = self._file.create_group(f"{ITEMS}/{len(self._names)}")
-        _write(group, noun, growing)
+        with deferred():
+            group = self._file.create_group(f"{ITEMS}/{len(self._names)}")
+            _write(group, noun, growing)
         self._names.append(name)
         self.check()
         return group
@@ -143,8 +148,9 @@ class BlockWriter:
                 "a block with another number of channels", where=str(self._writer.path), got=block.shape[0],
                 expected=channels,
             )  # fmt: skip
-        self._signals.resize(before + block.shape[1], axis=1)
-        self._signals[:, before:] = block
+        with deferred():
+            self._signals.resize(before + block.shape[1], axis=1)
+            self._signals[:, before:] = block
         self._writer.check()
 
 

@@ -172,6 +172,27 @@ def test_condition_and_repeat_are_read_in_si(tmp_path: Path) -> None:
     assert run.condition.temperature == pytest.approx(294.15)
 
 
+def test_foreign_files_are_read_by_the_options_of_the_campaign(tmp_path: Path) -> None:
+    options = '[campaign.reader]\ndecimal = ","\ntime = "t"\n'
+    where = folder(tmp_path, HEAD + options + CHANNELS + RUN.replace(".h5", ".csv"), {})
+    for point in (1, 2):
+        rows = "".join(f"{k * 0.001:.3f};{point + k};{k},5\n".replace(".", ",") for k in range(50))
+        (where / "raw" / f"bare_{point}.csv").write_text("t;hammer;acc\n" + rows)
+    run = acquisition.open_campaign(where)["bare"]
+    take = run.recordings[1]
+    assert take.sampling_rate == pytest.approx(1000.0) and take.signals.shape == (2, 50)
+    np.testing.assert_allclose(take.signals[0], 2.0 + np.arange(50))
+    np.testing.assert_allclose(take.signals[1], 9.80665 * (np.arange(50) + 0.5))
+
+
+def test_what_a_reader_finds_reaches_the_run(tmp_path: Path) -> None:
+    where = folder(tmp_path, HEAD + '[campaign.reader]\ntime = "t"\n' + CHANNELS + RUN.replace(".h5", ".csv"), {})
+    rows = "".join(f"{k * 0.001:.3f},{k},{'nan' if k == 7 else k}\n" for k in range(50))
+    (where / "raw" / "bare_1.csv").write_text("t,hammer,acc\n" + rows)
+    run = acquisition.open_campaign(where)["bare"]
+    assert "not-finite" in " ".join(finding.code for finding in run.findings)
+
+
 # geometry, triaxial and skewed sensors -----------------------------------------------------------------------------------
 
 

@@ -158,6 +158,30 @@ def test_an_error_or_interrupt_while_writing_leaves_nothing_behind(tmp_path: Pat
     assert (store.load(tmp_path / "a.h5").signals == 7.0).all()
 
 
+def test_ctrl_c_at_any_moment_leaves_the_former_file(tmp_path: Path) -> None:
+    store.save(tmp_path / "a.h5", record(1000, 7.0))
+    script = """
+try:
+    print("ready", flush=True)
+    while True:
+        store.save(path.with_name("b.h5"), {str(k): record(30_000) for k in range(5)})
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+    for number in range(6):
+        with subprocess.Popen(
+            [sys.executable, "-c", PREPARE + script, str(tmp_path / "a.h5")], stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None and process.stdout.readline() == "ready\n"
+            time.sleep(0.05 + 0.037 * number)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60) == 130
+    assert (store.load(tmp_path / "a.h5").signals == 7.0).all()
+    assert {each.name for each in tmp_path.iterdir()} <= {"a.h5", "b.h5"}
+    if (tmp_path / "b.h5").exists():
+        assert len(store.load(tmp_path / "b.h5")) == 5
+
+
 def test_any_file_can_be_replaced_atomically(tmp_path: Path) -> None:
     target, link = tmp_path / "a.txt", tmp_path / "link.txt"
     target.write_text("old")
