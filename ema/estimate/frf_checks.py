@@ -58,7 +58,7 @@ def _dead(frfs: FrfSet) -> tuple[np.ndarray, list[Finding]]:
             zero,
             "dead-channel",
             "is zero: the response channel is dead",
-            "Check sensor and cable, leave the channel out.",
+            "Check sensor and cable.",
         ),
     ):
         labels = [frfs.label(int(o), int(i)) for o, i in np.argwhere(which)]
@@ -106,7 +106,8 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
         findings.append(
             Finding(
                 "warning", "one-average", _where(frfs),
-                f"{np.sum(~known)} of {known.size} FRFs have one average: their coherence is 1 by definition.", 1.0, 2.0,
+                f"{np.sum(~known)} of {known.size} FRFs have one average: their coherence is 1 by definition.", 1.0,
+                2.0,
                 "Average at least three measurements.",
             )
         )  # fmt: skip
@@ -116,7 +117,7 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
     if median < LOW_COHERENCE:
         findings.append(
             Finding(
-                "warning", "low-coherence", _where(frfs), f"the median coherence over the band is {median:.2f}.", median,
+                "warning", "low-coherence", _where(frfs), f"the median coherence is {median:.2f}.", median,
                 LOW_COHERENCE, "Check noise, leakage, double hits and the excited band before trusting the damping.",
             )
         )  # fmt: skip

@@ -177,15 +177,14 @@ def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tupl
 def _block(judged: list[Judged], options: Options) -> tuple[int, int]:
     """Samples per block and samples before the trigger that belong to it."""
     usable = [one for one in judged if one.accepted] or judged
-    before = int(np.median([one.before for one in usable]))
+    before = int(min(np.median([one.before for one in usable]), np.median([one.after for one in usable]) // 20))
     if options.block is not None:
         if options.block < 16:
             raise InputError("the block is too short", got=f"{options.block} samples", expected="at least 16")
         return options.block, min(before, options.block // 20)
     # Nine of ten blows fit into the block; the rest was followed by another blow too early.
-    room = int(np.quantile([one.before + one.after for one in usable], 0.1, method="lower"))
-    length = room if room < 64 else _fast_length(room)
-    return length, min(before, length // 20)
+    room = int(np.quantile([min(one.before, before) + one.after for one in usable], 0.1, method="lower"))
+    return room if room < 64 else _fast_length(room), before
 
 
 def _fast_length(samples: int) -> int:
@@ -216,12 +215,13 @@ def _within_blocks(judged: list[Judged], length: int, before: int, options: Opti
 def _ring_down(takes: _Takes, judged: list[Judged], length: int, rate: float) -> RingDown:
     """How far the response has decayed at the end of the blocks, from a sample of them."""
     accepted = [one for one in judged if one.accepted]
+    samples = min(length, min(one.after for one in accepted))
     blocks = []
     for one in accepted[:: max(len(accepted) // SAMPLED_BLOWS, 1)]:
         record = takes[one.place]
         rows = list(record.with_role("response"))
         start = one.blow.start
-        blocks.append((record.signals[rows, start : start + min(length, one.after)], one.rest, one.quiet))
+        blocks.append((record.signals[rows, start : start + samples], one.rest, one.quiet))
     return ring_down(blocks, rate)
 
 

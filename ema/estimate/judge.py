@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ema.data import Channel, Recording
 from ema.dof import Dof
@@ -14,6 +14,9 @@ from ema.estimate.double_hits import SecondHit, second_hits
 
 FULL_SCALE = 0.98
 """Part of a channel's range that counts as an overload."""
+
+CLIPPED_WITHIN = 1024
+"""Samples behind an extreme in which its equals are looked for."""
 
 UNDER_RANGE = 0.1
 """Part of a channel's range that a blow should exceed."""
@@ -199,28 +202,34 @@ def overload(
 ) -> float | None:
     """The value at which a signal is clipped; ``None`` where it is not.
 
-    Clipped is what reaches 98 % of the full scale, or stays on its extreme for at least three samples although its
-    slope beside them is steep (a rounded top that the converter resolves coarsely is flat, but not steep beside).
+    Clipped is what reaches 98 % of the full scale, or has at least three samples on its extreme although the slope
+    beside them is steep (a rounded top that the converter resolves coarsely is flat, but not steep beside).
     """
     for place in extremes or (int(signal.argmax()), int(signal.argmin())):
         value = float(signal[place])
         if channel.range is not None and abs(value) >= FULL_SCALE * channel.range:
             return value
-        if place + 2 < len(signal) and signal[place + 1] == value == signal[place + 2] and _steep(signal, place):
+        equal = signal[place : place + CLIPPED_WITHIN] == value
+        if np.count_nonzero(equal) >= 3 and _steep(signal, place, equal):
             return value
     return None
 
 
-def _steep(signal: Float[np.ndarray, "sample"], place: int) -> bool:
-    """Whether the samples beside a flat extreme fall by more than a few steps of the converter."""
-    around = signal[max(place - 32, 0) : place + 96]
-    steps = np.abs(np.diff(around))
+def _steep(signal: Float[np.ndarray, "sample"], place: int, equal: Bool[np.ndarray, "some"]) -> bool:
+    """Whether a signal falls by more than a few steps of the converter beside its flat extreme.
+
+    Extremes that are equal but apart count only where the converter resolves far better than that.
+    """
+    steps = np.abs(np.diff(signal[max(place - 32, 0) : place + 96]))
     steps = steps[steps > 0]
     if len(steps) == 0:
         return False
-    run = int(np.argmax(signal[place:] != signal[place])) or 1
+    step = float(steps.min())
+    run = int(np.argmin(equal)) if not equal.all() else len(equal)
+    if run < 3 and step > 1e-3 * abs(float(signal[place])):
+        return False
     beside = [abs(float(signal[place] - signal[at])) for at in (place - 1, place + run) if 0 <= at < len(signal)]
-    return max(beside) > 4 * float(steps.min())
+    return max(beside) > 4 * step
 
 
 def _reported_overloads(judged: list[Judged], record: Recording, layout: Layout) -> list[Judged]:

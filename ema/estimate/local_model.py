@@ -54,36 +54,50 @@ def local_model(u: Complex[np.ndarray, "freq in"], y: Complex[np.ndarray, "freq 
 def _solve(
     u: Complex[np.ndarray, "k line in"], y: Complex[np.ndarray, "k line out"], distance: Float[np.ndarray, "k line"]
 ) -> Local:
-    """Least squares on the lines around each of k lines: numerators eliminated, denominator common to the outputs."""
-    inputs = u.shape[2]
+    """Least squares on the lines around each of k lines, twice.
+
+    The residual of ``A Y = B U + C`` is the noise times A. The second pass divides by the A of the first one
+    (Sanathanan and Koerner 1963), so that lines count by their own noise, and weighs the responses by theirs.
+    """
     powers = distance[:, :, None] ** np.arange(DEGREE + 1)
     regressors = np.concatenate(
         [(powers[:, :, :, None] * u[:, :, None, :]).reshape(*u.shape[:2], -1), powers.astype(complex)], axis=2
     )
+    # Responses and the same times powers of the distance.
+    targets = y[:, None] * powers.transpose(0, 2, 1)[:, :, :, None]
+    power = np.mean(np.abs(y) ** 2, axis=1)
+    lines, responses = np.ones(distance.shape), 1 / np.maximum(power, 1e-300)
+    for _ in range(2):
+        local, denominator = _weighted(regressors, targets, lines, responses, u.shape[2])
+        size = np.abs(1 + np.einsum("ka,kla->kl", denominator, powers[:, :, 1:]))
+        lines = 1 / np.maximum(size, 1e-3)
+        responses = 1 / np.maximum(local.noise, 1e-10 * power + 1e-300)
+    return Local(local.values, local.variance, local.noise, power)
+
+
+def _weighted(
+    regressors: Complex[np.ndarray, "k line unknown"], targets: Complex[np.ndarray, "k power line out"],
+    lines: Float[np.ndarray, "k line"], responses: Float[np.ndarray, "k out"], inputs: int,
+) -> tuple[Local, Complex[np.ndarray, "k degree"]]:  # fmt: skip
+    """One weighted least squares: numerators eliminated by QR, then the denominator common to all responses."""
+    regressors, targets = regressors * lines[:, :, None], targets * lines[:, None, :, None]
     scale = np.sqrt(np.mean(np.abs(regressors) ** 2, axis=1, keepdims=True))
-    q, r = np.linalg.qr(regressors / np.where(scale > 0, scale, 1))
-    # Responses and the same times powers of the distance, with what numerators can explain taken out.
-    targets = np.stack([y * distance[:, :, None] ** degree for degree in range(DEGREE + 1)], axis=1)
+    scale = np.where(scale > 0, scale, 1)
+    q, r = np.linalg.qr(regressors / scale)
     projected = q.conj().transpose(0, 2, 1)[:, None] @ targets
     rest = targets - q[:, None] @ projected
-    spare = u.shape[1] - regressors.shape[2] - DEGREE / y.shape[2]
-    denominator = np.zeros((len(u), DEGREE), complex)
-    weight = 1 / np.maximum(np.sum(np.abs(y) ** 2, axis=1), 1e-300)
-    for _ in range(2):  # the second pass weighs the responses by the noise that the first one found
-        gram = np.einsum("kalo,kblo,ko->kab", rest[:, 1:].conj(), rest[:, 1:], weight, optimize=True)
-        right = np.einsum("kalo,klo,ko->ka", rest[:, 1:].conj(), rest[:, 0], weight, optimize=True)
-        gram = gram + 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(DEGREE) + 1e-300 * np.eye(DEGREE)
-        denominator = -np.linalg.solve(gram, right[:, :, None])[:, :, 0]
-        error = rest[:, 0] + np.einsum("ka,kalo->klo", denominator, rest[:, 1:])
-        noise = np.sum(np.abs(error) ** 2, axis=1) / spare
-        power = np.mean(np.abs(y) ** 2, axis=1)
-        weight = 1 / np.maximum(noise, 1e-10 * power + 1e-300)
-    inverse = np.linalg.inv(r)[:, :inputs] / np.where(scale > 0, scale, 1)[:, 0, :inputs, None]
+    spare = regressors.shape[1] - regressors.shape[2] - DEGREE / targets.shape[3]
+    gram = np.einsum("kalo,kblo,ko->kab", rest[:, 1:].conj(), rest[:, 1:], responses, optimize=True)
+    right = np.einsum("kalo,klo,ko->ka", rest[:, 1:].conj(), rest[:, 0], responses, optimize=True)
+    gram = gram + (1e-12 * np.trace(gram, axis1=1, axis2=2).real[:, None, None] + 1e-300) * np.eye(DEGREE)
+    denominator = -np.linalg.solve(gram, right[:, :, None])[:, :, 0]
+    error = rest[:, 0] + np.einsum("ka,kalo->klo", denominator, rest[:, 1:])
+    noise = np.sum(np.abs(error) ** 2, axis=1) / spare
+    inverse = np.linalg.inv(r)[:, :inputs] / scale[:, 0, :inputs, None]
     parts = inverse[:, None] @ projected
     values = parts[:, 0] + np.einsum("ka,kaio->kio", denominator, parts[:, 1:])
-    spread = np.sum(np.abs(inverse) ** 2, axis=2)
     # Uncertainty of the numerators, and of the denominator through them.
-    covariance = np.linalg.inv(gram)
-    through = np.einsum("kaio,kab,kbio->kio", parts[:, 1:].conj(), covariance, parts[:, 1:], optimize=True).real
-    variance = spread[:, :, None] * noise[:, None, :] + through
-    return Local(values.transpose(0, 2, 1), variance.transpose(0, 2, 1), noise, power)
+    spread = np.sum(np.abs(inverse) ** 2, axis=2)
+    through = np.einsum("kaio,kab,kbio->kio", parts[:, 1:].conj(), np.linalg.inv(gram), parts[:, 1:], optimize=True)
+    variance = spread[:, :, None] * noise[:, None, :] + through.real
+    return Local(values.transpose(0, 2, 1), variance.transpose(0, 2, 1), noise, np.zeros_like(noise)), denominator

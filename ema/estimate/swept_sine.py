@@ -14,8 +14,8 @@ from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.progress import Progress, advance, silent
 
-EXCITED = 0.001
-"""Part of the median force power in the swept band below which a line was not excited (-30 dB)."""
+EXCITED = 0.01
+"""Part of the median force power in the swept band below which a line was not excited (-20 dB)."""
 
 
 def sweep(
@@ -32,7 +32,7 @@ def sweep(
     Parameters
     ----------
     run : each recording holds one sweep: one force (reference) and one or more responses.
-    band : lines in Hz to return; by default those that the sweep excited (force power within 30 dB of its median in
+    band : lines in Hz to return; by default those that the sweep excited (force power within 20 dB of its median in
         the band that holds 98 % of it).
     block : samples of each record to use; by default all of the shortest one.
 

@@ -1,0 +1,278 @@
+"""Hammer tests of a structure with known FRFs: values, variances, verdicts on blows, windows, bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ema.data import Channel
+from ema.errors import InputError
+from ema.estimate import hammer, hammer_test, level_bins
+from ema.simulate import Fault
+from tests.unit.estimate_rig import DOFS, error, hammer_rig, recording, run_of, structure, truth
+
+
+def codes(frfs):
+    return {finding.code for finding in frfs.findings}
+
+
+@pytest.fixture(scope="module")
+def faulty():
+    faults = (Fault(1, 1, "double hit"), Fault(2, 3, "overload", 9.0))
+    rig = replace(hammer_rig(noise=1.0, faults=faults), force_range=5000.0)
+    return hammer_test(run_of(rig.takes()))
+
+
+@pytest.mark.parametrize("estimator", ["H1", "H2", "Hv"])
+def test_frfs_are_the_true_ones(estimator):
+    frfs = hammer(run_of(hammer_rig().takes()), estimator).band(20, 1200)
+    assert frfs.values.shape[1:] == (2, 4)
+    assert frfs.inputs == DOFS
+    assert frfs.unit == "(m/s^2)/N"
+    assert error(frfs.values, truth(structure(), frfs.frequencies, [0, 1], [0, 1, 2, 3])) < 2e-3
+    assert np.median(frfs.coherence) > 0.99999
+
+
+def test_variance_is_that_of_the_error():
+    frfs = hammer(run_of(hammer_rig(noise=3.0).takes())).band(20, 1200)
+    squares = np.abs(frfs.values - truth(structure(), frfs.frequencies, [0, 1], [0, 1, 2, 3])) ** 2
+    assert np.mean(squares / frfs.variance) == pytest.approx(1.0, abs=0.25)
+
+
+def test_faulty_blows_are_rejected_and_no_others(faulty):
+    frfs, gallery = faulty
+    rejected = {(str(hit.dof), hit.index): hit.reason for hit in gallery.hits if not hit.accepted}
+    assert set(rejected) == {("2:+Z", 1), ("3:+Z", 3)}
+    assert "second blow of 30 %, +25" in rejected["2:+Z", 1]
+    assert "overloaded" in rejected["3:+Z", 3]
+    assert {"double-hit", "overload"} <= codes(frfs)
+    np.testing.assert_array_equal(frfs.averages, [[5, 4, 4, 5]] * 2)
+
+
+def test_gallery_holds_what_the_hammer_did(faulty):
+    _, gallery = faulty
+    hits = [hit for hit in gallery.hits if hit.accepted]
+    for hit in hits:
+        assert hit.pulse.max() == pytest.approx(hit.peak)
+        assert hit.impulse == pytest.approx(2 / np.pi * hit.peak * 0.6e-3, rel=0.35)
+        assert 0.4e-3 < hit.contact_time < 1.6e-3
+    assert gallery.usable_band[0] < gallery.usable_band[1]
+    # A half sine of 0.6 ms: |cos(x)/(1 - (2x/pi)^2)| with x = pi f T has fallen by 10 dB at f T = 1.08.
+    assert gallery.usable_band[0] == pytest.approx(1.08 / 0.6e-3, rel=0.2)
+
+
+def test_one_record_per_blow_gives_the_same_as_one_with_all():
+    rig = hammer_rig(points=DOFS[:1], hits=4, spacing=1.2)
+    long = rig.take(0)
+    step = int(1.2 * long.sampling_rate)
+    parts = [replace(long, signals=long.signals[:, k * step : (k + 1) * step], name=f"blow {k}") for k in range(4)]
+    together = hammer(run_of([long]), block=4096)
+    apart = hammer(run_of(parts), block=4096)
+    assert apart.averages[0, 0] == together.averages[0, 0] == 4
+    assert error(apart.band(20, 1200).values, together.band(20, 1200).values) < 1e-4
+
+
+def test_single_precision_records_cost_no_accuracy():
+    rig = hammer_rig(points=DOFS[:1])
+    single = [replace(take, signals=take.signals.astype(np.float32)) for take in rig.takes()]
+    found, wanted = hammer(run_of(single)).band(20, 1200), hammer(run_of(rig.takes())).band(20, 1200)
+    assert error(found.values, wanted.values) < 1e-5
+
+
+def test_exponential_window_is_carried_exactly():
+    model = structure(damping=(0.002, 0.002, 0.001, 0.001))
+    frfs = hammer(run_of(hammer_rig(model, spacing=1.1, hits=1, points=DOFS * 2).takes()))
+    assert frfs.added_decay > 0
+    assert "exponential-window" in codes(frfs)
+    band = frfs.band(20, 1200)
+    wanted = truth(model, band.frequencies, [0, 1], [0, 1, 2, 3], band.added_decay)
+    without = hammer(run_of(hammer_rig(model, spacing=1.1, hits=1, points=DOFS * 2).takes()), decay=0.0).band(20, 1200)
+    plain = truth(model, without.frequencies, [0, 1], [0, 1, 2, 3])
+    assert error(band.values, wanted) < 0.02
+    assert error(without.values, plain) > 3 * error(band.values, wanted)
+    assert "leakage" in codes(without)
+
+
+def test_a_decayed_response_gets_no_window():
+    frfs = hammer(run_of(hammer_rig().takes()))
+    assert frfs.added_decay == 0.0
+    assert not codes(frfs) & {"leakage", "exponential-window"}
+
+
+def test_too_strong_a_window_is_flagged():
+    model = structure(damping=(0.002, 0.002, 0.001, 0.001))
+    frfs = hammer(run_of(hammer_rig(model, hits=3).takes()), decay=40.0)
+    assert any(f.code == "exponential-window" and f.severity == "warning" for f in frfs.findings)
+
+
+def test_noise_on_the_force_biases_h1_down_and_h2_not():
+    rig = hammer_rig(hits=24, points=DOFS[:1], noise=1.0, peak=60.0, scatter=0.0)
+    rig = replace(rig, noise={"force": 2.0})
+    line = structure().poles.imag[2] / (2 * np.pi)
+    sizes = {}
+    for estimator in ("H1", "H2", "Hv"):
+        frfs = hammer(run_of(rig.takes()), estimator, window_force=False).band(line - 8, line + 8)
+        wanted = truth(structure(), frfs.frequencies, [0, 1], [0])
+        sizes[estimator] = np.sum(np.abs(frfs.values)) / np.sum(np.abs(wanted))
+    assert sizes["H1"] < 0.9
+    assert sizes["H2"] == pytest.approx(1.0, abs=0.1)
+    assert sizes["Hv"] == pytest.approx(np.sqrt(sizes["H1"] * sizes["H2"]), rel=0.02)
+
+
+def test_excluded_hits_are_not_used():
+    take = replace(hammer_rig(points=DOFS[:1]).take(0), excluded_hits=((1, "chair moved"),))
+    frfs, gallery = hammer_test(run_of([take]))
+    assert [hit.index for hit in gallery.hits if not hit.accepted] == [1]
+    assert gallery.hits[1].reason == "excluded: chair moved"
+    assert frfs.averages[0, 0] == 4
+
+
+def test_levels_select_and_bin():
+    run = run_of(hammer_rig(points=DOFS[:1], hits=12, scatter=0.4).takes())
+    _, gallery = hammer_test(run)
+    bins = level_bins(gallery)
+    assert all(high <= 1.5 * low * (1 + 1e-9) for low, high in bins)
+    counts = [hammer(run, level=one).averages[0, 0] for one in bins]
+    assert sum(counts) == len(gallery.accepted)
+
+
+def with_level_dependence(strength):
+    """Blows of three levels on an oscillator whose response grows with the level."""
+    rate, step = 2048.0, 2048
+    t = np.arange(step) / rate
+    force, response = np.zeros(6 * step), np.zeros(6 * step)
+    rng = np.random.default_rng(1)
+    for k, peak in enumerate((50, 100, 150, 60, 110, 160)):
+        at = k * step + 120
+        force[at : at + 6] = peak * np.sin(np.pi * np.arange(6) / 6)
+        decay = np.exp(-12 * (1 + strength * peak / 100) * t) * np.sin(2 * np.pi * 120 * t)
+        full = np.convolve(force[k * step : (k + 1) * step], decay)[:step]
+        response[k * step : (k + 1) * step] = full
+    response += 1e-3 * response.std() * rng.standard_normal(len(response))
+    return run_of([recording([force, response], rate)])
+
+
+def test_level_dependence_is_a_finding():
+    assert "level-dependence" in codes(hammer(with_level_dependence(0.6)))
+    assert "level-dependence" not in codes(hammer(with_level_dependence(0.0)))
+
+
+def test_unstated_units_stay_unstated():
+    take = hammer_rig(points=DOFS[:1]).take(0)
+    channels = (replace(take.channels[0], unit="unstated"), *take.channels[1:])
+    frfs = hammer(run_of([replace(take, channels=channels)]))
+    assert frfs.unit == "unstated"
+    assert frfs.quantity == "accelerance"
+    assert "unit-unstated" in codes(frfs)
+
+
+def test_negative_pulses_are_used_and_reported():
+    take = hammer_rig(points=DOFS[:1]).take(0)
+    wrong = replace(take, signals=take.signals * np.array([[-1.0], [1.0], [1.0]]))
+    frfs = hammer(run_of([wrong]))
+    assert "force-sign" in codes(frfs)
+    assert error(frfs.values, -hammer(run_of([take])).values) < 1e-9
+
+
+def test_clipping_is_seen_without_a_stated_range():
+    take = hammer_rig(points=DOFS[:1], scatter=0.2, noise=1.0).take(0)
+    signals = take.signals.copy()
+    limit = 0.15 * np.abs(signals[1]).max()
+    hit = int(np.argmax(np.abs(signals[1])))
+    signals[1] = np.clip(signals[1], -limit, limit)
+    _, gallery = hammer_test(run_of([replace(take, signals=signals)]))
+    clipped = [h for h in gallery.hits if "acc 1 is overloaded" in h.reason]
+    assert any(abs(h.time * take.sampling_rate - hit) < 400 for h in clipped)
+
+
+def test_a_reported_overload_rejects_the_record():
+    take = replace(hammer_rig(points=DOFS[:1]).take(0), overloads=np.array([False, True, False]))
+    with pytest.raises(InputError, match=r"no blow is left.*overloaded"):
+        hammer(run_of([take]))
+
+
+def test_under_range_is_reported_not_rejected():
+    rig = replace(hammer_rig(points=DOFS[:1]), force_range=50_000.0)
+    frfs = hammer(run_of(rig.takes()))
+    assert "under-range" in codes(frfs)
+    assert frfs.averages[0, 0] == 5
+
+
+def test_shifted_mean_of_a_response_is_reported():
+    take = hammer_rig(points=DOFS[:1], noise=1.0).take(0)
+    signals = take.signals.copy()
+    signals[2, int(2.3 * take.sampling_rate) :] += 0.05 * np.abs(signals[2]).max()
+    found = [f for f in hammer(run_of([replace(take, signals=signals)])).findings if f.code == "dc-shift"]
+    assert len(found) == 1
+    assert "acc 2" in found[0].where
+
+
+def test_a_point_without_blows_is_missing_and_named():
+    takes = list(hammer_rig(faults=tuple(Fault(2, k, "double hit") for k in range(5))).takes())
+    frfs = hammer(run_of(takes))
+    assert frfs.inputs == (DOFS[0], DOFS[1], DOFS[3])
+    assert any(f.code == "lost-point" and "3:+Z" in f.message for f in frfs.findings)
+
+
+def test_one_blow_says_nothing_about_noise():
+    frfs = hammer(run_of(hammer_rig(hits=1).takes()))
+    assert np.isnan(frfs.variance).all()
+    assert "one-average" in codes(frfs)
+
+
+def test_a_record_that_never_triggers_is_left_out():
+    takes = list(hammer_rig(points=DOFS[:2], noise=1.0).takes())
+    quiet = replace(takes[1], signals=np.random.default_rng(0).normal(size=takes[1].signals.shape))
+    frfs = hammer(run_of([takes[0], quiet]))
+    assert frfs.inputs == DOFS[:1]
+    assert "no-trigger" in codes(frfs)
+
+
+def nothing(shape=(2, 5000)):
+    return np.zeros(shape)
+
+
+def blow():
+    signals = np.random.default_rng(0).normal(size=(2, 5000)) * 1e-3
+    signals[0, 500:510] += np.sin(np.pi * np.arange(10) / 10)
+    return signals
+
+
+def not_a_number():
+    signals = blow()
+    signals[1, 77] = np.nan
+    return signals
+
+
+HAMMER = Channel("hammer", DOFS[0], quantity="force", role="reference", unit="N")
+
+
+@pytest.mark.parametrize(
+    ("records", "sentence"),
+    [
+        ([], "no raw records"),
+        ([recording(nothing())], "never triggers"),
+        ([recording(nothing() + 3.0)], "never triggers"),
+        ([recording(np.random.default_rng(0).normal(size=(2, 5000)))], "never triggers"),
+        ([recording(not_a_number())], r"acc 1: .*not numbers.*first at sample 77"),
+        ([recording(nothing((2, 1)))], "too short; got 1 samples"),
+        ([recording(blow(), channels=(HAMMER, replace(HAMMER, name="b")))], "no response channel"),
+        ([recording(blow(), channels=(replace(HAMMER, role="other"), HAMMER))], "no response channel"),
+        ([recording(blow(), channels=(replace(HAMMER, role="response"), replace(HAMMER, role="response")))], "no reference"),
+        ([recording(blow(), channels=(HAMMER,))], "channel table does not fit"),
+        ([recording(blow()), recording(blow(), rate=1000.0)], "differ in sampling rate"),
+        ([recording(blow(), excluded_hits=((0, "bad"),))], "no blow is left; got excluded: bad"),
+    ],
+    ids=lambda value: value.replace(" ", "-")[:30] if isinstance(value, str) else None,
+)  # fmt: skip
+def test_bad_input_gets_one_sentence(records, sentence):
+    with pytest.raises(InputError, match=sentence) as caught:
+        hammer(run_of(records))
+    assert "run test" in str(caught.value)
+
+
+def test_mixed_responses_are_refused():
+    mixed = recording(np.vstack([blow(), blow()[1]]))
+    channels = (*mixed.channels[:2], replace(mixed.channels[2], quantity="velocity", unit="m/s"))
+    with pytest.raises(InputError, match="different kinds"):
+        hammer(run_of([replace(mixed, channels=channels)]))
