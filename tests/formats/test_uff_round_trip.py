@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -97,7 +98,7 @@ def test_a_long_trace_line_is_split_and_stays_connected(tmp_path: Path) -> None:
     acquisition.write(tmp_path / "a.uff", geometry)
     read = acquisition.read(tmp_path / "a.uff").geometry
     assert read is not None
-    assert {pair for line in read.lines for pair in zip(line, line[1:])} == {(k, k + 1) for k in range(1, 600)}
+    assert {pair for line in read.lines for pair in pairwise(line)} == {(k, k + 1) for k in range(1, 600)}
 
 
 @pytest.mark.parametrize("real", [False, True], ids=["complex", "real"])
