@@ -104,7 +104,7 @@ def overview(run: RunResult, book: Book) -> list[Block]:
     if frfs.coherence is None:
         text = "No coherence came with these FRFs, so their noise cannot be judged from it."
         return [*blocks, Text(text, missing=True)]
-    told = f"median over all lines and FRFs {plain(float(np.nanmedian(frfs.coherence)), 3)}"
+    told = f"median over all lines and FRFs {plain(float(np.median(np.nan_to_num(frfs.coherence))), 3)}"
     figure = show.coherence(frfs, run.modes)
     blocks.append(book.picture(figure, f"Coherence of run {name}: {told}.", f"Coherence ({told})."))
     return blocks

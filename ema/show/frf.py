@@ -56,7 +56,7 @@ def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     axes.autoscale()
     mean = np.sqrt(np.mean(magnitudes**2, axis=1))
     axes.semilogy(frfs.frequencies, _positive(mean), color=BLUE, lw=1.4, label=f"quadratic mean of {count} FRFs")
-    _frequency_axis(axes, frfs)
+    _frequency_axis(axes, frfs.frequencies)
     axes.set_ylabel(frf_label(frfs.quantity, frfs.unit))
     if modes is not None:
         mark_modes(axes, modes.natural_frequencies)
@@ -68,23 +68,24 @@ def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
 def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     """Median coherence over all FRFs with the band of the middle 80 %, and below it every FRF as a row of colours.
 
-    FRFs without a coherence give a figure that says so.
+    A line at which the coherence is undefined (no signal) is drawn as 0; FRFs without a coherence give a figure that
+    says so.
     """
     if frfs.coherence is None:
         figure = new_figure(1.5)
         empty_note(figure.subplots(), "these FRFs came without a coherence")
         return figure
-    values = np.asarray(frfs.coherence).reshape(len(frfs.frequencies), -1)
+    values = np.nan_to_num(frfs.coherence).reshape(len(frfs.frequencies), -1)
     many = values.shape[1] > 1
     figure = new_figure(4.6 if many else 2.6)
     panels = figure.subplots(2 if many else 1, 1, squeeze=False, sharex=True)[:, 0]
     axes = panels[0]
-    low, middle, high = np.nanpercentile(values, [10, 50, 90], axis=1)
+    low, middle, high = np.percentile(values, [10, 50, 90], axis=1)
     axes.fill_between(
         frfs.frequencies, low, high, color=BLUE, alpha=0.25, lw=0, label="middle 80 %", rasterized=True
     )  # fmt: skip
     axes.plot(frfs.frequencies, middle, color=BLUE, lw=1.2, label="median")
-    _frequency_axis(axes, frfs, label=not many)
+    _frequency_axis(axes, frfs.frequencies, label=not many)
     axes.set_ylim(0, 1.02)
     axes.set_ylabel("Coherence [-]")
     if modes is not None:
@@ -97,7 +98,7 @@ def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
 
 def _coherence_rows(figure: Figure, axes: Axes, frfs: FrfSet, values: Float[np.ndarray, "freq frf"]) -> None:
     """Every FRF as a row; groups of neighbouring lines show their lowest coherence, so that no dip is lost."""
-    lines, peaks = _peaks(frfs.frequencies, -np.nan_to_num(values))
+    lines, peaks = _peaks(frfs.frequencies, -values)
     step = (lines[-1] - lines[0]) / max(len(lines) - 1, 1)
     extent = (float(lines[0] - step / 2), float(lines[-1] + step / 2), values.shape[1] - 0.5, -0.5)
     image = axes.imshow(-peaks.T, vmin=0, vmax=1, extent=extent, aspect="auto", interpolation="nearest")
@@ -106,7 +107,7 @@ def _coherence_rows(figure: Figure, axes: Axes, frfs: FrfSet, values: Float[np.n
     axes.set_yticks(places, texts, fontsize=6.5)
     axes.grid(visible=False)
     axes.set_ylabel("FRF")
-    _frequency_axis(axes, frfs)
+    _frequency_axis(axes, frfs.frequencies)
     figure.colorbar(image, ax=axes, label="Coherence [-]", pad=0.01)
 
 
@@ -121,8 +122,7 @@ def indicator(
     for place, column in enumerate(values.T):
         colour, style, _ = SERIES[place % len(SERIES)]
         axes.semilogy(frequencies, _positive(column), color=colour, ls=style, lw=1.2, label=f"{label} {place + 1}")
-    axes.set_xlim(frequencies[0], frequencies[-1])
-    axes.set_xlabel("Frequency [Hz]")
+    _frequency_axis(axes, frequencies)
     axes.set_ylabel(label)
     if modes is not None:
         mark_modes(axes, modes.natural_frequencies)
@@ -191,12 +191,12 @@ def _one_reconstruction(
     phase.set_ylabel("Phase [°]")
     phase.set_yticks([-180, 0, 180])
     phase.set_ylim(-190, 190)
-    _frequency_axis(magnitude, rebuilt, label=False)
+    _frequency_axis(magnitude, rebuilt.frequencies, label=False)
 
 
-def _frequency_axis(axes: Axes, frfs: FrfSet, label: bool = True) -> None:
-    """Frequency across, over the lines of the set."""
-    low, high = float(frfs.frequencies[0]), float(frfs.frequencies[-1])
+def _frequency_axis(axes: Axes, frequencies: Float[np.ndarray, "freq"], label: bool = True) -> None:
+    """Frequency across, over all lines."""
+    low, high = float(frequencies[0]), float(frequencies[-1])
     axes.set_xlim(low, high if high > low else low + 1)
     if label:
         axes.set_xlabel("Frequency [Hz]")

@@ -335,6 +335,35 @@ def test_nothing_to_draw_is_said(figure, told):
     assert any(told in text.get_text() for text in made.findobj(Text))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("spoil", ["zero", "one line", "undefined coherence"])
+def test_dead_and_short_records_are_drawn_without_complaint(spoil: str):
+    frfs = {
+        "zero": replace(FRFS, values=0 * FRFS.values, coherence=np.zeros(FRFS.values.shape)),
+        "one line": FRFS.lines(slice(5, 6)),
+        "undefined coherence": replace(FRFS, coherence=np.full(FRFS.values.shape, np.nan)),
+    }[spoil]
+    values = np.linalg.svd(frfs.values, compute_uv=False)
+    for figure in (
+        show.frf_overview(frfs, MODES), show.coherence(frfs, MODES), show.reconstruction(frfs, frfs, [(0, 0)]),
+        show.indicator(frfs.frequencies, values), show.stabilisation(pole_table(MODES), MODES, frfs.frequencies, values),
+    ):  # fmt: skip
+        FigureCanvasAgg(figure).draw()
+
+
+@pytest.mark.filterwarnings("error")
+def test_shapes_without_motion_lines_or_extent_are_drawn():
+    still = replace(MODES, shapes=0 * MODES.shapes)
+    points = replace(plate(), faces=())
+    alone = replace(MODES, shapes=MODES.shapes[:1], dofs=MODES.dofs[:1])
+    for figure in (
+        show.mode_shapes(still, plate()), show.complexity(still), show.shapes_over_dofs(still),
+        show.mode_shapes(MODES, points), show.mode_shapes(alone, Geometry(np.array([1]), np.zeros((1, 3)))),
+        show.mac_matrix(np.full((3, 3), np.nan)),
+    ):  # fmt: skip
+        FigureCanvasAgg(figure).draw()
+
+
 def test_empty_pole_table():
     table = PoleTable(
         np.zeros(0, int), np.zeros(0, complex), np.zeros(0, "<U1"), np.zeros((0, 2), complex), MODES.inputs, (1.0, 2.0)
