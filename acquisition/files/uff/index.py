@@ -87,15 +87,18 @@ class _Window:
 
     def lines(self, offset: int, count: int) -> tuple[list[bytes], int]:
         """Up to ``count`` lines from an offset on, and the offset behind them."""
-        inside = offset - self.offset
-        piece = self.bytes[inside:] if 0 <= inside < len(self.bytes) else b""
+        piece = self.near(offset)
         parts = piece.split(b"\n", count)
         if len(parts) <= count:
             piece = self.at(offset, 4 * _PEEK)
             parts = piece.split(b"\n", count)
-        if len(parts) <= count:
-            return parts, offset + len(piece)
-        return parts[:count], offset + len(piece) - len(parts[count])
+        behind = offset + len(piece) - (len(parts.pop()) if len(parts) > count else 0)
+        return [part.rstrip(b"\r") for part in parts], behind
+
+    def near(self, offset: int) -> bytes:
+        """The bytes from an offset on that are at hand; read where there are none."""
+        inside = offset - self.offset
+        return self.bytes[inside:] if 0 <= inside < len(self.bytes) else self.at(offset, _PEEK)
 
     def line(self, offset: int, limit: int = 512) -> tuple[bytes, int]:
         """The line at an offset, without its end, and the offset of the next."""
@@ -139,6 +142,9 @@ def index(file: ByteFile) -> tuple[Entry, ...]:
         if entry is None:
             continue
         entries.append(entry)
+        while (neighbour := _neighbour(window, entry, forms)) is not None:
+            entries.append(neighbour)
+            entry = neighbour
         offset = entry.end
         if offset < window.size:
             offset = window.line(offset)[1]
@@ -186,6 +192,23 @@ def _function(window: _Window, first: bytes, start: int, number: int, forms: _Fo
 def _form(header: Header) -> _Form:
     lines, rest = divmod(header.points * values58.per_point(header), len(values58.widths(header)))
     return _Form(tuple(dtype.itemsize * header.points for dtype in values58.record_types(header)), lines, rest)
+
+
+def _neighbour(window: _Window, before: Entry, forms: _Forms) -> Entry | None:
+    """The function that follows at once and has a form that is known already: one small read and no search."""
+    piece = window.near(before.end)
+    lines = piece.split(b"\n", header58.RECORDS + 3)
+    if len(lines) < header58.RECORDS + 4 or lines[0].strip() != b"-1" or lines[1].strip() != b"-1":
+        return None
+    form = forms.get((lines[2].rstrip(b"\r"), lines[9].rstrip(b"\r")))
+    if form is None:
+        return None
+    raw = tuple([line.rstrip(b"\r") for line in lines[2:-1]])
+    binary = raw[0][6:7] in (b"b", b"B")
+    start = before.end + len(lines[0]) + len(lines[1]) + len(lines[2]) + 3
+    data = before.end + len(piece) - len(lines[-1])
+    end = _end_of_binary(window, form, data) if binary else _end_of_text(window, form, data)
+    return None if end is None else Entry(before.number + 1, 58, binary, start, data, end, "", raw)
 
 
 def _closes(window: _Window, offset: int) -> int | None:
