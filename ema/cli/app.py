@@ -110,7 +110,7 @@ def fit(
     """Fit the modes of one run or file and print them."""
     from ema.cli import screen
     from ema.study import Study, chain
-    from ema.study.summary import modes
+    from ema.study.plain import modes
 
     study = Study.load(measurement)
     told: dict[str, Any] = study.recipe.fit.given()

@@ -12,7 +12,7 @@ from ema.data import Campaign, Finding, FrfSet, HitGallery, JointForce, Run
 from ema.progress import Progress
 from ema.study import chain
 from ema.study.recipe import EstimateTable
-from ema.study.summary import finding, joint, number
+from ema.study.plain import finding, joint, number
 
 
 @dataclass(frozen=True)

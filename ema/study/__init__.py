@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ema.study.study import Study
-    from ema.study.summary import summary
+    from ema.study.plain import summary
 
-_HOMES = {"Study": "study", "summary": "summary"}
+_HOMES = {"Study": "study", "summary": "plain"}
 
 __all__ = ["Study", "summary"]
 

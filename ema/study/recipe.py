@@ -143,5 +143,5 @@ def _sentence(error: ValidationError, text: str, where: str) -> InputError:
     if detail["type"] == "missing":
         return InputError(f"the recipe lacks {name!r}", where=place)
     cause = detail.get("ctx", {}).get("error")
-    message = str(cause) if isinstance(cause, ValueError) else detail["msg"].lower()
+    message = str(cause) if isinstance(cause, ValueError) else detail["msg"][:1].lower() + detail["msg"][1:]
     return InputError(f"{name}: {message}", where=place)

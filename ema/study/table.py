@@ -152,8 +152,7 @@ def geometry() -> Geometry:
     ring = [int(node) for node in edge]
     faces += [(a, b, below[b], below[a]) for a, b in zip(ring, ring[1:] + ring[:1], strict=True)]
     lower = [below[node] for node in ring]
-    lines = [tuple(lower + lower[:1]), *((node, foot) for node, foot in feet.items())]
     return Geometry(
         nodes=np.array([*range(1, len(top) + 1), *lower, *feet.values()]), xyz=np.vstack([top, skirt, floor]),
-        lines=tuple(lines), faces=tuple(tuple(int(node) for node in face) for face in faces), name="work table",
+        lines=tuple(feet.items()), faces=tuple(tuple(int(node) for node in face) for face in faces), name="work table",
     )  # fmt: skip

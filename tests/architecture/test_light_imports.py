@@ -1,0 +1,46 @@
+"""Importing the packages and their rooms loads numpy and nothing heavy, and changes nothing in the process."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = (
+    "pandas", "pyvista", "vtkmodules", "matplotlib", "numba", "scipy.signal", "scipy.optimize", "pint", "pydantic",
+    "pyuff", "h5py", "typer", "rich", "jinja2", "nptdms", "asammdf", "soundfile", "openpyxl",
+)  # fmt: skip
+ROOMS = (
+    "ema.data", "ema.store", "ema.synthesis", "ema.shapes", "ema.estimate", "ema.fit", "ema.simulate", "ema.show",
+    "ema.report", "ema.study", "ema.cli", "acquisition.files",
+)  # fmt: skip
+
+PROBE = """
+import json, sys, warnings
+import numpy
+before, error_state = list(warnings.filters), numpy.geterr()
+import ema, acquisition
+{more}
+changed = list(warnings.filters) != before or numpy.geterr() != error_state
+print(json.dumps([sorted(sys.modules), changed]))
+"""
+
+
+def loaded_by(more: str) -> tuple[list[str], bool]:
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE.format(more=more)], capture_output=True, text=True, timeout=120, check=True
+    )
+    modules, changed = json.loads(done.stdout)
+    return [name for name in HEAVY if name in modules], changed
+
+
+@pytest.mark.parametrize("more", ["", *(f"import {room}" for room in ROOMS)])
+def test_import_is_light_and_has_no_side_effects(more):
+    heavy, changed = loaded_by(more)
+    assert heavy == []
+    assert not changed
+
+
+def test_the_probe_notices_a_heavy_import():
+    heavy, changed = loaded_by("import h5py, warnings; warnings.simplefilter('ignore')")
+    assert heavy == ["h5py"] and changed
