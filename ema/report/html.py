@@ -5,11 +5,11 @@ from urllib.parse import quote
 
 from ema.data import StudyResult
 from ema.errors import FailureError
-from ema.report.back import back
 from ema.report.blocks import Book
 from ema.report.files import as_csv, write_text
 from ema.report.front import front
 from ema.report.photos import photos
+from ema.report.records import provenance, repairs
 from ema.report.runs import run_sections
 
 
@@ -51,6 +51,7 @@ def _render(result: StudyResult, book: Book, tables: str) -> str:
     )  # fmt: skip
     geometry = result.campaign.geometry
     head = front(result, book)
+    repaired = repairs(result, book)
     runs = [(run, run_sections(run, geometry, number, book)) for number, run in enumerate(result.runs, 1)]
     return environment.get_template("report.html").render(
         result=result,
@@ -58,6 +59,7 @@ def _render(result: StudyResult, book: Book, tables: str) -> str:
         photos=photos(result.campaign),
         head=head,
         runs=runs,
-        back=back(result, book),
+        repairs=repaired,
+        provenance=provenance(result, book),
         tables=quote(tables),
     )

@@ -216,7 +216,7 @@ def test_answer_comes_first(page: Page):
     words = page.words()
     places = [
         words.index(text) for text in ("Table with a friction beam", "In short", "Table 1.", "Runs compared",
-        "What to worry about", "Expected and found", "Run bare Condition and normal force", "Repairs Table")
+        "What to worry about", "Expected and found", "Repairs Table", "Run bare Condition and normal force", "Provenance Table")
     ]  # fmt: skip
     assert places == sorted(places)
     assert "Run beam_1kN (mean normal force 1007 N over 2 joints): 4 modes from 243.12 to 1316.9 Hz" in words

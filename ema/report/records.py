@@ -1,15 +1,17 @@
-"""What stands at the end: repairs and provenance."""
+"""What was repaired, and where the results came from."""
 
 from ema.data import Provenance, StudyResult
 from ema.report.blocks import Block, Book, Section, Text
 
 
-def back(result: StudyResult, book: Book) -> list[Section]:
-    """Repairs of metadata, and where the results came from."""
-    return [
-        Section("Repairs", "repairs", _repairs(result, book)),
-        Section("Provenance", "provenance", _provenance(result, book)),
-    ]
+def repairs(result: StudyResult, book: Book) -> Section:
+    """Corrections of metadata: what, where, by whom and why."""
+    return Section("Repairs", "repairs", _repairs(result, book))
+
+
+def provenance(result: StudyResult, book: Book) -> Section:
+    """Files, versions, settings and steps behind the results."""
+    return Section("Provenance", "provenance", _provenance(result, book))
 
 
 def _repairs(result: StudyResult, book: Book) -> list[Block]:
