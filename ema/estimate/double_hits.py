@@ -50,7 +50,7 @@ def smoothed(force: Float[np.ndarray, "sample"], offset: float, cell: int) -> Fl
     for shift in range(1, cell):
         z += force[shift : count * cell : cell]
     z -= force.dtype.type((cell - 1) * offset)
-    z = np.pad(z, 2, mode="edge").astype(np.float32)
+    z = np.concatenate([z[:1], z[:1], z, z[-1:], z[-1:]]).astype(np.float32)
     far, near, centre = (np.float32(weight / cell) for weight in _BINOMIAL)
     return far * (z[:-4] + z[4:]) + near * (z[1:-3] + z[3:-1]) + centre * z[2:-2]
 
@@ -107,7 +107,8 @@ def _highest(part: Float[np.ndarray, "cell"], height: float, doublings: int, lea
 def opening(values: Float[np.ndarray, "cell"], doublings: int) -> Float[np.ndarray, "cell"]:
     """Morphological opening with a span of ``2 ** doublings`` cells: running minimum, then running maximum."""
     reach = 2**doublings - 1
-    result = np.pad(values, reach, mode="edge")
+    ends = np.full(reach, values[0]), np.full(reach, values[-1])
+    result = np.concatenate([ends[0], values, ends[1]])
     for extreme in (np.minimum, np.maximum):
         for step in range(doublings):
             shift = 2**step

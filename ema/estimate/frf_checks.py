@@ -17,8 +17,11 @@ RECIPROCITY = 0.05
 NOISY = 0.1
 """Median standard deviation of an FRF, relative to its magnitude."""
 
+REVERSED = 0.8
+"""Part of a drive point's resistance that is negative when a channel is reversed."""
+
 WRONG_PHASE = 0.1
-"""Part of the response power of a drive point in the wrong half plane."""
+"""Part of a drive point's resistance that may be negative by noise."""
 
 
 def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | None = None) -> tuple[Finding, ...]:
@@ -172,7 +175,7 @@ def _drive_points(frfs: FrfSet) -> list[Finding]:
         where = _where(frfs, frfs.label(row, column))
         if not strength.any():
             continue
-        if negative > 0.5:
+        if negative > REVERSED:
             findings.append(
                 Finding(
                     "error", "drive-point-sign", where,

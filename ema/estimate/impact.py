@@ -24,6 +24,9 @@ from ema.progress import Progress, advance, silent
 KEPT_IN_MEMORY = 256 * 2**20
 """Bytes of records that are kept between the two passes; larger runs are read twice."""
 
+SHORT = 0.8
+"""Room behind a blow, relative to the median, below which the blow is given up rather than all blocks shortened."""
+
 SAMPLED_BLOWS = 40
 """Blows that are enough to see how far the response decays."""
 
@@ -182,8 +185,15 @@ def _block(judged: list[Judged], options: Options) -> tuple[int, int]:
         if options.block < 16:
             raise InputError("the block is too short", got=f"{options.block} samples", expected="at least 16")
         return options.block, min(before, options.block // 20)
-    # Nine of ten blows fit into the block; the rest was followed by another blow too early.
-    room = int(np.quantile([min(one.before, before) + one.after for one in usable], 0.1, method="lower"))
+    rooms = np.array([min(one.before, before) + one.after for one in usable])
+    # A few blows that were followed by another one too early do not shorten the blocks of all, unless their point has
+    # no better ones.
+    long = rooms >= SHORT * np.median(rooms)
+    room = rooms[long].min() if np.mean(long) >= 2 / 3 else np.quantile(rooms, 0.1, method="lower")
+    best = {one.dof: 0 for one in usable}
+    for one, own in zip(usable, rooms):
+        best[one.dof] = max(best[one.dof], int(own))
+    room = min(int(room), *best.values())
     return room if room < 64 else _fast_length(room), before
 
 
@@ -282,6 +292,7 @@ def _assemble(
     options: Options, findings: list[Finding],
 ) -> FrfSet:  # fmt: skip
     """The FRF set of all sums."""
+    sums = _without_overlap(sums)
     inputs = tuple(dict.fromkeys(force for force, _ in sums))
     outputs = tuple(dict.fromkeys(dof for _, dofs in sums for dof in dofs))
     lines = length // 2 + 1
@@ -312,6 +323,20 @@ def _assemble(
             steps=("estimate.hammer",), options=tuple((name, str(value)) for name, value in vars(options).items())
         ),
     )  # fmt: skip
+
+
+def _without_overlap(sums: dict[_Key, Sums]) -> dict[_Key, Sums]:
+    """The same sums, one response at a time where a pair was measured in several set-ups of the accelerometers."""
+    pairs = [(force, dof) for force, dofs in sums for dof in dofs]
+    if len(set(pairs)) == len(pairs):
+        return sums
+    single: dict[_Key, Sums] = {}
+    for (force, dofs), part in sums.items():
+        for row, dof in enumerate(dofs):
+            own = Sums(part.force, part.cross[row : row + 1], part.response[row : row + 1], part.averages)
+            key = (force, (dof,))
+            single[key] = single[key] + own if key in single else own
+    return single
 
 
 def _gallery(takes: _Takes, judged: list[Judged], sums: dict[_Key, Sums], length: int, rate: float) -> HitGallery:

@@ -72,6 +72,24 @@ def test_one_record_per_blow_gives_the_same_as_one_with_all():
     assert error(apart.band(20, 1200).values, together.band(20, 1200).values) < 1e-4
 
 
+def test_a_reference_sensor_of_several_set_ups_is_averaged():
+    rig = hammer_rig(points=DOFS[:1])
+    other = replace(rig, responses=(rig.responses[0], replace(rig.responses[1], name="acc 3", dof=DOFS[2])), seed=5)
+    frfs = hammer(run_of([rig.take(0), other.take(0)]))
+    assert frfs.outputs == DOFS[:3]
+    np.testing.assert_array_equal(frfs.averages[:, 0], [10, 5, 5])
+    band = frfs.band(20, 1200)
+    assert error(band.values, truth(structure(), band.frequencies, [0, 1, 2], [0])) < 2e-3
+
+
+def test_a_short_last_blow_does_not_shorten_all_blocks():
+    takes = [replace(take, signals=take.signals[:, : int(4.9 * 5120)]) for take in hammer_rig().takes()]
+    frfs = hammer(run_of(takes))
+    assert frfs.frequency_step < 1.1
+    np.testing.assert_array_equal(frfs.averages, 4)
+    assert "next-blow" in codes(frfs)
+
+
 def test_single_precision_records_cost_no_accuracy():
     rig = hammer_rig(points=DOFS[:1])
     single = [replace(take, signals=take.signals.astype(np.float32)) for take in rig.takes()]

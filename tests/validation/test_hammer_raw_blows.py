@@ -13,7 +13,7 @@ def measured(datasets):
     folder = datasets / "03_raw_hammer_blows"
     channels = (
         Channel("force", Dof(1, "+Z"), quantity="force", role="reference"),
-        Channel("acceleration", Dof(1, "+Z"), quantity="acceleration"),
+        Channel("acceleration", Dof(2, "+Z"), quantity="acceleration"),
     )
     records = []
     for number in range(1, 6):
