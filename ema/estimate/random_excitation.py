@@ -179,6 +179,7 @@ def welch(run: Run, records: Sequence[Recording], cut: Blocks, progress: Progres
         where = channels.describe(run, record)
         this = channels.layout(record, where)
         channels.finite(record, this, where)
+        alive(record, this, where)
         same_test(first.sampling_rate, layout, record.sampling_rate, this, where)
         u, y = (transformed(record.signals[list(rows)], cut, where) for rows in (this.references, this.responses))
         part = spectra.averaged(u, y, 1.0)
@@ -222,6 +223,21 @@ def independent_averages(blocks: int, cut: Blocks) -> float:
         correlation = (window[shift:] @ window[:-shift] / cut.length) ** 2
         total += 2 * (1 - lag / blocks) * correlation
     return blocks / total
+
+
+def alive(record: Recording, layout: channels.Layout, where: str) -> None:
+    """Refuse a force that does nothing.
+
+    Raises
+    ------
+    InputError : a force is zero or constant.
+    """
+    for row in layout.references:
+        if np.ptp(record.signals[row]) == 0:
+            raise InputError(
+                "the force is zero or constant", where=f"{where}, channel {record.channels[row].name}",
+                advice="check the force channel, or leave this shaker out",
+            )  # fmt: skip
 
 
 def same_test(rate: float, layout: channels.Layout, other_rate: float, other: channels.Layout, where: str) -> None:

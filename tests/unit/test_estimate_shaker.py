@@ -7,7 +7,7 @@ import pytest
 
 from ema.data import poles_from
 from ema.errors import InputError
-from ema.estimate import shaker
+from ema.estimate import quality, shaker
 from tests.unit.estimate_rig import error, run_of, shaker_rig, structure, truth
 
 LIGHT = {"frequencies": (62.5, 154.5, 156.5, 400.0), "damping": (0.001, 0.001, 0.0012, 0.0008)}
@@ -115,4 +115,16 @@ def test_records_that_do_not_fit_are_refused():
     signals = take.signals.copy()
     signals[3, 5] = np.inf
     with pytest.raises(InputError, match="not numbers"):
+        shaker(run_of([replace(take, signals=signals)]))
+
+
+def test_dead_channels():
+    take = shaker_rig(noise=0.01).take(0)
+    signals = take.signals.copy()
+    signals[4] = 0.0
+    frfs = shaker(run_of([replace(take, signals=signals)]))
+    assert not frfs.values[:, 2].any()
+    assert "dead-channel" in {finding.code for finding in quality(frfs.band(20, 480))}
+    signals[1] = 3.0
+    with pytest.raises(InputError, match="force is zero or constant"):
         shaker(run_of([replace(take, signals=signals)]))
