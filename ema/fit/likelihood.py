@@ -22,6 +22,9 @@ _BEYOND = 2.0
 
 _CHUNK = 512
 
+NARROWEST = 0.3
+"""Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping."""
+
 
 @dataclass(frozen=True)
 class Observations:
@@ -267,6 +270,7 @@ def refine(data: Observations, start: ModalFit, iterations: int = 12, tolerance:
     """
     state, damping = start, 0.0
     modes = len(start.poles)
+    floor = narrowest_decay(data)
     for _ in range(iterations if modes else 0):
         diagonal = np.maximum(np.diag(state.information), 1e-300)
         scale = 1 / np.sqrt(diagonal)
@@ -281,7 +285,8 @@ def refine(data: Observations, start: ModalFit, iterations: int = 12, tolerance:
             entry = 2 * (modes + place)
             participation[i, mode] += shrink * (step[entry] + 1j * step[entry + 1])
         participation /= participation[np.argmax(np.abs(participation), axis=0), np.arange(modes)]
-        trial = evaluate(data, state.poles + move, participation)
+        moved = state.poles + move
+        trial = evaluate(data, np.minimum(moved.real, -floor) + 1j * moved.imag, participation)
         if not trial.cost <= state.cost:
             damping = max(10 * damping, 1e-3)
             if damping > 1e4:
@@ -293,6 +298,21 @@ def refine(data: Observations, start: ModalFit, iterations: int = 12, tolerance:
         if np.max(np.abs(move) / decay) < tolerance or gained < 1e-8 * state.cost:
             break
     return state
+
+
+def narrowest_decay(data: Observations) -> float:
+    """Decay rate in rad/s of the narrowest pole that is followed."""
+    return 0.5 * NARROWEST * float(np.min(np.diff(data.s.imag))) if len(data.s) > 1 else 0.0
+
+
+def without_lines(data: Observations, frequency: float) -> Observations:
+    """The observations without the line next to an angular frequency (rad/s) and its two neighbours."""
+    nearest = int(np.argmin(np.abs(data.s.imag - frequency)))
+    gone = slice(max(nearest - 1, 0), nearest + 2)
+    factor, signals = data.factor.copy(), data.signals.copy()
+    factor[gone] = 0
+    signals[:, :, 2 * gone.start : 2 * gone.stop] = 0
+    return replace(data, factor=factor, signals=signals)
 
 
 def gains(fit: ModalFit) -> Float[np.ndarray, "mode"]:

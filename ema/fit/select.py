@@ -26,10 +26,12 @@ _FALSE_ALARM = 1e-6
 _ROUNDS = 12
 _MISFIT = 0.2
 """Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told."""
+_SPREAD = 2.0
+"""Factor by which a misfit may raise or lower the noise of a bin."""
 _VISIBLE = 0.25
 """Share of the energy at its own frequency from which on a mode is seen as a peak."""
-_NARROWEST = 0.3
-"""Half-power bandwidth in frequency lines below which a peak is a spur, not a resonance that was resolved."""
+_COLLINEAR = 0.6
+"""Modal phase collinearity below which the shape of a mode without a peak of its own speaks against it."""
 _TRIAL_DAMPING = np.array([0.001, 0.005, 0.02, 0.06])
 
 
@@ -156,7 +158,7 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
     fit = _eliminate(data, fit, everything, table.band, dropped)
     factor = likelihood.variance_factor(data, fit)
     is_mode = _inside(fit.poles, table.band) & (damping_ratios(fit.poles) <= HEAVIEST) & (fit.poles.real < 0)
-    is_mode &= _certain(fit, factor, dropped, is_mode)
+    is_mode &= _certain(data, fit, factor, dropped, is_mode)
     confidence = _confidence(fit, factor, everything)
     taken = fit.poles[is_mode]
     lost = [d for d in dropped if np.all(np.abs(taken - d.pole) > np.abs(taken.real) + abs(d.pole.real))]
@@ -197,13 +199,19 @@ def _start(data: Observations, candidates: Candidates) -> ModalFit:
 def _reweight(
     data: Observations, noise: NoiseLevel, fit: ModalFit, iterations: int
 ) -> tuple[Observations, NoiseLevel, ModalFit]:
-    """Take the noise of each bin from the residual and refine again; with few FRFs, from its neighbours too."""
-    profile, _ = likelihood.residuals(data, fit)
+    """Take the noise of each bin from the residual and refine again; with few FRFs, from its neighbours too.
+
+    A residual that is correlated over lines is misfit: it may shape the weights within narrow limits only, or a peak that
+    is fitted badly would lose the weight that it takes to fit it well.
+    """
+    profile, correlation = likelihood.residuals(data, fit)
     window = int(np.clip(150 // data.signals[:, :, 0].size, 1, min(9, len(profile)))) | 1
     power = np.convolve(np.pad(profile**2, window // 2, mode="edge"), np.ones(window) / window, mode="valid")[
         : len(profile)
     ]
     profile = np.sqrt(np.maximum(power, 0.05 * np.median(power) + 1e-300))
+    if correlation > _MISFIT:
+        profile = np.clip(profile, np.median(profile) / _SPREAD, np.median(profile) * _SPREAD)
     data, noise = likelihood.reweighted(data, noise, profile)
     fit = likelihood.evaluate(data, fit.poles, fit.participation)
     return data, noise, likelihood.refine(data, fit, iterations, tolerance=1e-4 if iterations > 4 else 1e-2)
@@ -266,14 +274,19 @@ def _eliminate(
             int(k): f"it explains {gain[k] / required[k]:.2g} times what noise and misfit would"
             for k in np.flatnonzero(gain <= required)
         }
-        reasons |= dict.fromkeys(_spurs(data, fit, band), "it is narrower than a frequency line")
+        reasons |= dict.fromkeys(
+            _spurs(data, fit, band, limit * factor), "it lives in one frequency line and its neighbours"
+        )
         # Leaving one out can make another one needed, so the weaker ones go first.
         weakest = sorted(reasons, key=lambda k: gain[k] / required[k])[: (len(reasons) + 2) // 3]
         reasons = {k: reasons[k] for k in weakest}
         if not reasons and correlation > _MISFIT:
-            hidden = (_persistence(fit, candidates) < _PERSISTENCE) & (likelihood.dominance(data, fit) < _VISIBLE)
+            doubtful = (_persistence(fit, candidates) < _PERSISTENCE) | (_collinearity(fit) < _COLLINEAR)
+            hidden = doubtful & (likelihood.dominance(data, fit) < _VISIBLE)
             lowest = np.argsort(np.where(hidden, gain, np.inf))[: (np.count_nonzero(hidden) + 2) // 3]
-            reasons = dict.fromkeys(map(int, lowest), "few model orders show it, and it makes no peak of its own")
+            reasons = dict.fromkeys(
+                map(int, lowest), "it makes no peak of its own, and few orders show it or its shape is complex"
+            )
         if not reasons:
             twin = _twin(fit, gain)
             if twin is None:
@@ -288,10 +301,23 @@ def _eliminate(
     return fit
 
 
-def _spurs(data: Observations, fit: ModalFit, band: tuple[float, float]) -> list[int]:
-    """Poles in the band whose half-power bandwidth is a fraction of a frequency line."""
-    step = np.min(np.diff(data.s.imag)) if len(data.s) > 1 else 0.0
-    return [int(k) for k in np.flatnonzero(_inside(fit.poles, band) & (2 * np.abs(fit.poles.real) < _NARROWEST * step))]
+def _spurs(data: Observations, fit: ModalFit, band: tuple[float, float], required: float) -> list[int]:
+    """Poles as narrow as the lines allow that explain nothing without the three lines they stand on: mains and such."""
+    found = []
+    narrow = _inside(fit.poles, band) & (-fit.poles.real <= 1.05 * likelihood.narrowest_decay(data))
+    for k in np.flatnonzero(narrow):
+        masked = likelihood.without_lines(data, float(fit.poles[k].imag))
+        if likelihood.gains(likelihood.evaluate(masked, fit.poles, fit.participation))[k] < required:
+            found.append(int(k))
+    return found
+
+
+def _collinearity(fit: ModalFit) -> Float[np.ndarray, "pole"]:
+    """Modal phase collinearity of each shape (Pappa et al. 1993)."""
+    shapes = fit.coefficients[: 2 * len(fit.poles)].reshape(len(fit.poles), 2, fit.coefficients.shape[1])
+    real, cross, imaginary = (np.sum(shapes[:, a] * shapes[:, b], axis=1) for a, b in ((0, 0), (0, 1), (1, 1)))
+    total = np.maximum(real + imaginary, 1e-300)
+    return 1 - 4 * (real * imaginary - cross**2) / total**2
 
 
 def _persistence(fit: ModalFit, candidates: Candidates) -> Float[np.ndarray, "pole"]:
@@ -376,7 +402,7 @@ def _search(data: Observations, fit: ModalFit, band: tuple[float, float]) -> Mod
         if not gain[best] > required[best]:
             break
         larger = likelihood.with_mode(data, fit, complex(trials[best]), vectors[best])
-        larger = likelihood.refine(data, larger, iterations=10, tolerance=1e-2)
+        larger = likelihood.refine(data, larger, iterations=25, tolerance=1e-2)
         if fit.cost - larger.cost < required[best] or np.any(larger.poles.real >= 0):
             break
         if correlation > _MISFIT and likelihood.dominance(data, larger)[-1] < _VISIBLE:
@@ -429,9 +455,13 @@ def _trial_gains(
 
 
 def _certain(
-    fit: ModalFit, factor: float, dropped: list[Dropped], candidates: Bool[np.ndarray, "pole"]
+    data: Observations, fit: ModalFit, factor: float, dropped: list[Dropped], candidates: Bool[np.ndarray, "pole"]
 ) -> Bool[np.ndarray, "pole"]:
-    """Whether the standard deviations leave a mode meaningful: below a third of its damping and of its spacing."""
+    """Whether the standard deviations leave a mode meaningful: below a third of its damping and of its spacing.
+
+    A peak that stands by itself is a mode however badly its damping is told; its interval says so.
+    """
+    visible = likelihood.dominance(data, fit) >= _VISIBLE
     covariance = likelihood.covariance(fit, factor)
     damping = damping_ratios(fit.poles)
     std_damping, std_frequency = np.sqrt(covariance[:, 1, 1]), np.sqrt(covariance[:, 0, 0])
@@ -439,7 +469,7 @@ def _certain(
     for place in np.flatnonzero(candidates):
         spacing = np.abs(np.delete(fit.poles, place) - fit.poles[place]).min(initial=np.inf) / (2 * np.pi)
         reason = ""
-        if std_damping[place] > damping[place] / 3:
+        if std_damping[place] > damping[place] / 3 and not visible[place]:
             reason = f"its damping is uncertain by {std_damping[place] / damping[place]:.0%}"
         elif std_frequency[place] > spacing / 3:
             reason = f"its frequency is uncertain by {std_frequency[place]:.2g} Hz, {spacing:.2g} Hz from a neighbour"
