@@ -99,25 +99,26 @@ def compare(folder: Path, binary: bool) -> dict[str, float]:
 
 
 def large(folder: Path, binary: bool, lines: int) -> dict[str, float]:
-    """Time to list a file of 1 GB against the time to read its sets."""
+    """Time to list a file of 1 GB against the times to read its sets, and to read it to one FRF set."""
     path = folder / "large.uff"
-    part = folder / "part.uff"
-    acquisition.write(part, replace(frfs(lines, 8), values=frfs(lines, 8).values), binary=binary)
-    block = part.read_bytes()
-    with path.open("wb") as file:
-        for _ in range(LARGE // len(block) + 1):
-            file.write(block)
-    listing = best(lambda: uff.list_sets(path), 2)
-    entries = uff.list_sets(path)
-    assert not any(entry.problem for entry in entries)
+    per_function = lines * (16 if binary else 40.5)
+    few = frfs(lines, 5)
+    inputs = tuple(Dof(number + 1, "+Z") for number in range(int(LARGE / per_function / 2)))
+    values = np.tile(few.values, (1, 1, len(inputs) // 5 + 1))[:, :, : len(inputs)]
+    acquisition.write(path, replace(few, values=values, inputs=inputs), binary=binary)
+    del values
+    listing = best(lambda: uff.list_sets(path), 3)
     reading = best(lambda: uff.functions(path), 1)
+    to_nouns = best(lambda: acquisition.read(path), 1)
     result = {
         "size [MB]": path.stat().st_size / 1e6,
-        "sets": float(len(entries)),
+        "sets": 2.0 * len(inputs),
         "lines per set": float(lines),
         "list [ms]": 1e3 * listing,
         "read sets [s]": reading,
-        "time to read / time to list": reading / listing,
+        "read to an FRF set [s]": to_nouns,
+        "time to read sets / time to list": reading / listing,
+        "time to read to an FRF set / time to list": to_nouns / listing,
     }
     path.unlink()
     return result

@@ -86,14 +86,14 @@ class _Window:
         return self.bytes[inside : inside + length]
 
     def lines(self, offset: int, count: int) -> tuple[list[bytes], int]:
-        """Up to ``count`` lines from an offset on, and the offset behind them."""
+        """Up to ``count`` lines from an offset on, perhaps with a carriage return, and the offset behind them."""
         piece = self.near(offset)
         parts = piece.split(b"\n", count)
         if len(parts) <= count:
             piece = self.at(offset, 4 * _PEEK)
             parts = piece.split(b"\n", count)
         behind = offset + len(piece) - (len(parts.pop()) if len(parts) > count else 0)
-        return [part.rstrip(b"\r") for part in parts], behind
+        return parts, behind
 
     def near(self, offset: int) -> bytes:
         """The bytes from an offset on that are at hand; read where there are none."""
@@ -200,10 +200,10 @@ def _neighbour(window: _Window, before: Entry, forms: _Forms) -> Entry | None:
     lines = piece.split(b"\n", header58.RECORDS + 3)
     if len(lines) < header58.RECORDS + 4 or lines[0].strip() != b"-1" or lines[1].strip() != b"-1":
         return None
-    form = forms.get((lines[2].rstrip(b"\r"), lines[9].rstrip(b"\r")))
+    form = forms.get((lines[2].rstrip(b"\r"), lines[9]))
     if form is None:
         return None
-    raw = tuple([line.rstrip(b"\r") for line in lines[2:-1]])
+    raw = tuple(lines[2:-1])
     binary = raw[0][6:7] in (b"b", b"B")
     start = before.end + len(lines[0]) + len(lines[1]) + len(lines[2]) + 3
     data = before.end + len(piece) - len(lines[-1])

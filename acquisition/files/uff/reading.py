@@ -127,40 +127,61 @@ def read(path: Path, layout: Layout) -> Contents:
     InputError : no data set in it can be used.
     """
     with opened(path) as file, quiet():  # damaged numbers may overflow; they are found as such
-        entries = [entry for entry in index(file) if layout.sets is None or entry.number in layout.sets]
+        there = index(file)
+        entries = [entry for entry in there if layout.sets is None or entry.number in layout.sets]
         if not entries:
             raise InputError(
                 "no data set in the file", where=str(path), advice="a universal file begins with a line '    -1'"
             )
         gathered = _File(path.name)
-        systems = _unit_systems(file, entries, gathered)
+        systems = _unit_systems(file, there, gathered)
         for entry in entries:
             if entry.type != 58:
                 _plain(file, entry, systems[entry.number], gathered)
         sound = _sound(entries, gathered)
         made = gather(sound, systems, lambda entry: _checked(file, entry, gathered), path.name)
-    gathered.parts.units = next((systems[e.number] for e in entries if e.type in (15, 2411)), UnitSystem())
-    length = None if layout.unit is None else units.parse(layout.unit).factor
-    geometry = geometry_sets.assemble(gathered.parts, path.name, length)
-    modes, notes = mode_sets.models(gathered.shapes, path.name)
+        gathered.parts.units = next((systems[e.number] for e in entries if e.type in (15, 2411)), UnitSystem())
+        geometry = geometry_sets.assemble(gathered.parts, path.name, _length_unit(layout))
+        modes, notes = mode_sets.models(gathered.shapes, path.name)
     for what, count in gathered.skipped.items():
         times = f"{count} data sets hold" if count > 1 else "1 data set holds"
         gathered.findings.append(Finding("info", "not-read", path.name, f"{times} {what}, not read."))
-    findings = (*gathered.findings, *made.findings, *gathered.parts.findings, *notes)
-    contents = Contents(
-        tuple(made.recordings), tuple(made.frfs), tuple(modes), geometry, tuple(dict.fromkeys(findings)),
-        (*gathered.metadata, *_ids(sound)),
-    )  # fmt: skip
-    if not contents and not findings:
-        types = ", ".join(sorted({str(entry.type) for entry in entries}))
-        note = Finding(
-            "warning", "nothing-to-read", path.name, f"only data sets of type {types}, which hold no measurement."
-        )
-        return replace(contents, findings=(note,))
-    if not contents and any(finding.code == "damaged-set" for finding in findings):
-        worst = next(finding for finding in findings if finding.code == "damaged-set")
+    findings = tuple(dict.fromkeys((*gathered.findings, *made.findings, *gathered.parts.findings, *notes)))
+    metadata = (*gathered.metadata, *_ids(sound))
+    contents = Contents(tuple(made.recordings), tuple(made.frfs), tuple(modes), geometry, findings, metadata)
+    return contents if contents else _nothing(contents, entries, path.name)
+
+
+def _length_unit(layout: Layout) -> float | None:
+    """Unit of length in m that the user says.
+
+    Raises
+    ------
+    UnitError : not a unit of length.
+    """
+    if layout.unit is None:
+        return None
+    unit = units.parse(layout.unit)
+    if unit.quantity != "displacement":
+        raise units.UnitError("not a unit of length", got=repr(layout.unit), expected="m, mm, in ...")
+    return unit.factor
+
+
+def _nothing(contents: Contents, entries: Sequence[Entry], where: str) -> Contents:
+    """Contents of a file in which nothing could be read, with the reason.
+
+    Raises
+    ------
+    InputError : all that it might hold is damaged.
+    """
+    worst = next((finding for finding in contents.findings if finding.code == "damaged-set"), None)
+    if worst is not None:
         raise InputError(worst.message.rstrip("."), where=worst.where, advice="export the file again")
-    return contents
+    if contents.findings:
+        return contents
+    types = ", ".join(sorted({str(entry.type) for entry in entries}))
+    message = f"only data sets of type {types}, which hold no measurement."
+    return replace(contents, findings=(Finding("warning", "nothing-to-read", where, message),))
 
 
 def _sound(entries: list[Entry], gathered: _File) -> list[Entry]:
@@ -185,7 +206,7 @@ def _checked(file: ByteFile, entry: Entry, gathered: _File) -> Function:
     return function
 
 
-def _unit_systems(file: ByteFile, entries: list[Entry], gathered: _File) -> dict[int, UnitSystem]:
+def _unit_systems(file: ByteFile, entries: Sequence[Entry], gathered: _File) -> dict[int, UnitSystem]:
     """The unit system of each set: that of the last 164 in front of it, else of the first in the file."""
     found: dict[int, UnitSystem] = {}
     for entry in entries:
