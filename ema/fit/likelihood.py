@@ -370,14 +370,14 @@ def reweighted(
     return updated, replace(noise, lines=noise.lines * lines)
 
 
-def residuals(data: Observations, fit: ModalFit) -> tuple[Float[np.ndarray, "freq"], float]:
-    """Root mean square of the weighted residual of each bin over all (rotated) FRFs, and the correlation of
-    neighbouring bins: 0 for noise, up to 1 for what a better model would explain.
+def residuals(data: Observations, fit: ModalFit) -> tuple[Float[np.ndarray, "freq"], Float[np.ndarray, "freq"]]:
+    """Weighted residual over all (rotated) FRFs: its root mean square in each bin, and its product with that of the next
+    bin, which noise leaves near 0 and a misfit near the square.
     """
     references, outputs, _ = data.signals.shape
     columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 2, data.reference_weights)
     mixing = [c[:, :linear] @ fit.coefficients for c in columns]
-    energy, together = np.empty(len(data.s)), 0.0
+    energy, together = np.empty(len(data.s)), np.zeros(len(data.s))
     for first in range(0, len(data.s), _CHUNK):
         rows = slice(first, first + _CHUNK)
         base = _base(data, rows, fit.poles)
@@ -385,9 +385,17 @@ def residuals(data: Observations, fit: ModalFit) -> tuple[Float[np.ndarray, "fre
         for i in range(references):
             difference = data.signals[i][:, 2 * first : 2 * (first + _CHUNK)] - mixing[i].T @ base
             found += np.einsum("ok,ok->k", difference, difference)
-            together += float(np.vdot(difference[:, 2:], difference[:, :-2]))
+            product = np.einsum("ok,ok->k", difference[:, 2:], difference[:, :-2])
+            together[first : first + len(product) // 2] += product.reshape(-1, 2).sum(axis=1)
         energy[rows] = found.reshape(-1, 2).sum(axis=1)
-    return np.sqrt(energy / (2 * references * outputs)), together / max(float(energy.sum()), 1e-300)
+    count = 2 * references * outputs
+    return np.sqrt(energy / count), together / count
+
+
+def correlation(data: Observations, fit: ModalFit) -> float:
+    """Correlation of neighbouring residuals: 0 for noise, up to 1 for what a better model would explain."""
+    rms, together = residuals(data, fit)
+    return float(together.sum() / max(np.sum(rms**2), 1e-300))
 
 
 def dominance(data: Observations, fit: ModalFit) -> Float[np.ndarray, "mode"]:

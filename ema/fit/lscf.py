@@ -13,7 +13,7 @@ The FRFs (rows over the references) are modelled as ``H(z) A(z) = B(z)`` with po
 All normal matrices are Toeplitz blocks of a few sequences, which on a uniform grid are inverse FFTs.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,10 +21,12 @@ import scipy.fft
 import scipy.linalg
 from jaxtyping import Complex, Float
 
+from ema.fit.noise import NoiseLevel
+
 CIRCLE = 1.2
 """Length of the circle over the length of the band."""
 
-_SVD_BLOCK = 4096
+_BLOCK = 2048
 
 
 @dataclass(frozen=True)
@@ -43,28 +45,29 @@ class Polynomials:
 
 
 def principal_outputs(
-    values: Complex[np.ndarray, "freq out in"], weights: Float[np.ndarray, "freq"]
+    values: Complex[np.ndarray, "freq out in"], weights: Float[np.ndarray, "freq"], noise: NoiseLevel
 ) -> Complex[np.ndarray, "freq out in"]:
-    """Rotate the (scaled) outputs onto the directions whose energy exceeds that of noise alone.
+    """FRFs over their noise, with the outputs rotated onto the directions whose energy exceeds that of noise alone.
 
     The floor is the median eigenvalue of the output correlation, widened by the Marchenko-Pastur edge of a noise matrix
     of this size; with fewer than 12 outputs nothing is dropped.
     """
     lines, outputs, references = values.shape
-    scale = 1 / np.maximum(np.sqrt(np.mean(np.abs(values) ** 2, axis=(0, 2))), np.finfo(float).tiny)
+    own, per_output = 1 / noise.references, 1 / noise.outputs
     if outputs < 12:
-        return values * scale[:, None]
+        return values * (per_output[:, None] * own)
     correlation = np.zeros((outputs, outputs), complex)
-    block = max(1, _SVD_BLOCK // references)
+    block = max(1, _BLOCK // references)
     for first in range(0, lines, block):
-        part = values[first : first + block] * weights[first : first + block, None, None]
-        rows = part.transpose(0, 2, 1).reshape(-1, outputs) * scale
-        correlation += rows.T @ rows.conj()
+        part = values[first : first + block] * (weights[first : first + block, None, None] * own)
+        rows = part.transpose(1, 0, 2).reshape(outputs, -1)
+        correlation += rows @ rows.conj().T
+    correlation *= np.outer(per_output, per_output)
     energy, directions = np.linalg.eigh(correlation)
     floor = np.median(energy) * (1 + np.sqrt(outputs / (lines * references))) ** 2
     kept = int(np.clip(np.count_nonzero(energy > 1.1 * floor) + 1, 4, outputs))
-    rotation = directions[:, -kept:].conj() * scale[:, None]
-    return np.einsum("koi,oq->kqi", values, rotation, optimize=True)
+    rotation = (directions[:, -kept:].conj() * per_output[:, None]).T
+    return np.matmul(rotation, values) * own
 
 
 def normal_matrices(

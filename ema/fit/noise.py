@@ -48,11 +48,11 @@ def from_differences(values: Complex[np.ndarray, "freq out in"]) -> NoiseLevel:
     them.
     """
     lines = len(values)
-    rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=0))
+    every = max(1, lines // 400)
+    rms = np.sqrt(np.mean(np.abs(values[::every]) ** 2, axis=0))
     if lines < 16:
         return NoiseLevel(np.ones(lines), rms.mean(axis=1), np.ones(rms.shape[1]))
-    # Binomial coefficients 1 -3 3 -1: variance 20 times that of the noise. A thousand places are enough.
-    every = max(1, lines // 1000)
+    # Binomial coefficients 1 -3 3 -1: variance 20 times that of the noise. A few hundred places are enough.
     a, b, c, d = (values[k : lines - 3 + k : every] for k in range(4))
     difference = np.abs(d - a - 3 * (c - b)) / np.sqrt(40)
     overall = np.median(difference, axis=0) / 0.83 + _FLOOR * rms

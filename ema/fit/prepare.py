@@ -53,8 +53,8 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
         )
     if values.size == 0:
         raise InputError("there are no FRFs to fit", where=where, got=f"shape {values.shape}")
-    bad = ~np.isfinite(values)
-    if bad.any():
+    if not np.isfinite(values.sum()):
+        bad = ~np.isfinite(values)
         output, input_ = np.argwhere(bad.any(axis=0))[0]
         raise InputError(
             "an FRF holds NaN or infinite values", where=f"{where}, {frfs.label(int(output), int(input_))}",
@@ -65,19 +65,20 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     if swapped:
         values = values.transpose(0, 2, 1)
         variance = None if variance is None else variance.transpose(0, 2, 1)
-    alive = np.abs(values).max(axis=(0, 2)) > 0
+    alive = values.any(axis=(0, 2))
     if not alive.any():
         raise InputError("all FRFs are zero", where=where, advice="check the response channels and the scaling")
+    values = values if alive.all() else values[:, alive]
     level = None
     if variance is not None and np.all(np.isfinite(variance)) and np.all(np.median(variance[:, alive], axis=0) > 0):
         level = noise.from_variance(np.asarray(variance)[:, alive])
     coherence = None if frfs.coherence is None else np.asarray(frfs.coherence)[frfs.frequencies > 0]
     if level is None and coherence is not None:
         coherence = (coherence.transpose(0, 2, 1) if swapped else coherence)[:, alive]
-        level = noise.from_coherence(values[:, alive], coherence)
+        level = noise.from_coherence(values, coherence)
     if level is None:
-        level = noise.from_differences(values[:, alive])
+        level = noise.from_differences(values)
     return Prepared(
-        frequencies, values[:, alive], tuple(d for d, a in zip(dofs, alive, strict=True) if a), references,
+        frequencies, values, tuple(d for d, a in zip(dofs, alive, strict=True) if a), references,
         DERIVATIVE_ORDER[frfs.quantity], level, swapped, tuple(d for d, a in zip(dofs, alive, strict=True) if not a),
     )  # fmt: skip

@@ -133,8 +133,7 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
     data, noise, starts = _observe(prepared, chosen)
     fit = _start(data, chosen)
     for share in (6, 20):
-        profile, _ = likelihood.residuals(data, fit)
-        found = _zoom(prepared, data, profile, share)
+        found = _zoom(prepared, data, fit, share)
         if not len(found.poles):
             break
         larger = Candidates(fit.poles, fit.participation, np.ones(len(fit.poles))).joined(found)
@@ -204,7 +203,8 @@ def _reweight(
     A residual that is correlated over lines is misfit: it may shape the weights within narrow limits only, or a peak that
     is fitted badly would lose the weight that it takes to fit it well.
     """
-    profile, correlation = likelihood.residuals(data, fit)
+    profile, together = likelihood.residuals(data, fit)
+    correlation = together.sum() / max(np.sum(profile**2), 1e-300)
     window = int(np.clip(150 // data.signals[:, :, 0].size, 1, min(9, len(profile)))) | 1
     power = np.convolve(np.pad(profile**2, window // 2, mode="edge"), np.ones(window) / window, mode="valid")[
         : len(profile)
@@ -222,24 +222,26 @@ def _inside(poles: Complex[np.ndarray, "pole"], band: tuple[float, float]) -> Bo
     return (frequencies >= band[0]) & (frequencies <= band[1])
 
 
-def _zoom(prepared: Prepared, data: Observations, profile: Float[np.ndarray, "bin"], share: int) -> Candidates:
-    """Persistent poles of narrow bands (``1/share`` of the whole, overlapping by half) with a misfit well above noise."""
+def _zoom(prepared: Prepared, data: Observations, fit: ModalFit, share: int) -> Candidates:
+    """Persistent poles of narrow bands (``1/share`` of the whole, overlapping by half) that hold more than noise."""
+    profile, together = likelihood.residuals(data, fit)
     lines, references = len(prepared.frequencies), prepared.values.shape[2]
     width = max(lines // share, 24 * (references + 1))
     found = Candidates(np.zeros(0, complex), np.zeros((references, 0), complex), np.zeros(0))
-    excess = profile**2 > 2.0
-    scaled = prepared.noise.outputs[:, None] * prepared.noise.references
     centres = data.s.imag / (2 * np.pi)
     for first in range(0, max(lines - width // 2, 1), max(width // 2, 1)):
         rows = slice(first, min(first + width, lines))
         f = prepared.frequencies[rows]
         within = (centres >= f[0]) & (centres <= f[-1])
-        if len(f) < 16 or not within.any() or np.mean(excess[within]) < 0.02:
+        # Products of independent residuals scatter around 0; four of their standard deviations are no accident.
+        doubt = 4 / np.sqrt(max(1, within.sum() * data.signals[:, :, 0].size))
+        misfit = together[within].sum() / max(np.sum(profile[within] ** 2), 1e-300) if within.any() else 0.0
+        if len(f) < 16 or misfit < max(0.05, doubt):
             continue
         top = int(np.clip(len(f) // (2 * (references + 1)), 2, 24))
         degrees = range(max(1, top // 3), top + 1, max(1, top // 8))
         weights = 1 / np.clip(prepared.noise.lines[rows], 0.2, 5.0)
-        outputs = lscf.principal_outputs(prepared.values[rows] / scaled, weights)
+        outputs = lscf.principal_outputs(prepared.values[rows], weights, prepared.noise)
         polynomials = lscf.normal_matrices(f, outputs, degrees, weights)
         tables = [(degree, *lscf.poles(polynomials, degree)) for degree in degrees]
         own = cluster(
@@ -267,7 +269,7 @@ def _eliminate(
         if not len(fit.poles):
             break
         factor = max(likelihood.variance_factor(data, fit), 1e-300)
-        correlation = likelihood.residuals(data, fit)[1]
+        correlation = likelihood.correlation(data, fit)
         gain = likelihood.gains(fit) / factor
         required = limit * _misfit(data, fit, band, factor, correlation)
         reasons = {
@@ -390,7 +392,8 @@ def _search(data: Observations, fit: ModalFit, band: tuple[float, float]) -> Mod
     freedom = 2 * outputs * references
     limit = float(scipy.stats.chi2.isf(_FALSE_ALARM / len(data.s), freedom))
     for _ in range(_ROUNDS):
-        profile, correlation = likelihood.residuals(data, fit)
+        profile, together = likelihood.residuals(data, fit)
+        correlation = together.sum() / max(np.sum(profile**2), 1e-300)
         trials = _trials(band, _peaks(data, profile, band))
         factor = max(likelihood.variance_factor(data, fit), 1e-300)
         gain, vectors = _trial_gains(data, fit, trials)

@@ -52,8 +52,7 @@ def stabilise_prepared(
     """`stabilise` on FRFs that are already checked and oriented."""
     degrees = _degrees(orders, data)
     weights = 1 / np.clip(data.noise.lines, 0.2, 5.0)
-    scaled = data.values / (data.noise.outputs[:, None] * data.noise.references)
-    outputs = lscf.principal_outputs(scaled, weights)
+    outputs = lscf.principal_outputs(data.values, weights, data.noise)
     polynomials = lscf.normal_matrices(data.frequencies, outputs, degrees, weights)
     order, poles, letters, vectors = [], [], [], []
     previous: tuple[np.ndarray, np.ndarray] | None = None
