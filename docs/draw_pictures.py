@@ -5,7 +5,7 @@ Run `ema run reports/table_hammer.toml` first.
 
 from pathlib import Path
 
-from ema import show, store
+from ema import fit, show, store
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULT = ROOT / "reports" / "_build" / "table_hammer.h5"
@@ -18,7 +18,9 @@ def main() -> None:
     pictures = ROOT / "docs" / "pictures"
     pictures.mkdir(exist_ok=True)
     show.mode_shapes(beam.modes, result.campaign.geometry, range(4)).savefig(pictures / "mode_shapes.png", dpi=110)
-    show.stabilisation(beam.poles, beam.modes, beam.frfs).savefig(pictures / "stabilisation.png", dpi=110)
+    inside = beam.frfs.band(*beam.poles.band)
+    diagram = show.stabilisation(beam.poles, beam.modes, inside.frequencies, fit.cmif(inside))
+    diagram.savefig(pictures / "stabilisation.png", dpi=110)
 
 
 if __name__ == "__main__":
