@@ -110,6 +110,7 @@ def fit(
     """Fit the modes of one run or file and print them."""
     from ema.cli import screen
     from ema.study import Study, chain
+    from ema.study.measured import frfs_of
     from ema.study.plain import modes
 
     study = Study.load(measurement)
@@ -123,7 +124,7 @@ def fit(
     with screen.Bars() as bars:
         opened = study.open(bars)
         for one in [opened[name] for name in run] if run else opened.runs:
-            frfs, hits = chain.frfs_of(one, study.recipe.estimate, bars)
+            frfs, hits = frfs_of(one, study.recipe.estimate, bars)
             inside = frfs.band(*(settings.band or chain.default_band(frfs, hits)))
             models[one.id] = chain.fitted(inside, settings, bars)[1]
     if write is not None:

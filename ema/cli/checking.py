@@ -11,8 +11,9 @@ from ema.cli.screen import show_findings
 from ema.data import Campaign, Finding, FrfSet, HitGallery, JointForce, Run
 from ema.progress import Progress
 from ema.study import chain
-from ema.study.recipe import EstimateTable
+from ema.study.measured import frfs_of
 from ema.study.plain import finding, joint, number
+from ema.study.recipe import EstimateTable
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,8 @@ def checked(run: Run, settings: EstimateTable, progress: Progress) -> Checked:
     """Estimate the FRFs of a run and collect what a reader has to know."""
     from ema.estimate import quality
 
-    frfs, hits = chain.frfs_of(run, settings, progress)
-    return Checked(run, frfs, hits, chain.unique(run.findings + frfs.findings + quality(frfs)))
+    frfs, hits = frfs_of(run, settings, progress)
+    return Checked(run, frfs, hits, chain.unique(run.findings + frfs.findings + quality(frfs, None, hits)))
 
 
 def as_mapping(campaign: Campaign, runs: list[Checked]) -> dict[str, Any]:

@@ -4,8 +4,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ema.study.study import Study
     from ema.study.plain import summary
+    from ema.study.study import Study
 
 _HOMES = {"Study": "study", "summary": "plain"}
 

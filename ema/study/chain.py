@@ -5,19 +5,11 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from acquisition.setups import Part, merge
 from ema import shapes, synthesis
 from ema.data import Finding, FrfSet, HitGallery, ModalModel, PoleTable, Run, RunResult
-from ema.errors import InputError
 from ema.progress import Progress, silent
+from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, FitTable
-
-_OPTIONS = {
-    "hammer": ("estimator", "block", "trigger", "level", "decay", "window_force"),
-    "random": ("estimator", "block", "overlap"),
-    "sweep": ("estimator",),
-}
-"""The settings of ``[estimate]`` that each kind of excitation has."""
 
 _FIRST_LINE = 20
 """Lines left out at the low end when nobody states a band: suspension, drift and the windows live there."""
@@ -28,7 +20,7 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
 
     Raises
     ------
-    InputError : the run holds neither records nor FRFs, its excitation is unknown, or a verb refuses its input.
+    InputError : the run cannot be used, or a verb refuses its input.
     """
     from ema.estimate import quality
 
@@ -40,35 +32,11 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
         modes, inside.frequencies, inside.quantity, outputs=inside.outputs, inputs=inside.inputs
     )
     reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=inside.unit)
-    findings = unique(run.findings + frfs.findings + modes.findings + quality(inside, modes))
+    findings = unique(run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
     return RunResult(
         run=run, frfs=frfs, poles=poles, modes=modes, quality=shapes.quality(modes.shapes),
         reconstruction=reconstruction, reconstruction_error=relative_error(inside, reconstruction),
         auto_mac=shapes.auto_mac(modes.shapes), hits=hits, findings=findings,
-    )  # fmt: skip
-
-
-def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> tuple[FrfSet, HitGallery | None]:
-    """FRFs of a run: those it brought along, or those of its records."""
-    from ema import estimate
-
-    if run.frfs:
-        sets = tuple(run.frfs)
-        return sets[0] if len(sets) == 1 else merge([Part(one) for one in sets], name=run.id), None
-    if not run.recordings:
-        raise InputError("the run holds neither records nor FRFs", where=f"run {run.id}")
-    given = settings.given()
-    options = {name: given[name] for name in _OPTIONS.get(run.kind, ()) if name in given}
-    match run.kind:
-        case "hammer":
-            return estimate.hammer_test(run, **options, progress=progress)
-        case "random":
-            return estimate.shaker(run, **options, progress=progress), None
-        case "sweep":
-            return estimate.sweep(run, **options, progress=progress), None
-    raise InputError(
-        "nothing is known to be done with this excitation", where=f"run {run.id}", got=run.kind,
-        expected="hammer, random or sweep", advice='state kind = "hammer" (or another) of the run in campaign.toml',
     )  # fmt: skip
 
 

@@ -32,6 +32,7 @@ class EstimateTable(Table):
     level: tuple[float, float] | None = None
     decay: float | None = Field(default=None, ge=0)
     window_force: bool = True
+    method: Literal["local", "welch"] = "local"
     overlap: float = Field(default=0.75, ge=0, lt=1)
 
 

@@ -1,0 +1,96 @@
+"""From a run to its FRFs, whatever it holds: FRFs, records of one kind of excitation, one or several set-ups."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from acquisition.setups import Part, merge
+from ema.data import FrfSet, HitGallery, Run
+from ema.errors import InputError
+from ema.progress import Progress, silent
+from ema.study.recipe import EstimateTable
+
+_OPTIONS = {
+    "hammer": ("estimator", "block", "trigger", "level", "decay", "window_force"),
+    "random": ("estimator", "method", "block", "overlap"),
+    "sweep": ("estimator", "block"),
+}
+"""The settings of ``[estimate]`` that each kind of excitation has."""
+
+
+def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> tuple[FrfSet, HitGallery | None]:
+    """FRFs of a run: those it brought along, or those of its records; and its blows, if any.
+
+    Set-ups of the sensors are estimated one by one and merged; the frequency shift between them is a finding.
+
+    Raises
+    ------
+    InputError : the run holds neither, nothing is known about its excitation, or a verb refuses its input.
+    """
+    if run.frfs:
+        sets = tuple(run.frfs)
+        return sets[0] if len(sets) == 1 else merge([Part(one) for one in sets], name=run.id), None
+    if not run.recordings:
+        raise InputError("the run holds neither records nor FRFs", where=f"run {run.id}")
+    if run.kind not in _OPTIONS:
+        raise InputError(
+            "nothing is known to be done with this excitation", where=f"run {run.id}", got=run.kind,
+            expected="hammer, random or sweep", advice='state kind = "hammer" (or another) of the run in campaign.toml',
+        )  # fmt: skip
+    given = settings.given()
+    options = {name: given[name] for name in _OPTIONS[run.kind] if name in given}
+    setups = _setups(run)
+    if len(setups) == 1:
+        return _estimated(run, options, progress)
+    found = [_estimated(one, options, progress) for one in setups.values()]
+    lengths = [_block(frfs, one) for (frfs, _), one in zip(found, setups.values(), strict=True)]
+    if len(set(lengths)) > 1 and "block" not in options:
+        found = [_estimated(one, options | {"block": min(lengths)}, progress) for one in setups.values()]
+    parts = [Part(frfs, setup, f"set-up {setup}") for (frfs, _), setup in zip(found, setups, strict=True)]
+    return replace(merge(parts, f"run {run.id}"), name=run.id), _joined([hits for _, hits in found])
+
+
+def _estimated(run: Run, options: dict[str, Any], progress: Progress) -> tuple[FrfSet, HitGallery | None]:
+    from ema import estimate
+
+    if run.kind == "hammer":
+        return estimate.hammer_test(run, **options, progress=progress)
+    verb = estimate.shaker if run.kind == "random" else estimate.sweep
+    return verb(run, **options, progress=progress), None
+
+
+def _setups(run: Run) -> dict[str, Run]:
+    """The run by set-up; labels are given to all records or to none, so the first one tells."""
+    records = run.recordings
+    if not records[0].setup:
+        return {"": run}
+    labels = [record.setup for record in records]
+    return {
+        label: replace(run, recordings=_chosen(records, [place for place, one in enumerate(labels) if one == label]))
+        for label in dict.fromkeys(labels)
+    }
+
+
+def _chosen(records: Sequence[Any], places: list[int]) -> Sequence[Any]:
+    """Some of the records, still read only when they are needed."""
+    from ema.data import Lazy
+
+    return Lazy([partial(records.__getitem__, place) for place in places])
+
+
+def _block(frfs: FrfSet, run: Run) -> int:
+    """Samples of the blocks behind the FRFs."""
+    return round(run.recordings[0].sampling_rate / frfs.frequency_step)
+
+
+def _joined(galleries: Sequence[HitGallery | None]) -> HitGallery | None:
+    """The blows of all set-ups; the force spectrum is that of the first one, the usable band that of the worst."""
+    present = [gallery for gallery in galleries if gallery is not None]
+    if not present:
+        return None
+    bands = [gallery.usable_band for gallery in present]
+    return replace(
+        present[0], hits=tuple(hit for gallery in present for hit in gallery.hits),
+        usable_band=(min(low for low, _ in bands), min(high for _, high in bands)),
+    )  # fmt: skip
