@@ -4,10 +4,13 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {
+    "circle_fit": "ema.fit.nyquist",
     "cmif": "ema.fit.cmif",
+    "local_fit": "ema.fit.single",
     "mode_indicator": "ema.fit.cmif",
     "modes": "ema.fit.modes",
     "multivariate_mode_indicator": "ema.fit.cmif",
+    "peak_picking": "ema.fit.peaks",
     "reconstruction_error": "ema.fit.modes",
     "stabilise": "ema.fit.stabilise",
 }

@@ -5,13 +5,11 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.errors import InputError
 from ema.fit import likelihood
-from ema.fit.likelihood import ModalFit
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.scaling import scale_to_unit_modal_mass
 from ema.fit.select import Selection, keep_picked, select

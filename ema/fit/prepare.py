@@ -68,17 +68,22 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     alive = values.any(axis=(0, 2))
     if not alive.any():
         raise InputError("all FRFs are zero", where=where, advice="check the response channels and the scaling")
-    values = values if alive.all() else values[:, alive]
+    driven = values.any(axis=(0, 1))
+    if not (alive.all() and driven.all()):
+        values = values[:, alive][:, :, driven]
+        variance = None if variance is None else variance[:, alive][:, :, driven]
     level = None
-    if variance is not None and np.all(np.isfinite(variance)) and np.all(np.median(variance[:, alive], axis=0) > 0):
-        level = noise.from_variance(np.asarray(variance)[:, alive])
+    if variance is not None and np.all(np.isfinite(variance)) and np.all(np.median(variance, axis=0) > 0):
+        level = noise.from_variance(np.asarray(variance))
     coherence = None if frfs.coherence is None else np.asarray(frfs.coherence)[frfs.frequencies > 0]
     if level is None and coherence is not None:
-        coherence = (coherence.transpose(0, 2, 1) if swapped else coherence)[:, alive]
+        coherence = (coherence.transpose(0, 2, 1) if swapped else coherence)[:, alive][:, :, driven]
         level = noise.from_coherence(values, coherence)
     if level is None:
         level = noise.from_differences(values)
     return Prepared(
-        frequencies, values, tuple(d for d, a in zip(dofs, alive, strict=True) if a), references,
-        DERIVATIVE_ORDER[frfs.quantity], level, swapped, tuple(d for d, a in zip(dofs, alive, strict=True) if not a),
+        frequencies, values, tuple(d for d, a in zip(dofs, alive, strict=True) if a),
+        tuple(r for r, d in zip(references, driven, strict=True) if d),
+        DERIVATIVE_ORDER[frfs.quantity], level, swapped, tuple(d for d, a in zip(dofs, alive, strict=True) if not a)
+        + tuple(r for r, d in zip(references, driven, strict=True) if not d),
     )  # fmt: skip

@@ -27,7 +27,8 @@ def stabilise(
     ----------
     frfs : the FRFs of the band to be analysed (``frfs.band(200, 1350)``); the shorter side serves as references.
     orders : model orders, counted as usual: an order gives half as many modes per reference. Odd orders count as the
-        next even one. Default: 2, 4, ... 60, or fewer where there are few lines.
+        next even one. Default: thirty orders up to 60 (up to 200 for a single reference), fewer where
+        there are few lines.
     tolerances : of frequency, damping and vector, for the letters.
 
     Raises
@@ -83,7 +84,9 @@ def _degrees(orders: Iterable[int] | None, data: Prepared) -> list[int]:
     lines, _, references = data.values.shape
     limit = max(1, lines // (2 * (references + 1)))
     if orders is None:
-        return list(range(1, min(30, limit) + 1))
+        # Few references need high orders for as many modes; thirty orders make a diagram.
+        top = min(max(30, 100 // references), limit)
+        return list(range(top, 0, -max(1, top // 30)))[::-1]
     degrees = sorted({(int(order) + 1) // 2 for order in orders})
     if not degrees or degrees[0] < 1:
         raise InputError(

@@ -1,0 +1,116 @@
+"""Candidates for modes: poles that persist over model orders, of the whole band and of narrow parts of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+
+from ema.data import PoleTable, damping_ratios, natural_frequencies
+from ema.fit import likelihood, lscf
+from ema.fit.likelihood import ModalFit, Observations
+from ema.fit.prepare import Prepared
+
+HEAVIEST = 0.20
+"""Damping ratio above which a pole describes the background, not a mode."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Clusters of poles over the model orders: representative, participation, share of orders in which it shows."""
+
+    poles: Complex[np.ndarray, "cluster"]
+    participation: Complex[np.ndarray, "in cluster"]
+    persistence: Float[np.ndarray, "cluster"]
+
+    def keep(self, rows: Bool[np.ndarray, "cluster"]) -> "Candidates":
+        """Some of the clusters."""
+        return Candidates(self.poles[rows], self.participation[:, rows], self.persistence[rows])
+
+    def joined(self, other: "Candidates") -> "Candidates":
+        """Both, without those of ``other`` that lie within their decay rate of one of these."""
+        distance = np.abs(other.poles[:, None] - self.poles[None, :])
+        reach = np.maximum(np.abs(other.poles.real)[:, None], np.abs(self.poles.real)[None, :])
+        new = other.keep(~np.any(distance < 0.5 * reach, axis=1))
+        return Candidates(
+            np.concatenate([self.poles, new.poles]),
+            np.concatenate([self.participation, new.participation], axis=1),
+            np.concatenate([self.persistence, new.persistence]),
+        )
+
+
+def cluster(
+    order: Int[np.ndarray, "pole"], poles: Complex[np.ndarray, "pole"], participation: Complex[np.ndarray, "pole in"]
+) -> Candidates:
+    """Follow poles from the highest order down to a third of it; each order gives a cluster one pole at most.
+
+    A pole joins the nearest cluster closer than half the sum of the two decay rates.
+    """
+    orders = np.unique(order)[::-1]
+    orders = orders[orders >= orders.max(initial=0) / 3]
+    members: list[list[int]] = []
+    for current in orders:
+        rows = np.flatnonzero((order == current) & (poles.real < 0))
+        if not members:
+            members = [[int(row)] for row in rows]
+            continue
+        centres = poles[[cluster[-1] for cluster in members]]
+        distance = np.abs(poles[rows][:, None] - centres[None, :])
+        reach = 0.5 * (np.abs(poles[rows].real)[:, None] + np.abs(centres.real)[None, :])
+        distance = np.where(distance <= reach, distance / reach, np.inf)
+        taken: set[int] = set()
+        for place in np.argsort(distance, axis=None):
+            row, centre = np.unravel_index(place, distance.shape)
+            if not np.isfinite(distance[row, centre]):
+                break
+            members[centre].append(int(rows[row]))
+            taken.add(int(row))
+            distance[row, :] = distance[:, centre] = np.inf
+        members += [[int(row)] for position, row in enumerate(rows) if position not in taken]
+    # The member of median damping speaks for the cluster: high orders split peaks, low orders widen them.
+    heads = [sorted(cluster, key=lambda row: -poles[row].real)[len(cluster) // 2] for cluster in members]
+    vectors = participation[heads].T
+    largest = vectors[np.argmax(np.abs(vectors), axis=0), np.arange(len(heads))] if len(heads) else 1
+    return Candidates(poles[heads], vectors / largest, np.array([len(c) / len(orders) for c in members], dtype=float))
+
+
+def of_table(table: PoleTable, added_decay: float) -> Candidates:
+    """Clusters of a pole table, moved to where an exponential window put the data."""
+    return cluster(table.order, table.poles - added_decay, table.participation)
+
+
+def zoom(prepared: Prepared, data: Observations, fit: ModalFit, share: int) -> Candidates:
+    """Persistent poles of narrow bands (``1/share`` of the whole, overlapping by half) that hold more than noise."""
+    profile, together = likelihood.residuals(data, fit)
+    lines, references = len(prepared.frequencies), prepared.values.shape[2]
+    width = max(lines // share, 24 * (references + 1))
+    found = Candidates(np.zeros(0, complex), np.zeros((references, 0), complex), np.zeros(0))
+    centres = data.s.imag / (2 * np.pi)
+    for first in range(0, max(lines - width // 2, 1), max(width // 2, 1)):
+        rows = slice(first, min(first + width, lines))
+        f = prepared.frequencies[rows]
+        within = (centres >= f[0]) & (centres <= f[-1])
+        # Products of independent residuals scatter around 0; four of their standard deviations are no accident.
+        doubt = 4 / np.sqrt(max(1, within.sum() * data.signals[:, :, 0].size))
+        misfit = together[within].sum() / max(np.sum(profile[within] ** 2), 1e-300) if within.any() else 0.0
+        if len(f) < 16 or misfit < max(0.05, doubt):
+            continue
+        top = int(np.clip(len(f) // (2 * (references + 1)), 2, 24))
+        degrees = range(max(1, top // 3), top + 1, max(1, top // 8))
+        weights = 1 / np.clip(prepared.noise.lines[rows], 0.2, 5.0)
+        outputs = lscf.principal_outputs(prepared.values[rows], weights, prepared.noise)
+        polynomials = lscf.normal_matrices(f, outputs, degrees, weights)
+        tables = [(degree, *lscf.poles(polynomials, degree)) for degree in degrees]
+        own = cluster(
+            np.concatenate([np.full(len(p), degree) for degree, p, _ in tables]),
+            np.concatenate([p for _, p, _ in tables]),
+            np.concatenate([v for _, _, v in tables]) * prepared.noise.references,
+        )
+        plausible = inside(own.poles, (float(f[0]), float(f[-1]))) & (damping_ratios(own.poles) <= HEAVIEST)
+        found = found.joined(own.keep(plausible & (own.persistence >= 0.5)))
+    return found
+
+
+def inside(poles: Complex[np.ndarray, "pole"], band: tuple[float, float]) -> Bool[np.ndarray, "pole"]:
+    """Which natural frequencies lie in a band (Hz)."""
+    frequencies = natural_frequencies(poles)
+    return (frequencies >= band[0]) & (frequencies <= band[1])
