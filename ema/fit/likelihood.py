@@ -30,10 +30,10 @@ NARROWEST = 0.3
 class Observations:
     """Weighted FRFs, outputs rotated onto the directions that stand out of the noise.
 
-    Lines far from every pole are averaged in bins: ``s`` (freq,) is the centre of a bin, ``spread`` (freq,) the variance
-    of its angular frequencies. ``signals`` (in, out, 2 freq): real and imaginary parts interleaved, divided by the noise; ``factor`` (freq,) is
-    ``s^q`` over the noise of the line, by which every basis function is multiplied; ``rest`` are the poles of the
-    unobserved modes.
+    Lines far from every pole are averaged in bins: ``s`` (freq,) is the centre of a bin, ``spread`` (freq,) the
+    variance of its angular frequencies. ``signals`` (in, out, 2 freq): real and imaginary parts interleaved, divided by
+    the noise; ``factor`` (freq,) is ``s^q`` over the noise of the line, by which every basis function is multiplied;
+    ``rest`` are the poles of the unobserved modes.
     """
 
     s: Complex[np.ndarray, "freq"]
@@ -72,7 +72,7 @@ class ModalFit:
 def bins(
     frequencies: Float[np.ndarray, "freq"], poles: Complex[np.ndarray, "pole"], fineness: float = 0.1
 ) -> Int[np.ndarray, "bin"]:
-    """First lines of bins no wider than ``fineness`` times the distance to the nearest pole, nor than 1/400 of the band.
+    """First lines of bins, none wider than ``fineness`` times the distance to the nearest pole or 1/400 of the band.
 
     There the model is so smooth that the mean over the bin holds all that its lines hold.
     """
@@ -371,8 +371,8 @@ def reweighted(
 
 
 def residuals(data: Observations, fit: ModalFit) -> tuple[Float[np.ndarray, "freq"], Float[np.ndarray, "freq"]]:
-    """Weighted residual over all (rotated) FRFs: its root mean square in each bin, and its product with that of the next
-    bin, which noise leaves near 0 and a misfit near the square.
+    """Weighted residual over all (rotated) FRFs: its root mean square in each bin, and its product with that of the
+    next bin, which noise leaves near 0 and a misfit near the square.
     """
     references, outputs, _ = data.signals.shape
     columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 2, data.reference_weights)
@@ -424,18 +424,20 @@ def trial_products(
     modes, count = len(fit.poles), len(trials)
     columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 2, data.reference_weights)
     known = np.concatenate([np.arange(2 * modes), np.arange(4 * modes, columns.shape[1])])
-    own, overlap, cross = 0.0, 0.0, 0.0
+    own = np.zeros((count, 2, 2))
+    overlap = np.zeros((2 * count, len(known)))
+    cross = np.zeros((2 * count, references * outputs))
     for first in range(0, len(data.s), _CHUNK):
         rows = slice(first, first + _CHUNK)
         trial = _base(data, rows, trials)[: 2 * count]
         pairs = trial.reshape(count, 2, -1)
-        own = own + np.einsum("tak,tbk->tab", pairs, pairs, optimize=True)
-        overlap = overlap + trial @ _base(data, rows, fit.poles)[known].T
-        cross = cross + trial @ flat[:, 2 * first : 2 * (first + _CHUNK)].T
+        own += np.einsum("tak,tbk->tab", pairs, pairs, optimize=True)
+        overlap += trial @ _base(data, rows, fit.poles)[known].T
+        cross += trial @ flat[:, 2 * first : 2 * (first + _CHUNK)].T
     mixing = columns[:, known, :linear]
-    overlap = np.stack([weight * (overlap @ m) for weight, m in zip(data.reference_weights, mixing, strict=True)], 1)
-    cross = cross.reshape(count, 2, references, outputs) * data.reference_weights[:, None]
-    return own, overlap.reshape(count, 2, references, linear), cross
+    weighted = [weight * (overlap @ m) for weight, m in zip(data.reference_weights, mixing, strict=True)]
+    products = cross.reshape(count, 2, references, outputs) * data.reference_weights[:, None]
+    return own, np.stack(weighted, 1).reshape(count, 2, references, linear), products
 
 
 def linear_unknowns(data: Observations, fit: ModalFit) -> Float[np.ndarray, "column out"]:

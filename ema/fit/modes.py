@@ -70,10 +70,13 @@ def _picked(table: PoleTable, near: Sequence[float] | None, index: Sequence[int]
         close = np.flatnonzero(distance <= max(0.01 * wanted, 1e-12))
         if not len(close):
             raise InputError(
-                "no pole near the wanted frequency", where=where, got=f"{wanted:g} Hz",
+                "no pole near the wanted frequency",
+                where=where,
+                got=f"{wanted:g} Hz",
                 expected=f"a frequency within 1 % of a pole; the nearest is {frequencies[np.argmin(distance)]:.6g} Hz"
-                if len(frequencies) else "a pole table that is not empty",
-            )  # fmt: skip
+                if len(frequencies)
+                else "a pole table that is not empty",
+            )
         merit = np.isin(table.letter[close], ["s", "d", "v"]) * 1.0 + table.order[close] / table.order.max()
         rows.append(int(close[np.argmax(merit - distance[close] / (0.01 * wanted))]))
     return rows
@@ -163,7 +166,7 @@ def _findings(band: FrfSet, data: Prepared, chosen: Selection) -> tuple[Finding,
                 f"All FRFs of {', '.join(map(str, data.dead[:6]))} are zero; they were left out.",
                 value=float(len(data.dead)),
                 advice="Check the cable and the channel table.",
-            )  # fmt: skip
+            )
         )
     for drop in chosen.dropped[-_NAMED:]:
         frequency, damping = natural_frequencies(np.array([drop.pole]))[0], damping_ratios(np.array([drop.pole]))[0]
@@ -175,7 +178,7 @@ def _findings(band: FrfSet, data: Prepared, chosen: Selection) -> tuple[Finding,
                 f"A pole at {frequency:.6g} Hz with {100 * damping:.3g} % damping was not taken: {drop.reason}.",
                 value=float(frequency),
                 advice="Name it with near=[...] if you know that it is a mode.",
-            )  # fmt: skip
+            )
         )
     if len(chosen.dropped) > _NAMED:
         found.append(
@@ -186,7 +189,7 @@ def _findings(band: FrfSet, data: Prepared, chosen: Selection) -> tuple[Finding,
                 f"{len(chosen.dropped) - _NAMED} more candidates were not taken: noise or misfit explains them.",
                 value=float(len(chosen.dropped) - _NAMED),
                 advice="Look at the stabilisation diagram.",
-            )  # fmt: skip
+            )
         )
     poles = chosen.fit.poles[chosen.is_mode]
     low, high = 2 * np.pi * data.frequencies[0], 2 * np.pi * data.frequencies[-1]
@@ -200,13 +203,18 @@ def _findings(band: FrfSet, data: Prepared, chosen: Selection) -> tuple[Finding,
                     "The band cuts through the peak of this mode.",
                     value=float(abs(pole) / 2 / np.pi),
                     advice="Widen the band by a few bandwidths for a trustworthy damping.",
-                )  # fmt: skip
+                )
             )
     if not len(poles):
         found.append(
-            Finding("warning", "no-modes", where, "No mode stands out of the noise in this band.",
-                    advice="Look at the coherence, and name frequencies with near=[...] to insist.")
-        )  # fmt: skip
+            Finding(
+                "warning",
+                "no-modes",
+                where,
+                "No mode stands out of the noise in this band.",
+                advice="Look at the coherence, and name frequencies with near=[...] to insist.",
+            )
+        )
     return tuple(found)
 
 

@@ -44,9 +44,12 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
         variance = None if variance is None else variance[keep]
     if len(frequencies) < fewest:
         raise InputError(
-            "too few frequency lines to fit modes", where=where, got=len(frequencies), expected=f"at least {fewest}",
+            "too few frequency lines to fit modes",
+            where=where,
+            got=len(frequencies),
+            expected=f"at least {fewest}",
             advice="widen the band or measure longer records",
-        )  # fmt: skip
+        )
     if np.any(np.diff(frequencies) <= 0):
         raise InputError(
             "the frequency axis does not increase", where=where, advice="sort the lines and drop repeated ones"
@@ -57,15 +60,17 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
         bad = ~np.isfinite(values)
         output, input_ = np.argwhere(bad.any(axis=0))[0]
         raise InputError(
-            "an FRF holds NaN or infinite values", where=f"{where}, {frfs.label(int(output), int(input_))}",
-            got=f"{int(bad.sum())} such values", advice="exclude the record that caused them, or fit a band without them",
-        )  # fmt: skip
+            "an FRF holds NaN or infinite values",
+            where=f"{where}, {frfs.label(int(output), int(input_))}",
+            got=f"{int(bad.sum())} such values",
+            advice="exclude the record that caused them, or fit a band without them",
+        )
     swapped = values.shape[1] < values.shape[2]
     dofs, references = (frfs.inputs, frfs.outputs) if swapped else (frfs.outputs, frfs.inputs)
     if swapped:
         values = values.transpose(0, 2, 1)
         variance = None if variance is None else variance.transpose(0, 2, 1)
-    alive = values.any(axis=(0, 2))
+    alive = np.count_nonzero(values, axis=(0, 2)) > 0
     if not alive.any():
         raise InputError("all FRFs are zero", where=where, advice="check the response channels and the scaling")
     driven = values.any(axis=(0, 1))
@@ -82,8 +87,13 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     if level is None:
         level = noise.from_differences(values)
     return Prepared(
-        frequencies, values, tuple(d for d, a in zip(dofs, alive, strict=True) if a),
+        frequencies,
+        values,
+        tuple(d for d, a in zip(dofs, alive, strict=True) if a),
         tuple(r for r, d in zip(references, driven, strict=True) if d),
-        DERIVATIVE_ORDER[frfs.quantity], level, swapped, tuple(d for d, a in zip(dofs, alive, strict=True) if not a)
+        DERIVATIVE_ORDER[frfs.quantity],
+        level,
+        swapped,
+        tuple(d for d, a in zip(dofs, alive, strict=True) if not a)
         + tuple(r for r, d in zip(references, driven, strict=True) if not d),
-    )  # fmt: skip
+    )

@@ -13,17 +13,20 @@ _DISAGREEMENT = 0.1
 def scale_to_unit_modal_mass(model: ModalModel) -> ModalModel:
     """Scale shapes so that ``R = phi phi^T / (2j w_d)``, from every DOF that is also a reference.
 
-    Several drive points are weighted by their motion; where they disagree by more than 10 % a finding says so. Without a
-    drive point the model stays unscaled and a finding says why.
+    Several drive points are weighted by their motion; where they disagree by more than 10 % a finding says so. Without
+    a drive point the model stays unscaled and a finding says why.
     """
     drive = match(model.inputs, model.dofs)
     if not drive or not len(model.poles):
         if drive:
             return replace(model, scaling="unit modal mass")
         note = Finding(
-            "info", "no-drive-point", model.name or "fit", "No reference is also a response, so shapes have no modal mass.",
+            "info",
+            "no-drive-point",
+            model.name or "fit",
+            "No reference is also a response, so shapes have no modal mass.",
             advice="Measure one drive point to scale the shapes.",
-        )  # fmt: skip
+        )
         return replace(model, findings=(*model.findings, note))
     omega = model.poles.imag
     references, rows, signs = (np.array(column) for column in zip(*drive, strict=True))
@@ -52,7 +55,7 @@ def scale_to_unit_modal_mass(model: ModalModel) -> ModalModel:
                         value=spread,
                         limit=_DISAGREEMENT,
                         advice="Check the sensitivities and directions at the drive points.",
-                    )  # fmt: skip
+                    )
                 )
     return replace(
         model,

@@ -40,7 +40,7 @@ def search(data: Observations, fit: ModalFit, band: tuple[float, float], rounds:
             typical = np.median(gain[:net].reshape(-1, len(_TRIAL_DAMPING)), axis=0) / (factor * freedom)
             required[:net] *= np.tile(np.maximum(typical, 1), net // len(_TRIAL_DAMPING))
             required[net:] *= max(1.0, float(typical.max()))
-            # What takes a fifth of the whole residual away is no decoration of a misfit: the skirts of a missed mode are.
+            # What takes a fifth of the whole residual away is no decoration of a misfit: it is a missed mode.
             required = np.minimum(required, max(0.2 * fit.cost, limit * factor))
         chosen = _apart(trials, gain / required, 3 if hidden else 1)
         if not chosen:

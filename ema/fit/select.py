@@ -160,8 +160,8 @@ def _observe(prepared: Prepared, candidates: Candidates) -> _State:
 def _reweight(state: _State, iterations: int) -> _State:
     """Take the noise of each bin from the residual and refine again; with few FRFs, from its neighbours too.
 
-    A residual that is correlated over lines is misfit: it may shape the weights within narrow limits only, or a peak that
-    is fitted badly would lose the weight that it takes to fit it well.
+    A residual that is correlated over lines is misfit: it may shape the weights within narrow limits only, or a peak
+    that is fitted badly would lose the weight that it takes to fit it well.
     """
     data = state.data
     profile, together = likelihood.residuals(data, state.fit)

@@ -37,7 +37,8 @@ def stabilise(
 
     References
     ----------
-    Guillaume et al., A poly-reference implementation of the least-squares complex frequency-domain estimator, IMAC 2003.
+    Guillaume et al., A poly-reference implementation of the least-squares complex frequency-domain estimator, IMAC
+    2003.
     """
     data = prepare(frfs)
     return stabilise_prepared(data, frfs, orders, tolerances, progress)
@@ -94,9 +95,10 @@ def _degrees(orders: Iterable[int] | None, data: Prepared) -> list[int]:
         )
     if degrees[-1] > limit:
         raise InputError(
-            "a model order is too high for the number of frequency lines", got=f"order {2 * degrees[-1]}, {lines} lines",
+            "a model order is too high for the number of frequency lines",
+            got=f"order {2 * degrees[-1]}, {lines} lines",
             expected=f"orders up to {2 * limit}",
-        )  # fmt: skip
+        )
     return degrees
 
 
