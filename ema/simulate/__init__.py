@@ -4,7 +4,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ema.simulate.control import controlled_snapback
     from ema.simulate.elements import beam
+    from ema.simulate.events import snapback_reference
     from ema.simulate.friction import (
         Coulomb,
         Dahl,
@@ -15,8 +17,11 @@ if TYPE_CHECKING:
         RegularisedMasing,
         register_law,
     )
+    from ema.simulate.harmonic import frf
+    from ema.simulate.hysteresis import identify, measured_loop
     from ema.simulate.inputs import Blow, Fault, RandomShakers, RovingHammer, SweptShaker
     from ema.simulate.loops import loop
+    from ema.simulate.maps import backbone, damping_map, resonance
     from ema.simulate.structure import assemble, double_beam
     from ema.simulate.transient import respond, snapback
     from ema.simulate.virtual import RingCell, VirtualRig
@@ -37,18 +42,27 @@ _NAMES = {
     "SweptShaker": "inputs",
     "VirtualRig": "virtual",
     "assemble": "structure",
+    "backbone": "maps",
     "beam": "elements",
+    "controlled_snapback": "control",
+    "damping_map": "maps",
     "double_beam": "structure",
+    "frf": "harmonic",
+    "identify": "hysteresis",
     "loop": "loops",
+    "measured_loop": "hysteresis",
     "register_law": "friction",
+    "resonance": "maps",
     "respond": "transient",
     "snapback": "transient",
+    "snapback_reference": "events",
 }
 
 __all__ = [
     "Blow", "Coulomb", "Dahl", "Fault", "Iwan", "LuGre", "Masing", "ParallelMasing", "RandomShakers",
-    "RegularisedMasing", "RingCell", "RovingHammer", "SweptShaker", "VirtualRig", "assemble", "beam",
-    "double_beam", "loop", "register_law", "respond", "snapback",
+    "RegularisedMasing", "RingCell", "RovingHammer", "SweptShaker", "VirtualRig", "assemble", "backbone", "beam",
+    "controlled_snapback", "damping_map", "double_beam", "frf", "identify", "loop", "measured_loop",
+    "register_law", "resonance", "respond", "snapback", "snapback_reference",
 ]  # fmt: skip
 
 

@@ -32,15 +32,18 @@ def contact_motion(row, wave, rate, mean, tide, pulse, t):
 
 
 @nb.njit(cache=True)
-def excess(slide, k, limit, rest, u, v):
-    """Positive once a spring has to change: a stuck one above its limit, a sliding one whose velocity reverses."""
+def excess(slide, k, limit, rest, u, v, blur, still):
+    """Positive once a spring has to change: a stuck one above its limit, a sliding one whose velocity reverses.
+
+    Displacements below ``blur`` and velocities below ``still`` are rounding.
+    """
     if slide == 0:
-        return abs(k * (u - rest)) - limit * (1.0 + 1e-11)
-    return -slide * v
+        return k * (abs(u - rest) - blur) - limit
+    return -slide * v - still
 
 
 @nb.njit(cache=True)
-def crossing(row, wave, rate, mean, tide, pulse, slide, k, limit, rest, low, high, start, end):
+def crossing(row, wave, rate, mean, tide, pulse, slide, k, limit, rest, blur, still, low, high, start, end):
     """Time in (low, high) at which a spring changes, by the Illinois form of false position on the exact motion."""
     if start >= 0.0:
         return low
@@ -49,7 +52,7 @@ def crossing(row, wave, rate, mean, tide, pulse, slide, k, limit, rest, low, hig
         if not low < middle < high:
             middle = 0.5 * (low + high)
         u, v = contact_motion(row, wave, rate, mean, tide, pulse, middle)
-        value = excess(slide, k, limit, rest, u, v)
+        value = excess(slide, k, limit, rest, u, v, blur, still)
         if value > 0.0:
             high, end = middle, value
             start *= 0.5
@@ -62,7 +65,7 @@ def crossing(row, wave, rate, mean, tide, pulse, slide, k, limit, rest, low, hig
 
 
 @nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
-def next_event(slip, wave, rate, mean, tide, pulse, contact, slide, k, limit, rest, horizon, spacing):
+def next_event(slip, wave, rate, mean, tide, pulse, contact, slide, k, limit, rest, horizon, spacing, blur, still):
     """First time up to ``horizon`` at which a spring sticks or slips, and that spring (-1: none)."""
     contacts, modes = slip.shape
     steps = max(int(np.ceil(horizon / spacing)), 1)
@@ -90,10 +93,11 @@ def next_event(slip, wave, rate, mean, tide, pulse, contact, slide, k, limit, re
         found, when = -1, horizon + 1.0
         for j in range(len(k)):
             i = contact[j]
-            after[j] = excess(slide[j], k[j], limit[j], rest[j], u[i], v[i])
+            after[j] = excess(slide[j], k[j], limit[j], rest[j], u[i], v[i], blur, still)
             if n > 0 and after[j] > 0.0:
                 at = crossing(
-                    slip[i], wave, rate, mean, tide, pulse, slide[j], k[j], limit[j], rest[j], (n - 1) * dt, n * dt,
+                    slip[i], wave, rate, mean, tide, pulse, slide[j], k[j], limit[j], rest[j], blur, still,
+                    (n - 1) * dt, n * dt,
                     before[j], after[j],
                 )  # fmt: skip
                 if at < when:

@@ -127,7 +127,7 @@ def LuGre(
     InputError : a negative damping, a static ratio below 1, a velocity that is not positive.
     """
     if min(bristle_damping, viscous) < 0 or static_ratio < 1 or not stribeck_velocity > 0:
-        raise InputError("not a LuGre model", 
+        raise InputError("not a LuGre model",
                          got=f"{bristle_damping=}, {viscous=}, {static_ratio=}, {stribeck_velocity=}",
                          expected="dampings of 0 or more, F_S/F_C of 1 or more, a positive velocity")  # fmt: skip
     parameters = (("bristle damping", float(bristle_damping)), ("viscous", float(viscous)),

@@ -3,15 +3,15 @@
 import numba as nb
 import numpy as np
 
-from ema.simulate.friction_kernels import LUGRE, step
+from ema.simulate.friction_kernels import step
 
 
 @nb.njit(cache=True)
 def contact_period(
-    i, amplitudes, basis, h, periods, k, limit, code, par, shares_k, shares_f, count, tables, user, z, z1, a, b, deviation,
-    jacobian, want,
+    i, amplitudes, basis, h, periods, k, limit, code, par, shares_k, shares_f, count, tables, user, z, z1, a, b,
+    deviation, jacobian, want,
 ):  # fmt: skip
-    """Deviation g = f - k u (sample,) of contact i over its last period, the friction loss per period, whether it slips.
+    """Deviation g = f - k u (sample,) of contact i over its last period, its loss per period, whether it slips.
 
     amplitudes (2 H,) of cos and sin; basis (sample, 2 H). ``jacobian`` (2 H, 2 H) receives d G / d amplitudes.
     """
@@ -26,9 +26,7 @@ def contact_period(
         last = period == periods - 1
         for n in range(samples):
             u = motion[n]
-            new, _ = step(
-                code, i, k, limit, par, shares_k, shares_f, count, tables, user, before, u, h, z, z1, a, b
-            )
+            new, _ = step(code, i, k, limit, par, shares_k, shares_f, count, tables, user, before, u, h, z, z1, a, b)
             first = period == 0 and n == 0
             if last:
                 lost += 0.5 * (new + force) * (u - before)
@@ -64,7 +62,7 @@ def contact_period(
 def contact_forces(
     amplitudes, basis, interval, periods, stiffness, limits, codes, par, shares_k, shares_f, counts, tables, user, want
 ):
-    """Fourier coefficients G (contact, 2 H) of the deviations, their Jacobian (contact, 2 H, 2 H), losses, who slips."""
+    """Fourier coefficients G (contact, 2 H) of the deviations, Jacobian (contact, 2 H, 2 H), losses, who slips."""
     contacts, size = amplitudes.shape
     samples = basis.shape[0]
     z = np.zeros(shares_k.shape)
@@ -89,6 +87,72 @@ def contact_forces(
             counts[i], tables, user, z, z1, a, b, deviation, target, want,
         )  # fmt: skip
         forces[i] = 2.0 / samples * (basis.T @ deviation)
+    return forces, jacobian, lost, slips
+
+
+@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+def masing_forces(amplitudes, basis, stiffness, limits, want):
+    """``contact_forces`` for contacts of one Masing spring: its state is the instant at which it last slid.
+
+    While it sticks, df/dU = k (T_now - T_last); while it slides, 0.
+    """
+    contacts, size = amplitudes.shape
+    samples = basis.shape[0]
+    forces, lost, slips = np.zeros((contacts, size)), np.zeros(contacts), np.zeros(contacts, np.bool_)
+    jacobian = np.zeros((contacts, size, size) if want else (1, 1, 1))
+    motion, deviation, run = np.empty(samples), np.empty(samples), np.empty(size)
+    for i in range(contacts):
+        k, limit = stiffness[i], limits[i]
+        for n in range(samples):
+            total = 0.0
+            for c in range(size):
+                total += basis[n, c] * amplitudes[i, c]
+            motion[n] = total
+        if k * np.abs(motion).max() <= limit:
+            continue
+        rest, last = 0.0, -1  # displacement without force; sample of the last sliding
+        for n in range(samples):
+            force = k * (motion[n] - rest)
+            if abs(force) > limit:
+                rest, last = motion[n] - np.sign(force) * limit / k, n
+        run[:] = 0.0
+        before = k * (motion[samples - 1] - rest)
+        loss = 0.0
+        for n in range(samples):
+            u = motion[n]
+            force = k * (u - rest)
+            sliding = abs(force) > limit
+            if sliding:
+                force = np.sign(force) * limit
+                loss += 0.5 * (force + before) * (u - force / k - rest)
+            if want:
+                if sliding:
+                    if last >= 0:
+                        for r in range(size):
+                            for c in range(size):
+                                jacobian[i, r, c] -= run[r] * basis[last, c]
+                        run[:] = 0.0
+                    for r in range(size):
+                        for c in range(size):
+                            jacobian[i, r, c] -= basis[n, r] * basis[n, c]
+                else:
+                    for r in range(size):
+                        run[r] += basis[n, r]
+            if sliding:
+                rest, last = u - force / k, n
+            deviation[n] = force - k * u
+            before = force
+        if want and last >= 0:
+            for r in range(size):
+                for c in range(size):
+                    jacobian[i, r, c] = 2.0 / samples * k * (jacobian[i, r, c] - run[r] * basis[last, c])
+        lost[i] = loss
+        for c in range(size):
+            total = 0.0
+            for n in range(samples):
+                total += basis[n, c] * deviation[n]
+            forces[i, c] = 2.0 / samples * total
+        slips[i] = True
     return forces, jacobian, lost, slips
 
 
@@ -149,12 +213,3 @@ def newton_matrix(gains, jacobian, moving):
         for c in range(size):
             out[j, c, place, c] += 1.0
     return out
-
-
-@nb.njit(cache=True)
-def has_memory_of_rate(codes):
-    """Whether a law depends on the velocity."""
-    for code in codes:
-        if code == LUGRE:
-            return True
-    return False

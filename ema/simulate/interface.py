@@ -33,7 +33,8 @@ def tangential_rows(
 ) -> Float[np.ndarray, "pair n"]:
     """Rows B of u = B x for one tangential direction: u = u2 + h2 phi2 - u1 + h1 phi1 (Eq. 2).
 
-    With U = u - zeta phi on every layer, the interface is at +h1 of the host and at -h2 of the beam above it.
+    With U = u - zeta phi on every layer, the interface is at +h1 of the host and at -h2 of the beam above it. A half
+    height of zero needs no rotation.
 
     Raises
     ------
@@ -46,8 +47,10 @@ def tangential_rows(
     for row, (node1, node2) in zip(rows, joint.pairs, strict=True):
         _entry(row, node2, direction, beam, offset, 1.0, joint.name)
         _entry(row, node1, direction, host, 0, -1.0, joint.name)
-        _entry(row, node2, _ROTATION[direction], beam, offset, upper, joint.name)
-        _entry(row, node1, _ROTATION[direction], host, 0, lower, joint.name)
+        if upper:
+            _entry(row, node2, _ROTATION[direction], beam, offset, upper, joint.name)
+        if lower:
+            _entry(row, node1, _ROTATION[direction], host, 0, lower, joint.name)
     return rows
 
 

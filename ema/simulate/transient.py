@@ -235,13 +235,16 @@ def solve(
     every = max(int(np.ceil(interval / 1e-4)), 1)
     rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
     run, stepper = integrate(problem, state, interval / every, every, samples, drive)
-    error, halving = np.inf, 0
+    error, halving, difference = np.inf, 0, np.nan
     while error > tolerance and halving < halvings:
         advance(progress, "time steps", halving, halvings)
         coarse, every, halving = run["q"] @ rows.T, 2 * every, halving + 1
         run, stepper = integrate(problem, state, interval / every, every, samples, drive)
         fine = run["q"] @ rows.T
-        error = float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
+        before, difference = difference, float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
+        # what all further halvings would add, were they to shrink like the last one
+        ratio = min(max(difference / before, 0.3), 0.8) if before > 0 else 0.5
+        error = difference * ratio / (1 - ratio)
     return _response(problem, drive, run, stepper, interval, error, tolerance)
 
 

@@ -1,6 +1,7 @@
 """Friction laws as increments: limits, order of loading, a law of the user's own, bad parameters."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -23,10 +24,10 @@ LAWS = [
 @settings(max_examples=25, deadline=None)
 @given(path=st.lists(st.floats(-2e-4, 2e-4), min_size=1, max_size=30))
 def test_no_law_leaves_its_limits_or_gives_energy_away(law, path):
-    u = np.concatenate([[0.0], np.repeat(path, 1), [0.0]])
+    u = np.concatenate([[0.0], path, [0.0]])
     forces = drive(law, u, FN)
     assert np.abs(forces).max() <= MU * FN * (1 + 1e-12)
-    fine = np.concatenate([np.linspace(a, b, 40) for a, b in zip(u[:-1], u[1:], strict=True)])
+    fine = np.concatenate([np.linspace(a, b, 40) for a, b in pairwise(u)])
     work = np.sum(0.5 * (drive(law, fine, FN)[1:] + drive(law, fine, FN)[:-1]) * np.diff(fine))
     assert work >= -1e-6 * MU * FN * 2e-4
 

@@ -138,7 +138,7 @@ def test_bad_matrices_get_a_sentence():
 
 
 def test_bad_beams_and_damping_get_a_sentence():
-    with pytest.raises(InputError, match="height = -0.005"):
+    with pytest.raises(InputError, match=r"height = -0\.005"):
         beam(0.5, 0.04, -0.005)
     with pytest.raises(InputError, match="needs elements"):
         beam(0.5, 0.04, 0.005, elements=0)

@@ -161,7 +161,7 @@ def test_most_of_the_slip_is_near_the_free_end(runs):
     density = run.dissipated / np.append(np.ones(19), 0.5)
     assert density[0] / density[-1] <= 0.2
     near_stick = runs[3000.0].slip_time
-    assert near_stick[:3].mean() < 0.5 * near_stick[8:12].mean()
+    assert near_stick[0] < 0.5 * near_stick[8:12].mean()
 
 
 def energy_integral(model, duration=1.5):
@@ -170,15 +170,25 @@ def energy_integral(model, duration=1.5):
     return float(np.sum(0.5 * (share[1:] + share[:-1])) * run.times[1])
 
 
-def test_more_force_near_the_tip_helps_below_the_optimum_and_hurts_near_it():
-    weights = np.arange(1, 21) / np.arange(1, 21).sum()
-    gains = {
-        force: 1 - energy_integral(double(force, force_shares=weights)) / energy_integral(double(force))
-        for force in (500.0, 1000.0, 4000.0)
-    }
-    assert gains[500.0] >= 0.10
-    assert gains[1000.0] >= 0.10
-    assert gains[4000.0] < 0
+AREAS = np.append(np.ones(19), 0.5)
+
+
+def gain(weights, force):
+    shares = AREAS * weights / (AREAS * weights).sum()
+    return 1 - energy_integral(double(force, force_shares=shares)) / energy_integral(double(force))
+
+
+def test_more_force_near_the_tip_helps_below_the_optimum():
+    """Pressure growing linearly towards the tip, integral of the energy over 1.5 s against uniform pressure."""
+    assert gain(np.arange(1, 21), 500.0) >= 0.10
+    assert gain(np.arange(1, 21), 1000.0) >= 0.10
+
+
+def test_pressing_the_outer_half_only_helps_first_and_hurts_near_the_optimum():
+    """The advice reverses between 500 N and 1 kN (the best uniform force is 1.2 kN) when the root is left open."""
+    outer = (np.arange(1, 21) > 10).astype(float)
+    assert gain(outer, 500.0) >= 0.10
+    assert gain(outer, 2000.0) < -0.10
 
 
 def test_homogeneity():
@@ -187,17 +197,15 @@ def test_homogeneity():
     np.testing.assert_allclose(two.displacements, 2 * one.displacements, atol=2e-6 * one.displacements.max())
 
 
-def test_regularised_rule_looks_like_material_damping_where_masing_is_stuck(runs):
-    """Residual energy after two seconds with m = 8: the tail of Eq. (5), not material damping."""
+def test_regularised_rule_looks_like_material_damping_where_masing_is_stuck():
+    """Energy left half a second after the release at 8 kN: the tail of Eq. (5), m = 8, is not material damping."""
     left = {}
-    for force in (3000.0, 8000.0):
-        run = snapback(double_beam(RegularisedMasing(MU, 1e9, 8), force), LOAD, TIP, 2.0, tolerance=3e-3)
+    for law in (RegularisedMasing(MU, 1e9, 8), Masing(MU, 1e9)):
+        run = snapback(double_beam(law, 8000.0), LOAD, TIP, 0.5, tolerance=1e-2)
         assert run.energy.error <= 1e-6
-        left[force] = run.energy.total[-1] / run.energy.total[0]
-    assert left[3000.0] == pytest.approx(0.08, abs=0.02)
-    assert left[8000.0] == pytest.approx(0.57, abs=0.04)
-    masing = runs[8000.0].energy.total[-1] / runs[8000.0].energy.total[0]
-    assert left[8000.0] < 0.75 * masing
+        left[law.name] = run.energy.total[-1] / run.energy.total[0]
+    assert left["masing"] == pytest.approx(0.87, abs=0.03)
+    assert left["regularised masing"] < 0.8 * left["masing"]
 
 
 def test_truncated_modes_with_static_correction_agree(runs):

@@ -1,0 +1,107 @@
+"""The event-driven mode against itself, the fast mode against it, and both against independent solvers.
+
+Structure and load as in Gaul, Roseira and Becker, Shock and Vibration 15 (2008) 291-298, with fewer elements where an
+independent solver has to follow.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ema.data import Damping
+from ema.errors import InputError
+from ema.simulate import Iwan, Masing, RegularisedMasing, double_beam, snapback, snapback_reference
+from ema.simulate.structure import assemble
+from ema.simulate.transient import prepare, released
+
+TIP = "beam 2:20:+Z"
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return {
+        force: snapback_reference(double_beam(Masing(0.3, 1e9), force), 20.0, TIP, 0.06, check=True)
+        for force in (1000.0, 8000.0)
+    }
+
+
+def test_reference_mode_converges_to_a_millionth_and_balances_its_energy(exact):
+    for run in exact.values():
+        assert run.error_estimate <= 1e-6
+        assert run.energy.error <= 1e-6
+        assert np.diff(run.energy.total).max() <= 1e-9 * run.energy.total[0]
+        assert np.abs(run.forces).max() <= 0.3 * 8000 / 19.5 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("force", [1000.0, 8000.0])
+@pytest.mark.parametrize("tolerance", [1e-3, 3e-4])
+def test_fast_mode_keeps_its_stated_error(exact, force, tolerance):
+    fast = snapback(double_beam(Masing(0.3, 1e9), force), 20.0, TIP, 0.06, tolerance=tolerance)
+    true = np.abs(fast.displacements - exact[force].displacements).max() / np.abs(fast.displacements).max()
+    assert true <= tolerance
+    assert true <= 2 * fast.error_estimate
+    np.testing.assert_allclose(fast.dissipated.sum(), exact[force].dissipated.sum(), rtol=0.02, atol=1e-6)
+
+
+def test_iwan_springs_in_both_modes():
+    model = double_beam(Iwan(0.3, 1e9, -0.5, 1.0, 6), 2000.0, elements=4)
+    tip = "beam 2:4:+Z"
+    exact = snapback_reference(model, 20.0, tip, 0.05)
+    fast = snapback(model, 20.0, tip, 0.05, tolerance=3e-4)
+    assert np.abs(fast.displacements - exact.displacements).max() <= 5e-4 * np.abs(exact.displacements).max()
+    assert exact.energy.error <= 1e-6
+
+
+def test_mass_proportional_damping_in_both_modes():
+    model = double_beam(Masing(0.3, 1e9), 1500.0, elements=4, damping=Damping(mass_factor=6.0))
+    tip = "beam 2:4:+Z"
+    exact = snapback_reference(model, 20.0, tip, 0.1)
+    fast = snapback(model, 20.0, tip, 0.1, tolerance=3e-4)
+    assert np.abs(fast.displacements - exact.displacements).max() <= 5e-4 * np.abs(exact.displacements).max()
+    assert exact.energy.damping[-1] == pytest.approx(fast.energy.damping[-1], rel=2e-3)
+
+
+def test_smooth_law_against_an_independent_high_order_solver():
+    """Eq. (5), m = 3, three elements: DOP853 on the first-order form of Eq. (1), tolerances 1e-10."""
+    law = RegularisedMasing(0.3, 2e7, 3)
+    model = double_beam(law, 400.0, elements=3, normal_stiffness=1e6, youngs_modulus=210e9)
+    tip = "beam 2:3:+Z"
+    problem = prepare(model, [tip])
+    start = released(problem, 20.0, problem.outputs[0])
+    system = assemble(model)
+    slip, k, top = system.contacts.slip, system.contacts.stiffness, system.contacts.limits
+    inverse = np.linalg.inv(system.mass)
+    n, c = len(system.dofs), len(k)
+
+    def rate(_, y):
+        x, v, f = y[:n], y[n : 2 * n], y[2 * n :]
+        rel = slip @ v
+        change = k * rel * (1 - np.where(rel * f > 0, np.abs(f / top) ** 3, 0.0))
+        return np.concatenate([v, inverse @ (-system.stiffness @ x - slip.T @ f), change])
+
+    x0 = problem.base.shapes @ start.q
+    duration, count = 0.02, 100
+    times = np.linspace(0, duration, count + 1)
+    solution = solve_ivp(
+        rate,
+        (0, duration),
+        np.concatenate([x0, np.zeros(n), start.f]),
+        "DOP853",
+        times,
+        rtol=1e-9,
+        atol=1e-12,
+        max_step=1e-5,
+    )
+    expected = system.row(tip) @ solution.y[:n]
+    fast = snapback(model, 20.0, tip, duration, tolerance=1e-5, sampling_rate=count / duration)
+    assert c == 3
+    assert np.abs(fast.displacements[0] - expected).max() <= 3e-5 * np.abs(expected).max()
+
+
+def test_the_reference_mode_says_what_it_does_not_take():
+    with pytest.raises(InputError, match="Masing-type laws only"):
+        snapback_reference(double_beam(RegularisedMasing(0.3, 1e9), 1000.0), 20.0, TIP, 0.01)
+    with pytest.raises(InputError, match="mass-proportional"):
+        snapback_reference(double_beam(Masing(0.3, 1e9), 1000.0, damping=Damping(ratio=0.01)), 20.0, TIP, 0.01)
+    with pytest.raises(InputError, match="duration"):
+        snapback_reference(double_beam(Masing(0.3, 1e9), 1000.0), 20.0, TIP, -1.0)

@@ -1,0 +1,222 @@
+"""Steady states: harmonic balance against closed forms, design rules and the time solvers.
+
+Rules R1, R2 and R5 for one mode with one Masing contact follow from power balance and Masing's describing function;
+Gaul, Roseira and Becker, Shock and Vibration 15 (2008) 291-298 for the double beam.
+"""
+
+import numpy as np
+import pytest
+
+from ema.data import BeamModel, Damping, Joint, Matrices
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.simulate import (
+    Dahl,
+    Iwan,
+    LuGre,
+    Masing,
+    RegularisedMasing,
+    backbone,
+    damping_map,
+    double_beam,
+    frf,
+    resonance,
+)
+from ema.simulate.events import Harmonic, run_reference
+from ema.simulate.harmonic import condense
+from ema.simulate.loops import dahl_area, masing_area, regularised_area
+from ema.simulate.maps import damping_rule, slip_force_rule
+from ema.simulate.transient import _State
+
+TIP = "beam 2:20:+Z"
+F0 = 100.0
+
+
+def oscillator(law, normal_force, damping=0.0):
+    """1 kg on a spring (100 Hz) that rubs against a wall."""
+    host = Matrices(np.diag([1.0, 1.0]), np.diag([(2 * np.pi * F0) ** 2, 1e9]), (Dof(1, "+X"), Dof(1, "+Z")))
+    wall = Matrices(np.diag([1e3, 1e3]), np.diag([1e16, 1e16]), (Dof(1, "+X", "wall"), Dof(1, "+Z", "wall")))
+    joint = Joint("contact", ((1, 1),), (0.0, 0.0), law, normal_force, 1.0)
+    return BeamModel(host, wall, (joint,), Damping(ratio=damping), "oscillator")
+
+
+def stiffness(kappa):
+    return kappa * (2 * np.pi * F0) ** 2
+
+
+def optimum(kappa, zeta, force=1.0):
+    """Slip force of most damping, that damping, and the slip force above which nothing slips."""
+    slip_forces = force * np.geomspace(0.2, 3.0, 40)
+    found = [
+        resonance(oscillator(Masing(1.0, stiffness(kappa)), f, zeta), force, "1:+X", "1:+X", (95, 106))
+        for f in slip_forces
+    ]
+    best = int(np.argmax([r.damping for r in found]))
+    return slip_forces[best], found[best].damping, kappa * force / (2 * zeta) / (1 + kappa)
+
+
+@pytest.mark.parametrize("kappa", [0.03, 0.09])
+def test_design_rules_of_one_mode(kappa):
+    zeta = 0.00638
+    slip_force, damping, stick = optimum(kappa, zeta)
+    added = damping - zeta
+    assert added == pytest.approx(damping_rule(stiffness(kappa), 1.0, F0), rel=0.03)
+    assert slip_force == pytest.approx(slip_force_rule(added, damping, 1.0, 1.0, 1.0), rel=0.15)
+    assert slip_force / stick == pytest.approx(0.5 * zeta / damping, rel=0.25)
+
+
+def test_below_pi_quarter_only_other_damping_bounds_the_response():
+    """Power balance at resonance: 4 F_C (A - x_c) = pi F_E A has a solution only for F_C > pi F_E / 4."""
+
+    def height(ratio, zeta):
+        model = oscillator(Masing(1.0, stiffness(0.05)), ratio, zeta)
+        return abs(resonance(model, 1.0, "1:+X", "1:+X", (98, 104)).amplitude)
+
+    assert height(0.70, 1e-4) > 5 * height(0.70, 1e-3)
+    assert height(0.90, 1e-4) < 2 * height(0.90, 1e-3)
+    expected = np.pi / 2 / stiffness(0.05) * 2
+    assert height(np.pi / 2, 1e-4) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("law", "area"),
+    [
+        (Masing(1.0, 4e5), masing_area),
+        (RegularisedMasing(1.0, 4e5, 8), lambda k, f, a: regularised_area(k, f, a, 8.0)),
+        (Dahl(1.0, 4e5), dahl_area),
+    ],
+    ids=["masing", "regularised", "dahl"],
+)
+def test_loop_areas_in_the_frequency_solver(law, area):
+    """A contact moved harmonically: its loss per period from the alternating frequency/time scheme."""
+    condensed = condense(oscillator(law, 30.0), 1.0, "1:+X", ["1:+X"], 1e-3, None)
+    amplitude = 2.5 * 30.0 / 4e5
+    motion = np.array([[amplitude, 0.0]])
+    *_, lost, slips = condensed.contact_forces(motion, condensed.limits, 2 * np.pi * F0, False, 400)
+    assert slips[0]
+    assert lost[0] == pytest.approx(area(4e5, 30.0, amplitude), rel=1e-6)
+
+
+def test_homogeneity_of_steady_states():
+    frequencies = np.linspace(16.0, 17.5, 6)
+    for law, same in ((Masing(0.3, 1e9), True), (LuGre(0.3, 1e9, 0.0, 0.0, 1.5, 1e-4), False)):
+        one = frf(double_beam(law, 30.0, elements=2), frequencies, 1.0, "beam 2:2:+Z", ["beam 2:2:+Z"])
+        two = frf(double_beam(law, 60.0, elements=2), frequencies, 2.0, "beam 2:2:+Z", ["beam 2:2:+Z"])
+        difference = np.abs(two.values[:, 0, 0] - 2 * one.values[:, 0, 0]).max() / np.abs(two.values[:, 0, 0]).max()
+        assert (difference < 1e-6) == same
+
+
+def steady(condensed, point, frequency):
+    """State of a model at the start of a period of its harmonic solution."""
+    omega, base = 2 * np.pi * frequency, condensed.problem.base
+    q = np.zeros(len(base.frequencies))
+    p = np.zeros_like(q)
+    for h in range(point.amplitudes.shape[1] // 2):
+        w = omega * (2 * h + 1)
+        pull = point.forces[:, 2 * h] - 1j * point.forces[:, 2 * h + 1]
+        load = (condensed.load if h == 0 else 0 * condensed.load) - base.slip.T @ pull
+        x = load / (base.frequencies**2 - w**2 + 1j * w * base.decay)
+        q, p = q + x.real, p - w * x.imag
+    motion = condensed.basis(point.amplitudes.shape[1] // 2, 4096) @ point.amplitudes.T
+    force = np.zeros(motion.shape[1])
+    before = np.zeros_like(force)
+    for u in np.concatenate([motion, motion, motion[:1]]):
+        force = np.clip(force + condensed.stiffness * (u - before), -condensed.limits, condensed.limits)
+        before = u
+    memory = np.zeros((len(force), 3))
+    memory[:, 0] = force
+    return _State(q, p, base.slip @ q, force, memory)
+
+
+@pytest.mark.parametrize("ratio", [10.0, 100.0, 300.0, 1000.0, 5000.0])
+def test_peaks_against_the_reference_mode(ratio):
+    """From well below to well above the optimum (about 250): the exact solver, started on the harmonic solution, stays."""
+    tip = "beam 2:6:+Z"
+    model = double_beam(Masing(0.3, 1e9), ratio, elements=6, damping=Damping(mass_factor=2.0))
+    peak = resonance(model, 1.0, tip, tip, (14.0, 34.0), tolerance=2e-3)
+    condensed = condense(model, 1.0, tip, [tip], 2e-3, None)
+    point = condensed.solve(peak.frequency)
+    periods = 16 if ratio < 200 else 10
+    run = run_reference(
+        condensed.problem, steady(condensed, point, peak.frequency), periods / peak.frequency, 64 * peak.frequency, None,
+        Harmonic(1.0, peak.frequency, condensed.driven),
+    )  # fmt: skip
+    last = run.displacements[0][-128:]
+    found = 2 / 128 * np.sum(last * np.exp(-2j * np.pi * np.arange(len(run.times) - 128, len(run.times)) / 64))
+    rows = np.array([condensed.problem.base.row(condensed.problem.system, tip)])
+    expected = condensed.outputs(2 * np.pi * peak.frequency, point, rows)[0, 0]
+    assert abs(found) == pytest.approx(abs(expected), rel=0.01)
+    assert peak.error_estimate <= 0.01
+
+
+def test_power_balance_and_error_estimates():
+    frequencies = np.linspace(14, 34, 25)
+    for force in (10.0, 1000.0, 4000.0):
+        found = frf(double_beam(Masing(0.3, 1e9), force, damping=Damping(ratio=0.003)), frequencies, 1.0, TIP, [TIP])
+        assert found.converged.all()
+        assert found.power_error <= 1e-4
+        assert found.error_estimate.max() <= 5e-3
+        assert not found.findings
+        assert len(found.orders) >= 2
+
+
+def test_cold_starts_need_no_guess():
+    """Single points from nothing, F_N/F_E from 0.1 to 10 000."""
+    generator = np.random.default_rng(7)
+    failed = []
+    for ratio in np.geomspace(0.1, 1e4, 16):
+        model = double_beam(Masing(0.3, 1e9), float(ratio), elements=6, damping=Damping(ratio=0.003))
+        condensed = condense(model, 1.0, "beam 2:6:+Z", ["beam 2:6:+Z"], 5e-2, None)
+        for frequency in generator.uniform(10, 40, 6):
+            if condensed.solve(float(frequency)) is None:
+                failed.append((ratio, frequency))
+    assert not failed
+
+
+@pytest.mark.parametrize(
+    "law", [RegularisedMasing(0.3, 1e9, 8), Iwan(0.3, 1e9, -0.5, 1.0, 12), Dahl(0.3, 1e9)], ids=lambda law: law.name
+)
+def test_other_laws_have_steady_states_too(law):
+    frequencies = np.linspace(28, 33, 11)
+    model = double_beam(law, 3000.0, elements=6, damping=Damping(ratio=0.003))
+    found = frf(model, frequencies, 1.0, "beam 2:6:+Z", ["beam 2:6:+Z"])
+    assert found.converged.all()
+    assert found.power_error <= 2e-3
+    assert np.all(found.friction_power > 0)
+
+
+def test_map_has_a_ridge_that_follows_the_force():
+    tip = "beam 2:4:+Z"
+    model = double_beam(Masing(0.3, 1e9), 100.0, elements=4, damping=Damping(ratio=0.003))
+    levels, forces = np.array([1.0, 2.0, 4.0]), np.array([50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 6400.0])
+    chart = damping_map(model, levels, forces, tip, tip, (14.0, 34.0))
+    assert chart.method == "frozen"
+    assert np.isfinite(chart.damping).all()
+    best = forces[np.argmax(chart.damping, axis=1)]
+    np.testing.assert_allclose(best / levels, best[0], rtol=1e-9)
+    assert chart.damping[0, 0] < 0.5 * chart.damping[0].max()
+    assert chart.damping[0, -1] < 0.5 * chart.damping[0].max()
+    np.testing.assert_allclose(chart.damping[1, 1], chart.damping[0, 0], rtol=1e-9)
+    assert chart.modal_amplitude[1, 1] == pytest.approx(2 * chart.modal_amplitude[0, 0], rel=1e-9)
+    power_law = model.with_law(Masing(0.3, 1e9, stiffness_exponent=0.5))
+    other = damping_map(power_law, levels[:2], forces[1:3], tip, tip, (14.0, 34.0))
+    assert abs(other.damping[1, 1] / other.damping[0, 0] - 1) > 1e-3
+
+
+def test_backbone_falls_from_stuck_to_sliding():
+    tip = "beam 2:4:+Z"
+    model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4, damping=Damping(ratio=0.003))
+    points = backbone(model, [0.1, 2.0, 60.0], tip, tip, (14.0, 34.0))
+    assert points[0].frequency > 1.7 * points[2].frequency
+    assert points[1].damping > 3 * max(points[0].damping, points[2].damping)
+
+
+def test_bad_numbers_get_a_sentence():
+    model = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
+    tip = "beam 2:2:+Z"
+    with pytest.raises(InputError, match="force = -1"):
+        frf(model, np.array([10.0]), -1.0, tip, [tip])
+    with pytest.raises(InputError, match="frequencies of excitation"):
+        frf(model, np.array([0.0, 1.0]), 1.0, tip, [tip])
+    with pytest.raises(InputError, match="not a band"):
+        resonance(model, 1.0, tip, tip, (20.0, 10.0))
