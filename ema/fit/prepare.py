@@ -70,7 +70,7 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     if swapped:
         values = values.transpose(0, 2, 1)
         variance = None if variance is None else variance.transpose(0, 2, 1)
-    alive = np.count_nonzero(values, axis=(0, 2)) > 0
+    alive: np.ndarray = np.count_nonzero(values, axis=(0, 2)) > 0
     if not alive.any():
         raise InputError("all FRFs are zero", where=where, advice="check the response channels and the scaling")
     driven = values.any(axis=(0, 1))
