@@ -13,12 +13,13 @@ from ema.data.provenance import Provenance
 from ema.data.recording import Channel, Recording
 from ema.data.response import Decay, EnergyBalance, HarmonicResponse, Loop, Response
 from ema.data.results import Expectation, ModeQuality, RunResult, StudyResult
+from ema.data.single import SingleMode
 from ema.data.source import Source
 
 __all__ = [
     "BeamModel", "Campaign", "Channel", "Condition", "Damping", "Decay", "EnergyBalance", "Excitation", "Expectation",
     "Finding", "FrfSet", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit", "HitGallery", "Joint", "JointForce",
     "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel", "ModeQuality", "PoleTable", "Provenance", "Recording",
-    "Repair", "Residuals", "Response", "Run", "RunResult", "Source", "StudyResult", "damping_ratios",
+    "Repair", "Residuals", "Response", "Run", "RunResult", "SingleMode", "Source", "StudyResult", "damping_ratios",
     "natural_frequencies", "poles_from",
 ]  # fmt: skip
