@@ -117,9 +117,17 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
         yield Item(path, entry.file, stated, entry.dofs)
         return
     pattern, names = _pattern(entry.file)
-    found = [path for path in _below(folder) if pattern.fullmatch(path.relative_to(folder).as_posix())]
+    fitting = [path for path in _below(folder) if pattern.fullmatch(path.relative_to(folder).as_posix())]
+    found = [path for path in fitting if path.is_file()]
+    # a pattern without a suffix, such as "*", may well match folders
+    if len(found) < len(fitting) and "." in entry.file.rpartition("/")[2]:
+        other = next(path for path in fitting if not path.is_file())
+        raise InputError(
+            "a folder where a file is expected" if other.is_dir() else "a link to a file that is not there",
+            where=where, got=str(other), advice=f"remove it, or narrow the pattern {entry.file}",
+        )  # fmt: skip
     if not found:
-        near = [path.relative_to(folder).as_posix() for path in _below(folder)][:5]
+        near = [path.relative_to(folder).as_posix() for path in _below(folder) if path.is_file()][:5]
         raise InputError(
             "no file matches the pattern", where=where, got=entry.file,
             expected=f"files in {folder}", advice="there are " + ", ".join(near) if near else "the folder is empty",
@@ -153,10 +161,10 @@ def _pattern(text: str) -> tuple[re.Pattern[str], list[str]]:
 
 
 def _below(folder: Path) -> list[Path]:
-    """The files in a folder and below it, hidden ones left out."""
+    """Everything in a folder and below it, hidden files and folders left out."""
     found = sorted(folder.rglob("*"))
     hidden = [any(part.startswith(".") for part in path.relative_to(folder).parts) for path in found]
-    return [path for path, out in zip(found, hidden, strict=True) if not out and path.is_file()]
+    return [path for path, out in zip(found, hidden, strict=True) if not out]
 
 
 def _plain(text: str) -> str:

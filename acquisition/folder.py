@@ -1,7 +1,8 @@
 """Open a campaign: a folder with ``campaign.toml`` and the files that it describes."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -217,7 +218,8 @@ class _Opening:
             for place, take in enumerate(takes):
                 name = item.label if len(takes) == 1 else f"{item.label}, {take.header.name or f'record {place + 1}'}"
                 here = f"{where}, {name}"
-                lines = lines_of_record(take.header.channels, table, item, self.axes, here)
+                with _telling_damage(self.files.findings(item.path, options)):
+                    lines = lines_of_record(take.header.channels, table, item, self.axes, here)
                 lines = self.repairs.lines(run.id, item, lines)
                 refuse_doubles(lines, here)
                 pieces.append(_Piece(item, name, take, lines, excluded))
@@ -249,6 +251,22 @@ class _Opening:
 
     def _note(self, channels: Any) -> None:
         self.dofs |= {channel.dof for channel in channels if channel.dof is not None}
+
+
+@contextmanager
+def _telling_damage(told: Sequence[Finding]) -> Iterator[None]:
+    """Where a damaged file does not fit the campaign, the damage is the reason to name."""
+    try:
+        yield
+    except InputError as error:
+        damage = [finding for finding in told if finding.severity == "error"]
+        if not damage:
+            raise
+        raise InputError(
+            f"the file is damaged ({damage[0].message.rstrip('.')})", where=error.where,
+            got=f"what is left does not fit: {error.what}, {error.got}", advice=damage[0].advice.rstrip(".")
+            or "export it again, or exclude it by a repair",
+        ) from error  # fmt: skip
 
 
 def _condition(run: RunTable, joints: tuple[JointForce, ...]) -> Condition:
@@ -312,6 +330,7 @@ def _refuse_odd_records(pieces: list[_Piece], where: str) -> None:
                     "mixed units in one run", where=f"{here}, channel {same.name}",
                     got=f"{line.channel.quantity} in {line.channel.unit}",
                     expected=f"{same.quantity} in {same.unit} as in {first.name}",
+                    advice="put it into a run of its own, or correct its unit by a repair",
                 )  # fmt: skip
 
 

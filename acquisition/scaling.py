@@ -250,7 +250,7 @@ def _conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, 
         if wanted not in (found.quantity, "voltage"):
             raise UnitError(
                 "the file and the channel table disagree about what is measured", where=where,
-                got=f"{found.unit} in the file", expected=f"the unit of a {wanted}",
+                got=f"{found.unit} in the file", expected=f"a unit of {wanted}",
             )  # fmt: skip
         return 1.0, 0.0, found.quantity, sensitivity, spec.sensitivity or spec.unit or found.unit
     if sensitivity is not None and (unit is None or in_volts):

@@ -196,6 +196,7 @@ def _refuse_other_kind(first: Part, part: Part, name: str) -> None:
         raise InputError(
             "mixed units", where=f"{name}, {part.file}", got=f"{part.frfs.quantity} in {part.frfs.unit}",
             expected=f"{first.frfs.quantity} in {first.frfs.unit} as in {first.file or 'the first file'}",
+            advice="put it into a run of its own, or correct its unit by a repair",
         )  # fmt: skip
     if first.frfs.added_decay != part.frfs.added_decay:
         raise InputError("files with different exponential windows", where=f"{name}, {part.file}")

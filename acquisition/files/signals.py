@@ -35,7 +35,8 @@ def rate_of(times: Float[np.ndarray, "sample"], where: str) -> float:
             expected=f"a constant step of {step:.6g} s",
             advice="resample the signals or cut the file at the gap",
         )
-    return nice_rate(float(step), 1e-6)
+    # both ends may be rounded by as much as any other value is off
+    return nice_rate(float(step), 1e-6 + 2 * float(off.max()) / float(times[-1] - times[0]))
 
 
 def nice_rate(step: float, tolerance: float) -> float:

@@ -16,6 +16,9 @@ from acquisition.files.layout import Layout
 from ema.data import Finding
 from ema.errors import InputError
 
+_MOST = 4096
+"""Lines that are read at once."""
+
 _TITLES = {
     "time": ("t", "time", "zeit", "x_value", "timestamp"),
     "frequency": ("f", "freq", "frequency", "frequenz"),
@@ -93,22 +96,35 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     delimiter, decimal = _dialect(lines, layout)
     segments: list[Segment] = []
     header: list[str] = []
-    rows: list[list[complex]] = []
+    rows: list[Any] = []  # blocks of one or many lines
     labels: list[str] = []
-    for line in [*lines, None]:
-        cells = None if line is None else _cells(line, delimiter, decimal)
-        label = ""
-        if cells is None and line is not None:
+    place, many = 0, _MOST
+    while place < len(lines):
+        columns = rows[0].shape[1] if rows else 0
+        if rows and not labels:
+            block = _block(lines[place : place + many], delimiter, decimal, columns)
+            if block is not None:
+                rows.append(block)
+                place, many = place + len(block), min(4 * many, _MOST)
+                continue
+            many = max(many // 4, 4)
+            if many > 4:
+                continue
+        line = lines[place]
+        cells, label = _cells(line, delimiter, decimal, columns), ""
+        if cells is None:
             label, cells = _labelled(line, delimiter, decimal)
-        follows = cells is not None and (not rows or (len(cells) == len(rows[0]) and bool(label) == bool(labels)))
-        if rows and not follows:
+        if rows and (cells is None or len(cells) != columns or bool(label) != bool(labels)):
             segments.append(_segment(header, rows, labels, delimiter))
-            header, rows, labels = [], [], []
+            header, rows, labels, many = [], [], [], _MOST
         if cells is not None:
-            rows.append(cells)
+            rows.append(np.array([cells]))
             labels += [label] if label else []
-        elif line is not None:
+        else:
             header.append(line)
+        place += 1
+    if rows:
+        segments.append(_segment(header, rows, labels, delimiter))
     longest = max((len(segment.values) for segment in segments), default=0)
     segments = [segment for segment in segments if len(segment.values) > 1 or longest == 1]
     if not segments:
@@ -116,8 +132,26 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     return segments
 
 
-def _segment(header: list[str], rows: list[list[complex]], labels: list[str], delimiter: str) -> Segment:
-    values = np.array(rows)
+def _block(lines: list[str], delimiter: str, decimal: str, columns: int) -> Any:
+    """Lines of ``columns`` plain numbers each, all at once; ``None`` where one of them is anything else."""
+    if delimiter == " ":
+        alike = all(len(line.split()) == columns for line in lines)
+    else:
+        alike = all(line.count(delimiter) == columns - 1 for line in lines)
+    text = delimiter.join(lines)
+    if not alike or (decimal == "," and "." in text):
+        return None
+    if decimal == ",":
+        text = text.replace(",", ".")
+    try:
+        numbers = list(map(float, text.split() if delimiter == " " else text.split(delimiter)))
+    except ValueError:
+        return None
+    return np.array(numbers).reshape(len(lines), columns)
+
+
+def _segment(header: list[str], rows: list[Any], labels: list[str], delimiter: str) -> Segment:
+    values = np.concatenate(rows)
     full = ~np.isnan(values).all(axis=0)
     titles = _titles(header, delimiter, values.shape[1])
     if not full.all() and not labels:
@@ -147,14 +181,17 @@ def _numbers(cells: list[str]) -> list[complex] | None:
     return numbers if any(cell.strip() for cell in cells) else None
 
 
-def _cells(line: str, delimiter: str, decimal: str) -> list[complex] | None:
-    """The numbers of a line, or ``None`` where the line holds anything else."""
+def _cells(line: str, delimiter: str, decimal: str, columns: int = 0) -> list[complex] | None:
+    """The numbers of a line, or ``None`` where the line holds anything else.
+
+    A delimiter at the end of the line closes it, unless the lines above have a column there.
+    """
     cells = line.split() if delimiter == " " else line.split(delimiter)
     if decimal == ",":
         if "." in line:
             return None
         cells = [cell.replace(",", ".") for cell in cells]
-    if delimiter != " " and len(cells) > 1 and not cells[-1].strip():
+    if delimiter != " " and len(cells) > 1 and len(cells) != columns and not cells[-1].strip():
         cells.pop()
     return _numbers(cells) if line[:1] != "_" else None
 

@@ -109,6 +109,7 @@ def fit(
 ) -> int:
     """Fit the modes of one run or file and print them."""
     from ema.cli import screen
+    from ema.estimate import without_dead
     from ema.study import Study, chain
     from ema.study.measured import frfs_of
     from ema.study.plain import modes
@@ -125,7 +126,7 @@ def fit(
         opened = study.open(bars)
         for one in [opened[name] for name in run] if run else opened.runs:
             frfs, hits = frfs_of(one, study.recipe.estimate, bars)
-            inside = frfs.band(*(settings.band or chain.default_band(frfs, hits)))
+            inside = without_dead(frfs.band(*(settings.band or chain.default_band(frfs, hits))))
             models[one.id] = chain.fitted(inside, settings, bars)[1]
     if write is not None:
         _write_modes(write, models, opened.geometry)

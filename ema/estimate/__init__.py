@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ema.estimate.calibrate import Calibration, known_mass
-    from ema.estimate.frf_checks import quality
+    from ema.estimate.frf_checks import quality, without_dead
     from ema.estimate.impact import hammer, hammer_test
     from ema.estimate.integrate import integrated, to_quantity
     from ema.estimate.levels import level_bins
@@ -23,11 +23,12 @@ _NAMES = {
     "shaker": "random_excitation",
     "sweep": "swept_sine",
     "to_quantity": "integrate",
+    "without_dead": "frf_checks",
 }
 
 __all__ = [
     "Calibration", "hammer", "hammer_test", "integrated", "known_mass", "level_bins", "quality", "shaker", "sweep",
-    "to_quantity",
+    "to_quantity", "without_dead",
 ]  # fmt: skip
 
 

@@ -54,7 +54,8 @@ def layout(recording: Recording, where: str) -> Layout:
             expected=f"{len(recording.channels)} channels",
         )  # fmt: skip
     if samples < 16:
-        raise InputError("the record is too short", where=where, got=f"{samples} samples", expected="at least 16")
+        raise InputError("the record is too short", where=where, got=f"{samples} samples", expected="at least 16",
+                         advice="exclude it by a repair, or measure again")  # fmt: skip
     if not recording.sampling_rate > 0:
         raise InputError("not a sampling rate", where=where, got=recording.sampling_rate, expected="more than 0 Hz")
     references, responses = recording.with_role("reference"), recording.with_role("response")

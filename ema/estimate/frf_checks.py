@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from ema.data import Finding, FrfSet, HitGallery, ModalModel
 from ema.dof import match
+from ema.errors import InputError
 
 LOW_COHERENCE = 0.8
 """Coherence at a resonance, and median over the band, below which a finding says so."""
@@ -47,6 +48,25 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
     if hits is not None:
         findings += _beyond_force(alive, hits, peaks)
     return tuple(findings)
+
+
+def without_dead(frfs: FrfSet) -> FrfSet:
+    """The FRFs without the outputs and inputs that are dead or not measured, so that a model can be fitted.
+
+    Raises
+    ------
+    InputError : none is left.
+    """
+    dead, findings = _dead(frfs)
+    if not dead.any():
+        return frfs
+    alive = _without(frfs, dead)
+    if alive is None:
+        raise InputError(
+            "no FRF is left to work with", where=f"run {frfs.name}" if frfs.name else "FRFs",
+            got="; ".join(finding.message.rstrip(".") for finding in findings), advice=findings[0].advice.rstrip("."),
+        )  # fmt: skip
+    return alive
 
 
 def _dead(frfs: FrfSet) -> tuple[np.ndarray, list[Finding]]:

@@ -70,7 +70,7 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     if swapped:
         values = values.transpose(0, 2, 1)
         variance = None if variance is None else variance.transpose(0, 2, 1)
-    alive: np.ndarray = np.count_nonzero(values, axis=(0, 2)) > 0
+    alive = np.asarray(np.count_nonzero(values, axis=(0, 2))) > 0
     if not alive.any():
         raise InputError("all FRFs are zero", where=where, advice="check the response channels and the scaling")
     driven = values.any(axis=(0, 1))
@@ -89,7 +89,7 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     return Prepared(
         frequencies,
         values,
-        tuple(d for d, a in zip(dofs, alive, strict=True) if a),
+        tuple(d for d, a in zip(dofs, alive.tolist(), strict=True) if a),
         tuple(r for r, d in zip(references, driven, strict=True) if d),
         DERIVATIVE_ORDER[frfs.quantity],
         level,

@@ -22,22 +22,30 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
     ------
     InputError : the run cannot be used, or a verb refuses its input.
     """
-    from ema.estimate import quality
+    from ema.estimate import quality, without_dead
 
     frfs, hits = frfs_of(run, estimate, progress)
     band = fit.band or default_band(frfs, hits)
     inside = frfs.band(*band)
-    poles, modes = fitted(inside, fit, progress)
+    alive = without_dead(inside)
+    poles, modes = fitted(alive, fit, progress)
     reconstruction = synthesis.frfs(
-        modes, inside.frequencies, inside.quantity, outputs=inside.outputs, inputs=inside.inputs
+        modes, alive.frequencies, alive.quantity, outputs=alive.outputs, inputs=alive.inputs
     )
-    reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=inside.unit)
+    reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=alive.unit)
     findings = unique(run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
     return RunResult(
-        run=run, frfs=frfs, poles=poles, modes=modes, quality=shapes.quality(modes.shapes),
-        reconstruction=reconstruction, reconstruction_error=relative_error(inside, reconstruction),
+        run=run, frfs=_like(frfs, alive), poles=poles, modes=modes, quality=shapes.quality(modes.shapes),
+        reconstruction=reconstruction, reconstruction_error=relative_error(alive, reconstruction),
         auto_mac=shapes.auto_mac(modes.shapes), hits=hits, findings=findings,
     )  # fmt: skip
+
+
+def _like(frfs: FrfSet, chosen: FrfSet) -> FrfSet:
+    """The outputs and inputs of ``chosen``, on all lines."""
+    if (frfs.outputs, frfs.inputs) == (chosen.outputs, chosen.inputs):
+        return frfs
+    return frfs.pick([frfs.outputs.index(dof) for dof in chosen.outputs], [frfs.inputs.index(d) for d in chosen.inputs])
 
 
 def default_band(frfs: FrfSet, hits: HitGallery | None) -> tuple[float, float]:

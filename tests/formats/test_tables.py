@@ -159,3 +159,35 @@ def test_labview_text_with_two_segments(tmp_path: Path, columns: str, mark: str)
         np.testing.assert_allclose(record.signals, [[1500, 2500, 3500], [-2, 3, 4]])
     assert ("Operator", "me") in contents.metadata
     assert contents.findings == ()
+
+
+def test_an_empty_cell_at_the_end_of_a_row_is_a_gap_in_its_column(tmp_path: Path) -> None:
+    rows = [f"{k / 1000},{k},{-k}" for k in range(100)]
+    rows[40] = "0.04,40,"
+    (tmp_path / "gap.csv").write_text("time [s],a [N],b [m/s^2]\n" + "\n".join(rows) + "\n")
+    (record,) = acquisition.read(tmp_path / "gap.csv").recordings
+    assert record.signals.shape == (2, 100)
+    assert np.flatnonzero(np.isnan(record.signals[1])).tolist() == [40]
+    assert not np.isnan(record.signals[0]).any()
+
+
+def test_a_rounded_time_column_gives_the_whole_rate(tmp_path: Path) -> None:
+    rows = [f"{k / 1024:.5f},{k % 7}" for k in range(3000)]
+    (tmp_path / "rounded.csv").write_text("time [s],a [N]\n" + "\n".join(rows) + "\n")
+    assert acquisition.read(tmp_path / "rounded.csv").recordings[0].sampling_rate == 1024.0
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_long_tables_are_read_at_once(tmp_path: Path, decimal: str) -> None:
+    import time
+
+    values = np.random.default_rng(0).normal(size=(51201, 3))
+    values[:, 0] = np.arange(51201) / 8
+    text = "Bench 7\nfrequency;real;imaginary\n" + "\n".join(";".join(f"{x:.9e}" for x in row) for row in values)
+    (tmp_path / "long.csv").write_text(text.replace(".", decimal) + "\n\nmean;1;2;3\n")
+    start = time.process_time()
+    contents = acquisition.read(tmp_path / "long.csv", frequency="frequency", real="real", imaginary="imaginary",
+                                unit="unstated")  # fmt: skip
+    spent = time.process_time() - start
+    np.testing.assert_allclose(contents.frfs[0].values[:, 0, 0], values[:, 1] + 1j * values[:, 2], rtol=1e-9)
+    assert spent < 0.5, "line by line it takes a second and more"

@@ -84,14 +84,26 @@ def from_text(header: Header, data: bytes) -> Function:
     """
     numbers = _fixed(data, widths(header))
     if numbers is None:
-        numbers = (
-            np.array(_exponents(data).split(), dtype=np.bytes_).astype(np.float64) if data.strip() else np.zeros(0)
-        )
+        numbers = _free(data)
     count = per_point(header)
     points = numbers[: min(len(numbers) // count, header.points) * count].reshape(-1, count)
     y = np.ascontiguousarray(points[:, -2:]).view(np.complex128)[:, 0] if header.is_complex else points[:, -1]
     x = points[:, 0] if not header.even else _even(header.start, header.step, len(points))
     return Function(header, x, y)
+
+
+def _free(data: bytes) -> Any:
+    """Numbers of text that does not keep to the columns."""
+    words = _exponents(data).split()
+    try:
+        return np.array(words, dtype=np.bytes_).astype(np.float64) if words else np.zeros(0)
+    except ValueError:
+        for word in words:
+            try:
+                float(word)
+            except ValueError:
+                raise ValueError(f"{word.decode('latin-1')[:40]!r} is no number") from None
+        raise
 
 
 def _exponents(data: bytes) -> bytes:
