@@ -73,7 +73,7 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     alive = np.asarray(np.count_nonzero(values, axis=(0, 2))) > 0
     if not alive.any():
         raise InputError("all FRFs are zero", where=where, advice="check the response channels and the scaling")
-    driven = values.any(axis=(0, 1))
+    driven = np.asarray(np.count_nonzero(values, axis=(0, 1))) > 0
     if not (alive.all() and driven.all()):
         values = values[:, alive][:, :, driven]
         variance = None if variance is None else variance[:, alive][:, :, driven]
@@ -90,10 +90,10 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
         frequencies,
         values,
         tuple(d for d, a in zip(dofs, alive.tolist(), strict=True) if a),
-        tuple(r for r, d in zip(references, driven, strict=True) if d),
+        tuple(r for r, d in zip(references, driven.tolist(), strict=True) if d),
         DERIVATIVE_ORDER[frfs.quantity],
         level,
         swapped,
-        tuple(d for d, a in zip(dofs, alive, strict=True) if not a)
-        + tuple(r for r, d in zip(references, driven, strict=True) if not d),
+        tuple(d for d, a in zip(dofs, alive.tolist(), strict=True) if not a)
+        + tuple(r for r, d in zip(references, driven.tolist(), strict=True) if not d),
     )
