@@ -11,6 +11,7 @@ import numpy as np
 
 from tests.bench.environments import NAMES
 from tests.bench.fit import OURS, RESULT
+from tests.bench.uff import RESULT as UFF
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TOLD = {
@@ -209,12 +210,76 @@ def selection(row: dict) -> str:
     return "\n\n".join([f"## {row['title'].capitalize()}", text, table(head, lines), misses(row["runs"]), stamp(row)])
 
 
+def universal_files(result: dict) -> str:
+    """Section about universal files on the page about speed."""
+    formats = [("58b, binary", result["58b"]), ("58, text", result["58"])]
+    peer = f"pyuff {result['machine']['pyuff']}"
+    lines = [
+        [title, number(own["read sets [MB/s]"]), number(own["pyuff read [MB/s]"]), number(own["write [MB/s]"]),
+         number(own["pyuff write [MB/s]"])]
+        for title, own in formats
+    ]  # fmt: skip
+    listed = [
+        [title.removeprefix("1 GB of "), f"{own['sets']:.0f}", f"{own['lines per set']:.0f}", number(own["list [ms]"]),
+         number(own["time to read sets / time to list"]), number(own["time to read to an FRF set / time to list"])]
+        for title, own in result.items()
+        if title.startswith("1 GB")
+    ]  # fmt: skip
+    return "\n\n".join(
+        [
+            f"## Universal files: 160 sets x 6401 complex lines, against {peer} in the same run",
+            table(["format", "read [MB/s]", f"{peer} reads", "write [MB/s]", f"{peer} writes"], lines),
+            "Listing the sets of a 1 GB file without reading their values:",
+            table(
+                ["format", "sets", "lines per set", "list [ms]", "reading the sets takes", "reading to FRFs takes"],
+                listed,
+            ),
+            "The last two columns are multiples of the time to list. From `python -m tests.bench.uff`.",
+        ]
+    )
+
+
+def hammer_tests(result: dict) -> str:
+    """Section about hammer tests on the page about speed."""
+    peer = f"sdypy-FRF {result['sdypy-FRF']['version']}"
+    blows = result["second blows"]
+    lines = [
+        ["clean blow, flagged", f"{blows['clean']['wrong']} of {blows['clean']['cases']}"],
+        ["second blow 2-30 ms after the first, missed", f"{blows['near']['wrong']} of {blows['near']['cases']}"],
+        ["second blow later in the block, missed", f"{blows['later']['wrong']} of {blows['later']['cases']}"],
+    ]
+    return "\n\n".join(
+        [
+            "## Hammer tests: 80 points x 5 blows x 2 responses x 16384 samples to FRFs",
+            table(
+                ["system", "processor time [s]"],
+                [
+                    ["friction-ema, with all verdicts", number(result["ours"]["cpu"])],
+                    [peer, number(result["sdypy-FRF"]["cpu"])],
+                ],
+            ),
+            "Second blows in signals with anti-alias ringing, sensor undershoot and noise, pulses of 0.3-5 ms:",
+            table(["case", "wrong"], lines),
+            f"{peer} flags {100 * result['sdypy-FRF']['clean blows flagged']:.0f} % of the clean blows. Seed {result['seed']}. "
+            "From `python -m tests.bench.hammer`.",
+        ]
+    )
+
+
 def main() -> None:
     """Write both pages."""
     rows = json.loads(RESULT.read_text())["rows"]
     cases = [row for key, row in rows.items() if key != "random"]
     chosen = [selection(rows["random"])] if "random" in rows else []
-    pages = {"speed.md": [SPEED, *map(speed, cases)], "accuracy.md": [ACCURACY, *map(accuracy, cases), *chosen]}
+    others = [
+        section(json.loads(file.read_text()))
+        for file, section in ((UFF, universal_files), (RESULT.with_name("hammer.json"), hammer_tests))
+        if file.exists()
+    ]
+    pages = {
+        "speed.md": [SPEED, *map(speed, cases), *others],
+        "accuracy.md": [ACCURACY, *map(accuracy, cases), *chosen],
+    }
     DOCS.mkdir(exist_ok=True)
     for page, sections in pages.items():
         (DOCS / page).write_text("\n\n".join(section.strip() for section in sections) + "\n", encoding="utf-8")
