@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ema.simulate.inputs import Blow, Fault, RandomShakers, RovingHammer, SweptShaker
     from ema.simulate.loops import loop
     from ema.simulate.maps import backbone, damping_map, resonance
+    from ema.simulate.plate_elements import plate_matrices
     from ema.simulate.structure import assemble, double_beam
     from ema.simulate.transient import respond, snapback
     from ema.simulate.virtual import RingCell, VirtualRig
@@ -51,6 +52,7 @@ _NAMES = {
     "identify": "hysteresis",
     "loop": "loops",
     "measured_loop": "hysteresis",
+    "plate_matrices": "plate_elements",
     "register_law": "friction",
     "resonance": "maps",
     "respond": "transient",
@@ -62,7 +64,7 @@ __all__ = [
     "Blow", "Coulomb", "Dahl", "Fault", "Iwan", "LuGre", "Masing", "ParallelMasing", "RandomShakers",
     "RegularisedMasing", "RingCell", "RovingHammer", "SweptShaker", "VirtualRig", "assemble", "backbone", "beam",
     "controlled_snapback", "damping_map", "double_beam", "frf", "identify", "loop", "measured_loop",
-    "register_law", "resonance", "respond", "snapback", "snapback_reference",
+    "plate_matrices", "register_law", "resonance", "respond", "snapback", "snapback_reference",
 ]  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from ema.data import FrictionLaw, Loop
 from ema.errors import InputError
-from ema.simulate.friction import pack, virgin_rate
+from ema.simulate.friction import PIECEWISE_LINEAR, pack, springs_of, virgin_rate
 
 
 def drive(
@@ -45,6 +45,37 @@ def drive(
             packed.codes, stiffness, limits, *packed.arguments[1:], np.ascontiguousarray(displacements), interval, state
         )
     )
+
+
+def drive_plane(
+    law: FrictionLaw, displacements: Float[np.ndarray, "2 sample"], normal_force: float
+) -> Float[np.ndarray, "2 sample"]:
+    """Friction force in N of one contact that is moved in its plane, from the unstressed state.
+
+    An isotropic law (Masing-type) returns radially to the circle of radius F_C; one with ``isotropic=False`` acts in x
+    and y on their own, as Gaul, Roseira and Becker (2008) divide it: up to sqrt(2) F_C on the diagonal.
+
+    Raises
+    ------
+    InputError : the law has no isotropic form.
+    """
+    if not law.isotropic:
+        return np.array([drive(law, np.ascontiguousarray(row), normal_force) for row in displacements])
+    if law.name not in PIECEWISE_LINEAR or not np.isfinite(law.contact_stiffness):
+        raise InputError("no isotropic form of this law", where=f"law {law.name}", got="isotropic=True",
+                         expected=", ".join(PIECEWISE_LINEAR), advice="use isotropic=False")  # fmt: skip
+    total = np.zeros_like(displacements, dtype=np.float64)
+    for share_k, share_f in zip(*springs_of(law), strict=True):
+        k, top = law.contact_stiffness * share_k, law.friction_coefficient * normal_force * share_f
+        force, before = np.zeros(2), np.zeros(2)
+        for n, u in enumerate(displacements.T):
+            force = force + k * (u - before)
+            size = float(np.hypot(*force))
+            if size > top:
+                force = force * (top / size)
+            before = u
+            total[:, n] += force
+    return total
 
 
 def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int = 4096, frequency: float = 1.0) -> Loop:

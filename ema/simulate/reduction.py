@@ -73,6 +73,9 @@ def modal_base(
             "not a background damping", where=system.name, got=settings, expected="0 <= ratio < 1, factor >= 0"
         )
     decay = 2 * settings.ratio * frequencies + settings.mass_factor
+    if system.decay is not None:
+        # the part of the host's damping that couples the modes is of second order for light damping
+        decay = decay + np.einsum("nr,n,nr->r", shapes, system.decay * np.diag(system.mass), shapes)
     return ModalBase(frequencies, decay, slip, shapes, seen > _UNCOUPLED * seen.max())
 
 

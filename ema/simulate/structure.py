@@ -10,6 +10,7 @@ from ema.dof import Dof, match
 from ema.errors import InputError
 from ema.simulate.elements import beam
 from ema.simulate.interface import normal_rows, tangential_rows
+from ema.simulate.modal_host import ModalCoordinates, modal_coordinates
 
 RIGID_FACTOR = 1000.0
 NO_DAMPING = Damping()
@@ -37,7 +38,9 @@ class Contacts:
 class System:
     """Matrices of the whole structure with normal, but without tangential coupling.
 
-    ``spacing`` is the distance of neighbouring node pairs in m, infinite where unknown.
+    The coordinates are the DOFs, or modes of a measured host followed by the DOFs of the beam: ``reach`` (dof,
+    coordinate) leads from them to the DOFs, ``None`` where they are the same. ``decay`` (coordinate,) in 1/s is the
+    damping a measured host brings. ``spacing`` is the distance of neighbouring node pairs in m, infinite where unknown.
     """
 
     mass: Float[np.ndarray, "n n"]
@@ -48,9 +51,11 @@ class System:
     spacing: float = float("inf")
     findings: tuple[Finding, ...] = ()
     name: str = ""
+    reach: Float[np.ndarray, "dof n"] | None = None
+    decay: Float[np.ndarray, "n"] | None = None
 
     def row(self, dof: Dof | str) -> Float[np.ndarray, "n"]:
-        """Unit vector of a DOF.
+        """Row of a DOF in the coordinates.
 
         Raises
         ------
@@ -65,7 +70,7 @@ class System:
             )  # fmt: skip
         row = np.zeros(len(self.dofs))
         row[found[0][1]] = found[0][2]
-        return row
+        return row if self.reach is None else row @ self.reach
 
 
 def pair_areas(joint: Joint) -> Float[np.ndarray, "pair"]:
@@ -155,20 +160,26 @@ def assemble(model: BeamModel) -> System:
     ------
     InputError : a joint or a matrix is not physical, a DOF that a joint needs is missing.
     """
-    if not isinstance(model.host, Matrices):
-        raise InputError("the host is a modal model", where=model.name, expected="matrices",
-                         advice="turn it into matrices with ema.simulate.modal_host")  # fmt: skip
     if not model.joints:
         raise InputError(
             "a model without joints", where=model.name, got="0 contact pairs", expected="at least one joint"
         )
     for joint in model.joints:
         _check_joint(joint)
-    parts = [model.host] if model.beam is None else [model.host, model.beam]
-    for part, matrices in zip(("host", "beam"), parts, strict=False):
-        check_matrices(matrices, f"{model.name} {part}".strip())
-    dofs = tuple(dof for matrices in parts for dof in matrices.dofs)
-    mass, stiffness = (_block_diagonal([getattr(p, name) for p in parts]) for name in ("mass", "stiffness"))
+    host = model.host if isinstance(model.host, Matrices) else modal_coordinates(model.host)
+    beam_part = [] if model.beam is None else [model.beam]
+    for part, matrices in zip(("host", "beam"), [host, *beam_part], strict=False):
+        if isinstance(matrices, Matrices):
+            check_matrices(matrices, f"{model.name} {part}".strip())
+    dofs = tuple(dof for matrices in (host, *beam_part) for dof in matrices.dofs)
+    mass, stiffness = (
+        _block_diagonal([getattr(p, name) for p in (host, *beam_part)]) for name in ("mass", "stiffness")
+    )
+    reach, decay = None, None
+    if isinstance(host, ModalCoordinates):
+        beam_size = len(dofs) - len(host.dofs)
+        reach = _block_diagonal([np.asarray(host.shapes), np.eye(beam_size)])
+        decay = np.concatenate([host.decay, np.zeros(beam_size)])
     split = len(model.host.dofs)
     beam_dofs = dofs[split:] if model.beam is not None else dofs
     offset = split if model.beam is not None else 0
@@ -181,6 +192,7 @@ def assemble(model: BeamModel) -> System:
     laws: list[FrictionLaw] = []
     for number, joint in enumerate(model.joints):
         gaps = normal_rows(joint, dofs[:split], beam_dofs, offset, len(dofs))
+        gaps = gaps if reach is None else gaps @ reach
         stiffness = stiffness + gaps.T @ (gaps * (joint.normal_stiffness * pair_areas(joint))[:, None])
         both = len(joint.directions) == 2 and joint.law.isotropic
         rows = [tangential_rows(joint, d, dofs[:split], beam_dofs, offset, len(dofs)) for d in joint.directions]
@@ -194,12 +206,16 @@ def assemble(model: BeamModel) -> System:
             laws += [joint.law] * count
             other = first + (1 - place) * count
             partners += [other + k if both else -1 for k in range(count)]
-    slip = np.vstack(slips)
+    slip = np.vstack(slips) if reach is None else np.vstack(slips) @ reach
+    findings_of_host = () if isinstance(host, Matrices) else host.findings
     held, findings = _rigid_contacts(slip, np.array(springs), mass, stiffness, model.name)
     contacts = Contacts(
         slip, held, np.array(limits), tuple(joints), tuple(partners), tuple(laws), np.array(shares)
     )  # fmt: skip
-    return System(mass, stiffness, dofs, contacts, model.damping, _spacing(model), findings, model.name)
+    return System(
+        mass, stiffness, dofs, contacts, model.damping, _spacing(model), (*findings, *findings_of_host), model.name,
+        reach, decay,
+    )  # fmt: skip
 
 
 def pair_counts(model: BeamModel, system: System) -> list[int]:
@@ -229,12 +245,11 @@ def _spacing(model: BeamModel) -> float:
 
 
 def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
-    size = sum(len(block) for block in blocks)
-    whole = np.zeros((size, size))
-    start = 0
+    height, width = (sum(block.shape[axis] for block in blocks) for axis in (0, 1))
+    whole, row, column = np.zeros((height, width)), 0, 0
     for block in blocks:
-        whole[start : start + len(block), start : start + len(block)] = block
-        start += len(block)
+        whole[row : row + block.shape[0], column : column + block.shape[1]] = block
+        row, column = row + block.shape[0], column + block.shape[1]
     return whole
 
 

@@ -1,0 +1,117 @@
+"""Rectangular Kirchhoff plate elements with nodes in the middle layer: bending (12 DOFs) and membrane (8 DOFs).
+
+Bending: the twelve-term polynomial of Adini, Clough and Melosh; membrane: bilinear plane stress. Two such plates are
+paired node to node in both tangential directions, as Gaul, Roseira and Becker (2008) generalise their beams.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import Matrices
+from ema.dof import Dof
+from ema.errors import InputError
+
+_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3), (3, 1), (1, 3))
+_CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
+_DIRECTIONS = ("+X", "+Y", "+Z", "-RY", "+RX")
+
+
+def _derivative(x: float, y: float, dx: int, dy: int) -> Float[np.ndarray, "12"]:
+    """Derivatives of the twelve polynomial terms at one point."""
+    row = np.zeros(12)
+    for term, (i, j) in enumerate(_POWERS):
+        if i >= dx and j >= dy:
+            factor = np.prod(np.arange(i, i - dx, -1)) * np.prod(np.arange(j, j - dy, -1))
+            row[term] = factor * x ** (i - dx) * y ** (j - dy)
+    return row
+
+
+def bending(
+    a: float, b: float, height: float, youngs_modulus: float, poisson: float, density: float
+) -> tuple[Float[np.ndarray, "12 12"], Float[np.ndarray, "12 12"]]:
+    """Mass and stiffness of an element a x b (m) for w, dw/dx, dw/dy at its corners."""
+    corners = [(a * i, b * j) for i, j in _CORNERS]
+    nodal = np.array([_derivative(x, y, *order) for x, y in corners for order in ((0, 0), (1, 0), (0, 1))])
+    shape = np.linalg.inv(nodal)
+    rigidity = youngs_modulus * height**3 / (12 * (1 - poisson**2))
+    law = rigidity * np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
+    mass, stiffness = np.zeros((12, 12)), np.zeros((12, 12))
+    points, weights = np.polynomial.legendre.leggauss(4)
+    for x, wx in zip((points + 1) * a / 2, weights * a / 2, strict=True):
+        for y, wy in zip((points + 1) * b / 2, weights * b / 2, strict=True):
+            curvature = np.array([_derivative(x, y, 2, 0), _derivative(x, y, 0, 2), 2 * _derivative(x, y, 1, 1)])
+            deflection = _derivative(x, y, 0, 0)
+            stiffness += wx * wy * curvature.T @ law @ curvature
+            mass += wx * wy * density * height * np.outer(deflection, deflection)
+    return shape.T @ mass @ shape, shape.T @ stiffness @ shape
+
+
+def membrane(
+    a: float, b: float, height: float, youngs_modulus: float, poisson: float, density: float
+) -> tuple[Float[np.ndarray, "8 8"], Float[np.ndarray, "8 8"]]:
+    """Mass and stiffness of an element a x b (m) for u, v at its corners."""
+    tension = youngs_modulus * height / (1 - poisson**2)
+    law = tension * np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
+    mass, stiffness = np.zeros((8, 8)), np.zeros((8, 8))
+    points, weights = np.polynomial.legendre.leggauss(2)
+    for s, ws in zip((points + 1) / 2, weights / 2, strict=True):
+        for t, wt in zip((points + 1) / 2, weights / 2, strict=True):
+            value = np.array([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t])
+            by_x = np.array([-(1 - t), 1 - t, t, -t]) / a
+            by_y = np.array([-(1 - s), -s, s, 1 - s]) / b
+            strain = np.zeros((3, 8))
+            strain[0, ::2], strain[1, 1::2], strain[2, ::2], strain[2, 1::2] = by_x, by_y, by_y, by_x
+            field = np.zeros((2, 8))
+            field[0, ::2] = field[1, 1::2] = value
+            stiffness += ws * wt * a * b * strain.T @ law @ strain
+            mass += ws * wt * a * b * density * height * field.T @ field
+    return mass, stiffness
+
+
+def plate_matrices(
+    length: float,
+    width: float,
+    height: float,
+    youngs_modulus: float = 210e9,
+    poisson: float = 0.3,
+    density: float = 7850.0,
+    elements: tuple[int, int] = (10, 2),
+    clamped: bool = True,
+    part: str = "",
+) -> Matrices:
+    """A rectangular plate along +X and +Y; node ``i * (ny + 1) + j`` is the i-th in x and the j-th in y.
+
+    Parameters
+    ----------
+    length, width, height : m.
+    elements : number of elements in x and y.
+    clamped : whether the edge x = 0 is fixed; its DOFs are left out.
+
+    Raises
+    ------
+    InputError : a dimension or material constant is not physical, there is no element.
+    """
+    for name, value in (("length", length), ("width", width), ("height", height),
+                        ("youngs_modulus", youngs_modulus), ("density", density)):  # fmt: skip
+        if not value > 0 or not np.isfinite(value):
+            raise InputError("not a positive number", where=f"plate {part}".strip(), got=f"{name} = {value}",
+                             expected="above 0", advice="lengths in m, E in Pa, density in kg/m^3")  # fmt: skip
+    if not -1 < poisson < 0.5 or min(elements) < 1:
+        raise InputError("not a plate", where=f"plate {part}".strip(), got=f"nu {poisson}, {elements} elements",
+                         expected="-1 < nu < 0.5, one element or more each way")  # fmt: skip
+    nx, ny = elements
+    properties = (length / nx, width / ny, height, youngs_modulus, poisson, density)
+    blocks = (bending(*properties), membrane(*properties))
+    count = (nx + 1) * (ny + 1)
+    mass, stiffness = np.zeros((5 * count, 5 * count)), np.zeros((5 * count, 5 * count))
+    for i in range(nx):
+        for j in range(ny):
+            nodes = [(i + s) * (ny + 1) + j + t for s, t in _CORNERS]
+            bent = [5 * node + k for node in nodes for k in (2, 3, 4)]
+            flat = [5 * node + k for node in nodes for k in (0, 1)]
+            for rows, (m, k) in zip((bent, flat), blocks, strict=True):
+                mass[np.ix_(rows, rows)] += m
+                stiffness[np.ix_(rows, rows)] += k
+    keep = slice(5 * (ny + 1) if clamped else 0, None)
+    dofs = [Dof(node, direction, part) for node in range(count) for direction in _DIRECTIONS]
+    return Matrices(mass[keep, keep], stiffness[keep, keep], tuple(dofs[keep]))

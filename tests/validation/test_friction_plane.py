@@ -1,0 +1,131 @@
+"""Friction in two directions and plates with nodes in the middle layer.
+
+Gaul, Roseira and Becker, Shock and Vibration 15 (2008), Sec. 1: the tangential force is divided in x and y.
+"""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from ema.data import BeamModel, Joint
+from ema.errors import InputError
+from ema.simulate import Dahl, Masing, double_beam, snapback
+from ema.simulate.loops import drive_plane
+from ema.simulate.plate_elements import plate_matrices
+from ema.simulate.reduction import modal_base
+from ema.simulate.structure import assemble
+
+K, MU, FN = 1e6, 0.3, 100.0
+FC, XC = 30.0, 30e-6
+CIRCLE, BOX = Masing(MU, K), Masing(MU, K, isotropic=False)
+
+
+def work(law, path):
+    """Energy of the last of three cycles."""
+    forces = drive_plane(law, path, FN)
+    count = (path.shape[1] - 1) // 3
+    last = slice(-count - 1, None)
+    moved, mean = np.diff(path[:, last]), 0.5 * (forces[:, last][:, 1:] + forces[:, last][:, :-1])
+    return float((moved * mean).sum())
+
+
+def line(angle, amplitude, samples=4000):
+    s = amplitude * np.sin(2 * np.pi * np.linspace(0, 3, 3 * samples + 1))
+    return np.array([np.cos(angle) * s, np.sin(angle) * s])
+
+
+def test_the_circle_is_isotropic():
+    areas = [work(CIRCLE, line(angle, 2.5 * XC)) for angle in (0.0, 0.3, 0.7, 1.2)]
+    np.testing.assert_allclose(areas, areas[0], rtol=1e-9)
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    path = np.array([3 * XC * np.sin(np.linspace(0, 9, 900)), 2 * XC * np.cos(np.linspace(0, 13, 900)) - 2 * XC])
+    np.testing.assert_allclose(
+        drive_plane(CIRCLE, turn @ path, FN), turn @ drive_plane(CIRCLE, path, FN), atol=1e-9 * FC
+    )
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(2.0, 0.828), (5.0, 1.268)])
+def test_box_against_circle_on_the_diagonal(ratio, expected):
+    found = work(BOX, line(np.pi / 4, ratio * XC)) / work(CIRCLE, line(np.pi / 4, ratio * XC))
+    assert found == pytest.approx(expected, rel=0.005)
+
+
+def test_the_box_exceeds_the_slip_force_and_the_circle_does_not():
+    path = line(np.pi / 4, 5 * XC)
+    assert np.hypot(*drive_plane(BOX, path, FN)).max() == pytest.approx(np.sqrt(2) * FC, rel=1e-9)
+    assert np.hypot(*drive_plane(CIRCLE, path, FN)).max() == pytest.approx(FC, rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [1.5, 4.0, 20.0])
+def test_closed_form_on_a_circular_path(ratio):
+    """W = 2 pi F_C A sqrt(1 - (u_c/A)^2); the divided law dissipates more on large circles."""
+    found, box = [], []
+    for samples in (4000, 8000):
+        angle = 2 * np.pi * np.linspace(0, 3, 3 * samples + 1)
+        path = ratio * XC * np.array([np.cos(angle), np.sin(angle)])
+        found.append(work(CIRCLE, path))
+        box.append(work(BOX, path))
+    limit = 2 * found[1] - found[0]  # the return to the circle is of first order in the step
+    assert limit == pytest.approx(
+        2 * np.pi * FC * ratio * XC * np.sqrt(1 - 1 / ratio**2), rel=1e-6 if ratio < 10 else 1e-4
+    )
+    if ratio > 10:
+        assert box[1] > 1.1 * limit
+
+
+def test_laws_without_isotropic_form_say_so():
+    with pytest.raises(InputError, match="no isotropic form"):
+        drive_plane(Dahl(MU, K), line(0.0, XC, 10), FN)
+    model = strip(CIRCLE, ("X", "Y"))
+    with pytest.raises(InputError, match="isotropic"):
+        snapback(model, 20.0, "plate 2:5:+Z", 0.01)
+
+
+def strip(law, directions, elements=6):
+    lower, upper = (
+        plate_matrices(0.5, 0.04, 0.005, poisson=0.0, elements=(elements, 1), part=f"plate {number}")
+        for number in (1, 2)
+    )
+    pairs = tuple((node, node) for node in range(2, 2 * (elements + 1)))
+    areas = np.concatenate([np.ones(2 * (elements - 1)), [0.5, 0.5]])
+    joint = Joint("interface", pairs, (0.0025, 0.0025), law, 1000.0, 1e9, None, directions, areas / areas.sum())
+    return BeamModel(lower, upper, (joint,), name="strip")
+
+
+def test_a_strip_without_lateral_contraction_is_a_beam():
+    law = Masing(MU, 1e9, isotropic=False)
+    plate, beam = strip(law, ("X", "Y")), double_beam(law, 1000.0, elements=6)
+    along = modal_base(assemble(strip(law, ("X",)))).frequencies[0]
+    assert along == pytest.approx(modal_base(assemble(beam)).frequencies[0], rel=0.01)
+    flat = plate_matrices(0.5, 0.04, 0.005, poisson=0.0, elements=(12, 1))
+    first = np.sqrt(eigh(flat.stiffness, flat.mass, eigvals_only=True)[0]) / (2 * np.pi)
+    assert first == pytest.approx(16.710, rel=0.01)
+    # the same load, shared by both corners of the free edge, against the tip of the beam: same decay
+    one = snapback(beam, 20.0, "beam 2:6:+Z", 0.15)
+    two = snapback(plate, 20.0, "plate 2:12:+Z", 0.15, outputs=["plate 2:12:+Z", "plate 2:13:+Z"])
+    middle = two.displacements.mean(axis=0)
+    assert middle[0] == pytest.approx(one.displacements[0, 0], rel=0.01)
+    assert two.energy.error <= 1e-6
+    assert two.energy.friction[-1] == pytest.approx(one.energy.friction[-1], rel=0.05)
+
+
+def test_bad_plates_get_a_sentence():
+    with pytest.raises(InputError, match="height = 0"):
+        plate_matrices(0.5, 0.04, 0.0)
+    with pytest.raises(InputError, match=r"nu 0\.5"):
+        plate_matrices(0.5, 0.04, 0.005, poisson=0.5)
+
+
+def test_free_square_plate_converges_to_kirchhoff():
+    """13.468, 19.596, 24.270, 34.801 (nu 0.3): the element from below with the square of its size, extrapolated."""
+    expected = np.array([13.468, 19.596, 24.270, 34.801])
+    values = {}
+    for count in (6, 9):
+        flat = plate_matrices(1.0, 1.0, 0.001, elements=(count, count), clamped=False)
+        bend = [k for k, dof in enumerate(flat.dofs) if dof.axis not in ("X", "Y")]
+        squares = eigh(flat.stiffness[np.ix_(bend, bend)], flat.mass[np.ix_(bend, bend)], eigvals_only=True)
+        rigidity = 210e9 * 0.001**3 / (12 * (1 - 0.09))
+        values[count] = np.sqrt(squares[3:7] * 7850 * 0.001 / rigidity)
+    extrapolated = values[9] + (values[9] - values[6]) / ((9 / 6) ** 2 - 1)
+    np.testing.assert_allclose(values[9], expected, rtol=0.02)
+    np.testing.assert_allclose(extrapolated, expected, rtol=1e-3)
