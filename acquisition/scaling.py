@@ -1,6 +1,7 @@
 """From the channels of a file and the channel table to channels with DOFs, and the factors that make them SI."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -142,13 +143,13 @@ def rescaled(line: Line, new: str, was: str, where: str) -> Line:
     if line.channel.quantity not in (quantity, "unstated"):
         raise InputError(
             "a repair with a unit of another quantity", where=where, got=f"{new} ({quantity})",
-            expected=f"the unit of a {line.channel.quantity}",
+            expected=f"a unit of {line.channel.quantity}",
         )  # fmt: skip
     volts = _is_sensitivity(new)
     channel = replace(
-        line.channel, quantity=quantity, unit=SI_UNIT[quantity],
+        line.channel, quantity=quantity, unit=SI_UNIT[quantity],  # type: ignore[arg-type]
         sensitivity=1 / factor if volts else line.channel.sensitivity,
-    )  # type: ignore[arg-type]  # fmt: skip
+    )  # fmt: skip
     return replace(line, channel=channel, factor=line.factor * factor / old_factor, stated=new)
 
 
@@ -176,7 +177,7 @@ def _slots(present: tuple[Channel, ...], table: list[ChannelTable], where: str) 
             _by_name(present, name, where) for name in names
         ]
         names = names or [f"{spec.name} {row + 1}" if spec.name else present[row].name for row in rows]
-        directions = spec.directions or [spec.direction] * len(rows)
+        directions: list[Any] = [*spec.directions] or [spec.direction] * len(rows)
         slots += [_Slot(spec, name, row, towards) for name, row, towards in zip(names, rows, directions, strict=True)]
     return slots
 
@@ -188,7 +189,7 @@ def _slots_in_order(present: tuple[Channel, ...], specs: list[ChannelTable], rol
     slots: list[_Slot] = []
     for spec in specs:
         names = spec.names or [spec.name]
-        directions = spec.directions or [spec.direction] * len(names)
+        directions: list[Any] = [*spec.directions] or [spec.direction] * len(names)
         slots += [
             _Slot(spec, name, len(slots) + k, towards) for k, (name, towards) in enumerate(zip(names, directions))
         ]

@@ -31,10 +31,11 @@ Measurement = Annotated[
 ]
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool) -> bool:
     if wanted:
         print(f"friction-ema {ema.__version__}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()

@@ -2,6 +2,7 @@
 
 import platform
 import re
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -93,6 +94,7 @@ class Study:
         FailureError : something cannot be written.
         CancelledError : interrupted; finished runs are kept.
         """
+        make_folder(self.kept)  # a place that cannot be written is to be known before the work, not after it
         campaign = self.open(progress)
         runs = self._runs(campaign)
         finished: list[RunResult] = []
@@ -114,7 +116,6 @@ class Study:
         if resume and (known := _kept(path, made)) is not None:
             return replace(known, run=run)
         result = chain.analyse(run, self.recipe.estimate, self.recipe.fit, progress)
-        make_folder(self.kept)
         store.save(path, {"made": made, "result": replace(result, run=_without_signals(run))})
         return result
 
@@ -157,17 +158,19 @@ def light(result: StudyResult) -> StudyResult:
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder that results go to.
+    """Make the folder that results go to, and try it out.
 
     Raises
     ------
-    FailureError : it cannot be made.
+    FailureError : it cannot be made or written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         raise FailureError(
-            "the folder for the results cannot be made", where=str(folder), got=error.strerror,
+            "the folder for the results cannot be used", where=str(folder), got=error.strerror,
             advice="choose another one with --output",
         ) from error  # fmt: skip
 

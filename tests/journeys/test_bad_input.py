@@ -62,7 +62,7 @@ def test_the_campaign_is_sound_before_it_is_spoiled(tmp_path, command):
             lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3]),
             ("the file is damaged", "the file ends inside the data set", "no such channel", "'acc 2'", "Export"),
         ),
-        (lambda path: edited(path, b"    58b", b"    58x"), ("data set 3", "the header is damaged", "Export")),
+        (lambda path: edited(path, b"    58b", b"    58x"), ("the file is damaged", "no data set begins with '58x", "'hammer'", "Export")),
         (lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256))), ("in spite of its name", "\\x89PNG")),
         (lambda path: path.write_text("nothing to see here\n" * 9), ("no table of numbers", "nothing to see")),
     ],
@@ -109,12 +109,10 @@ def test_values_that_are_no_numbers(tmp_path, command, text):
     command("run", folder).says(2, "bare_2.uff, channel acc 2", "1 NaN or infinite", "sample 49", "leave out")
 
 
-def test_frfs_that_are_no_numbers(tmp_path, command):
+def test_frfs_that_are_no_numbers_are_not_written(tmp_path):
     values = frfs().values.copy()
     values[100, 3, 0] = np.nan
-    acquisition.write(tmp_path / "good.uff", frfs())
-    np.save(tmp_path / "bad.npy", values)
-    with pytest.raises(Exception, match="not finite|not numbers|NaN"):
+    with pytest.raises(Exception, match=r"not finite|not numbers|NaN"):
         acquisition.write(tmp_path / "bad.uff", replace(frfs(), values=values))
     assert not (tmp_path / "bad.uff").exists(), "half a file is worse than none"
 
@@ -147,7 +145,9 @@ def spoiled(change: Callable[[Recording], Recording], *places: int) -> list[Reco
 
 
 def test_missing_channels(tmp_path, command):
-    short = spoiled(lambda record: replace(record, signals=record.signals[:2], channels=record.channels[:2]), 1)
+    short = spoiled(
+        lambda one: replace(one, signals=one.signals[:2], channels=one.channels[:2], overloads=one.overloads[:2]), 1
+    )
     command("run", campaign(tmp_path, short)).says(
         2, "bare_2.uff", "no such channel", "'acc 2'", "one of hammer, acc 1", "channel table"
     )
@@ -164,8 +164,7 @@ def test_a_dead_response_is_a_finding_and_the_rest_is_fitted(tmp_path, command, 
     ended = command("run", campaign(tmp_path, spoiled(lambda record: with_signal(record, 2, level))))
     assert ended.status == 1 and ended.err == ""
     assert "error: run bare, 2:+Z/1:+Z" in ended.out and "the response channel is dead" in ended.out
-    for frequency in FREQUENCIES:
-        assert f"{frequency:.1f}" in ended.out
+    assert all(f"{frequency:.0f}." in ended.out for frequency in FREQUENCIES[1:]), "the other sensor's"
 
 
 def test_dead_responses_only(tmp_path, command):
@@ -255,7 +254,7 @@ def test_unequal_frequency_axes(tmp_path, command):
 def test_frfs_of_mixed_units(tmp_path, command):
     left, right = frfs().pick([0, 1]), replace(frfs().pick([2, 3]), quantity="mobility", unit="(m/s)/N")
     command("run", frf_campaign(tmp_path, left, right)).says(
-        2, "set_1.uff", "mixed units", "got mobility", "expected accelerance", "a run of its own"
+        2, "set_1.uff", "mixed units", "got mobility", "expected receptance", "a run of its own"
     )
 
 
@@ -273,8 +272,7 @@ def test_a_damaged_function_among_good_ones_is_a_finding(tmp_path, command):
     acquisition.write(path, frfs(), binary=True)
     whole = path.read_bytes()
     path.write_bytes(whole[:-2000])  # the last of eight functions is cut
-    ended = command("fit", path, "--band", 30, 190)
-    assert ended.status in (0, 2), ended.err
+    command("fit", path).says(2, "beam", "an FRF is missing", "no 4:+Z/2:+Z", "measure it")
     read = acquisition.read(path)
     assert any(finding.code == "damaged-set" and finding.severity == "error" for finding in read.findings)
     assert sum(one.values[0].size for one in read.frfs) == 7, "seven are kept"

@@ -132,7 +132,7 @@ def test_repairs_apply_in_their_order(tmp_path: Path) -> None:
         ('what = "move dof"\ndof = "5:+Z"\nto = "6:+Z"', "a repair matches nothing"),
         ('what = "reverse sign"\nchannel = "acc"\nfiles = "bare_*.h5"\nruns = ["bare", "beam"]', "nothing in run beam"),
         ('what = "reverse sign"\nchannel = "acc"\nruns = ["bear"]', "does not exist; got bear, expected one of bare, beam"),
-        ('what = "unit"\nchannel = "acc"\nunit = "N"', r"unit of another quantity; got N \(force\), expected the unit of a acc"),
+        ('what = "unit"\nchannel = "acc"\nunit = "N"', r"unit of another quantity; got N \(force\), expected a unit of acc"),
         ('what = "exclude record"\nfiles = "bare_*.h5"', "exclude every file of the run"),
         ('what = "swap points"\npoints = [1]', r"needs points = \[5, 6\]"),
         ('what = "polish"\nchannel = "acc"', "input should be 'swap points'"),

@@ -92,6 +92,15 @@ def _note(made: Gathered, where: str, entry: Entry, text: str) -> None:
         )  # fmt: skip
 
 
+def _whole(made: Gathered, entry: Entry, fetch: Fetch, where: str) -> bool:
+    """Whether all values of a function are there; ``fetch`` notes those that are too few."""
+    try:
+        return len(fetch(entry).y) == _header(entry).points
+    except ValueError as error:
+        made.findings.append(_problem(where, entry, str(error)))
+        return False
+
+
 def _take(header: Header) -> tuple[Any, ...]:
     """What channels of one record have in common."""
     return (header.points, header.even, header.start, header.step, header.version, header.abscissa.unit)
@@ -221,7 +230,11 @@ def _frf_sets(
         try:
             made.frfs.append(_frf_set(made, lines, key[-3], key[-2], left, fetch, name))
         except (ValueError, EmaError) as error:
-            made.findings.append(_problem(where, lines[0].entry, error.args[0] if error.args else str(error)))
+            whole = [line for line in lines if _whole(made, line.entry, fetch, where)]
+            if whole and len(whole) < len(lines):
+                blocks.extend((key, block) for block in _blocks(made, whole, where))
+            elif whole:
+                made.findings.append(_problem(where, lines[0].entry, error.args[0] if error.args else str(error)))
     if left:
         message = f"{len(left)} coherences belong to no FRF of the file."
         made.findings.append(Finding("info", "coherence-alone", where, message))

@@ -156,7 +156,9 @@ def _entry(window: _Window, offset: int, number: int, forms: _Forms) -> Entry | 
     first, start = window.line(offset)
     found = _NUMBER.match(first)
     if found is None:
-        return None
+        end = window.closing(start) if first.strip() and first.strip() != b"-1" else None
+        why = f"no data set begins with {first.decode('latin-1').strip()[:40]!r}"
+        return None if end is None else Entry(number, 0, False, start, start, end, why)
     kind, binary = int(found[1]), bool(found[2])
     if kind == 58:
         return _function(window, first, start, number, forms)

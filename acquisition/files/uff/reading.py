@@ -245,7 +245,7 @@ def _plain(file: ByteFile, entry: Entry, system: UnitSystem, gathered: _File) ->
                 for name, text in zip(_MODEL_FIELDS, texts)
                 if text and text.upper() not in ("NONE", "UNKNOWN")
             ]
-        elif entry.type not in _SILENT:
+        elif entry.type and entry.type not in _SILENT:
             what = f"type {entry.type}"
             gathered.skipped[what] = gathered.skipped.get(what, 0) + 1
     except mode_sets.NotAMode as other:
