@@ -54,7 +54,7 @@ def test_frequency(pair):
 
 
 def test_the_missing_exponential_decay_is_seen_and_measured(pair):
-    measured, computed = pair
+    measured, _ = pair
     late = (measured.times > 0.8) & (measured.times < 1.3)
     rates = [-np.polyfit(run.times[late], np.log(envelope(run)[late]), 1)[0] for run in pair]
     assert abs(rates[1]) < 0.1 * rates[0]
