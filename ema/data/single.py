@@ -55,7 +55,7 @@ class SingleMode:
     @property
     def pole(self) -> complex:
         """Pole in rad/s with positive imaginary part."""
-        return complex(poles_from(np.array(self.natural_frequency), np.array(self.damping_ratio)))
+        return complex(poles_from(np.array([self.natural_frequency]), np.array([self.damping_ratio]))[0])
 
     @property
     def modal_constants(self) -> Complex[np.ndarray, "out in"]:

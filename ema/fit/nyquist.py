@@ -8,9 +8,9 @@ spread over it: an angle ``theta_r - 2 atan((w/w_r - w_r/w) / (2 zeta))`` about 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import Finding, FrfSet, SingleMode, poles_from
+from ema.data import Finding, FrfSet, SingleMode
 from ema.errors import InputError
-from ema.fit.peaks import find_peak, receptance, without_decay
+from ema.fit.peaks import find_peak, pole_of, receptance, without_decay
 
 _SCATTER = 0.1
 """Relative scatter of the damping over pairs of lines from which on the circle is not that of one linear mode."""
@@ -56,7 +56,7 @@ def circle_fit(frfs: FrfSet, near: float, output: int = 0, input_: int = 0, band
     natural = resonance / (2 * np.pi)
     residue = np.full((1, 1), np.nan + 0j)
     if np.isfinite(damping_mean):
-        pole = complex(poles_from(np.array(natural), np.array(damping_mean)))
+        pole = pole_of(natural, damping_mean)
         residue[0, 0] = constant / (2j * pole.imag)
         natural, damping_mean = without_decay(pole, frfs.added_decay)
     return SingleMode(

@@ -121,7 +121,7 @@ def _pick(
     residues = np.full(values.shape[1:], np.nan + 0j)
     if not trouble:
         damping, natural = half_power(peak)
-        pole = complex(poles_from(np.array(natural), np.array(damping)))
+        pole = pole_of(natural, damping)
         # At the top line the other term of the mode and everything else is small: quadrature.
         s = 2j * np.pi * frequencies[peak.line]
         residues = values[peak.line] * (s - pole)
@@ -144,8 +144,13 @@ def half_power(peak: Peak) -> tuple[float, float]:
 
 def without_decay(pole: complex, added_decay: float) -> tuple[float, float]:
     """Natural frequency in Hz and damping ratio of a pole, after the decay that a window added is taken off."""
-    corrected = np.array(pole + added_decay)
-    return float(natural_frequencies(corrected)), float(damping_ratios(corrected))
+    corrected = np.array([pole + added_decay])
+    return float(natural_frequencies(corrected)[0]), float(damping_ratios(corrected)[0])
+
+
+def pole_of(natural_frequency: float, damping_ratio: float) -> complex:
+    """Pole in rad/s of a natural frequency in Hz and a damping ratio."""
+    return complex(poles_from(np.array([natural_frequency]), np.array([damping_ratio]))[0])
 
 
 def find_peak(

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float, Inexact, Int
 
-from ema.data import Finding, FrfSet, SingleMode, poles_from
+from ema.data import Finding, FrfSet, SingleMode
 from ema.errors import InputError
-from ema.fit.peaks import FEWEST, Peak, find_peak, half_power, receptance, without_decay
+from ema.fit.peaks import FEWEST, Peak, find_peak, half_power, pole_of, receptance, without_decay
 from ema.units import DERIVATIVE_ORDER
 
 _MISFIT = 0.05
@@ -81,7 +81,7 @@ def _first_pole(peak: Peak, frequencies: Float[np.ndarray, "freq"]) -> complex:
         step = float(np.median(np.diff(frequencies)))
         width = peak.width if np.isfinite(peak.width) else step
         damping, natural = max(width, 0.5 * step) / (2 * peak.top), peak.top
-    return complex(poles_from(np.array(natural), np.array(min(damping, 0.5))))
+    return pole_of(natural, min(damping, 0.5))
 
 
 def _settle(frfs: FrfSet, pole: complex, bandwidths: float) -> tuple[_Fit, Int[np.ndarray, "line"], float, bool]:
@@ -203,7 +203,7 @@ def _quadrature(
     # zeta = A / (2 w_r^2 |X/F|) for light damping; exact with zeta = sin(a): the top is 1 / sin 2a over w_r^2.
     double = np.arctan(1 / ((2 * np.pi * peak.top) ** 2 * np.sqrt(peak.power)))
     natural, damping = peak.top / np.sqrt(np.cos(double)), np.sin(0.5 * double)
-    return without_decay(complex(poles_from(np.array(natural), np.array(damping))), frfs.added_decay)[1]
+    return without_decay(pole_of(natural, damping), frfs.added_decay)[1]
 
 
 def _findings(where: str, residual: float, enough: bool) -> tuple[Finding, ...]:
