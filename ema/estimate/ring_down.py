@@ -38,7 +38,7 @@ class RingDown:
 
 
 def ring_down(
-    blocks: Sequence[tuple[Float[np.ndarray, "out sample"], Float[np.ndarray, "out"], Float[np.ndarray, "out"]]],
+    blocks: Sequence[tuple[Float[np.ndarray, "out _"], Float[np.ndarray, "out"], Float[np.ndarray, "out"]]],
     sampling_rate: float,
 ) -> RingDown:
     """From blocks that begin at the trigger, with the mean and the rms noise of each response before it.

@@ -46,7 +46,7 @@ class Polynomials:
 
 def principal_outputs(
     values: Complex[np.ndarray, "freq out in"], weights: Float[np.ndarray, "freq"], noise: NoiseLevel
-) -> Complex[np.ndarray, "freq out in"]:
+) -> Complex[np.ndarray, "freq kept in"]:
     """FRFs over their noise, with the outputs rotated onto the directions whose energy exceeds that of noise alone.
 
     The floor is the median eigenvalue of the output correlation, widened by the Marchenko-Pastur edge of a noise matrix
