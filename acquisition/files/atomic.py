@@ -8,6 +8,7 @@ from tempfile import NamedTemporaryFile
 from typing import IO
 
 from ema.errors import FailureError, InputError
+from ema.store.atomic import mark, remove_abandoned
 
 
 @contextmanager
@@ -21,9 +22,10 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     """
     if path.is_dir():
         raise InputError("a folder, not a file", where=str(path))
-    temporary = ""
+    temporary, stem = "", f".{path.name}."
+    remove_abandoned(path.parent, stem, ".part")
     try:
-        with NamedTemporaryFile("wb", dir=path.parent, prefix=f".{path.name}.", suffix=".part", delete=False) as file:
+        with NamedTemporaryFile("wb", dir=path.parent, prefix=f"{stem}{mark()}-", suffix=".part", delete=False) as file:
             temporary = file.name
             yield file
             file.flush()

@@ -81,10 +81,8 @@ def blows(run: RunResult, book: Book) -> list[Block]:
         text = f"the force autospectrum has fallen by 10 dB at {ten} Hz and by 20 dB at {twenty} Hz"
         blocks.append(book.picture(show.force_spectrum(gallery), f"Run {name}: {text}.", f"Usable band: {text}."))
     if rejected:
-        rows = [
-            (hit.recording, hit.index + 1, str(hit.dof or MISSING), plain(hit.peak, 4), hit.reason) for hit in rejected
-        ]
-        columns = ("Record", "Blow", "Point", f"Peak [{unit}]", "Reason")
+        rows = [(hit.recording, hit.index, str(hit.dof or MISSING), plain(hit.peak, 4), hit.reason) for hit in rejected]
+        columns = ("Record", "Hit (first: 0)", "Point", f"Peak [{unit}]", "Reason")
         shown = len(columns) if len(rows) <= _MOST_REJECTED else 0
         blocks.append(book.table(f"rejected_blows_{name}", f"Rejected blows of run {name}.", columns, rows, shown))
     return blocks

@@ -2,7 +2,9 @@
 
 import contextlib
 import errno
+import hashlib
 import os
+import platform
 import secrets
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,7 +46,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     # a link keeps pointing where it did: its target is what gets replaced
     target = path.resolve() if path.is_symlink() else path
-    temporary = target.parent / f".{target.name[:80]}.{secrets.token_hex(6)}.tmp"
+    stem = f".{target.name[:80]}."
+    remove_abandoned(target.parent, stem, ".tmp")
+    temporary = target.parent / f"{stem}{mark()}-{secrets.token_hex(6)}.tmp"
     try:
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "is a folder")
@@ -65,6 +69,35 @@ def replacing(path: str | Path) -> Iterator[Path]:
     # without this the rename itself may be lost in a power cut; not every system can do it
     with contextlib.suppress(OSError):
         _to_disk(target.parent)
+
+
+def mark() -> str:
+    """What tells the temporary files of this process: machine and process."""
+    machine = hashlib.blake2s(platform.node().encode(), digest_size=3).hexdigest()
+    return f"{machine}-{os.getpid()}"
+
+
+def remove_abandoned(folder: Path, stem: str, suffix: str) -> None:
+    """Remove temporary files ``<stem><mark>-...<suffix>`` whose process was killed on this machine."""
+    machine = mark().partition("-")[0]
+    with contextlib.suppress(OSError):
+        for name in os.listdir(folder):
+            owner = name.removeprefix(stem).removesuffix(suffix).split("-")
+            ours = name.startswith(stem) and name.endswith(suffix) and len(owner) == 3 and owner[0] == machine
+            if ours and owner[1].isdigit() and not _alive(int(owner[1])):
+                (folder / name).unlink(missing_ok=True)
+
+
+def _alive(process: int) -> bool:
+    if os.name == "nt":  # where asking is ending
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 def _to_disk(path: Path) -> None:

@@ -241,3 +241,21 @@ def test_a_record_of_one_sample_is_refused(tmp_path: Path) -> None:
     acquisition.write(tmp_path / "a.uff", replace(record, signals=record.signals[:, :1]))
     with pytest.raises(InputError, match="too short"):
         acquisition.read(tmp_path / "a.uff")
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_write_and_a_living_one_is_left_alone(tmp_path: Path) -> None:
+    import os
+    import subprocess
+    import sys
+
+    from ema.store.atomic import mark
+
+    ended = subprocess.Popen([sys.executable, "-c", "pass"])
+    ended.wait()
+    machine = mark().partition("-")[0]
+    dead, alive = (tmp_path / f".a.uff.{machine}-{process}-x1.part" for process in (ended.pid, os.getpid()))
+    elsewhere = tmp_path / f".a.uff.ffffff-{ended.pid}-x1.part"
+    for path in (dead, alive, elsewhere):
+        path.touch()
+    acquisition.write(tmp_path / "a.uff", nouns.frf_set(21))
+    assert sorted(tmp_path.iterdir()) == sorted([alive, elsewhere, tmp_path / "a.uff"])

@@ -79,6 +79,10 @@ store.save(path, record(500_000))
         assert process.wait() == -signal.SIGKILL
     assert (store.load(path).signals == 7.0).all()
     assert len(list(tmp_path.glob(".a.h5.*.tmp"))) == 1, "the writer was killed in the middle"
+    other = tmp_path / ".a.h5.of-another-kind.tmp"
+    other.touch()
+    store.save(path, record(10, 5.0))
+    assert sorted(each.name for each in tmp_path.iterdir()) == [other.name, "a.h5"], "the next writer tidies up"
 
 
 @pytest.mark.parametrize("room", [0, 1000, 30_000, 150_000, 1_500_000])
