@@ -9,11 +9,13 @@ if TYPE_CHECKING:
     from ema.estimate.impact import hammer, hammer_test
     from ema.estimate.integrate import integrated, to_quantity
     from ema.estimate.levels import level_bins
+    from ema.estimate.live import check_hit
     from ema.estimate.random_excitation import shaker
     from ema.estimate.swept_sine import sweep
 
 _NAMES = {
     "Calibration": "calibrate",
+    "check_hit": "live",
     "hammer": "impact",
     "hammer_test": "impact",
     "integrated": "integrate",
@@ -27,8 +29,8 @@ _NAMES = {
 }
 
 __all__ = [
-    "Calibration", "hammer", "hammer_test", "integrated", "known_mass", "level_bins", "quality", "shaker", "sweep",
-    "to_quantity", "without_dead",
+    "Calibration", "check_hit", "hammer", "hammer_test", "integrated", "known_mass", "level_bins", "quality", "shaker",
+    "sweep", "to_quantity", "without_dead",
 ]  # fmt: skip
 
 
