@@ -228,7 +228,7 @@ def evaluate(
     cross = sum(c.T @ base_cross[:, i] for i, c in enumerate(columns))
     scale = 1 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     gram, cross = gram * np.outer(scale, scale), cross * scale[:, None]
-    factor = scipy.linalg.cho_factor(gram[:linear, :linear] + 1e-12 * np.eye(linear), check_finite=False)
+    factor = _factor(gram[:linear, :linear])
     solution = scipy.linalg.cho_solve(factor, cross[:linear], check_finite=False)
     projector = scipy.linalg.cho_solve(factor, gram[:linear, linear:], check_finite=False)
     inner = (gram[linear:, linear:] - gram[linear:, :linear] @ projector) / np.outer(scale[linear:], scale[linear:])
@@ -241,6 +241,22 @@ def evaluate(
     )
     unscaled = gram[:linear, :linear] / np.outer(scale[:linear], scale[:linear])
     return ModalFit(poles, participation, cost, coefficients, unscaled, information, gradient, free)
+
+
+def _factor(gram: Float[np.ndarray, "column column"]) -> tuple[np.ndarray, bool]:
+    """Cholesky factor of a matrix with unit diagonal; poles that coincide ask for a larger ridge."""
+    ridge = 1e-12
+    while True:
+        try:
+            factor: tuple[np.ndarray, bool] = scipy.linalg.cho_factor(
+                gram + ridge * np.eye(len(gram)), check_finite=False
+            )
+        except scipy.linalg.LinAlgError:
+            if ridge > 1e-2:
+                raise
+            ridge *= 100
+        else:
+            return factor
 
 
 def _normal_equations(
@@ -275,7 +291,7 @@ def refine(data: Observations, start: ModalFit, iterations: int = 12, tolerance:
         diagonal = np.maximum(np.diag(state.information), 1e-300)
         scale = 1 / np.sqrt(diagonal)
         matrix = state.information * np.outer(scale, scale) + (damping + 1e-10) * np.eye(len(diagonal))
-        step = scale * scipy.linalg.solve(matrix, scale * state.gradient, assume_a="pos", check_finite=False)
+        step = scale * scipy.linalg.cho_solve(_factor(matrix), scale * state.gradient, check_finite=False)
         move = step[: 2 * modes : 2] + 1j * step[1 : 2 * modes : 2]
         decay = np.abs(state.poles.real)
         shrink = min(1.0, float(np.min(0.7 * decay / np.maximum(np.abs(move), 1e-300))) * 4)
@@ -447,5 +463,5 @@ def linear_unknowns(data: Observations, fit: ModalFit) -> Float[np.ndarray, "col
     gram = sum(c[:, :linear].T @ (base_gram @ c[:, :linear]) for c in columns)
     cross = sum(c[:, :linear].T @ base_cross[:, i] for i, c in enumerate(columns))
     scale = 1 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    scaled = gram * np.outer(scale, scale) + 1e-12 * np.eye(linear)
-    return scale[:, None] * scipy.linalg.solve(scaled, cross * scale[:, None], assume_a="pos", check_finite=False)
+    factor = _factor(gram * np.outer(scale, scale))
+    return scale[:, None] * scipy.linalg.cho_solve(factor, cross * scale[:, None], check_finite=False)

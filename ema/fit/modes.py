@@ -35,14 +35,16 @@ def modes(
     Parameters
     ----------
     frfs : the FRFs; the band is that of ``poles``.
-    near : frequencies in Hz; the most persistent pole next to each is taken, and no other.
-    index : rows of ``poles`` to take, and no other.
+    near : frequencies in Hz; the most persistent pole next to each is taken.
+    index : rows of ``poles`` to take. With ``near`` or ``index`` nothing else is taken.
     shapes : complex shapes, or real ones (each mode rotated to its mean phase).
 
     Raises
     ------
     InputError : the FRFs cannot be fitted, or there is no pole near a wanted frequency.
     """
+    if shapes not in ("complex", "real"):
+        raise InputError("unknown kind of shapes", got=repr(shapes), expected="complex or real")
     band = frfs.band(*poles.band)
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
@@ -57,7 +59,7 @@ def modes(
 
 def _picked(table: PoleTable, near: Sequence[float] | None, index: Sequence[int] | None, where: str) -> list[int]:
     """Rows of the pole table that the user named."""
-    rows = list(index or ())
+    rows = list(dict.fromkeys(index or ()))
     outside = [row for row in rows if not 0 <= row < len(table.poles)]
     if outside:
         raise InputError(
@@ -78,8 +80,19 @@ def _picked(table: PoleTable, near: Sequence[float] | None, index: Sequence[int]
                 else "a pole table that is not empty",
             )
         merit = np.isin(table.letter[close], ["s", "d", "v"]) * 1.0 + table.order[close] / table.order.max()
-        rows.append(int(close[np.argmax(merit - distance[close] / (0.01 * wanted))]))
+        merit -= distance[close] / (0.01 * wanted)
+        best = [int(row) for row in close[np.argsort(-merit)] if not _taken(table, int(row), rows)]
+        rows += best[:1]
     return rows
+
+
+def _taken(table: PoleTable, row: int, rows: list[int]) -> bool:
+    """Whether a pole repeats one that is already chosen: a frequency named twice asks for a repeated root."""
+    for other in rows:
+        near = abs(table.poles[row] - table.poles[other]) < abs(table.poles[other].real)
+        if near and abs(np.vdot(table.participation[row], table.participation[other])) ** 2 > 0.9:
+            return True
+    return False
 
 
 def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:

@@ -50,13 +50,13 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
             expected=f"at least {fewest}",
             advice="widen the band or measure longer records",
         )
-    if np.any(np.diff(frequencies) <= 0):
+    if not np.all(np.diff(frequencies) > 0) or not np.isfinite(frequencies[-1]):
         raise InputError(
             "the frequency axis does not increase", where=where, advice="sort the lines and drop repeated ones"
         )
     if values.size == 0:
         raise InputError("there are no FRFs to fit", where=where, got=f"shape {values.shape}")
-    if not np.isfinite(values.sum()):
+    if not np.isfinite(np.vdot(values, values).real):
         bad = ~np.isfinite(values)
         output, input_ = np.argwhere(bad.any(axis=0))[0]
         raise InputError(

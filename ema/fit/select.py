@@ -313,7 +313,10 @@ def _certain(
     std_damping, std_frequency = np.sqrt(covariance[:, 1, 1]), np.sqrt(covariance[:, 0, 0])
     good = np.ones(len(fit.poles), bool)
     for place in np.flatnonzero(candidates):
-        spacing = np.abs(np.delete(fit.poles, place) - fit.poles[place]).min(initial=np.inf) / (2 * np.pi)
+        # Repeated roots are told apart by their participation: only neighbours with the same one have to be apart.
+        alike = [_mac(fit.participation[:, place], other) > 0.9 for other in fit.participation.T]
+        alike[place] = False
+        spacing = np.abs(fit.poles[alike] - fit.poles[place]).min(initial=np.inf) / (2 * np.pi)
         reason = ""
         if std_damping[place] > damping[place] / 3 and not visible[place]:
             reason = f"its damping is uncertain by {std_damping[place] / damping[place]:.0%}"

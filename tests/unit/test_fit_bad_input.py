@@ -70,6 +70,11 @@ def test_an_axis_that_does_not_increase(good):
     twice[100] = twice[99]
     with pytest.raises(InputError, match="does not increase"):
         stabilise(replace(good, frequencies=twice))
+    for bad in (np.nan, np.inf):
+        broken = np.array(good.frequencies)
+        broken[-1] = bad
+        with pytest.raises(InputError, match="does not increase"):
+            stabilise(replace(good, frequencies=broken))
 
 
 def test_a_line_at_zero_hertz_is_left_out():

@@ -151,14 +151,20 @@ def test_residual_terms_alone_follow_modes_far_away():
     np.testing.assert_allclose(found.poles, truth.poles[1:3], rtol=1e-6)
 
 
-def test_repeated_roots_with_two_references():
+@pytest.mark.parametrize("near", [None, [120, 150, 150, 180]], ids=["told nothing", "named twice"])
+def test_repeated_roots_with_two_references(near):
     truth = model([120.0, 150.0, 150.0, 180.0], [0.004, 0.006, 0.006, 0.005], drive=(0, 7))
-    found = fitted(frfs(truth, 100, 200, 801, noise=0.003), near=[120, 150, 150, 180])
+    found = fitted(frfs(truth, 100, 200, 801, noise=0.003), near=near)
     np.testing.assert_allclose(found.natural_frequencies, truth.natural_frequencies, rtol=1e-6)
     np.testing.assert_allclose(found.damping_ratios, truth.damping_ratios, rtol=1e-3)
     pair = (np.abs(found.natural_frequencies - 150) < 1).nonzero()[0]
     span = np.linalg.svd(np.column_stack([truth.shapes[:, 1:3], found.shapes[:, pair]]))[1]
     assert len(pair) == 2 and span[2] < 0.02 * span[0], "their shapes span the plane of the true ones"
+
+
+def test_a_root_named_twice_that_is_single_is_taken_once():
+    truth = model([120.0, 150.0], [0.004, 0.006], drive=(0, 7))
+    assert len(fitted(frfs(truth, 100, 200, 801, noise=0.003), near=[120, 120]).poles) == 1
 
 
 @pytest.mark.parametrize("drive", [(0,), (0, 7)])

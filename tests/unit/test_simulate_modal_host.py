@@ -65,7 +65,7 @@ def test_the_damping_of_the_host_arrives():
 
 
 def test_bad_hosts_get_a_sentence():
-    plain, modal = models(4, ratio=0.02)
+    _, modal = models(4, ratio=0.02)
     with pytest.raises(InputError, match="scaled shapes"):
         assemble(replace(modal, host=replace(modal.host, scaling="unscaled")))
     with pytest.raises(InputError, match="negative damping"):
