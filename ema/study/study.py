@@ -94,8 +94,8 @@ class Study:
         FailureError : something cannot be written.
         CancelledError : interrupted; finished runs are kept.
         """
-        make_folder(self.kept)  # a place that cannot be written is to be known before the work, not after it
         campaign = self.open(progress)
+        make_folder(self.kept)  # a place that cannot be written is to be known before the work, not after it
         runs = self._runs(campaign)
         finished: list[RunResult] = []
         with _interruptible(self.kept, finished):
