@@ -24,6 +24,8 @@ _PERSISTENCE = 0.3
 _ROUNDS = 100
 _SPREAD = 2.0
 """Factor by which a misfit may raise or lower the noise of a bin."""
+_TELLING = 6
+"""Outputs from which on equal shapes say that two poles are one mode."""
 _LINES = 2.0
 """Half-power bandwidth in frequency lines below which a mode has to show as a peak."""
 _COLLINEAR = 0.6
@@ -217,10 +219,12 @@ def _eliminate(
         reasons = {k: reasons[k] for k in weakest}
         if not reasons and correlation > MISFIT:
             doubtful = (_persistence(fit, candidates) < _PERSISTENCE) | (_collinearity(fit) < _COLLINEAR)
+            doubtful |= _echoes(fit, gain)
             hidden = doubtful & (likelihood.dominance(data, fit) < VISIBLE)
             lowest = np.argsort(np.where(hidden, gain, np.inf))[: (np.count_nonzero(hidden) + 2) // 3]
             reasons = dict.fromkeys(
-                map(int, lowest), "it makes no peak of its own, and few orders show it or its shape is complex"
+                map(int, lowest),
+                "it makes no peak of its own, and few orders show it or its shape is complex or a neighbour's",
             )
         if not reasons:
             twin = _twin(fit, gain)
@@ -259,6 +263,22 @@ def _collinearity(fit: ModalFit) -> Float[np.ndarray, "pole"]:
     real, cross, imaginary = (np.sum(shapes[:, a] * shapes[:, b], axis=1) for a, b in ((0, 0), (0, 1), (1, 1)))
     total = np.maximum(real + imaginary, 1e-300)
     return 1 - 4 * (real * imaginary - cross**2) / total**2
+
+
+def _echoes(fit: ModalFit, gain: Float[np.ndarray, "pole"]) -> Bool[np.ndarray, "pole"]:
+    """Poles with the shape and the participation of a stronger one within a tenth of the frequency."""
+    count, outputs = len(fit.poles), fit.coefficients.shape[1]
+    result = np.zeros(count, bool)
+    if outputs < _TELLING:
+        return result
+    shapes = fit.coefficients[: 2 * count].reshape(count, 2, outputs)
+    psi = shapes[:, 0] + 1j * shapes[:, 1]
+    for a in range(count):
+        near = np.abs(fit.poles.imag - fit.poles[a].imag) < 0.1 * abs(fit.poles[a])
+        for b in np.flatnonzero(near & (gain > gain[a])):
+            alike = _mac(fit.participation[:, a], fit.participation[:, b]) > 0.9
+            result[a] |= alike and _mac(psi[a], psi[b]) > 0.9
+    return result
 
 
 def _persistence(fit: ModalFit, candidates: Candidates) -> Float[np.ndarray, "pole"]:
