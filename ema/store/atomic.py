@@ -54,9 +54,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
             raise IsADirectoryError(errno.EISDIR, "is a folder")
         # made with the umask of the process, unlike files of the tempfile module
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    except OSError as error:
-        raise write_failure(error, path) from error
-    try:
         yield temporary
         _to_disk(temporary)
         os.replace(temporary, target)
