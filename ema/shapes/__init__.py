@@ -9,8 +9,9 @@ from ema.shapes.complexity import (
 )
 from ema.shapes.correlation import Comparison, auto_mac, co_mac, compare, frac, mac
 from ema.shapes.expansion import Expansion, expand
+from ema.shapes.surface import Surface, smooth
 
 __all__ = [
-    "Comparison", "Expansion", "auto_mac", "co_mac", "compare", "expand", "frac", "mac", "mean_phase",
-    "mean_phase_deviation", "modal_phase_collinearity", "quality", "realise",
+    "Comparison", "Expansion", "Surface", "auto_mac", "co_mac", "compare", "expand", "frac", "mac", "mean_phase",
+    "mean_phase_deviation", "modal_phase_collinearity", "quality", "realise", "smooth",
 ]  # fmt: skip

@@ -1,0 +1,269 @@
+"""Mode shapes of a plane structure as smooth surfaces: slopes and curvatures from noisy points, with their bounds."""
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ema.data import Geometry, ModalModel
+from ema.data._arrays import freeze
+from ema.errors import InputError
+
+_DEGREE = 10
+_PENALTY = 3
+"""Order of the derivatives that are penalised: one above bending, so that curvatures are smooth as well."""
+_SHARE = 0.85
+_STRENGTHS = 41
+_FLAT = 0.02
+"""Extent across a row of points, relative to the extent along it, below which they are taken as a line."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Deflection of every mode over a plane, a polynomial with the covariance of its coefficients.
+
+    Parameters
+    ----------
+    origin : a point of the plane in m, shape (3,); ``axes`` (3, 3): rows are the two directions in the plane (the
+        first along global X where that is possible) and the normal.
+    extent : the measured rectangle in the plane, shape (2, 2): (low, high) of the first and second coordinate in m.
+    powers : degrees of every Legendre product in the two coordinates, shape (term, 2).
+    coefficients : shape (term, mode), in the unit of the shapes; ``covariance`` (mode, term, term).
+    noise : standard deviation of the measured values about the surface, shape (mode,).
+    """
+
+    origin: Float[np.ndarray, "3"]
+    axes: Float[np.ndarray, "3 3"]
+    extent: Float[np.ndarray, "2 2"]
+    powers: Int[np.ndarray, "term 2"]
+    coefficients: Float[np.ndarray, "term mode"]
+    covariance: Float[np.ndarray, "mode term term"]
+    noise: Float[np.ndarray, "mode"]
+    points: Float[np.ndarray, "point 2"]
+
+    def __post_init__(self) -> None:
+        names = ("origin", "axes", "extent", "coefficients", "covariance", "noise", "points")
+        freeze(self, powers=np.int64, **dict.fromkeys(names, np.float64))
+
+    def rows(
+        self, points: Float[np.ndarray, "p 2"], order: int = 0, angle: float | Float[np.ndarray, "p"] = 0.0
+    ) -> Float[np.ndarray, "p term"]:
+        """What the coefficients are multiplied with to get a derivative at points of the plane.
+
+        ``order`` 0 is the deflection, 1 the slope, 2 the curvature, along the direction ``angle`` in rad from the
+        first axis; points in m.
+        """
+        scale = 2 / (self.extent[:, 1] - self.extent[:, 0])
+        local = (points - self.extent[:, 0]) * scale - 1
+        cosine, sine = np.cos(angle), np.sin(angle)
+        total = np.zeros((len(points), len(self.powers)))
+        for along in range(order + 1):
+            across = order - along
+            weight = comb(order, along) * cosine**along * sine**across
+            rows = _products(local, self.powers, along, across) * scale[0] ** along * scale[1] ** across
+            total += np.broadcast_to(weight, len(points))[:, None] * rows
+        return total
+
+    def values(
+        self, points: Float[np.ndarray, "p 2"], order: int = 0, angle: float | Float[np.ndarray, "p"] = 0.0
+    ) -> Float[np.ndarray, "p mode"]:
+        """Deflection, slope or curvature of every mode at points (see ``rows``)."""
+        return self.rows(points, order, angle) @ self.coefficients
+
+    def std(
+        self, points: Float[np.ndarray, "p 2"], order: int = 0, angle: float | Float[np.ndarray, "p"] = 0.0
+    ) -> Float[np.ndarray, "p mode"]:
+        """Standard uncertainty of ``values``."""
+        rows = self.rows(points, order, angle)
+        return np.sqrt(np.maximum(np.einsum("pt,mtu,pu->pm", rows, self.covariance, rows), 0))
+
+
+def _products(
+    local: Float[np.ndarray, "p 2"], powers: Int[np.ndarray, "term 2"], along: int, across: int
+) -> Float[np.ndarray, "p term"]:
+    """Products of (differentiated) Legendre polynomials at points of the square [-1, 1] x [-1, 1]."""
+    from numpy.polynomial import legendre
+
+    parts = []
+    for axis, order in enumerate((along, across)):
+        count = int(powers[:, axis].max()) + 1
+        derivative = legendre.legder(np.eye(count), order) if order else np.eye(count)
+        parts.append((legendre.legvander(local[:, axis], len(derivative) - 1) @ derivative)[:, powers[:, axis]])
+    return np.asarray(parts[0] * parts[1])
+
+
+def smooth(model: ModalModel, geometry: Geometry, degree: int | None = None) -> Surface:
+    """Every mode of ``model`` as a smooth surface over the plane of its measured points.
+
+    The penalty on third derivatives is weighed against the misfit by the restricted likelihood, averaged over all
+    strengths of the penalty instead of taking one: at high noise no strength is certain, and the bounds say so.
+
+    Parameters
+    ----------
+    model : shapes with translations normal to the plane; their real part is used.
+    degree : total degree of the polynomials; by default 10, less where there are few points.
+
+    Raises
+    ------
+    InputError : fewer than 6 usable points, points that lie in no plane, shapes that are complex.
+
+    Source: Wahba (1990), smoothing as estimation with a prior; the average over strengths is the plain sum over a
+    grid.
+    """
+    where = model.name or "modal model"
+    origin, axes, rows, points = _plane(model, geometry, where)
+    shapes = np.asarray(model.shapes)[rows[:, 0].astype(int)] * rows[:, 1:]
+    lost = float(np.linalg.norm(shapes.imag) / max(float(np.linalg.norm(shapes)), 1e-300))
+    if lost > 0.5:
+        raise InputError("complex shapes have no surface", where=where, got=f"{lost:.0%} out of phase",
+                         expected="nearly real shapes", advice="make them real first (ema.shapes.realise)")  # fmt: skip
+    low, high = points.min(axis=0), points.max(axis=0)
+    if high[1] - low[1] < _FLAT * (high[0] - low[0]):
+        middle, half = 0.5 * (high[1] + low[1]), 0.5 * _FLAT * (high[0] - low[0])
+        low[1], high[1] = middle - half, middle + half
+        line = True
+    else:
+        line = False
+    powers = _powers(len(points), degree, line)
+    extent = np.stack([low, high], axis=1)
+    count = shapes.shape[1]
+    surface = Surface(
+        origin, axes, extent, powers, np.zeros((len(powers), count)), np.zeros((count, len(powers), len(powers))),
+        np.zeros(count), points,
+    )  # fmt: skip
+    fits = _fit(surface.rows(points), _roughness(powers, extent), shapes.real)
+    return Surface(origin, axes, extent, powers, *fits, points)
+
+
+def _plane(model: ModalModel, geometry: Geometry, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Origin and axes of the plane; ``(row of the shapes, sign)`` and place in the plane of every usable DOF."""
+    usable = [(row, dof) for row, dof in enumerate(model.dofs) if dof.axis in ("X", "Y", "Z") and dof.node in geometry]
+    if len(usable) < 6:
+        raise InputError("too few points for a surface", where=where, got=f"{len(usable)} translations on the geometry",
+                         expected="6 or more", advice="measure more points, or give the geometry")  # fmt: skip
+    xyz = np.array([geometry.xyz[geometry.place(dof.node)] for _, dof in usable])
+    directions = np.array([geometry.direction(dof) for _, dof in usable])
+    mean = xyz.mean(axis=0)
+    _, spread, turned = np.linalg.svd(xyz - mean)
+    if spread[2] > 0.05 * spread[0]:
+        raise InputError("the measured points lie in no plane", where=where,
+                         got=f"{spread[2] / np.sqrt(len(xyz)):.3g} m rms off the best plane",
+                         expected="points of one plane face", advice="select the points of the face")  # fmt: skip
+    normal = turned[2] if spread[1] > _FLAT * spread[0] else _common(directions, turned[0], where)
+    normal = normal * (1.0 if normal[np.abs(normal).argmax()] > 0 else -1.0)
+    first = np.eye(3)[0] - normal[0] * normal
+    first = first if np.linalg.norm(first) > 0.5 else np.eye(3)[1] - normal[1] * normal
+    if spread[1] <= _FLAT * spread[0]:
+        first = turned[0] * (1.0 if turned[0][np.abs(turned[0]).argmax()] > 0 else -1.0)
+    first /= np.linalg.norm(first)
+    axes = np.stack([first, np.cross(normal, first), normal])
+    cosines = directions @ normal
+    keep = np.abs(cosines) > 0.9
+    if keep.sum() < 6:
+        raise InputError("too few measurements normal to the surface", where=where, got=int(keep.sum()),
+                         expected="6 or more")  # fmt: skip
+    origin = mean - axes[:2].T @ (axes[:2] @ mean)
+    rows = np.array([[row, 1 / cosine] for (row, _), cosine in zip(usable, cosines, strict=True)])
+    return origin, axes, rows[keep], ((xyz - origin) @ axes[:2].T)[keep]
+
+
+def _common(directions: np.ndarray, along: np.ndarray, where: str) -> np.ndarray:
+    """The direction most measurements of a row of points share, square to the row."""
+    square = directions - np.outer(directions @ along, along)
+    _, strength, turned = np.linalg.svd(square)
+    if strength[0] < 1e-6:
+        raise InputError("no measurement across the row of points", where=where, got="motion along the row only")
+    return np.asarray(turned[0])
+
+
+def _powers(points: int, degree: int | None, line: bool) -> Int[np.ndarray, "term 2"]:
+    """Degrees of the products: all up to a total degree that leaves the points something to say about the noise."""
+
+    def terms(d: int) -> int:
+        return d + 1 if line else (d + 1) * (d + 2) // 2
+
+    fitting = [d for d in range(2, _DEGREE + 1) if terms(d) <= _SHARE * points]
+    wanted = degree if degree is not None else max(fitting, default=1)
+    if wanted < 1 or terms(wanted) > points:
+        raise InputError("the degree does not suit the points", where="smoothing of shapes", got=wanted,
+                         expected=f"at least 1 and at most {points} terms")  # fmt: skip
+    pairs = [(i, j) for i in range(wanted + 1) for j in range(wanted + 1 - i) if not (line and j)]
+    return np.array(pairs, dtype=np.int64)
+
+
+def _roughness(powers: Int[np.ndarray, "term 2"], extent: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, "term term"]:
+    """Integral over the rectangle of all squared derivatives of the penalised order (exact)."""
+    order = min(_PENALTY, int(powers.sum(axis=1).max()))
+    points, weights = np.polynomial.legendre.leggauss(int(powers.max()) + 2)
+    grid = np.stack([part.ravel() for part in np.meshgrid(points, points, indexing="ij")], axis=1)
+    scale = 2 / (extent[:, 1] - extent[:, 0])
+    total = np.zeros((len(powers), len(powers)))
+    for along in range(order + 1):
+        rows = _products(grid, powers, along, order - along) * scale[0] ** along * scale[1] ** (order - along)
+        total += comb(order, along) * (rows.T * np.outer(weights, weights).ravel()) @ rows
+    return total / scale.prod()
+
+
+def _fit(
+    design: Float[np.ndarray, "point term"], roughness: Float[np.ndarray, "term term"],
+    values: Float[np.ndarray, "point mode"],
+) -> tuple[Float[np.ndarray, "term mode"], Float[np.ndarray, "mode term term"], Float[np.ndarray, "mode"]]:  # fmt: skip
+    """Coefficients, their covariance and the noise of every mode."""
+    size, turned = np.linalg.eigh(roughness)
+    free = size < 1e-9 * size[-1] if size[-1] > 0 else np.ones(len(size), bool)
+    basis = np.hstack([turned[:, free], turned[:, ~free] / np.sqrt(size[~free])])
+    plain, rough = design @ basis[:, : free.sum()], design @ basis[:, free.sum() :]
+    square, upper = np.linalg.qr(plain, mode="complete")
+    inner = square[:, plain.shape[1] :]
+    solve = np.linalg.solve(upper[: plain.shape[1]], square[:, : plain.shape[1]].T)
+    parts = _Parts(rough, inner, solve, *np.linalg.svd(inner.T @ rough, full_matrices=False))
+    fits = [_posterior(parts, column) for column in values.T]
+    return (
+        np.stack([basis @ mean for mean, _, _ in fits], axis=1),
+        np.stack([basis @ covariance @ basis.T for _, covariance, _ in fits]),
+        np.array([noise for *_, noise in fits]),
+    )
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What all modes share: penalised columns, the directions of the data that no free column reaches, the solution
+    for the free columns, and the singular value decomposition of the penalised columns in those directions."""
+
+    rough: np.ndarray
+    inner: np.ndarray
+    solve: np.ndarray
+    left: np.ndarray
+    stretch: np.ndarray
+    right: np.ndarray
+
+
+def _posterior(parts: _Parts, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean and covariance of the (free, penalised) coefficients and the noise, averaged over the strengths."""
+    rough, solve, stretch, right = parts.rough, parts.solve, parts.stretch, parts.right
+    data = parts.inner.T @ values
+    seen, count = parts.left.T @ data, max(len(data), 1)
+    rest = max(float(data @ data - seen @ seen), 0.0)
+    top = float(stretch.max(initial=0)) ** 2
+    strengths = top * np.exp(np.linspace(-34.0, 2.0, _STRENGTHS)) if top > 0 else np.ones(1)
+    power = 1 + stretch[:, None] ** 2 / strengths
+    variances = (np.sum(seen[:, None] ** 2 / power, axis=0) + rest) / count
+    variances = np.maximum(variances, 1e-30 * max(float(np.max(values**2, initial=0)), 1e-300))
+    score = -0.5 * (count * np.log(variances) + np.log(power).sum(axis=0))
+    weights = np.exp(score - score.max()) / np.exp(score - score.max()).sum()
+    terms = len(solve) + rough.shape[1]
+    mean, square, noise = np.zeros(terms), np.zeros((terms, terms)), 0.0
+    for strength, weight, variance in zip(strengths, weights, variances, strict=True):
+        if weight < 1e-6:
+            continue
+        gain = stretch / (stretch**2 + strength)
+        inside = right.T @ (gain * seen)
+        part = np.concatenate([solve @ (values - rough @ inside), inside])
+        prior = variance / strength * (np.eye(rough.shape[1]) - (right.T * (stretch * gain)) @ right)
+        carried = solve @ rough @ prior
+        corner = variance * solve @ solve.T + carried @ (solve @ rough).T
+        covariance = np.block([[corner, -carried], [-carried.T, prior]])
+        mean, square = mean + weight * part, square + weight * (covariance + np.outer(part, part))
+        noise += weight * variance
+    return mean, square - np.outer(mean, mean), float(np.sqrt(noise))
