@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ema.estimate.calibrate import Calibration, known_mass
+    from ema.estimate.decay import Phase, phases, ring_down
     from ema.estimate.frf_checks import quality, without_dead
     from ema.estimate.impact import hammer, hammer_test
     from ema.estimate.integrate import integrated, to_quantity
@@ -15,13 +16,16 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "Calibration": "calibrate",
+    "Phase": "decay",
     "check_hit": "live",
     "hammer": "impact",
     "hammer_test": "impact",
     "integrated": "integrate",
     "known_mass": "calibrate",
     "level_bins": "levels",
+    "phases": "decay",
     "quality": "frf_checks",
+    "ring_down": "decay",
     "shaker": "random_excitation",
     "sweep": "swept_sine",
     "to_quantity": "integrate",
@@ -29,8 +33,8 @@ _NAMES = {
 }
 
 __all__ = [
-    "Calibration", "check_hit", "hammer", "hammer_test", "integrated", "known_mass", "level_bins", "quality", "shaker",
-    "sweep", "to_quantity", "without_dead",
+    "Calibration", "Phase", "check_hit", "hammer", "hammer_test", "integrated", "known_mass", "level_bins", "phases",
+    "quality", "ring_down", "shaker", "sweep", "to_quantity", "without_dead",
 ]  # fmt: skip
 
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from ema.data import Finding
 from ema.dof import Dof
+from ema.estimate.block_end import LEFT_OVER, STRONGEST, RingDown
 from ema.estimate.judge import Judged
 from ema.estimate.levels import LevelEffect, pooled_effect
-from ema.estimate.ring_down import LEFT_OVER, STRONGEST, RingDown
 
 NONLINEAR = 0.05
 """Change of the FRFs over the range of levels above which the structure is called nonlinear."""

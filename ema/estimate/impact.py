@@ -13,9 +13,9 @@ from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Ru
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import channels, hammer_findings, single_input
+from ema.estimate.block_end import RingDown, ring_down
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
-from ema.estimate.ring_down import RingDown, ring_down
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.estimate.windows import exponential_window, force_window

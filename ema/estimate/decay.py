@@ -1,0 +1,263 @@
+"""Ring-down of one mode: frequency and damping over the amplitude, and where sliding gives way to sticking.
+
+The signal is band-passed without phase, its analytic signal gives amplitude and phase, and both are read by straight
+lines over a stretch that follows the decay: short where the amplitude falls fast, long where it hardly does.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+from jaxtyping import Complex, Float, Int
+
+from ema.data import Decay, Provenance, Recording, Response
+from ema.dof import Dof, match
+from ema.errors import InputError
+
+_ORDER = 4
+_LONGEST, _SHORTEST = 8.0, 1.0
+_FALL = 0.25
+_STEP, _EXPLAINED = 1.03, 0.7
+_KNEE_CYCLES = 1.0
+_SCATTER = 0.25
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One stretch of a ring-down: ``kind`` is ``sliding``, ``sticking``, or ``one mode`` where there is no knee.
+
+    ``start``, ``stop`` s; medians of the frequency in Hz and of the damping ratio; ``cycles`` in it; ``slope`` of the
+    amplitude per second from a straight line; ``misfit_ratio`` is the misfit of an exponential envelope over that of
+    the straight line: above one where friction, below one where viscous damping makes the decay.
+    """
+
+    kind: str
+    start: float
+    stop: float
+    frequency: float
+    damping: float
+    cycles: float
+    slope: float
+    misfit_ratio: float
+
+
+def ring_down(
+    signal: Recording | Response, band: tuple[float, float], channel: str | Dof | None = None,
+    start: float | None = None, stop: float | None = None, floor: float | None = None, cycles: float | None = None,
+) -> Decay:  # fmt: skip
+    """Frequency and damping of a freely decaying mode over its amplitude.
+
+    Parameters
+    ----------
+    signal : a record (amplitudes come in the unit of its channel) or a response in time (displacement in m).
+    band : Hz; holds the mode in all its phases and no other mode.
+    channel : name of the channel, or the DOF; the first response by default.
+    start, stop : s; by default one filter length behind the largest amplitude, and one before the end.
+    floor : the decay ends where the amplitude has fallen to this part of its first value; by default where it reaches
+        four times the noise at the end of the record, if there is nothing but noise.
+    cycles : half length of the stretch over which the slopes are read; by default as many cycles as the amplitude
+        needs to change by a quarter, between 1 and 8.
+
+    Raises
+    ------
+    InputError : no such channel, a band outside the sampling, a signal that does not decay in it.
+
+    Source: Feldman, Non-linear free vibration identification via the Hilbert transform, JSV 208 (1997) 475-489.
+    """
+    values, rate, what = _samples(signal, channel)
+    _check(values, rate, band, what)
+    analytic = band_passed(values, rate, band)
+    amplitude, phase = np.abs(analytic), np.unwrap(np.angle(analytic))
+    first, last = _window(amplitude, rate, band, start, stop, floor, what)
+    log, phase = np.log(amplitude[first:last]), phase[first:last]
+    if log[0] < log[-1] + 0.1:
+        raise _steady(what, float(np.exp(log[0])), float(np.exp(log[-1])))
+    knee = _knee(phase, rate)
+    frequency, damping = np.empty(len(log)), np.empty(len(log))
+    for part in _parts(len(log), knee):
+        frequency[part], damping[part] = _read(log[part], phase[part], rate, cycles)
+    times = np.arange(first, last) / rate
+    return Decay(
+        times, np.exp(log), frequency, damping, float(times[knee]) if knee else float("nan"), what,
+        Provenance(options=(("band", f"{band[0]:g} to {band[1]:g} Hz"),), steps=("ring_down",)),
+    )  # fmt: skip
+
+
+def phases(decay: Decay) -> tuple[Phase, ...]:
+    """The sliding and the sticking phase of a ring-down, or the whole of it where it has no knee.
+
+    A period on either side of the knee belongs to neither: it is as long as the filter.
+    """
+    if not np.isfinite(decay.knee):
+        return (_phase(decay, "one mode", float(decay.times[0]), float(decay.times[-1])),)
+    place = int(np.searchsorted(decay.times, decay.knee))
+    before, after = (1 / float(decay.frequencies[np.clip(place + step, 0, len(decay.times) - 1)]) for step in (-1, 1))
+    spans = (
+        ("sliding", decay.times[0], decay.knee - before),
+        ("sticking", decay.knee + after, decay.times[-1]),
+    )
+    return tuple(
+        _phase(decay, kind, float(a), float(b))
+        for kind, a, b in spans
+        if np.sum((decay.times >= a) & (decay.times <= b)) > 8
+    )
+
+
+def _phase(decay: Decay, kind: str, start: float, stop: float) -> Phase:
+    inside = (decay.times >= start) & (decay.times <= stop)
+    t, a = np.asarray(decay.times[inside]), np.asarray(decay.amplitudes[inside])
+    frequency = float(np.median(decay.frequencies[inside]))
+    line = np.polyfit(t - t[0], a, 1)
+    curve = np.exp(np.polyval(np.polyfit(t - t[0], np.log(a), 1, w=a), t - t[0]))
+    misfits = [float(np.linalg.norm(fit - a)) for fit in (np.polyval(line, t - t[0]), curve)]
+    return Phase(
+        kind, start, stop, frequency, float(np.median(decay.damping_ratios[inside])), (stop - start) * frequency,
+        float(line[0]), misfits[1] / max(misfits[0], 1e-300),
+    )  # fmt: skip
+
+
+def band_passed(
+    values: Float[np.ndarray, "sample"], rate: float, band: tuple[float, float]
+) -> Complex[np.ndarray, "sample"]:
+    """Analytic signal of what lies in ``band`` Hz, without phase: the gain is that of a Butterworth filter of order 4
+    run forwards and backwards; beyond its ends the signal is mirrored."""
+    samples = len(values)
+    mirrored = np.concatenate([values, values[::-1]])
+    frequencies = scipy.fft.fftfreq(len(mirrored), 1 / rate)
+    low, high = band
+    with np.errstate(divide="ignore", over="ignore"):
+        off = (frequencies**2 - low * high) / (frequencies * (high - low))
+        gain = np.where(frequencies > 0, 2 / (1 + off ** (2 * _ORDER)), 0.0)
+    return np.asarray(scipy.fft.ifft(scipy.fft.fft(mirrored) * gain)[:samples])
+
+
+def _samples(signal: Recording | Response, channel: str | Dof | None) -> tuple[np.ndarray, float, str]:
+    """Values, sampling rate and name of what is asked for."""
+    if isinstance(signal, Response):
+        if len(signal.times) < 2:
+            raise InputError("the response has no length", where=signal.name, got=f"{len(signal.times)} samples")
+        rate = 1 / float(signal.times[1] - signal.times[0])
+        wanted = signal.dofs[0] if channel is None else Dof.parse(channel)
+        found = match([wanted], signal.dofs)
+        if not found:
+            raise InputError("the response has no such DOF", where=signal.name, got=str(wanted),
+                             expected="one of " + ", ".join(map(str, signal.dofs)))  # fmt: skip
+        return found[0][2] * np.asarray(signal.displacements[found[0][1]]), rate, f"{signal.name} {wanted}".strip()
+    for row, one in enumerate(signal.channels):
+        chosen = one.role == "response" if channel is None else channel in (one.name, one.dof, str(one.dof))
+        if chosen:
+            return (
+                np.asarray(signal.signals[row], dtype=np.float64),
+                signal.sampling_rate,
+                f"{signal.name} {one.name}".strip(),
+            )
+    raise InputError("the record has no such channel", where=signal.name, got=str(channel or "no response"),
+                     expected="one of " + ", ".join(one.name for one in signal.channels))  # fmt: skip
+
+
+def _check(values: np.ndarray, rate: float, band: tuple[float, float], what: str) -> None:
+    if not 0 < band[0] < band[1] < rate / 2:
+        raise InputError("not a band", where=what, got=f"{band[0]:g} to {band[1]:g} Hz",
+                         expected=f"0 < low < high < {rate / 2:g} Hz, half the sampling rate")  # fmt: skip
+    if not np.all(np.isfinite(values)):
+        raise InputError("the signal holds NaN or infinity", where=what, advice="cut the record or repair the channel")
+    if len(values) < 6 * rate / band[0]:
+        raise InputError("the signal is too short", where=what, got=f"{len(values) / rate:.3g} s",
+                         expected=f"at least 6 periods of {band[0]:g} Hz")  # fmt: skip
+
+
+def _window(
+    amplitude: np.ndarray, rate: float, band: tuple[float, float], start: float | None, stop: float | None,
+    floor: float | None, what: str,
+) -> tuple[int, int]:  # fmt: skip
+    """First and last sample of the decay."""
+    ends = round(rate / (band[1] - band[0]))
+    first = int(np.argmax(amplitude[: len(amplitude) - ends])) + ends if start is None else round(start * rate)
+    last = len(amplitude) - ends if stop is None else round(stop * rate)
+    if start is None and first >= last:
+        raise _steady(what, float(amplitude[ends]), float(amplitude[-ends]))
+    if not 0 <= first < last <= len(amplitude):
+        raise InputError("nothing between start and stop", where=what, got=f"{first / rate:.3g} to {last / rate:.3g} s",
+                         expected=f"inside 0 to {len(amplitude) / rate:.3g} s")  # fmt: skip
+    least = _noise(amplitude, ends) if floor is None else floor * amplitude[first]
+    low = np.flatnonzero(amplitude[first:last] < least)
+    last = first + int(low[0]) if len(low) else last
+    if last - first < 3 * rate / band[0]:
+        raise InputError("the decay is too short", where=what, got=f"{(last - first) / rate:.3g} s",
+                         expected=f"at least 3 periods of {band[0]:g} Hz",
+                         advice="lower floor, or widen the band")  # fmt: skip
+    return first, last
+
+
+def _steady(what: str, first: float, last: float) -> InputError:
+    return InputError(
+        "the signal does not decay", where=what, got=f"amplitude {first:.3g} at the start and {last:.3g} at the end",
+        expected="a free vibration", advice="give start and stop, or another band",
+    )  # fmt: skip
+
+
+def _noise(amplitude: np.ndarray, ends: int) -> float:
+    """Four times the rms at the end of the record where it is noise (its amplitude scatters), else 0."""
+    count = max(len(amplitude) // 10, 4 * ends)
+    tail = np.log(np.maximum(amplitude[-ends - count : -ends], 1e-300))
+    if len(tail) < count:
+        return 0.0
+    place = np.arange(count)
+    scatter = float(np.std(tail - np.polyval(np.polyfit(place, tail, 1), place)))
+    return 4 * float(np.sqrt(np.mean(np.exp(2 * tail)))) if scatter > _SCATTER else 0.0
+
+
+def _knee(phase: np.ndarray, rate: float) -> int:
+    """Sample at which the frequency steps up from its lower to its upper level, 0 where it does not.
+
+    The step is where two levels explain the frequency best; the knee is where it passes half way between them.
+    """
+    mean = (phase[-1] - phase[0]) / (len(phase) - 1)
+    half = max(round(_KNEE_CYCLES * np.pi / mean), 1)
+    rates = (phase[2 * half :] - phase[: -2 * half]) / (2 * half)
+    count = np.arange(1, len(rates))
+    sums = np.cumsum(rates)[:-1]
+    left, right = sums / count, (rates.sum() - sums) / (len(rates) - count)
+    explained = count * (len(rates) - count) / len(rates) ** 2 * (right - left) ** 2
+    best = int(np.argmax(explained))
+    spread = float(np.var(rates))
+    before, after = float(np.median(rates[: best + 1])), float(np.median(rates[best + 1 :]))
+    if after < _STEP * before or explained[best] < _EXPLAINED * spread:
+        return 0
+    above = rates > (before + after) / 2
+    crossings = np.flatnonzero(above[1:] & ~above[:-1])
+    return half + int(crossings[np.argmin(np.abs(crossings - best))]) + 1 if len(crossings) else 0
+
+
+def _parts(count: int, knee: int) -> list[slice]:
+    return [slice(0, knee), slice(knee, count)] if knee else [slice(0, count)]
+
+
+def _read(
+    log: np.ndarray, phase: np.ndarray, rate: float, cycles: float | None
+) -> tuple[Float[np.ndarray, "sample"], Float[np.ndarray, "sample"]]:
+    """Frequency in Hz and damping ratio from straight lines around every sample, one-sided towards the ends."""
+    period = 2 * np.pi * (len(phase) - 1) / max(phase[-1] - phase[0], 1e-300)
+    if cycles is None:
+        step = max(round(period), 1)
+        falls = np.abs(_slopes(log, np.full(len(log), step))) * period
+        half = np.clip(_FALL / np.maximum(falls, 1e-12), _SHORTEST, _LONGEST) * period
+    else:
+        half = np.full(len(log), cycles * period)
+    reach = np.maximum(np.round(half).astype(int), 1)
+    omega, decay = _slopes(phase, reach) * rate, -_slopes(log, reach) * rate
+    return omega / (2 * np.pi), decay / np.hypot(decay, omega)
+
+
+def _slopes(values: np.ndarray, reach: Int[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"]:
+    """Slope per sample of the least-squares line over ``reach`` samples to both sides, as far as there are any."""
+    n = len(values)
+    k = np.arange(n)
+    low, high = np.maximum(k - reach, 0), np.minimum(k + reach, n - 1) + 1
+    # sums over any stretch from running sums, about the middle of the record to keep the digits
+    middle = values - values.mean()
+    x = k - (n - 1) / 2
+    sums = [np.concatenate([[0.0], np.cumsum(part)]) for part in (middle, x * middle)]
+    count, centre = high - low, (low + high - 1 - (n - 1)) / 2
+    moment = (sums[1][high] - sums[1][low]) - centre * (sums[0][high] - sums[0][low])
+    return np.asarray(moment / np.maximum(count * (count**2 - 1) / 12, 1e-300))

@@ -1,0 +1,117 @@
+"""Ring-downs with known answers: viscous, friction with a knee, noise, and the bad inputs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ema.data import Channel, Damping, Recording, Response
+from ema.errors import InputError
+from ema.estimate import phases, ring_down
+from ema.simulate import Masing, double_beam, snapback
+
+F_SLIDE, F_STICK = 16.710, 31.583
+
+
+def record(signal: np.ndarray, rate: float) -> Recording:
+    return Recording(signal[None], rate, (Channel("acc"),), name="take")
+
+
+def viscous(frequency: float, damping: float, rate: float, duration: float, amplitude: float = 1.0) -> np.ndarray:
+    t = np.arange(round(duration * rate)) / rate
+    omega = 2 * np.pi * frequency
+    return amplitude * np.exp(-damping * omega * t) * np.cos(omega * np.sqrt(1 - damping**2) * t)
+
+
+@pytest.mark.parametrize(("frequency", "damping"), [(80.0, 0.002), (500.0, 0.018), (17.0, 0.0005)])
+def test_viscous_decay_has_one_frequency_and_damping(frequency, damping):
+    rate = 20 * frequency
+    decay = ring_down(
+        record(viscous(frequency, damping, rate, 60 / frequency), rate), (0.6 * frequency, 1.5 * frequency)
+    )
+    inner = slice(len(decay.times) // 10, -len(decay.times) // 10)
+    assert np.isnan(decay.knee)
+    assert decay.frequencies[inner] == pytest.approx(frequency * np.sqrt(1 - damping**2), rel=1e-4)
+    assert decay.damping_ratios[inner] == pytest.approx(damping, rel=0.01, abs=2e-5)
+    (whole,) = phases(decay)
+    assert whole.kind == "one mode" and whole.misfit_ratio < 1
+    assert whole.frequency == pytest.approx(frequency, rel=2e-4)
+
+
+def test_noise_at_the_end_is_left_out():
+    rate = 2000.0
+    clean = viscous(80.0, 0.01, rate, 4.0)
+    noisy = record(clean + 1e-3 * np.random.default_rng(1).normal(size=len(clean)), rate)
+    decay = ring_down(noisy, (60.0, 110.0))
+    assert 1e-3 * (50 / 1000) ** 0.5 < decay.amplitudes[-1] < 5e-3
+    inside = decay.amplitudes > 0.03
+    assert decay.frequencies[inside] == pytest.approx(80.0, rel=2e-3)
+    assert decay.damping_ratios[inside] == pytest.approx(0.01, abs=5e-4)
+
+
+@pytest.fixture(scope="module", params=[100.0, 200.0, 400.0], ids="{:.0f} N".format)
+def released(request: pytest.FixtureRequest) -> Response:
+    """The double beam let go from 20 N: it slides, and sticks in the end; 0.1 % of damping when stuck."""
+    damping = Damping(mass_factor=2 * 0.001 * 2 * np.pi * F_STICK)
+    model = double_beam(Masing(0.3, 1e9), request.param, damping=damping)
+    return snapback(model, 20.0, "beam 2:20:+Z", 2.0, sampling_rate=2000.0)
+
+
+def test_sliding_and_sticking_phase_of_the_double_beam(released: Response):
+    decay = ring_down(released, (8.0, 45.0))
+    sliding, sticking = phases(decay)
+    # the end of sliding is where friction ends: where the dissipated energy has reached all but a thousandth
+    energy = np.asarray(released.energy.friction)
+    last = released.times[np.argmax(energy > energy[0] + 0.999 * (energy[-1] - energy[0]))]
+    assert decay.knee == pytest.approx(last, abs=1 / F_SLIDE)
+    assert sticking.frequency == pytest.approx(F_STICK, rel=0.01)
+    assert sticking.cycles > 5 and sticking.damping == pytest.approx(0.001, abs=2e-4)
+    if sliding.cycles >= 5:
+        assert sliding.frequency == pytest.approx(F_SLIDE, rel=0.01)
+        assert sliding.misfit_ratio > 1.5
+
+
+def test_bolted_beam_from_its_ring_down(datasets: Path):
+    """Brake-Reuss beam, hammer ring-down of accelerometer 1 (Chen et al. 2022); reference values with 0.02 Hz and
+    0.01 % (absolute)."""
+    from scipy.io import loadmat
+
+    held = loadmat(datasets / "01_brake_reuss_beam" / "HammerImpact.mat", squeeze_me=True, struct_as_record=False)
+    decay = ring_down(record(held["HIdata"].acc1, 12_800.0), (60.0, 110.0))
+    expected = {
+        27.9: (80.373, 0.249),
+        16.1: (80.443, 0.198),
+        7.0: (80.477, 0.172),
+        2.1: (80.547, 0.147),
+        1.0: (80.580, 0.140),
+    }
+    assert np.isnan(decay.knee)
+    for amplitude, (frequency, percent) in expected.items():
+        place = int(np.argmin(np.abs(decay.amplitudes - amplitude)))
+        assert decay.frequencies[place] == pytest.approx(frequency, abs=0.02)
+        assert 100 * decay.damping_ratios[place] == pytest.approx(percent, abs=0.01)
+
+
+def test_bad_input_is_one_sentence():
+    good = record(viscous(80.0, 0.01, 2000.0, 2.0), 2000.0)
+    for arguments, words in (
+        ({"band": (110.0, 60.0)}, "not a band"),
+        ({"band": (60.0, 1100.0)}, "half the sampling rate"),
+        ({"band": (60.0, 110.0), "channel": "acc 7"}, "no such channel; got acc 7"),
+        ({"band": (60.0, 110.0), "start": 1.0, "stop": 0.5}, "nothing between start and stop"),
+        ({"band": (60.0, 110.0), "start": 0.5, "stop": 0.51}, "too short"),
+    ):
+        with pytest.raises(InputError, match=words):
+            ring_down(good, **arguments)
+    steady = record(np.sin(2 * np.pi * 80 * np.arange(4000) / 2000), 2000.0)
+    with pytest.raises(InputError, match="does not decay"):
+        ring_down(steady, (60.0, 110.0))
+    broken = np.array(good.signals[0])
+    broken[7] = np.nan
+    with pytest.raises(InputError, match="NaN"):
+        ring_down(record(broken, 2000.0), (60.0, 110.0))
+    with pytest.raises(InputError, match="too short"):
+        ring_down(record(good.signals[0][:100], 2000.0), (60.0, 110.0))
+    forces = Recording(good.signals, 2000.0, (Channel("hammer", role="reference"),), name="take")
+    with pytest.raises(InputError, match="no such channel"):
+        ring_down(forces, (60.0, 110.0))
