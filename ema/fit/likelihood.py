@@ -302,7 +302,9 @@ def refine(data: Observations, start: ModalFit, iterations: int = 12, tolerance:
             participation[i, mode] += shrink * (step[entry] + 1j * step[entry + 1])
         participation /= participation[np.argmax(np.abs(participation), axis=0), np.arange(modes)]
         moved = state.poles + move
-        trial = evaluate(data, np.minimum(moved.real, -floor) + 1j * moved.imag, participation)
+        # A pole that starts narrower than the floor may stay so: pushed away, it would raise the cost of every step.
+        ceiling = np.maximum(-floor, state.poles.real)
+        trial = evaluate(data, np.minimum(moved.real, ceiling) + 1j * moved.imag, participation)
         if not trial.cost <= state.cost:
             damping = max(10 * damping, 1e-3)
             if damping > 1e4:
