@@ -20,6 +20,7 @@ _FALL = 0.25
 _STEP, _EXPLAINED = 1.03, 0.7
 _KNEE_CYCLES = 1.0
 _SCATTER = 0.25
+_ENDS = 2.0
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def ring_down(
     signal : a record (amplitudes come in the unit of its channel) or a response in time (displacement in m).
     band : Hz; holds the mode in all its phases and no other mode.
     channel : name of the channel, or the DOF; the first response by default.
-    start, stop : s; by default one filter length behind the largest amplitude, and one before the end.
+    start, stop : s; by default two filter lengths behind the largest amplitude, and two before the end.
     floor : the decay ends where the amplitude has fallen to this part of its first value; by default where it reaches
         four times the noise at the end of the record, if there is nothing but noise.
     cycles : half length of the stretch over which the slopes are read; by default as many cycles as the amplitude
@@ -171,7 +172,7 @@ def _window(
     floor: float | None, what: str,
 ) -> tuple[int, int]:  # fmt: skip
     """First and last sample of the decay."""
-    ends = round(rate / (band[1] - band[0]))
+    ends = round(_ENDS * rate / (band[1] - band[0]))
     first = int(np.argmax(amplitude[: len(amplitude) - ends])) + ends if start is None else round(start * rate)
     last = len(amplitude) - ends if stop is None else round(stop * rate)
     if start is None and first >= last:
