@@ -4,8 +4,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ema.elements import beam, double_beam, plate_matrices
     from ema.simulate.control import controlled_snapback
-    from ema.simulate.elements import beam
     from ema.simulate.events import snapback_reference
     from ema.simulate.friction import (
         Coulomb,
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from ema.simulate.inputs import Blow, Fault, RandomShakers, RovingHammer, SweptShaker
     from ema.simulate.loops import loop
     from ema.simulate.maps import backbone, damping_map, resonance
-    from ema.simulate.plate_elements import plate_matrices
-    from ema.simulate.structure import assemble, double_beam
+    from ema.simulate.structure import assemble
     from ema.simulate.transient import respond, snapback
     from ema.simulate.virtual import RingCell, VirtualRig
 
@@ -44,15 +43,15 @@ _NAMES = {
     "VirtualRig": "virtual",
     "assemble": "structure",
     "backbone": "maps",
-    "beam": "elements",
+    "beam": "ema.elements",
     "controlled_snapback": "control",
     "damping_map": "maps",
-    "double_beam": "structure",
+    "double_beam": "ema.elements",
     "frf": "harmonic",
     "identify": "hysteresis",
     "loop": "loops",
     "measured_loop": "hysteresis",
-    "plate_matrices": "plate_elements",
+    "plate_matrices": "ema.elements",
     "register_law": "friction",
     "resonance": "maps",
     "respond": "transient",
@@ -70,5 +69,6 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _NAMES:
-        return getattr(import_module(f"ema.simulate.{_NAMES[name]}"), name)
+        home = _NAMES[name]
+        return getattr(import_module(home if "." in home else f"ema.simulate.{home}"), name)
     raise AttributeError(f"module 'ema.simulate' has no attribute {name!r}")

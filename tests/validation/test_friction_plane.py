@@ -8,10 +8,10 @@ import pytest
 from scipy.linalg import eigh
 
 from ema.data import BeamModel, Joint
+from ema.elements import plate_matrices
 from ema.errors import InputError
 from ema.simulate import Dahl, Masing, double_beam, snapback
 from ema.simulate.loops import drive_plane
-from ema.simulate.plate_elements import plate_matrices
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
 
