@@ -195,6 +195,18 @@ class PackedLaws:
         )  # fmt: skip
 
 
+def check_isotropic(law: FrictionLaw, where: str) -> None:
+    """Refuse an isotropic law in two directions that has no vector form.
+
+    Raises
+    ------
+    InputError : the law is a user's own.
+    """
+    if law.isotropic and law.name in _USER:
+        raise InputError("a law of the user's own has no isotropic form", where=where, got=f"{law.name}",
+                         expected="isotropic=False, or one of " + ", ".join(sorted(_CODES)))  # fmt: skip
+
+
 def springs_of(law: FrictionLaw) -> tuple[Float[np.ndarray, "spring"], Float[np.ndarray, "spring"]]:
     """Shares of stiffness and of slip force of the Masing springs that make a piecewise linear law."""
     values = dict(law.parameters)

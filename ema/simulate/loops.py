@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from ema.data import FrictionLaw, Loop
 from ema.errors import InputError
-from ema.simulate.friction import PIECEWISE_LINEAR, pack, springs_of, virgin_rate
+from ema.simulate.friction import PackedLaws, check_isotropic, pack, virgin_rate
 
 
 def drive(
@@ -27,19 +27,8 @@ def drive(
     from ema.simulate import friction_kernels
 
     kernels: Any = friction_kernels
-    force = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), displacements.shape)
-    if not np.all(np.isfinite(force)) or force.min() < 0:
-        raise InputError("not a normal force", where=f"law {law.name}", got=f"{force.min()} N", expected="0 N or more")
-    if not np.isfinite(law.contact_stiffness):
-        raise InputError("a rigid law has no loop of its own", where=f"law {law.name}", got="infinite stick stiffness",
-                         expected="a stiffness", advice="Coulomb(mu, stick_stiffness=...)")  # fmt: skip
-    packed = pack([law], [1])
-    stiffness = law.contact_stiffness
-    if law.stiffness_exponent:
-        stiffness *= (float(force[0]) / law.reference_force) ** law.stiffness_exponent
-    stiffness = min(stiffness, law.stiffness_cap)
+    packed, stiffness, limits = _prepared(law, len(displacements), normal_force, 1)
     state = np.zeros((1, packed.stiffness_shares.shape[1]))
-    limits = np.ascontiguousarray(law.friction_coefficient * force)
     return np.asarray(
         kernels.drive(
             packed.codes, stiffness, limits, *packed.arguments[1:], np.ascontiguousarray(displacements), interval, state
@@ -47,35 +36,53 @@ def drive(
     )
 
 
+def _prepared(
+    law: FrictionLaw, samples: int, normal_force: float | np.ndarray, rows: int
+) -> tuple[PackedLaws, float, Float[np.ndarray, "sample"]]:
+    """Arrays of a law, its stiffness in N/m and its slip force over the samples in N."""
+    force = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), (samples,))
+    if not np.all(np.isfinite(force)) or force.min() < 0:
+        raise InputError("not a normal force", where=f"law {law.name}", got=f"{force.min()} N", expected="0 N or more")
+    if not np.isfinite(law.contact_stiffness):
+        raise InputError("a rigid law has no loop of its own", where=f"law {law.name}", got="infinite stick stiffness",
+                         expected="a stiffness", advice="Coulomb(mu, stick_stiffness=...)")  # fmt: skip
+    stiffness = law.contact_stiffness
+    if law.stiffness_exponent:
+        stiffness *= (float(force[0]) / law.reference_force) ** law.stiffness_exponent
+    limits = np.ascontiguousarray(law.friction_coefficient * force)
+    return pack([law] * rows, [1] * rows), min(stiffness, law.stiffness_cap), limits
+
+
 def drive_plane(
-    law: FrictionLaw, displacements: Float[np.ndarray, "2 sample"], normal_force: float
+    law: FrictionLaw,
+    displacements: Float[np.ndarray, "2 sample"],
+    normal_force: float | Float[np.ndarray, "sample"],
+    interval: float = 1e-3,
 ) -> Float[np.ndarray, "2 sample"]:
     """Friction force in N of one contact that is moved in its plane, from the unstressed state.
 
-    An isotropic law (Masing-type) returns radially to the circle of radius F_C; one with ``isotropic=False`` acts in x
-    and y on their own, as Gaul, Roseira and Becker (2008) divide it: up to sqrt(2) F_C on the diagonal.
+    An isotropic law is limited by a circle of radius F_C; one with ``isotropic=False`` acts in x and y on their own,
+    as Gaul, Roseira and Becker (2008) divide it: up to sqrt(2) F_C on the diagonal.
 
     Raises
     ------
-    InputError : the law has no isotropic form.
+    InputError : the law has no isotropic form; as for ``drive``.
     """
     if not law.isotropic:
-        return np.array([drive(law, np.ascontiguousarray(row), normal_force) for row in displacements])
-    if law.name not in PIECEWISE_LINEAR or not np.isfinite(law.contact_stiffness):
-        raise InputError("no isotropic form of this law", where=f"law {law.name}", got="isotropic=True",
-                         expected=", ".join(PIECEWISE_LINEAR), advice="use isotropic=False")  # fmt: skip
-    total = np.zeros_like(displacements, dtype=np.float64)
-    for share_k, share_f in zip(*springs_of(law), strict=True):
-        k, top = law.contact_stiffness * share_k, law.friction_coefficient * normal_force * share_f
-        force, before = np.zeros(2), np.zeros(2)
-        for n, u in enumerate(displacements.T):
-            force = force + k * (u - before)
-            size = float(np.hypot(*force))
-            if size > top:
-                force = force * (top / size)
-            before = u
-            total[:, n] += force
-    return total
+        return np.array([drive(law, np.ascontiguousarray(row), normal_force, interval) for row in displacements])
+    from ema.simulate import plane_kernels
+
+    kernels: Any = plane_kernels
+    check_isotropic(law, f"law {law.name}")
+    packed, stiffness, limits = _prepared(law, displacements.shape[1], normal_force, 2)
+    state = np.zeros((2, packed.stiffness_shares.shape[1]))
+    x, y = (np.ascontiguousarray(row, dtype=np.float64) for row in displacements)
+    return np.asarray(
+        kernels.drive_plane(
+            packed.codes[0], stiffness, limits, packed.parameters, packed.stiffness_shares, packed.force_shares,
+            packed.counts[0], packed.tables, x, y, interval, state,
+        )
+    )  # fmt: skip
 
 
 def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int = 4096, frequency: float = 1.0) -> Loop:
