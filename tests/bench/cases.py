@@ -65,6 +65,20 @@ def case_160(lines: int = 1601, noise: float = 0.01, seed: int = 0) -> Case:
     return _case("160 FRFs", seed, noise, frequencies, rng, inside, damping, outputs=80, references=2, beyond=0.05)
 
 
+def case_small(lines: int = 401, noise: float = 0.01, seed: int = 0) -> Case:
+    """8 outputs x 2 references, 5 modes in 100-500 Hz: a pair 1.5 % apart, one mode with 5 % damping, modes 5 % outside
+    the band on both sides: small enough for thousands of draws.
+    """
+    rng = np.random.default_rng([16, seed])
+    frequencies = np.linspace(100.0, 500.0, lines)
+    inside = _spread(rng, 5, 100.0, 500.0)
+    pair = int(rng.integers(1, 3))
+    inside[pair + 1] = 1.015 * inside[pair]
+    damping = _log_uniform(rng, 0.003, 0.008, 5)
+    damping[int(rng.choice([mode for mode in range(1, 5) if mode not in (pair, pair + 1)]))] = 0.05
+    return _case("16 FRFs", seed, noise, frequencies, rng, inside, damping, outputs=8, references=2, beyond=0.05)
+
+
 def case_large(lines: int = 4096, noise: float = 0.01, seed: int = 0) -> Case:
     """300 outputs x 3 references, 60 modes in 200-2200 Hz: four pairs 0.3-0.6 % apart, two modes with 5 % damping,
     strong modes 5 % outside the band on both sides.
@@ -147,7 +161,7 @@ def _case(
     truth, rest = (_model(poles[keep], complex_shapes[:, keep], places, name) for keep in (within, ~within))
     clean = _accelerance(truth, frequencies) + _accelerance(rest, frequencies)
     std = noise_std(clean, noise)
-    values = clean + std * _unit_noise(rng, clean.shape)
+    values = clean + std * unit_noise(rng, clean.shape)
     frfs = FrfSet(
         frequencies=frequencies, values=values, outputs=truth.dofs, inputs=truth.inputs, quantity="accelerance",
         unit="m/s^2/N", estimator="synthetic", name=f"{name}, seed {seed}",
@@ -161,7 +175,7 @@ def noise_std(clean: np.ndarray, noise: float) -> np.ndarray:
     return noise * (magnitude + np.sqrt(np.mean(magnitude**2, axis=0, keepdims=True)))
 
 
-def _unit_noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+def unit_noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     """Circular complex noise with E|n|^2 = 1."""
     return np.sqrt(0.5) * rng.standard_normal((*shape, 2)).view(np.complex128)[..., 0]
 

@@ -1,5 +1,6 @@
 """How a fit is scored against known truth: found, false, errors, and the Cramer-Rao bound they are measured by."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,13 +39,8 @@ def cramer_rao(case: Case) -> Bound:
     participation and unknown complex shape (rank-one residues), nothing else. The noise level is taken as known. The
     shapes are eliminated output by output (Schur complement), so the cost is linear in the outputs.
     """
-    poles = np.concatenate([case.truth.poles, case.outside.poles])
-    shapes = np.concatenate([case.truth.shapes, case.outside.shapes], axis=1)
-    participation = np.concatenate([case.truth.participation, case.outside.participation], axis=1)
-    information = _information(case.frfs.frequencies, case.noise_std, poles, shapes, participation)
-    scale = np.sqrt(np.diag(information))
-    scaled = information / np.outer(scale, scale)
-    covariance = np.linalg.inv(scaled + 1e-14 * np.eye(len(scaled))) / np.outer(scale, scale)
+    model = _everything(case)
+    covariance = _covariance(model)
     count = len(case.truth.poles)
     frequency_std, damping_std = np.empty(count), np.empty(count)
     for mode, pole in enumerate(case.truth.poles):
@@ -57,43 +53,94 @@ def cramer_rao(case: Case) -> Bound:
     return Bound(frequency_std, damping_std, clear)
 
 
-def _information(
-    frequencies: np.ndarray, std: np.ndarray, poles: np.ndarray, shapes: np.ndarray, participation: np.ndarray
-) -> np.ndarray:
-    """Fisher information of (Re p, Im p of all modes, then of the free participations), shapes eliminated.
+def residue_bound(case: Case) -> np.ndarray:
+    """Root mean square error that the bound allows, over the norm, of the residue matrix of each mode of the truth.
+
+    The same model as ``cramer_rao``; shape (mode,).
+    """
+    model = _everything(case)
+    covariance = _covariance(model)
+    count, size = len(case.truth.poles), 2 * len(model.poles)
+    variance = np.zeros(count)
+    for shape, (local, cross, _) in zip(model.shapes, _blocks(model), strict=True):
+        inverse = np.linalg.pinv(local, rcond=1e-14, hermitian=True)
+        follows = inverse @ cross
+        for mode in range(count):
+            rows = slice(2 * mode, 2 * mode + 2)
+            for reference, row in enumerate(model.participation):
+                slope = -_rotations(row[[mode]]) @ follows[rows]
+                own = size * (1 + reference) + 2 * mode
+                slope[:, own : own + 2] += _rotations(shape[[mode]])
+                variance[mode] += np.abs(row[mode]) ** 2 * np.trace(inverse[rows, rows])
+                variance[mode] += np.sum((slope @ covariance) * slope)
+    return np.sqrt(variance) / np.linalg.norm(case.truth.residues(), axis=(1, 2))
+
+
+@dataclass(frozen=True)
+class _Model:
+    """All modes of a case, participation scaled to 1 at its largest entry ``fixed`` (mode,)."""
+
+    frequencies: np.ndarray
+    std: np.ndarray
+    poles: np.ndarray
+    shapes: np.ndarray
+    participation: np.ndarray
+    fixed: np.ndarray
+
+
+def _everything(case: Case) -> _Model:
+    poles = np.concatenate([case.truth.poles, case.outside.poles])
+    shapes = np.concatenate([case.truth.shapes, case.outside.shapes], axis=1)
+    participation = np.concatenate([case.truth.participation, case.outside.participation], axis=1)
+    fixed = np.abs(participation).argmax(axis=0)
+    largest = participation[fixed, np.arange(len(poles))]
+    return _Model(case.frfs.frequencies, case.noise_std, poles, shapes * largest, participation / largest, fixed)
+
+
+def _covariance(model: _Model) -> np.ndarray:
+    """Covariance of (Re p, Im p of all modes, then of all participations; zero where these are fixed)."""
+    size = 2 * len(model.poles)
+    information = sum(
+        total - cross.T @ np.linalg.lstsq(local, cross, rcond=1e-14)[0] for local, cross, total in _blocks(model)
+    )
+    free = np.ones(len(information), bool)
+    for mode, reference in enumerate(model.fixed):
+        free[size * (1 + reference) + 2 * mode : size * (1 + reference) + 2 * mode + 2] = False
+    kept = information[np.ix_(free, free)]
+    scale = np.sqrt(np.diag(kept))
+    inverse = np.linalg.inv(kept / np.outer(scale, scale) + 1e-14 * np.eye(len(scale))) / np.outer(scale, scale)
+    covariance = np.zeros_like(information)
+    covariance[np.ix_(free, free)] = inverse
+    return covariance
+
+
+def _blocks(model: _Model) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Fisher information of each output: of its shapes, between these and the poles and participations, of the latter.
 
     A change dc of the factor of 1/(s - p) changes an FRF by s^2 (dc / (s - p) + conj), which is linear in the two real
     numbers of dc: everything follows from the Gram matrix of those real columns, for 1/(s - p) and 1/(s - p)^2.
     """
-    modes, references = len(poles), len(participation)
-    fixed = np.abs(participation).argmax(axis=0)
-    largest = participation[fixed, np.arange(modes)]
-    shapes, participation = shapes * largest, participation / largest
-    columns = _real_columns(frequencies, poles)
-    size = 2 * modes
-    total = np.zeros((size * (1 + references),) * 2)
-    through = [_rotations(row) for row in participation]
-    for output, shape in enumerate(shapes):
+    columns = _real_columns(model.frequencies, model.poles)
+    size, references = 2 * len(model.poles), len(model.participation)
+    through = [_rotations(row) for row in model.participation]
+    for output, shape in enumerate(model.shapes):
         by_shape = _rotations(shape)
-        local, cross = np.zeros((size, size)), np.zeros((size, len(total)))
+        unknowns = size * (1 + references)
+        local, cross, total = np.zeros((size, size)), np.zeros((size, unknowns)), np.zeros((unknowns, unknowns))
         for reference in range(references):
-            weight = np.sqrt(2) / std[:, output, reference]
+            weight = np.sqrt(2) / model.std[:, output, reference]
             weighted = columns * np.concatenate([weight, weight])[:, None]
             gram = dsyrk(1.0, weighted.T)
             gram += np.triu(gram, 1).T
-            by_pole = _rotations(shape * participation[reference])
-            jacobian = np.zeros((2 * size, len(total)))
+            by_pole = _rotations(shape * model.participation[reference])
+            jacobian = np.zeros((2 * size, unknowns))
             jacobian[size:, :size] = by_pole
             jacobian[:size, size * (1 + reference) : size * (2 + reference)] = by_shape
             local += through[reference].T @ gram[:size, :size] @ through[reference]
             image = gram @ jacobian
             cross += through[reference].T @ image[:size]
             total += jacobian.T @ image
-        total -= cross.T @ np.linalg.lstsq(local, cross, rcond=1e-14)[0]
-    free = np.ones(len(total), bool)
-    for mode, reference in enumerate(fixed):
-        free[size * (1 + reference) + 2 * mode : size * (1 + reference) + 2 * mode + 2] = False
-    return total[np.ix_(free, free)]
+        yield local, cross, total
 
 
 def _real_columns(frequencies: np.ndarray, poles: np.ndarray) -> np.ndarray:

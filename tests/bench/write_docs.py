@@ -30,26 +30,6 @@ the high-water mark above what the process held before, over the size of the FRF
 This page is written by `python -m tests.bench.write_docs` from the figures of `python -m tests.bench.fit`.
 """
 
-ACCURACY = """# Accuracy
-
-Synthetic FRFs with known truth. Noise of 1 % means a complex standard deviation of 1 % of |H| at each line plus 1 % of
-that FRF's root mean square over the band. The systems are viscous with non-proportional damping; the modes outside the
-band are included exactly.
-
-- A mode is **identifiable** when its Cramér-Rao standard deviations are below 10 % of the damping ratio and a fifth of
-  the distance to its neighbour. The bound is that of the model which made the data: unknown poles, participations and
-  complex shapes of all modes inside and outside the band, and a known noise level.
-- **Found**: frequency within 1 % and nearer to it than to its neighbour, MAC of at least 0.8, one to one. The shapes of
-  the peers are computed from their poles by one and the same least-squares fit, with the true poles outside the band.
-- **False**: returned and matched to nothing.
-- **Over the bound**: root mean square over the modes found of the error divided by the bound's standard deviation; an
-  efficient estimator reads 1.
-
-Peers that have no automatic selection are told the true frequencies and give the stable pole nearest to each.
-
-This page is written by `python -m tests.bench.write_docs` from the figures of `python -m tests.bench.fit`.
-"""
-
 
 def median(runs: Iterable[dict], value: Callable[[dict], float]) -> float:
     """Median over the runs that ended; NaN where none did."""
@@ -268,9 +248,10 @@ def hammer_tests(result: dict) -> str:
 
 def main() -> None:
     """Write both pages."""
+    from tests.bench import accuracy_page  # it uses the tables of this module
+
     rows = json.loads(RESULT.read_text())["rows"]
     cases = [row for key, row in rows.items() if key != "random"]
-    chosen = [selection(rows["random"])] if "random" in rows else []
     others = [
         section(json.loads(file.read_text()))
         for file, section in ((UFF, universal_files), (RESULT.with_name("hammer.json"), hammer_tests))
@@ -278,7 +259,7 @@ def main() -> None:
     ]
     pages = {
         "speed.md": [SPEED, *map(speed, cases), *others],
-        "accuracy.md": [ACCURACY, *map(accuracy, cases), *chosen],
+        "accuracy.md": [accuracy_page.HEAD, *accuracy_page.sections(), *map(accuracy, cases)],
     }
     DOCS.mkdir(exist_ok=True)
     for page, sections in pages.items():

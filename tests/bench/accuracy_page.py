@@ -1,0 +1,220 @@
+"""Sections of the accuracy page from the results of ``python -m tests.bench.accuracy``."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from tests.bench.environments import NAMES
+from tests.bench.fit import OURS
+from tests.bench.write_docs import TOLD, misses, name, number, selection, stamp, table
+
+RESULT = Path(__file__).parent / "results" / "accuracy.json"
+
+HEAD = """# Accuracy
+
+Synthetic FRFs with known truth, real measurements split into halves, and peers on the same data. Everything on this
+page is written by `python -m tests.bench.accuracy` (and, for the larger cases at the end, `python -m tests.bench.fit`)
+from what it measured; seeds are drawn at run time.
+
+- **Noise of 1 %** means a complex standard deviation of 1 % of |H| at each line plus 1 % of that FRF's root mean square
+  over the band. The systems are viscous with non-proportional damping; the modes outside the band are included exactly.
+- **Bound**: Cramér-Rao, of the model which made the data: unknown poles, participations and complex shapes of all modes
+  inside and outside the band, and a known noise level. A fit that has to find out more (residual terms, the noise
+  level) may lie a little above 1.
+- A mode is **identifiable** when its standard deviations by that bound are below 10 % of the damping ratio and a fifth
+  of the distance to its neighbour.
+- **Found**: frequency within 1 % and nearer to it than to its neighbour, MAC of at least 0.8, one to one. **False**:
+  returned and matched to nothing.
+- **Residue error**: norm of the error over the norm, of the whole residue matrix of a mode.
+"""
+
+
+def sections() -> list[str]:
+    """What has been measured, in the order of the page."""
+    known = json.loads(RESULT.read_text()) if RESULT.exists() else {}
+    writers = {
+        "case": case, "small": small, "random": random_systems, "residues": residues, "cost": cost, "halves": halves,
+        "peers": peers,
+    }  # fmt: skip
+    return [write(known[section]) for section, write in writers.items() if section in known]
+
+
+def measured(section: dict) -> str:
+    """Date, machine and time taken."""
+    text = stamp(section | {"seeds": []}).removesuffix(" Seeds: .")
+    return f"{text} {section['seconds']:.0f} s of processor time."
+
+
+def case(section: dict) -> str:
+    """Errors over the bound on the 160-FRF case."""
+    text = (
+        "20 modes in 100-900 Hz: a pair 0.4 % apart, one mode with 5 % damping, strong modes 5 % outside the band on both "
+        "sides. Each row is one system and that many noise draws, fitted with default settings."
+    )
+    return "\n\n".join(["## Error over the bound: 80 outputs x 2 references x 1601 lines", text, *over_bound(section)])
+
+
+def small(section: dict) -> str:
+    """Errors over the bound on the small case."""
+    text = (
+        "5 modes in 100-500 Hz, all of them identifiable: a pair 1.5 % apart, one mode with 5 % damping, modes 5 % outside "
+        "the band on both sides."
+    )
+    return "\n\n".join(["## Error over the bound: 8 outputs x 2 references x 401 lines", text, *over_bound(section)])
+
+
+def over_bound(section: dict) -> list[str]:
+    """Two tables: errors over the bound, and coverage of the intervals."""
+    errors, intervals, worst = [], [], []
+    for row in section["found"]:
+        start = [f"{100 * row['noise']:g} %", row["knowledge"], f"{row['draws']}"]
+        f, z = row["frequency over bound"], row["damping over bound"]
+        errors.append([
+            *start, number(f["pooled"], 4), number(z["pooled"], 4), f"{f['smallest']:.2f}-{f['largest']:.2f}",
+            f"{z['smallest']:.2f}-{z['largest']:.2f}", f"{f['band'][0]:.2f}-{f['band'][1]:.2f}",
+            f"{len(f['above']) + len(z['above'])} of {2 * row['modes']}", f"{f['bias']:+.3f}", f"{z['bias']:+.3f}",
+            f"{row['missed']} of {row['draws'] * row['modes']}", f"{row['false']}",
+        ])  # fmt: skip
+        intervals.append([
+            *start, percent(row["frequency coverage"]), percent(row["damping coverage"]),
+            percent(row["residues coverage"]), percent(row["residue median"]), percent(row["residue largest"]),
+            number(row["residue over bound"]), number(row["residue over bound, worst mode"]), str(row["seed"]),
+        ])  # fmt: skip
+        for what, own in (("frequency", f), ("damping", z)):
+            for mode in own["above"]:
+                hertz, zeta = row["truth"][mode]
+                worst.append(
+                    f"- {start[0]}, {start[1]}: {what} of {hertz:g} Hz ({100 * zeta:.2f} %): {own['single'][mode]:.2f}, "
+                    f"of which bias {own['single bias'][mode]:+.2f}"
+                )
+    return [
+        "Root mean square errors over the bound's standard deviation, pooled over modes and draws, and of single modes "
+        "with the band in which all of an efficient estimator's lie together with 99 % probability; the bias is the mean "
+        "error in standard deviations.",
+        table(
+            ["noise", "noise level", "draws", "f pooled", "ζ pooled", "f single", "ζ single", "99 % band", "above",
+             "f bias", "ζ bias", "missed", "false"], errors,
+        ),
+        "\n".join(["Single modes above the band:\n", *worst]) if worst else "No single mode is above the band.",
+        "Coverage of the 95 % intervals (pooled over modes and draws; residues: real and imaginary parts), and the error of "
+        "the residues:",
+        table(
+            ["noise", "noise level", "draws", "f [%]", "ζ [%]", "residues [%]", "residue error median [%]", "largest [%]",
+             "residues over the bound", "worst mode", "seed"], intervals,
+        ),
+        measured(section),
+    ]  # fmt: skip
+
+
+def random_systems(section: dict) -> str:
+    """Recall and false modes on random systems."""
+    return selection(section["found"] | {"date": section["date"], "machine": section["machine"]})
+
+
+def residues(section: dict) -> str:
+    """Residues with a mode 5 % outside the band."""
+    row = section["found"]
+    lines = [[
+        f"{100 * row['noise']:g} %", f"{row['systems']}", percent(np.median(row["median"])),
+        percent(np.max(row["median"])), percent(np.median(row["largest"])), percent(np.max(row["largest"])),
+        number(float(np.sqrt(np.mean(np.square(row["over bound"]))))), percent(np.median(row["bound median"])),
+        percent(np.median(row["bound largest"])), percent(np.max(row["bound largest"])), f"{sum(row['missed'])}",
+    ]]  # fmt: skip
+    head = [
+        "noise", "systems", "median [%]", "largest median [%]", "largest, median over systems [%]", "largest of all [%]",
+        "rms over the bound", "bound: median [%]", "bound: largest, median over systems [%]", "bound: largest of all [%]",
+        "modes missed",
+    ]  # fmt: skip
+    text = (
+        "One draw on each of several systems of the 160-FRF case; the first mode outside lies 5 % beyond the band edge."
+    )
+    return "\n\n".join(
+        ["## Residues with strong modes just outside the band", text, table(head, lines),
+         measured(section) + f" Seed: {row['seed']}."]
+    )  # fmt: skip
+
+
+def cost(section: dict) -> str:
+    """Cost of the refinement."""
+    runs = section["found"]["runs"]
+    poles, chosen, modes = (np.median([run[part] for run in runs]) for part in ("poles", "selection", "modes"))
+    lines = [[number(poles), number(chosen), number(modes - chosen), number((modes - chosen) / (poles + chosen))]]
+    head = ["poles [s]", "selection [s]", "after it [s]", "after it / poles and selection"]
+    text = (
+        "160-FRF case, 1 % noise, processor time, best of three, median over the seeds. The selection refines the poles it "
+        "chooses from; what comes after it is the last refinement, residues, intervals and scaling."
+    )
+    return "\n\n".join(["## Cost of refinement and intervals", text, table(head, lines), measured(section)])
+
+
+def halves(section: dict) -> str:
+    """Real data."""
+    lines = [
+        [
+            row["title"], f"{row['splits']}", " + ".join(f"{a}/{b}" for a, b in row["modes"]), f"{row['pairs']}",
+            percent(row["frequency within"]), percent(row["damping within"]), number(row["frequency median"]),
+            number(row["damping median"]), f"{row['seed']}",
+        ] for row in section["found"]
+    ]  # fmt: skip
+    head = [
+        "measurement", "splits", "modes in the halves", "pairs", "f within [%]", "ζ within [%]",
+        "f: median difference / s", "ζ: median difference / s", "seed",
+    ]  # fmt: skip
+    text = (
+        "Two halves of one real measurement, each fitted by itself, told nothing. *Within*: the difference is less than "
+        "1.96 s with s = sqrt(s1² + s2²) of the two stated standard deviations; for intervals that hold all scatter it "
+        "would be 95 %, and the median difference 0.67 s."
+    )
+    note = (
+        "The intervals hold the noise of the FRFs. They do not hold what changes between the halves while each half stays "
+        "clean: blows of different strength, direction and place, the moved hammer or sensor, suspension and temperature, "
+        "a structure that is not linear, and errors that neighbouring lines share (leakage, windows, smoothing over "
+        "lines). Repeats show them: see `repeat` in the campaign's description."
+    )
+    return "\n\n".join(
+        ["## Real measurements, halves against each other", text, table(head, lines), note, measured(section)]
+    )
+
+
+def peers(section: dict) -> str:
+    """Peers on the same draws."""
+    parts = [
+        "## Peers on the same data: 80 outputs x 2 references x 1601 lines, 20 modes, orders to 60",
+        "Systems without an automatic selection are told the true frequencies and give the stable pole nearest to each. The "
+        "shapes of the peers are computed from their poles by one and the same least-squares fit, with the true poles "
+        "outside the band. Medians over the seeds; a number in each column that counts modes is one seed.",
+    ]
+    for row in section["found"]:
+        lines = []
+        for system, own in row["runs"].items():
+            ended = [run for run in own if "error" not in run]
+            if not ended:
+                continue
+
+            def middle(key: str, runs: list[dict] = ended) -> float:
+                return float(np.median([run[key] for run in runs]))
+
+            lines.append([
+                name(system, own), TOLD[system], " + ".join(f"{run['found']}" for run in ended),
+                " + ".join(f"{len(run['false'])}" for run in ended), percent(middle("damping_error")),
+                percent(middle("damping_bias")), number(middle("frequency_ratio")), number(middle("damping_ratio")),
+                percent(middle("residue_error")), percent(middle("residue_error_largest")),
+                number(middle("time_poles") + middle("time_selection")),
+            ])  # fmt: skip
+        head = [
+            "system", "told", "found of 20", "false", "ζ error, median [%]", "ζ error, mean [%]", "f over the bound",
+            "ζ over the bound", "residue error, median [%]", "largest [%]", "processor time [s]",
+        ]  # fmt: skip
+        failed = [
+            f"- {NAMES.get(system, system)}: {run['error']}"
+            for system, own in row["runs"].items() for run in own if "error" in run
+        ]  # fmt: skip
+        parts += [f"### {row['title']}", table(head, lines), "\n".join(failed), misses({OURS: row["runs"][OURS]})]
+        parts.append(f"Seeds: {', '.join(map(str, row['seeds']))}.")
+    return "\n\n".join(filter(None, [*parts, measured(section)]))
+
+
+def percent(value: float) -> str:
+    """Of a fraction."""
+    return number(100 * float(value))
