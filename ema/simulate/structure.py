@@ -12,7 +12,6 @@ from ema.simulate.interface import normal_rows, tangential_rows
 from ema.simulate.modal_host import ModalCoordinates, modal_coordinates
 
 RIGID_FACTOR = 1000.0
-NO_DAMPING = Damping()
 
 
 @dataclass(frozen=True)
