@@ -1,6 +1,6 @@
 """Nouns: frozen dataclasses over numpy; no algorithms, no files, no plots."""
 
-from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices
+from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
 from ema.data.condition import Condition, Excitation, JointForce
 from ema.data.findings import Finding
@@ -9,6 +9,7 @@ from ema.data.geometry import Geometry
 from ema.data.hits import Hit, HitGallery
 from ema.data.maps import ModalMap
 from ema.data.modal import ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies, poles_from
+from ema.data.pressure import ContactPressure
 from ema.data.provenance import Provenance
 from ema.data.recording import Channel, Recording
 from ema.data.response import Decay, EnergyBalance, HarmonicResponse, Loop, Response
@@ -17,9 +18,9 @@ from ema.data.single import SingleMode
 from ema.data.source import Source
 
 __all__ = [
-    "BeamModel", "Campaign", "Channel", "Condition", "Damping", "Decay", "EnergyBalance", "Excitation", "Expectation",
-    "Finding", "FrfSet", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit", "HitGallery", "Joint", "JointForce",
-    "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel", "ModeQuality", "PoleTable", "Provenance", "Recording",
-    "Repair", "Residuals", "Response", "Run", "RunResult", "SingleMode", "Source", "StudyResult", "damping_ratios",
-    "natural_frequencies", "poles_from",
+    "BeamModel", "Campaign", "Channel", "Condition", "ContactPressure", "Damping", "Decay", "EnergyBalance",
+    "Excitation", "Expectation", "Finding", "FrfSet", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit",
+    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel", "ModeQuality",
+    "NormalContact", "PoleTable", "Provenance", "Recording", "Repair", "Residuals", "Response", "Run", "RunResult",
+    "SingleMode", "Source", "StudyResult", "damping_ratios", "natural_frequencies", "poles_from",
 ]  # fmt: skip

@@ -39,6 +39,26 @@ class FrictionLaw:
 
 
 @dataclass(frozen=True)
+class NormalContact:
+    """How the surfaces of a joint resist being pressed together, by name and parameters.
+
+    Parameters
+    ----------
+    name : ``linear`` (a spring for pressure and tension alike), ``power`` (N ~ penetration^exponent, no tension), or
+        ``curve`` (points of a measured or own curve, straight between them, no tension).
+    exponent : of the power law, 1 or more; 1 is the unilateral spring.
+    reference_force : N of the whole joint at which the ``normal_stiffness`` of the joint is the slope of the power law.
+    points : of the curve: penetration in m and normal force in N of the whole joint, ascending; the slope of the last
+        stretch goes on. The ``normal_stiffness`` of the joint is not used then.
+    """
+
+    name: str = "linear"
+    exponent: float = 1.0
+    reference_force: float = 1000.0
+    points: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
 class Joint:
     """Node pairs of host and friction beam that are pressed together.
 
@@ -47,11 +67,13 @@ class Joint:
     pairs : ``(node of the host, node of the beam)``; the beam lies on the +Z side of the host.
     half_heights : distances in m from the middle layers of host and beam to the interface.
     normal_force : F_N of the whole joint in N.
-    normal_stiffness : of the whole joint in N/m.
+    normal_stiffness : of the whole joint in N/m; that of a power law at its reference force.
     force_shares : share of each pair in the normal force, shape (pair,), sum 1; that of the area by default.
     directions : tangential directions, ``("X",)``, ``("Y",)`` or ``("X", "Y")``.
     area_shares : share of each pair in the contact area, hence in both contact stiffnesses, shape (pair,), sum 1; equal
         by default.
+    normal_contact : the law in the normal direction; by default a linear spring that also carries tension.
+    area : of the whole contact in m^2, where known.
     """
 
     name: str
@@ -63,6 +85,8 @@ class Joint:
     force_shares: Float[np.ndarray, "pair"] | None = None
     directions: tuple[str, ...] = ("X",)
     area_shares: Float[np.ndarray, "pair"] | None = None
+    normal_contact: NormalContact = NormalContact()
+    area: float | None = None
 
     def __post_init__(self) -> None:
         freeze(self, force_shares=np.float64, area_shares=np.float64)
@@ -112,6 +136,10 @@ class BeamModel:
     def with_law(self, law: FrictionLaw) -> "BeamModel":
         """The model with the same law in every joint."""
         return replace(self, joints=tuple(replace(joint, law=law) for joint in self.joints))
+
+    def with_normal_contact(self, contact: NormalContact) -> "BeamModel":
+        """The model with the same normal contact in every joint."""
+        return replace(self, joints=tuple(replace(joint, normal_contact=contact) for joint in self.joints))
 
     def with_normal_force(self, force: float | Sequence[float]) -> "BeamModel":
         """The model with the normal force of every joint (one number for all, or one per joint) in N."""

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data._arrays import freeze
 from ema.data.findings import Finding
+from ema.data.pressure import ContactPressure
 from ema.data.provenance import Provenance
 from ema.dof import Dof
 
@@ -57,6 +58,7 @@ class Response:
     slip_time : fraction of the run during which a contact dissipates, shape (contact,).
     error_estimate : estimated error of the displacements over the largest one; ``nan`` where none was made.
     step : s, of the finest integration; 0 where there is none.
+    pressure : normal forces of the node pairs, at rest and over the motion, where they were followed.
     """
 
     times: Float[np.ndarray, "sample"]
@@ -75,6 +77,7 @@ class Response:
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     name: str = ""
     provenance: Provenance = field(default=Provenance(), compare=False)
+    pressure: ContactPressure | None = None
 
     def __post_init__(self) -> None:
         names = ("times", "displacements", "velocities", "slips", "forces", "dissipated", "slip_time", "normal_forces")

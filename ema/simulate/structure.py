@@ -8,10 +8,14 @@ from jaxtyping import Float
 from ema.data import BeamModel, Damping, Finding, FrictionLaw, Joint, Matrices
 from ema.dof import Dof, match
 from ema.errors import InputError
+from ema.simulate.contact import NormalPairs, normal_pairs, press, resting
+from ema.simulate.friction import check_isotropic
 from ema.simulate.interface import normal_rows, tangential_rows
 from ema.simulate.modal_host import ModalCoordinates, modal_coordinates
 
 RIGID_FACTOR = 1000.0
+_SPRING = FrictionLaw("masing", 1.0, 1.0)
+"""What stands in the list of laws for a normal contact: a spring that never slides."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +25,10 @@ class Contacts:
     ``slip`` (contact, n) maps the DOFs on the relative displacement u; ``stiffness`` N/m and ``limits`` N (contact,);
     ``joint`` the number of the joint of each contact; ``partner`` the contact of the same pair in the other direction
     of an isotropic law, else -1; ``friction`` the slip force of a contact over the normal force of its joint.
+
+    The normal contacts that part or stiffen follow as the last ``normals`` rows, linearised at rest: u is the opening
+    of the gap, k its stiffness, the limit infinite. ``normal_of`` is the one of them that presses each contact, counted
+    from the first, or -1.
     """
 
     slip: Float[np.ndarray, "contact n"]
@@ -30,6 +38,13 @@ class Contacts:
     partner: tuple[int, ...]
     laws: tuple[FrictionLaw, ...]
     friction: Float[np.ndarray, "contact"]
+    normals: int = 0
+    normal_of: tuple[int, ...] = ()
+
+    @property
+    def tangential(self) -> int:
+        """Number of friction contacts."""
+        return len(self.joint) - self.normals
 
 
 @dataclass(frozen=True)
@@ -39,6 +54,7 @@ class System:
     The coordinates are the DOFs, or modes of a measured host followed by the DOFs of the beam: ``reach`` (dof,
     coordinate) leads from them to the DOFs, ``None`` where they are the same. ``decay`` (coordinate,) in 1/s is the
     damping a measured host brings. ``spacing`` is the distance of neighbouring node pairs in m, infinite where unknown.
+    ``normals`` are the node pairs in the normal direction, at rest under their preload.
     """
 
     mass: Float[np.ndarray, "n n"]
@@ -46,6 +62,7 @@ class System:
     dofs: tuple[Dof, ...]
     contacts: Contacts
     damping: Damping
+    normals: NormalPairs
     spacing: float = float("inf")
     findings: tuple[Finding, ...] = ()
     name: str = ""
@@ -83,16 +100,17 @@ def pair_forces(joint: Joint) -> Float[np.ndarray, "pair"]:
     return joint.normal_force * np.asarray(shares)
 
 
-def pair_stiffness(joint: Joint) -> Float[np.ndarray, "pair"]:
-    """Tangential contact stiffness of every node pair of a joint in N/m.
+def pair_stiffness(joint: Joint, forces: Float[np.ndarray, "pair"] | None = None) -> Float[np.ndarray, "pair"]:
+    """Tangential contact stiffness of every node pair of a joint in N/m, from its normal forces at rest.
 
     The power law k_T(F_N) with its cap holds for the pressure of the pair: its normal force over its share of the area
-    takes the place of the force of the joint.
+    takes the place of the force of the joint; a pair that is open at rest keeps a millionth of it.
     """
     law, areas = joint.law, pair_areas(joint)
     if law.stiffness_exponent == 0:
         return areas * min(law.contact_stiffness, law.stiffness_cap)
-    ratio = pair_forces(joint) / areas / law.reference_force
+    pressed = pair_forces(joint) if forces is None else forces
+    ratio = np.maximum(pressed / areas / law.reference_force, 1e-6)
     return areas * np.minimum(law.contact_stiffness * ratio**law.stiffness_exponent, law.stiffness_cap)
 
 
@@ -178,64 +196,106 @@ def assemble(model: BeamModel) -> System:
         beam_size = len(dofs) - len(host.dofs)
         reach = _block_diagonal([np.asarray(host.shapes), np.eye(beam_size)])
         decay = np.concatenate([host.decay, np.zeros(beam_size)])
-    split = len(model.host.dofs)
-    beam_dofs = dofs[split:] if model.beam is not None else dofs
-    offset = split if model.beam is not None else 0
+    split = len(model.host.dofs) if model.beam is not None else 0
+    parts = (dofs[: len(model.host.dofs)], dofs[split:], split, len(dofs))
+    normals = _normals(model, parts, reach)
+    bound = normals.rows[normals.elastic]
+    stiffness = stiffness + bound.T @ (bound * normals.stiffness[normals.elastic][:, None])
+    normals = press(normals, mass, stiffness, model.name)
+    contacts = _contacts(model, parts, reach, normals)
+    held, findings = _rigid_contacts(contacts, mass, stiffness, model.name)
+    findings_of_host = () if isinstance(host, Matrices) else host.findings
+    return System(
+        mass, stiffness, dofs, held, model.damping, normals, _spacing(model),
+        (*findings, *findings_of_host, *resting(normals, model.name).findings), model.name, reach, decay,
+    )  # fmt: skip
+
+
+_Parts = tuple[tuple[Dof, ...], tuple[Dof, ...], int, int]
+"""DOFs of host and beam, place of the beam's first DOF, number of all DOFs."""
+
+
+def _normals(model: BeamModel, parts: _Parts, reach: np.ndarray | None) -> NormalPairs:
+    gaps = np.vstack([normal_rows(joint, *parts) for joint in model.joints])
+    areas, preloads = (
+        np.concatenate([share(joint) for joint in model.joints]) for share in (pair_areas, pair_forces)
+    )  # fmt: skip
+    return normal_pairs(model.joints, gaps if reach is None else gaps @ reach, areas, preloads)
+
+
+def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals: NormalPairs) -> Contacts:
+    """Friction contacts of all joints in all directions, then the normal contacts that are followed."""
     slips: list[np.ndarray] = []
     limits: list[float] = []
     springs: list[float] = []
     shares: list[float] = []
     joints: list[int] = []
     partners: list[int] = []
+    pressed_by: list[int] = []
     laws: list[FrictionLaw] = []
+    place_of = np.where(normals.elastic, -1, np.cumsum(~normals.elastic) - 1)
+    pair = 0
     for number, joint in enumerate(model.joints):
-        gaps = normal_rows(joint, dofs[:split], beam_dofs, offset, len(dofs))
-        gaps = gaps if reach is None else gaps @ reach
-        stiffness = stiffness + gaps.T @ (gaps * (joint.normal_stiffness * pair_areas(joint))[:, None])
-        both = len(joint.directions) == 2 and joint.law.isotropic
-        rows = [tangential_rows(joint, d, dofs[:split], beam_dofs, offset, len(dofs)) for d in joint.directions]
         first, count = len(limits), len(joint.pairs)
-        for place, row in enumerate(rows):
-            slips.append(row)
-            limits += list(joint.law.friction_coefficient * pair_forces(joint))
-            shares += list(joint.law.friction_coefficient * pair_forces(replace(joint, normal_force=1.0)))
-            springs += list(pair_stiffness(joint))
+        part = slice(pair, pair + count)
+        both = len(joint.directions) == 2 and joint.law.isotropic
+        if both:
+            check_isotropic(joint.law, f"joint {joint.name}")
+        forces, friction = normals.forces[part], joint.law.friction_coefficient
+        for place, direction in enumerate(joint.directions):
+            slips.append(tangential_rows(joint, direction, *parts))
+            limits += list(friction * forces)
+            shares += list(friction * pair_forces(replace(joint, normal_force=1.0)))
+            springs += list(pair_stiffness(joint, forces))
             joints += [number] * count
             laws += [joint.law] * count
             other = first + (1 - place) * count
             partners += [other + k if both else -1 for k in range(count)]
+            pressed_by += list(place_of[part])
+        pair += count
+    followed = normals.followed
     slip = np.vstack(slips) if reach is None else np.vstack(slips) @ reach
-    findings_of_host = () if isinstance(host, Matrices) else host.findings
-    held, findings = _rigid_contacts(slip, np.array(springs), mass, stiffness, model.name)
-    contacts = Contacts(
-        slip, held, np.array(limits), tuple(joints), tuple(partners), tuple(laws), np.array(shares)
-    )  # fmt: skip
-    return System(
-        mass, stiffness, dofs, contacts, model.damping, _spacing(model), (*findings, *findings_of_host), model.name,
-        reach, decay,
+    count = len(followed)
+    owner = np.repeat(np.arange(len(model.joints)), [len(joint.pairs) for joint in model.joints])
+    return Contacts(
+        np.vstack([slip, normals.rows[followed]]), np.append(springs, normals.stiffness[followed]),
+        np.append(limits, np.full(count, np.inf)), (*joints, *owner[followed].tolist()), (*partners, *[-1] * count),
+        (*laws, *[_SPRING] * count), np.append(shares, np.full(count, np.inf)), count,
+        (*map(int, pressed_by), *[-1] * count),
     )  # fmt: skip
 
 
 def pair_counts(model: BeamModel, system: System) -> list[int]:
-    """Number of node pairs that share the joint of every contact."""
+    """Number of node pairs that share the joint of every contact.
+
+    Raises
+    ------
+    InputError : there are normal contacts that part or stiffen, which no solver follows yet.
+    """
+    if system.contacts.normals:
+        raise InputError("normal contact that parts or stiffens is not followed in motion", where=system.name,
+                         got=f"{system.contacts.normals} pairs", expected="linear normal contact")  # fmt: skip
     return [len(model.joints[number].pairs) for number in system.contacts.joint]
 
 
 def _rigid_contacts(
-    slip: np.ndarray, springs: np.ndarray, mass: np.ndarray, stiffness: np.ndarray, where: str
-) -> tuple[np.ndarray, tuple[Finding, ...]]:
+    contacts: Contacts, mass: np.ndarray, stiffness: np.ndarray, where: str
+) -> tuple[Contacts, tuple[Finding, ...]]:
     """Give contacts of rigid friction a finite spring, 1000 times as stiff as the structure that holds them."""
-    rigid = ~np.isfinite(springs)
+    rigid = ~np.isfinite(contacts.stiffness)
     if not rigid.any():
-        return springs, ()
+        return contacts, ()
+    slip, normals = contacts.slip[rigid], slice(contacts.tangential, None)
+    closed = contacts.slip[normals]
+    stiffness = stiffness + closed.T @ (closed * contacts.stiffness[normals][:, None])
     shift = 1e-9 * np.trace(stiffness) / np.trace(mass)
     own = 1 / np.diag(slip @ np.linalg.solve(stiffness + shift * mass, slip.T))
-    chosen = RIGID_FACTOR * float(own[rigid].max())
+    chosen = RIGID_FACTOR * float(own.max())
     finding = Finding(
         "info", "rigid-friction", where, f"rigid friction is computed with {chosen:.2e} N/m per contact.",
         chosen, None, "Give stick_stiffness to choose another.",
     )  # fmt: skip
-    return np.where(rigid, chosen, springs), (finding,)
+    return replace(contacts, stiffness=np.where(rigid, chosen, contacts.stiffness)), (finding,)
 
 
 def _spacing(model: BeamModel) -> float:
