@@ -7,6 +7,7 @@ _NAMES = {
     "Contents": "acquisition.contents",
     "formats": "acquisition.registry",
     "open_campaign": "acquisition.folder",
+    "open_model": "acquisition.model_file",
     "read": "acquisition.registry",
     "write": "acquisition.registry",
 }

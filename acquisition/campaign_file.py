@@ -1,18 +1,16 @@
 """What ``campaign.toml`` may say: every table and key, checked before any data file is opened."""
 
 import datetime
-import difflib
 import re
-import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from acquisition import units
 from acquisition.files.layout import Layout
-from acquisition.toml_lines import line_of
+from acquisition.toml_tables import validated
 from ema.data.condition import ExcitationKind
 from ema.data.recording import Role
 from ema.errors import EmaError, InputError
@@ -373,79 +371,4 @@ def parse(text: str, where: str = FILE_NAME) -> CampaignFile:
     ------
     InputError : as ``load``.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not TOML: {error}", where=where, advice="text values stand in quotation marks") from error
-    try:
-        return CampaignFile.model_validate(document)
-    except ValidationError as error:
-        raise _sentence(error, document, text, where) from error
-
-
-def _sentence(error: ValidationError, document: dict[str, Any], text: str, where: str) -> InputError:
-    """The first problem of the file as one error."""
-    # an unknown key is usually the cause of a missing one
-    troubles = sorted(
-        _troubles(error, document, text), key=lambda trouble: ("unknown key" not in trouble[1], trouble[0])
-    )
-    line, what, got, advice = troubles[0]
-    others = f" (and {len(troubles) - 1} more)" if len(troubles) > 1 else ""
-    return InputError(what + others, where=f"{where}, line {line}", got=got, advice=advice)
-
-
-def _troubles(
-    error: ValidationError, document: dict[str, Any], text: str
-) -> Iterator[tuple[int, str, str | None, str]]:
-    for detail in error.errors():
-        steps = _steps(detail["loc"], document)
-        line = line_of(text, steps)
-        tables = [step for step in steps if isinstance(step, str)]
-        key = str(steps[-1]) if steps else ""
-        table = _name_of(steps[:-1])
-        match detail["type"]:
-            case "extra_forbidden":
-                model = _TABLES.get(".".join(tables[:-1]))
-                known = list(model.model_fields) if model else []
-                close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-                advice = f"did you mean {close[0]}?" if close else "known keys: " + ", ".join(known)
-                yield line, f"unknown key {key!r} in {table}", None, advice
-            case "missing":
-                yield line, f"{table} lacks {key!r}", None, ""
-            case "value_error":
-                yield line, f"{_name_of(steps)}: {_reason(detail)}", None, ""
-            case _:
-                got = repr(detail["input"])
-                yield line, f"{_name_of(steps)}: {detail['msg'].lower()}", got if len(got) < 80 else None, ""
-
-
-def _reason(detail: Any) -> str:
-    cause = detail.get("ctx", {}).get("error")
-    return str(cause) if isinstance(cause, ValueError | EmaError) else str(detail["msg"])
-
-
-def _steps(location: tuple[Any, ...], document: Any) -> list[str | int]:
-    """The place of a problem in the file, without the marks that the checker adds for alternatives."""
-    steps: list[str | int] = []
-    node = document
-    for number, part in enumerate(location):
-        if (isinstance(node, dict) and part in node) or (isinstance(node, list) and isinstance(part, int)):
-            steps.append(part)
-            node = node[part] if not isinstance(node, list) or part < len(node) else None
-        elif number == len(location) - 1 and isinstance(node, dict):
-            steps.append(part)
-    return steps
-
-
-def _name_of(steps: list[str | int]) -> str:
-    """``[[runs]] number 2, files``: a place as people find it in the file."""
-    words: list[str] = []
-    for place, step in enumerate(steps):
-        if isinstance(step, int):
-            words[-1] = f"{words[-1]} number {step + 1}"
-        elif place == 0:
-            listed = len(steps) > 1 and isinstance(steps[1], int)
-            words.append(f"[[{step}]]" if listed else f"[{step}]")
-        else:
-            words.append(str(step))
-    return ", ".join(words) or "the file"
+    return validated(CampaignFile, text, where, _TABLES)

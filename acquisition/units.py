@@ -35,7 +35,15 @@ _DIMENSIONS: dict[tuple[tuple[str, int], ...], str] = {
     (("[mass]", -1),): "accelerance",
     (): "ratio",
 }
+_OF_STRUCTURES: dict[tuple[tuple[str, int], ...], str] = {
+    (("[length]", -3), ("[mass]", 1)): "density",
+    (("[mass]", 1), ("[time]", -2)): "stiffness",
+    (("[mass]", 1),): "mass",
+    (("[length]", 2),): "area",
+}
+"""What describes a structure, and no sensor measures."""
 _ANGULAR = {"frequency": "angular velocity", "ratio": "rotation"}
+_EXAMPLES = {"frequency": "Hz", "density": "kg/m^3", "stiffness": "N/m", "mass": "kg", "area": "m^2", "ratio": "%"}
 _USUAL = (
     "N",
     "kN",
@@ -164,11 +172,12 @@ def _refuse(text: str, why: str = "not a unit", advice: str = "", expected: str 
 
 
 @lru_cache(maxsize=1024)
-def parse(text: str) -> Unit:
+def parse(text: str, of_structure: bool = False) -> Unit:
     """Understand a unit string such as ``m/s²``, ``g``, ``kip``, ``(m/s^2)/N`` or ``mV/g``.
 
     ``g`` is standard gravity, never gram. ``"unstated"`` gives a factor of 1. A ratio of voltage to something has the
-    quantity ``"sensitivity"`` of :func:`sensitivity`, not of this function.
+    quantity ``"sensitivity"`` of :func:`sensitivity`, not of this function. ``of_structure`` admits masses, densities,
+    stiffnesses and areas, which no sensor measures.
 
     Raises
     ------
@@ -180,6 +189,8 @@ def parse(text: str) -> Unit:
     units, factor, offset = _resolve(text)
     dimension = tuple(sorted((name, power) for name, power in units.dimensionality.items()))
     names = set(units._units)
+    if of_structure and dimension in _OF_STRUCTURES:
+        return Unit(text, factor, _OF_STRUCTURES[dimension], offset)
     quantity = _DIMENSIONS.get(dimension, "")
     if names & {"radian", "degree", "turn", "revolution"} or "revolutions_per_minute" in names:
         angular_acceleration = dimension == (("[time]", -2),)
@@ -293,14 +304,19 @@ def measure(text: str, quantity: str = "") -> tuple[float, str]:
     UnitError : no number, no unit, an unknown unit, or a unit of another ``quantity`` than the one wanted.
     """
     value, unit_text = split(text)
-    unit = parse(unit_text)
+    unit = parse(unit_text, quantity in _OF_STRUCTURES.values())
     if quantity and unit.quantity != quantity:
-        raise UnitError(f"not a {quantity}", got=repr(text), expected=f"a unit such as {_example(quantity)}")
+        raise UnitError(
+            f"not {'an' if quantity[0] in 'aeiou' else 'a'} {quantity}",
+            got=repr(text),
+            expected=f"a unit such as {example(quantity)}",
+        )
     return float(unit.to_si(value)), unit.quantity
 
 
-def _example(quantity: str) -> str:
-    return SI_UNIT.get(quantity) or FRF_UNIT.get(quantity) or {"frequency": "Hz"}.get(quantity, "1")
+def example(quantity: str) -> str:
+    """A unit of that quantity."""
+    return SI_UNIT.get(quantity) or FRF_UNIT.get(quantity) or _EXAMPLES.get(quantity, "1")
 
 
 def sensitivity(text: str) -> tuple[float, str]:

@@ -1,0 +1,110 @@
+"""Matrices in Harwell-Boeing files, as ANSYS writes them with HBMAT: symmetric ones hold one triangle."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.errors import InputError
+
+_MOST = 20_000
+_FORMAT = re.compile(r"(\d*)\s*([IFEDG])\s*(\d+)", re.IGNORECASE)
+
+
+def check_size(size: int, path: Path) -> None:
+    """Refuse matrices that are too large to be held in full.
+
+    Raises
+    ------
+    InputError : more rows than the simulator can take.
+    """
+    if size > _MOST:
+        raise InputError("the matrix is too large", where=str(path), got=f"{size} rows",
+                         expected=f"at most {_MOST}",
+                         advice="reduce the model to its contact and measured DOFs")  # fmt: skip
+
+
+def read(path: Path) -> Float[np.ndarray, "n n"]:
+    """The square matrix of an assembled, real Harwell-Boeing file, both triangles filled.
+
+    Source: Duff, Grimes, Lewis, Users' guide for the Harwell-Boeing sparse matrix collection (1992).
+
+    Raises
+    ------
+    InputError : binary, cut short, complex, unassembled or not square.
+    """
+    try:
+        lines = path.read_text(encoding="latin-1").splitlines()
+    except OSError as error:
+        raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+
+    def wrong(what: str, got: object = None, advice: str = "") -> InputError:
+        return InputError(what, where=str(path), got=got, expected="an assembled real matrix (RSA or RUA) as text",
+                          advice=advice or "HBMAT,name,matrix,,ASCII,STIFF writes one")  # fmt: skip
+
+    try:
+        counts = [int(word) for word in lines[1].split()[1:4]]
+        kind, rows, columns, entries = lines[2][:3].upper(), *(int(word) for word in lines[2][3:].split()[:3])
+        formats = [_layout(text) for text in _formats(lines[3])]
+    except (IndexError, ValueError, TypeError) as error:
+        raise wrong("not a Harwell-Boeing file", repr(lines[0][:40]) if lines else "an empty file") from error
+    if kind not in ("RSA", "RUA") or rows != columns:
+        raise wrong("not a matrix that a structure can have", f"{kind}, {rows} x {columns}")
+    check_size(rows, path)
+    # a fifth header line stands there when right-hand sides follow the matrix
+    total = lines[1].split()
+    first = 5 if len(total) > 4 and int(total[4]) > 0 else 4
+    parts = []
+    for count, layout, wanted in zip(counts, formats, (columns + 1, entries, entries), strict=True):
+        values = list(_numbers(lines[first : first + count], *layout))
+        if len(values) < wanted:
+            raise wrong("the file ends too early", f"{len(values)} of {wanted} numbers", "copy or export it again")
+        parts.append(values[:wanted])
+        first += count
+    return _filled(parts, rows, kind == "RSA", wrong)
+
+
+def _filled(parts: list[list[str]], size: int, symmetric: bool, wrong: Any) -> Float[np.ndarray, "n n"]:
+    try:
+        starts, places = (np.array(part, dtype=np.int64) - 1 for part in parts[:2])
+        values = np.array([text.replace("D", "E").replace("d", "e") for text in parts[2]], dtype=np.float64)
+    except ValueError as error:
+        raise wrong("a number cannot be read", str(error)) from error
+    if np.any(np.diff(starts) < 0) or starts[0] != 0 or starts[-1] != len(values):
+        raise wrong("the columns of the matrix do not add up", f"{starts[-1]} entries announced, {len(values)} there")
+    if len(places) and not 0 <= places.min() <= places.max() < size:
+        raise wrong("an entry outside the matrix", f"row {places.max() + 1} of {size}")
+    column = np.repeat(np.arange(size), np.diff(starts))
+    matrix = np.zeros((size, size))
+    np.add.at(matrix, (places, column), values)
+    if not symmetric:
+        return matrix
+    if np.any(np.triu(matrix, 1)) and np.any(np.tril(matrix, -1)):
+        return matrix  # some writers announce RSA and hold both triangles
+    return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
+
+
+def _formats(line: str) -> list[str]:
+    found = re.findall(r"\(([^()]*)\)", line)
+    if len(found) < 3:
+        raise ValueError(line)
+    return found[:3]
+
+
+def _layout(text: str) -> tuple[int, int]:
+    """Numbers per line and width of each of a Fortran format such as ``8I10`` or ``1P,4D25.15``."""
+    found = _FORMAT.search(re.sub(r"\d+\s*P\s*,?", "", text, flags=re.IGNORECASE))
+    if found is None:
+        raise ValueError(text)
+    return int(found[1] or 1), int(found[3])
+
+
+def _numbers(lines: list[str], per_line: int, width: int) -> Iterator[str]:
+    for line in lines:
+        for place in range(per_line):
+            text = line[place * width : (place + 1) * width].strip()
+            if text:
+                yield text

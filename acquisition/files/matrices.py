@@ -1,0 +1,121 @@
+"""Mass and stiffness matrices of finite element programs, and the table that says which row is which DOF."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from acquisition.files import harwell_boeing
+from ema.data import Matrices
+from ema.dof import Dof
+from ema.errors import EmaError, InputError
+
+_LABELS = {"UX": "+X", "UY": "+Y", "UZ": "+Z", "ROTX": "+RX", "ROTY": "+RY", "ROTZ": "+RZ"}
+_BANNER = "%%MatrixMarket"
+
+
+def read_matrix(path: Path) -> Float[np.ndarray, "n n"]:
+    """The square matrix in a Matrix Market or Harwell-Boeing file, both triangles filled.
+
+    Raises
+    ------
+    InputError : no such file, damaged, not square, complex or binary.
+    """
+    try:
+        with open(path, "rb") as file:
+            head = file.read(64)
+    except OSError as error:
+        raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+    if b"\0" in head:
+        raise InputError("a binary file", where=str(path), expected="Harwell-Boeing or Matrix Market text",
+                         advice="export it as text (HBMAT with the form ASCII)")  # fmt: skip
+    return _market(path) if head.startswith(_BANNER.encode()) else harwell_boeing.read(path)
+
+
+def _market(path: Path) -> Float[np.ndarray, "n n"]:
+    from scipy.io import mminfo, mmread
+
+    try:
+        harwell_boeing.check_size(mminfo(path)[0], path)
+        held = mmread(path)
+    except EmaError:
+        raise
+    except Exception as error:  # the reader raises errors of many kinds
+        raise InputError(f"damaged Matrix Market file: {str(error).splitlines()[0]}", where=str(path)) from error
+    matrix = np.asarray(held if isinstance(held, np.ndarray) else held.toarray())
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or np.iscomplexobj(matrix):
+        raise InputError("not a matrix that a structure can have", where=str(path),
+                         got=f"{matrix.dtype}, {' x '.join(map(str, matrix.shape))}",
+                         expected="real and square")  # fmt: skip
+    return matrix.astype(np.float64)
+
+
+def read_dofs(path: Path, part: str = "") -> tuple[Dof, ...]:
+    """The DOFs of the rows: a mapping file of ANSYS (equation, node, label), or lines such as ``12:+Z``.
+
+    Raises
+    ------
+    InputError : no such file, a line that names no DOF, a DOF named twice or a row left out.
+    """
+    try:
+        lines = path.read_text(encoding="latin-1").splitlines()
+    except OSError as error:
+        raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+    found: dict[int, Dof] = {}
+    for number, line in enumerate(lines, 1):
+        text = line.split("#")[0].replace(",", " ").strip()
+        if not text:
+            continue
+        entry = _entry(text, part, len(found) + 1)
+        if entry is None:
+            if found or not re.search(r"[A-Za-z]{3}", text):
+                raise InputError("a line that names no DOF", where=f"{path}, line {number}", got=repr(text[:40]),
+                                 expected="equation, node and label such as '7 12 UZ', or 12:+Z")  # fmt: skip
+            continue  # a title
+        row, dof = entry
+        if row in found or dof in found.values():
+            raise InputError("a row or DOF named twice", where=f"{path}, line {number}", got=repr(text[:40]))
+        found[row] = dof
+    if sorted(found) != list(range(1, len(found) + 1)) or not found:
+        raise InputError("rows are left out", where=str(path), got=f"{len(found)} rows up to {max(found, default=0)}",
+                         expected="every row from 1 on")  # fmt: skip
+    return tuple(found[row] for row in sorted(found))
+
+
+def _entry(text: str, part: str, following: int) -> tuple[int, Dof] | None:
+    """Row and DOF of one line; ``None`` where the line is something else."""
+    words = text.split()
+    if len(words) == 3 and words[0].isdigit() and words[1].isdigit():
+        label = words[2].upper()
+        direction = _LABELS.get(label)
+        return None if direction is None else (int(words[0]), Dof(int(words[1]), direction, part))
+    try:
+        dof = Dof.parse(text.replace(" ", ""))
+    except EmaError:
+        return None
+    return following, Dof(dof.node, dof.direction, dof.part or part)
+
+
+def structure(
+    mass: Path, stiffness: Path, dofs: tuple[Dof, ...], length: float = 1.0, mass_unit: float = 1.0
+) -> Matrices:
+    """A structure from its two files, in SI.
+
+    ``length`` m and ``mass_unit`` kg are the units the program worked in (mm and t: 0.001 and 1000), with seconds.
+
+    Raises
+    ------
+    InputError : the matrices and the table of DOFs differ in size.
+    """
+    matrices = {path: read_matrix(path) for path in (mass, stiffness)}
+    for path, matrix in matrices.items():
+        if len(matrix) != len(dofs):
+            raise InputError("the matrix and its table of DOFs differ in size", where=str(path),
+                             got=f"{len(matrix)} rows, {len(dofs)} DOFs",
+                             advice="export both matrices and the mapping from one solution")  # fmt: skip
+    # generalised displacements of the file per SI unit, and its unit of energy
+    per_si = np.array([1.0 if dof.axis.startswith("R") else 1 / length for dof in dofs])
+    energy = mass_unit * length**2
+    scale = energy * np.outer(per_si, per_si)
+    return Matrices(matrices[mass] * scale, matrices[stiffness] * scale, dofs)

@@ -1,0 +1,245 @@
+"""From the tables of ``model.toml`` to the noun: matrices are built or read, joints get their node pairs."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition import model_file as tables
+from acquisition.files import matrices as matrix_files
+from acquisition.toml_lines import line_of
+from ema import store
+from ema.data import (
+    BeamModel,
+    Damping,
+    FrictionLaw,
+    Joint,
+    Matrices,
+    ModalModel,
+    NormalContact,
+    Provenance,
+    StudyResult,
+)
+from ema.dof import Dof, match
+from ema.elements import Section, double_beam, plate_matrices, stepped_beam
+from ema.errors import EmaError, InputError
+
+_DEFAULTS: dict[str, dict[str, float]] = {
+    "regularised masing": {"exponent": 8.0}, "iwan": {"chi": -0.5, "beta": 1.0, "springs": 60.0},
+    "dahl": {"shape": 1.0},
+    "lugre": {"bristle_damping": 0.0, "viscous": 0.0, "static_ratio": 1.0, "stribeck_velocity": 1e-3},
+}  # fmt: skip
+
+
+@dataclass
+class _Reader:
+    """One file being understood: where it is and its text, for the lines of mistakes."""
+
+    path: Path
+    text: str
+
+    @contextmanager
+    def line(self, *steps: str | int) -> Iterator[None]:
+        """What goes wrong inside is told with the line of ``steps``."""
+        try:
+            yield
+        except EmaError as error:
+            where = f"{self.path}, line {line_of(self.text, steps)}"
+            what = f"{error.where}: {error.what}" if error.where and str(self.path) not in error.where else error.what
+            raise type(error)(
+                what, where=where, got=error.got, expected=error.expected, advice=error.advice
+            ) from error  # fmt: skip
+
+    def beside(self, name: str) -> Path:
+        """A file named in the model, relative to it."""
+        return self.path.parent / name
+
+
+def build(model: tables.ModelFile, path: Path) -> BeamModel:
+    """The model that the tables describe.
+
+    Raises
+    ------
+    InputError : a file is missing or damaged, a node of a pair or the DOF of a run is not there; with its line.
+    """
+    reader = _Reader(path, tables.read_text(path))
+    damping = Damping(model.damping.ratio, model.damping.mass_factor)
+    if model.structure.kind == "double beam":
+        built = _double_beam(model, reader, damping)
+    else:
+        with reader.line("structure"):
+            host = _structure(model.structure, "", reader)
+        beam: Matrices | None = None
+        if model.beam is not None:
+            with reader.line("beam"):
+                held = _structure(model.beam, "beam", reader)
+                assert isinstance(held, Matrices)
+                beam = held
+        joints = tuple(_joint(model, number, reader) for number in range(len(model.joints)))
+        built = BeamModel(host, beam, joints, damping, model.model.name, _spacing(model))
+    _check_places(model, built, reader)
+    digest = hashlib.sha256(reader.text.encode()).hexdigest()
+    return replace(
+        built, name=model.model.name, provenance=Provenance(inputs=((path.name, digest),), steps=("open_model",))
+    )
+
+
+def _structure(table: tables.StructureTable, part: str, reader: _Reader) -> Matrices | ModalModel:
+    part = part if table.part is None else table.part
+    if table.kind == "measured":
+        return _measured(reader.beside(table.file), table.run)
+    if table.kind == "matrices":
+        if isinstance(table.dofs, str):
+            dofs = matrix_files.read_dofs(reader.beside(table.dofs), part)
+        else:
+            dofs = tuple(replace(dof, part=dof.part or part) for dof in map(Dof.parse, table.dofs))
+        files = reader.beside(table.mass), reader.beside(table.stiffness)
+        return matrix_files.structure(*files, dofs, table.length_unit, table.mass_unit)
+    if table.kind == "plate":
+        assert table.length and table.width and table.height and isinstance(table.elements, list)
+        return plate_matrices(
+            table.length, table.width, table.height, table.youngs_modulus, table.poisson, table.density,
+            (table.elements[0], table.elements[1]), table.held, part,
+        )  # fmt: skip
+    ends = table.ends or (["clamped", "free"] if part == "" else ["free", "free"])
+    return stepped_beam(_sections(table), (ends[0] == "clamped", ends[1] == "clamped"), part)
+
+
+def _sections(table: tables.StructureTable) -> list[Section]:
+    if table.sections:
+        return [Section(**section.model_dump()) for section in table.sections]
+    assert table.length and table.width and table.height
+    count = table.elements if isinstance(table.elements, int) else 20
+    return [Section(table.length, table.width, table.height, table.youngs_modulus, table.density, count)]
+
+
+def _measured(path: Path, run: str) -> ModalModel:
+    """The modes in a file of our store: a modal model, several by name, or those of a run of a study."""
+    held = store.load(path)
+    if isinstance(held, StudyResult):
+        held = {one.run.id: one.modes for one in held.runs}
+    if isinstance(held, ModalModel) and not run:
+        return held
+    named = held if isinstance(held, Mapping) else {}
+    models = {name: one for name, one in named.items() if isinstance(one, ModalModel)}
+    if not run and len(models) == 1:
+        return next(iter(models.values()))
+    if run not in models:
+        raise InputError("no such modal model in the file", where=str(path), got=run or type(held).__name__,
+                         expected="run = one of " + ", ".join(models) if models else "a modal model",
+                         advice="`ema fit ... --write modes.h5` writes one")  # fmt: skip
+    return models[run]
+
+
+def law_of(table: tables.LawTable) -> FrictionLaw:
+    """The noun of a law table; parameters that are not stated have the values of the simulator's constructors."""
+    stiffness = float("inf") if table.contact_stiffness is None else table.contact_stiffness
+    names = tables.LAW_PARAMETERS.get(table.name, ())
+    if table.name == "parallel masing":
+        parameters = [
+            (f"{key[:-1].replace('_', ' ')} {n}", v) for key in names for n, v in enumerate(getattr(table, key))
+        ]
+    elif names or table.name in tables.LAW_PARAMETERS:
+        stated = {key: getattr(table, key) for key in names if getattr(table, key) is not None}
+        values = _DEFAULTS.get(table.name, {}) | stated
+        parameters = [(key.replace("_", " "), float(values[key])) for key in names]
+    else:
+        parameters = [(f"p{n}", value) for n, value in enumerate(table.parameters or ())]
+    return FrictionLaw(
+        table.name, table.friction_coefficient, stiffness, tuple(parameters), table.stiffness_exponent,
+        table.reference_force, table.stiffness_cap, table.isotropic,
+    )  # fmt: skip
+
+
+def _double_beam(model: tables.ModelFile, reader: _Reader, damping: Damping) -> BeamModel:
+    table, joint = model.structure, model.joints[0]
+    sizes = table.model_dump(include=table.model_fields_set & set(tables.SIZE))
+    with reader.line("structure"):
+        built = double_beam(law_of(_law(model, joint)), joint.normal_force, damping=damping, **sizes)
+    (plain,) = built.joints
+    stated = _joint(model, 0, reader, plain)
+    return replace(built, joints=(stated,))
+
+
+def _law(model: tables.ModelFile, joint: tables.JointTable) -> tables.LawTable:
+    law = joint.law or model.law
+    assert law is not None
+    return law
+
+
+def _joint(model: tables.ModelFile, number: int, reader: _Reader, plain: Joint | None = None) -> Joint:
+    """A joint; what is not stated comes from ``plain`` or from the dimensions of host and beam."""
+    table = model.joints[number]
+    with reader.line("joints", number):
+        pairs = tuple((host, beam) for host, beam in table.pairs)
+        if table.host_nodes and table.beam_nodes:
+            pairs = tuple(zip(table.host_nodes, table.beam_nodes, strict=True))
+        heights = tuple(table.half_heights) if table.half_heights else _half_heights(model, plain)
+        normal = table.normal_stiffness or (plain.normal_stiffness if plain else None)
+        if normal is None and table.normal_contact.name == "curve":
+            normal = 1.0  # the curve takes its place
+        if normal is None:
+            raise InputError("a joint lacks its normal_stiffness", expected='a stiffness such as "1e9 N/m"')
+        areas = None if table.area_shares is None else np.array(table.area_shares)
+        if plain and areas is None and not pairs:
+            areas = plain.area_shares
+        return Joint(
+            table.name or (plain.name if plain else f"J{number + 1}"), pairs or (plain.pairs if plain else ()),
+            (heights[0], heights[1]), law_of(_law(model, table)), table.normal_force, normal,
+            None if table.force_shares is None else np.array(table.force_shares), tuple(table.directions), areas,
+            _contact(table.normal_contact), table.area,
+        )  # fmt: skip
+
+
+def _contact(table: tables.ContactTable) -> NormalContact:
+    points = tuple((point.penetration, point.force) for point in table.points)
+    return NormalContact(table.name, table.exponent, table.reference_force, points)
+
+
+def _half_heights(model: tables.ModelFile, plain: Joint | None) -> tuple[float, ...]:
+    if plain is not None:
+        return plain.half_heights
+    halves = [_height(model.structure), _height(model.beam or model.structure)]
+    if None in halves:
+        raise InputError("a joint lacks its half_heights", expected='the distances from the middle layers of host and '
+                         'beam to the interface, such as ["40 mm", "12 mm"]',
+                         advice="they follow by themselves only from beams and plates of one height")  # fmt: skip
+    return tuple(half / 2 for half in halves if half is not None)
+
+
+def _height(table: tables.StructureTable) -> float | None:
+    heights = {section.height for section in table.sections}
+    return table.height if not heights else heights.pop() if len(heights) == 1 else None
+
+
+def _spacing(model: tables.ModelFile) -> float | None:
+    """Distance of neighbouring nodes of the friction beam in m, where it is known."""
+    table = model.beam or model.structure
+    if table.kind != "beam":
+        return None
+    return min(section.length / section.elements for section in _sections(table))
+
+
+def _check_places(model: tables.ModelFile, built: BeamModel, reader: _Reader) -> None:
+    """Whether the DOFs of the runs and the joint of the loops exist."""
+    dofs = (*built.host.dofs, *(built.beam.dofs if built.beam is not None else ()))
+    for name in ("snapback", "frf", "map"):
+        table: Any = getattr(model, name)
+        if table is None:
+            continue
+        named = {"at": [table.at], "outputs": getattr(table, "outputs", []), "output": [getattr(table, "output", None)]}
+        for key, places in named.items():
+            for dof in places:
+                with reader.line(name, key):
+                    if dof is not None and not match([dof], dofs):
+                        raise InputError("the structure has no such DOF", got=str(dof),
+                                         expected=f"one such as {dofs[0]} or {dofs[-1]}")  # fmt: skip
+    if model.loop is not None and model.loop.joint:
+        with reader.line("loop", "joint"):
+            known = [joint.name for joint in built.joints]
+            if model.loop.joint not in known:
+                raise InputError("no such joint", got=model.loop.joint, expected=", ".join(known))

@@ -1,0 +1,410 @@
+"""What ``model.toml`` may say: structure, friction beam, joints, damping, and the runs of the simulator."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from acquisition import units
+from acquisition.toml_tables import validated
+from ema.data import BeamModel
+from ema.dof import Dof
+from ema.errors import EmaError, InputError
+
+FILE_NAME = "model.toml"
+
+
+def _in_si(quantity: str, plain: bool = False) -> BeforeValidator:
+    """A text with a unit as the number in SI; a bare number only where ``plain`` says it needs no unit."""
+
+    def convert(value: Any) -> Any:
+        if isinstance(value, str):
+            return _told(lambda: units.measure(value, quantity)[0])
+        if plain or isinstance(value, bool) or not isinstance(value, int | float):
+            return value
+        raise ValueError(f'a number without a unit; write it as a text such as "{value} {units.example(quantity)}"')
+
+    return BeforeValidator(convert)
+
+
+def _told(work: Callable[[], Any]) -> Any:
+    """What ``work`` gives; an error of ours becomes one that keeps the line of the text."""
+    try:
+        return work()
+    except EmaError as error:
+        raise ValueError(str(error)) from error
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+def _as_nodes(value: Any) -> Any:
+    """``"3-11"``, ``"3-11 by 2"`` or a list of nodes."""
+    if not isinstance(value, str):
+        return value
+    found = re.fullmatch(r"\s*(\d+)\s*-\s*(\d+)\s*(?:by\s+(\d+)\s*)?", value)
+    if found is None:
+        raise ValueError(f'not a range of nodes: {value!r}; write "3-11", "3-11 by 2" or [3, 5, 8]')
+    first, last, step = int(found[1]), int(found[2]), int(found[3] or 1)
+    if step < 1:
+        raise ValueError("a range of nodes needs a step of 1 or more")
+    return list(range(first, last + 1, step)) if first <= last else list(range(first, last - 1, -step))
+
+
+def _as_dof(value: Any) -> Any:
+    return _told(lambda: Dof.parse(value)) if isinstance(value, str) else value
+
+
+Length = Annotated[float, _in_si("displacement"), Field(gt=0)]
+HalfHeight = Annotated[float, _in_si("displacement"), Field(ge=0)]
+Modulus = Annotated[float, _in_si("pressure"), Field(gt=0)]
+Density = Annotated[float, _in_si("density"), Field(gt=0)]
+Force = Annotated[float, _in_si("force")]
+NormalForce = Annotated[float, _in_si("force"), Field(ge=0)]
+Stiffness = Annotated[float, _in_si("stiffness"), Field(gt=0)]
+Frequency = Annotated[float, _in_si("frequency"), Field(gt=0)]
+Seconds = Annotated[float, _in_si("time"), Field(gt=0)]
+Ratio = Annotated[float, _in_si("ratio", plain=True), Field(ge=0, lt=1)]
+Tolerance = Annotated[float, _in_si("ratio", plain=True), Field(gt=0, lt=1)]
+Nodes = Annotated[list[int], BeforeValidator(_as_nodes), Field(min_length=1)]
+Forces = Annotated[list[Annotated[float, _in_si("force"), Field(gt=0)]], BeforeValidator(_as_list), Field(min_length=1)]
+NormalForces = Annotated[list[NormalForce], BeforeValidator(_as_list), Field(min_length=1)]
+Band = Annotated[list[Frequency], Field(min_length=2, max_length=2)]
+Place = Annotated[Dof, BeforeValidator(_as_dof)]
+Places = Annotated[list[Place], BeforeValidator(_as_list)]
+Ends = Annotated[list[Literal["clamped", "free"]], Field(min_length=2, max_length=2)]
+
+
+class Table(BaseModel):
+    """A table of ``model.toml``: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True, arbitrary_types_allowed=True)
+
+
+class ModelTable(Table):
+    """``[model]``: what it is."""
+
+    name: str
+    comment: str = ""
+
+
+class SectionTable(Table):
+    """``[[structure.sections]]``, ``[[beam.sections]]``: a uniform stretch of a beam along +X."""
+
+    length: Length
+    width: Length
+    height: Length
+    youngs_modulus: Modulus = 210e9
+    density: Density = 7850.0
+    elements: int = Field(default=20, ge=1)
+
+
+class StructureTable(Table):
+    """``[structure]`` and ``[beam]``: by parameters, by matrices of a finite element program, or as measured."""
+
+    kind: Literal["double beam", "beam", "plate", "matrices", "measured"]
+    part: str | None = None
+    length: Length | None = None
+    width: Length | None = None
+    height: Length | None = None
+    youngs_modulus: Modulus = 210e9
+    density: Density = 7850.0
+    poisson: float = Field(default=0.3, gt=-1, lt=0.5)
+    elements: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
+    sections: list[SectionTable] = []
+    ends: Ends | None = None
+    held: bool = False
+    mass: str = ""
+    stiffness: str = ""
+    dofs: str | list[str] = ""
+    length_unit: Annotated[float, _in_si("displacement"), Field(gt=0)] = 1.0
+    mass_unit: Annotated[float, _in_si("mass"), Field(gt=0)] = 1.0
+    file: str = ""
+    run: str = ""
+
+    @model_validator(mode="after")
+    def _complete(self) -> "StructureTable":
+        allowed = _KEYS[self.kind]
+        strange = sorted(self.model_fields_set - allowed - {"kind", "part"})
+        if strange:
+            raise ValueError(
+                f"{strange[0]!r} says nothing about a {self.kind}; its keys are " + ", ".join(sorted(allowed))
+            )
+        if self.kind == "beam" and self.sections and self.length is not None:
+            raise ValueError("a beam is uniform (length, width, height) or made of sections, not both")
+        needed = () if self.sections else _NEEDED[self.kind]
+        for key in needed:
+            if getattr(self, key) in (None, "", []):
+                raise ValueError(f"a {self.kind} needs {key!r}")
+        if self.kind == "plate" and isinstance(self.elements, int):
+            raise ValueError("a plate needs two numbers of elements, along x and y: elements = [9, 5]")
+        if self.kind in ("beam", "double beam") and isinstance(self.elements, list):
+            raise ValueError("a beam has one number of elements")
+        counts = self.elements if isinstance(self.elements, list) else [self.elements or 1]
+        if min(counts) < 1:
+            raise ValueError("one element or more")
+        return self
+
+
+SIZE = {"length", "width", "height", "youngs_modulus", "density", "elements"}
+_KEYS: dict[str, set[str]] = {
+    "double beam": SIZE, "beam": SIZE | {"sections", "ends"}, "plate": SIZE | {"poisson", "held"},
+    "matrices": {"mass", "stiffness", "dofs", "length_unit", "mass_unit"}, "measured": {"file", "run"},
+}  # fmt: skip
+_NEEDED: dict[str, tuple[str, ...]] = {
+    "double beam": (), "beam": ("length", "width", "height"), "plate": ("length", "width", "height", "elements"),
+    "matrices": ("mass", "stiffness", "dofs"), "measured": ("file",),
+}  # fmt: skip
+
+
+class LawTable(Table):
+    """``[law]``, ``[joints.law]``: a friction law by name, with its parameters."""
+
+    name: str
+    friction_coefficient: float = Field(ge=0)
+    contact_stiffness: Stiffness | None = None
+    stiffness_exponent: float = Field(default=0.0, ge=0)
+    reference_force: Annotated[float, _in_si("force"), Field(gt=0)] = 1000.0
+    stiffness_cap: Stiffness = float("inf")
+    isotropic: bool = True
+    exponent: float | None = Field(default=None, gt=0)
+    shape: float | None = Field(default=None, gt=0)
+    chi: float | None = Field(default=None, gt=-1, le=0)
+    beta: float | None = Field(default=None, ge=0)
+    springs: int | None = Field(default=None, ge=2)
+    stiffness_shares: list[Annotated[float, Field(gt=0)]] | None = None
+    force_shares: list[Annotated[float, Field(ge=0)]] | None = None
+    bristle_damping: float | None = Field(default=None, ge=0)
+    viscous: float | None = Field(default=None, ge=0)
+    static_ratio: float | None = Field(default=None, ge=1)
+    stribeck_velocity: float | None = Field(default=None, gt=0)
+    parameters: list[float] | None = Field(default=None, max_length=4)
+
+    @model_validator(mode="after")
+    def _complete(self) -> "LawTable":
+        own = LAW_PARAMETERS.get(self.name, ("parameters",))
+        every = {key for keys in LAW_PARAMETERS.values() for key in keys} | {"parameters"}
+        strange = sorted((self.model_fields_set & every) - set(own))
+        if strange:
+            known = ", ".join(own) or "none of its own"
+            raise ValueError(f"{strange[0]!r} is no parameter of the law {self.name!r}; it has {known}")
+        if self.contact_stiffness is None and self.name != "coulomb":
+            raise ValueError('a law needs a contact_stiffness such as "1e9 N/m"; only coulomb may go without')
+        if self.name == "parallel masing":
+            for key in own:
+                shares = getattr(self, key)
+                if not shares or abs(sum(shares) - 1) > 1e-9:
+                    raise ValueError(f"{key} is a list of numbers whose sum is 1")
+            if len(self.stiffness_shares or ()) != len(self.force_shares or ()):
+                raise ValueError("every spring has a stiffness share and a force share")
+        return self
+
+
+LAW_PARAMETERS: dict[str, tuple[str, ...]] = {
+    "masing": (), "coulomb": (), "regularised masing": ("exponent",), "iwan": ("chi", "beta", "springs"),
+    "dahl": ("shape",), "lugre": ("bristle_damping", "viscous", "static_ratio", "stribeck_velocity"),
+    "parallel masing": ("stiffness_shares", "force_shares"),
+}  # fmt: skip
+"""The parameters of the built-in laws; a law of the user's own has ``parameters``."""
+
+
+class PointTable(Table):
+    """A point of a measured curve of the normal contact."""
+
+    penetration: Annotated[float, _in_si("displacement")]
+    force: Force
+
+
+class ContactTable(Table):
+    """``[joints.normal_contact]``: how the surfaces resist being pressed together."""
+
+    name: Literal["linear", "power", "curve"] = "linear"
+    exponent: float = Field(default=1.0, ge=1)
+    reference_force: Annotated[float, _in_si("force"), Field(gt=0)] = 1000.0
+    points: list[PointTable] = []
+
+    @model_validator(mode="after")
+    def _complete(self) -> "ContactTable":
+        own = {"linear": set(), "power": {"exponent", "reference_force"}, "curve": {"points"}}[self.name]
+        strange = sorted(self.model_fields_set - own - {"name"})
+        if strange:
+            raise ValueError(f"{strange[0]!r} says nothing about a {self.name} contact")
+        if self.name == "curve" and len(self.points) < 2:
+            raise ValueError('a curve has two points or more: points = [{ penetration = "0 um", force = "0 N" }, ...]')
+        return self
+
+
+class JointTable(Table):
+    """``[[joints]]``: nodes of host and beam that are pressed together."""
+
+    name: str = ""
+    pairs: list[Annotated[list[int], Field(min_length=2, max_length=2)]] = []
+    host_nodes: Nodes | None = None
+    beam_nodes: Nodes | None = None
+    half_heights: Annotated[list[HalfHeight], Field(min_length=2, max_length=2)] | None = None
+    normal_force: NormalForce
+    normal_stiffness: Stiffness | None = None
+    directions: Annotated[list[Literal["X", "Y"]], Field(min_length=1, max_length=2)] = ["X"]
+    force_shares: list[Annotated[float, Field(ge=0)]] | None = None
+    area_shares: list[Annotated[float, Field(ge=0)]] | None = None
+    area: Annotated[float, _in_si("area"), Field(gt=0)] | None = None
+    normal_contact: ContactTable = ContactTable()
+    law: LawTable | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> "JointTable":
+        ranges = (self.host_nodes, self.beam_nodes)
+        if self.pairs and any(ranges):
+            raise ValueError("the node pairs come as pairs, or as host_nodes and beam_nodes; not both")
+        if (self.host_nodes is None) != (self.beam_nodes is None):
+            raise ValueError("host_nodes and beam_nodes go together")
+        if len(self.host_nodes or ()) != len(self.beam_nodes or ()):
+            raise ValueError(
+                f"{len(self.host_nodes or ())} host_nodes cannot be paired with {len(self.beam_nodes or ())} beam_nodes"
+            )
+        if len(set(self.directions)) < len(self.directions):
+            raise ValueError("a direction named twice")
+        return self
+
+
+class DampingTable(Table):
+    """``[damping]``: background damping, without the joints."""
+
+    ratio: Ratio = 0.0
+    mass_factor: Annotated[float, _in_si("frequency"), Field(ge=0)] = 0.0
+
+
+class SnapbackTable(Table):
+    """``[snapback]``: a load raised slowly and let go."""
+
+    load: Force
+    at: Place
+    duration: Seconds
+    outputs: Places = []
+    sampling_rate: Frequency = 5000.0
+    tolerance: Tolerance = 1e-3
+
+
+class FrfTable(Table):
+    """``[frf]``: steady states over frequency, at one or several force levels."""
+
+    force: Forces
+    at: Place
+    band: Band
+    outputs: Places = []
+    lines: int = Field(default=200, ge=2)
+    tolerance: Tolerance = 5e-3
+
+
+class MapTable(Table):
+    """``[map]``: resonance over excitation and normal force."""
+
+    force: Forces
+    normal_force: NormalForces
+    at: Place
+    band: Band
+    output: Place | None = None
+    tolerance: Tolerance = 5e-3
+
+
+class LoopTable(Table):
+    """``[loop]``: hysteresis of one joint under prescribed motion."""
+
+    amplitude: Annotated[list[Length], BeforeValidator(_as_list), Field(min_length=1)]
+    normal_force: NormalForces | None = None
+    joint: str = ""
+    frequency: Frequency = 1.0
+
+
+class ModelFile(Table):
+    """The whole of ``model.toml``."""
+
+    model: ModelTable
+    structure: StructureTable
+    beam: StructureTable | None = None
+    joints: Annotated[list[JointTable], Field(min_length=1)]
+    law: LawTable | None = None
+    damping: DampingTable = DampingTable()
+    snapback: SnapbackTable | None = None
+    frf: FrfTable | None = None
+    map: MapTable | None = None
+    loop: LoopTable | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> "ModelFile":
+        names = [joint.name for joint in self.joints if joint.name]
+        if len(set(names)) < len(names):
+            raise ValueError("two joints of one name")
+        if self.structure.kind == "double beam":
+            if self.beam is not None or len(self.joints) != 1:
+                raise ValueError("a double beam brings its second beam along and has one joint")
+        elif self.beam is not None and self.beam.kind not in ("beam", "plate", "matrices"):
+            raise ValueError(
+                f"a friction beam cannot be a {self.beam.kind}; it is a beam, a plate or given by matrices"
+            )
+        for number, joint in enumerate(self.joints, 1):
+            if joint.law is None and self.law is None:
+                raise ValueError(f"joint {joint.name or number} has no friction law; add [law] or [joints.law]")
+            if not joint.pairs and joint.host_nodes is None and self.structure.kind != "double beam":
+                raise ValueError(f"joint {joint.name or number} has no node pairs; add pairs = [[host, beam], ...]")
+        return self
+
+
+TABLES: dict[str, type[BaseModel]] = {
+    "": ModelFile, "model": ModelTable, "structure": StructureTable, "structure.sections": SectionTable,
+    "beam": StructureTable, "beam.sections": SectionTable, "joints": JointTable, "joints.law": LawTable,
+    "joints.normal_contact": ContactTable, "joints.normal_contact.points": PointTable,
+    "law": LawTable, "damping": DampingTable, "snapback": SnapbackTable, "frf": FrfTable, "map": MapTable,
+    "loop": LoopTable,
+}  # fmt: skip
+
+
+def locate(path: str | Path) -> Path:
+    """The file of a model, named itself or by its folder."""
+    path = Path(path)
+    return path / FILE_NAME if path.is_dir() else path
+
+
+def load(path: str | Path) -> ModelFile:
+    """Read ``model.toml`` (or the folder that holds it).
+
+    Raises
+    ------
+    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    """
+    return validated(ModelFile, read_text(locate(path)), str(locate(path)), TABLES)
+
+
+def read_text(path: Path) -> str:
+    """The text of the file.
+
+    Raises
+    ------
+    InputError : no such file, or no text.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError("there is no model here", where=str(path), expected=f"a file such as {FILE_NAME}",
+                         advice="write one as docs/simulate.md shows, or correct the path") from None  # fmt: skip
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read as text ({error})", where=str(path), expected="UTF-8 text") from error
+
+
+def open_model(path: str | Path) -> BeamModel:
+    """The structure with friction that a ``model.toml`` describes, in SI.
+
+    Parameters
+    ----------
+    path : the file, or the folder that holds it; the files it names are relative to it.
+
+    Raises
+    ------
+    InputError : a mistake in the file, with its line; a file it names is missing or damaged.
+    """
+    from acquisition.model_building import build
+
+    return build(load(path), locate(path))
