@@ -2,7 +2,8 @@
 
 The structure is condensed on the relative displacements of the contacts, harmonic by harmonic; the unknowns are their
 Fourier coefficients alone. Friction laws without preference of a direction give odd harmonics only. How many are kept
-is decided point by point by an estimate of what the next ones, and twice the samples, would change.
+is decided point by point by an estimate of what as many again would change. Forces of Masing springs over a period are
+integrated in closed form; those of other laws by quadrature that is refined until it no longer matters.
 """
 
 from collections.abc import Sequence
@@ -10,8 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Complex, Float
-from scipy.linalg import lapack
+from jaxtyping import Complex, Float, Int
 
 from ema.data import BeamModel, Finding, HarmonicResponse
 from ema.dof import Dof
@@ -20,247 +20,207 @@ from ema.progress import Progress, advance, silent
 from ema.simulate.transient import Problem, prepare
 
 _CONVERGED = 1e-9
-_SMOOTH_PERIODS = 12
-_POLISH = 8
+_QUADRATURE = 1e-5
+_FINEST = 32
 
 
 @dataclass
 class _Point:
-    """A solution at one frequency: amplitudes (contact, 2 H) in m, its error estimate and losses."""
+    """A solution at one frequency: amplitudes (contact, 2 H) in m, forces alike in N, losses (contact,) in J per cycle.
 
+    ``wide`` holds twice as many harmonics, as the error estimate sees them.
+    """
+
+    omega: float
     amplitudes: np.ndarray
-    error: float
-    lost: np.ndarray
     forces: np.ndarray
+    lost: np.ndarray
+    error: float
+    wide: np.ndarray
 
-    def next_start(self, tolerance: float) -> np.ndarray:
-        """Amplitudes to start a neighbouring point from, with fewer harmonics where fewer would have done."""
-        orders = self.amplitudes.shape[1] // 2
-        if self.error < 0.2 * tolerance:
-            orders = max(2, int(0.7 * orders))
-        return self.amplitudes[:, : 2 * orders]
+    @property
+    def count(self) -> int:
+        """Number of harmonics."""
+        return self.amplitudes.shape[1] // 2
 
 
 @dataclass
 class Condensed:
-    """A prepared model seen from its contacts and one driving force of amplitude ``force`` N."""
+    """A prepared model seen from its contacts and one driving force of amplitude ``force`` N.
+
+    ``harmonics`` fixes the number of harmonics; by default the ``tolerance`` decides.
+    """
 
     problem: Problem
     driven: Dof
     force: float
     tolerance: float = 5e-3
     most_orders: int = 24
+    harmonics: int | None = None
     limits: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         from ema.simulate import harmonic_kernels
 
         self.kernels: Any = harmonic_kernels
-        base = self.problem.base
+        base, contacts = self.problem.base, self.problem.system.contacts
         self.coupled = np.flatnonzero(base.coupled)
         self.slip = np.ascontiguousarray(base.slip[:, self.coupled])
         self.squares, self.decay = base.frequencies[self.coupled] ** 2, base.decay[self.coupled]
         self.load = self.force * base.row(self.problem.system, self.driven)
-        self.limits = self.problem.system.contacts.limits
-        self.stiffness = self.problem.system.contacts.stiffness
-        codes = self.problem.laws.codes
-        self.simple = bool(np.all((codes == 0) & (self.problem.laws.counts == 1)))
-        self.periods = 2 if np.all(codes <= 1) else _SMOOTH_PERIODS
-        self._bases: dict[tuple[int, int], np.ndarray] = {}
+        self.limits, self.stiffness = np.ascontiguousarray(contacts.limits), np.ascontiguousarray(contacts.stiffness)
+        self.laws = self.problem.laws.arguments
+        self.exact = bool(np.all(self.problem.laws.codes == 0))
+        self.members = np.arange(len(self.limits))[:, None].copy()
+        self.odd, self.fine = True, 1
+        self._bases: dict[int, np.ndarray] = {}
 
-    def basis(self, orders: int, samples: int) -> Float[np.ndarray, "sample size"]:
-        """cos and sin of the odd harmonics 1, 3, ... over a period."""
-        key = (orders, samples)
-        if key not in self._bases:
-            angle = 2 * np.pi * np.arange(samples)[:, None] / samples * (2 * np.arange(orders) + 1)
-            self._bases[key] = np.ascontiguousarray(np.stack([np.cos(angle), np.sin(angle)], -1).reshape(samples, -1))
-        return self._bases[key]
+    def orders(self, count: int) -> Int[np.ndarray, "harmonic"]:
+        """The first harmonics: 1, 3, 5 ... of an odd motion, else 0, 1, 2 ..."""
+        return 2 * np.arange(count) + 1 if self.odd else np.arange(count)
 
-    def drive(self, omega: float, orders: int) -> Float[np.ndarray, "contact size"]:
+    def basis(self, count: int) -> Float[np.ndarray, "2 sample size"]:
+        """First and second derivative of cos and sin of the harmonics over a period, to find all turning points."""
+        if count not in self._bases:
+            orders = self.orders(count)
+            samples = 8 * int(orders[-1]) + 8
+            angle = 2 * np.pi * np.arange(samples)[:, None] / samples * orders
+            rate = np.stack([-orders * np.sin(angle), orders * np.cos(angle)], -1)
+            bend = np.stack([-(orders**2) * np.cos(angle), -(orders**2) * np.sin(angle)], -1)
+            self._bases[count] = np.array([rate.reshape(samples, -1), bend.reshape(samples, -1)])
+        return self._bases[count]
+
+    def drive(self, omega: float, count: int) -> Float[np.ndarray, "contact size"]:
         """Relative displacements of stuck contacts under the force alone."""
         gain = self.load[self.coupled] / (self.squares - omega**2 + 1j * omega * self.decay)
         response = self.slip @ gain
-        out = np.zeros((len(response), 2 * orders))
-        out[:, 0], out[:, 1] = response.real, -response.imag
+        out = np.zeros((len(response), 2 * count))
+        place = 0 if self.odd else 2
+        out[:, place], out[:, place + 1] = response.real, -response.imag
         return out
 
-    def contact_forces(
-        self, amplitudes: np.ndarray, limits: np.ndarray, omega: float, want: bool, finer: int = 1
-    ) -> tuple[np.ndarray, ...]:
-        """Friction deviations, their Jacobian, losses and who slips."""
-        orders = amplitudes.shape[1] // 2
-        samples = finer * max(128, 16 * (2 * orders - 1))
-        if self.simple:
-            one: tuple[np.ndarray, ...] = self.kernels.masing_forces(
-                np.ascontiguousarray(amplitudes), self.basis(orders, samples), self.stiffness, limits, want
-            )
-            return one
-        interval = 2 * np.pi / (omega * samples)
+    def contact_forces(self, amplitudes: np.ndarray, omega: float, fine: int = 1) -> tuple[np.ndarray, ...]:
+        """Friction deviations (contact, 2 H), their Jacobian, losses and who slips."""
+        count = amplitudes.shape[1] // 2
         result: tuple[np.ndarray, ...] = self.kernels.contact_forces(
-            np.ascontiguousarray(amplitudes), self.basis(orders, samples), interval, self.periods, self.stiffness,
-            limits,            *self.problem.laws.arguments, want,
+            np.ascontiguousarray(amplitudes), self.orders(count), self.basis(count), self.odd, fine, omega,
+            self.stiffness, self.limits, self.members, self.laws,
         )  # fmt: skip
         return result
 
-    def gains(self, omega: float, orders: int) -> Complex[np.ndarray, "harmonic contact contact"]:
-        """Receptances of the contacts at the harmonics."""
-        return np.asarray(
-            self.kernels.receptances(self.slip, self.squares, self.decay, omega, 2.0 * np.arange(orders) + 1)
-        )
+    def gains(self, omega: float, count: int) -> Float[np.ndarray, "2 harmonic contact contact"]:
+        """Real and imaginary receptances of the contacts at the harmonics."""
+        return np.asarray(self.kernels.receptances(self.slip, self.squares, self.decay, omega, self.orders(count)))
 
-    def newton(
-        self, omega: float, start: np.ndarray, gains: np.ndarray, limits: np.ndarray, most: int = 25
-    ) -> tuple[np.ndarray | None, Any]:
-        """Solve for the amplitudes from a start; ``None`` where it fails. Also the last factorised matrix."""
-        orders = start.shape[1] // 2
-        drive = self.drive(omega, orders)
-        amplitudes = start.copy()
-        forces, jacobian, _, slips = self.contact_forces(amplitudes, limits, omega, True)
-        rest = self.kernels.residual(amplitudes, drive, gains, forces)
-        norm = np.linalg.norm(rest)
-        factors: Any = None
-        for _ in range(most):
-            moving = np.flatnonzero(slips)
-            step, factors = self._step(gains, jacobian, moving, rest)
-            if not np.all(np.isfinite(step)):
-                return None, None
-            length, better = 1.0, False
-            for _halving in range(8):
-                trial = amplitudes - length * step
-                result = self.contact_forces(trial, limits, omega, True)
-                new_rest = self.kernels.residual(trial, drive, gains, result[0])
-                new_norm = np.linalg.norm(new_rest)
-                if new_norm < (1 - 0.1 * length) * norm or new_norm <= _CONVERGED * np.linalg.norm(trial):
-                    better = True
-                    break
-                length *= 0.5
-            if not better:
-                return None, None
-            amplitudes, rest, norm = trial, new_rest, new_norm
-            jacobian, slips = result[1], result[3]
-            if norm <= _CONVERGED * np.linalg.norm(amplitudes):
-                return amplitudes, factors
-        return None, None
-
-    def _step(
-        self, gains: np.ndarray, jacobian: np.ndarray, moving: np.ndarray, rest: np.ndarray
-    ) -> tuple[np.ndarray, Any]:
-        """Newton step: the slipping contacts are solved for, the stuck ones follow."""
-        if len(moving) == 0:
-            return rest, None
-        size = rest.shape[1]
-        matrix = self.kernels.newton_matrix(gains, jacobian, moving)
-        square = matrix[moving].reshape(len(moving) * size, -1)
-        lu, pivots, info = lapack.dgetrf(square)
-        if info != 0:
-            return np.full_like(rest, np.nan), None
-        solved, _ = lapack.dgetrs(lu, pivots, rest[moving].ravel())
-        step = rest - (matrix.reshape(rest.size, -1) @ solved).reshape(rest.shape)
-        step[moving] = solved.reshape(len(moving), size)
-        return step, (lu, pivots, moving, matrix)
-
-    def cold_start(self, omega: float, gains: np.ndarray) -> np.ndarray | None:
-        """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt."""
-        orders = len(gains)
-        amplitudes = self.drive(omega, orders)
-        reach = self.stiffness * np.hypot(amplitudes[:, 0], amplitudes[:, 1])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            level = float(np.nanmax(np.where(self.limits > 0, reach / self.limits, 0.0)))
-        if level <= 1:
-            return self.newton(omega, amplitudes, gains, self.limits)[0]
-        ratio, level = 0.5, level * 1.001
-        while level > 1:
-            wanted = max(level * ratio, 1.0)
-            found, _ = self.newton(omega, amplitudes, gains, self.limits * wanted)
-            if found is None:
-                ratio = np.sqrt(ratio)
-                if ratio > 0.999:
-                    return None
-                continue
-            amplitudes, level = found, wanted
-            ratio = max(ratio**1.5, 0.1)
-        return amplitudes
+    def _solve(self, omega: float, start: np.ndarray | None, count: int, gains: np.ndarray) -> tuple[Any, ...] | None:
+        """Newton from a start with ``count`` harmonics, or from nothing."""
+        drive, gains = self.drive(omega, count), np.ascontiguousarray(gains[:, :count])
+        where = (self.orders(count), self.basis(count), self.odd, self.fine, omega, drive, gains, self.stiffness,
+                 self.limits, self.members, self.laws, _CONVERGED)  # fmt: skip
+        if start is not None:
+            found: tuple[Any, ...] = self.kernels.newton(_with_harmonics(start, count), *where, 25)
+            if found[0] >= 0:
+                return found
+        found = self.kernels.cold_start(*where)
+        return found if found[0] >= 0 else None
 
     def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
-        """Solution at one frequency in Hz with as many harmonics as the tolerance asks for."""
-        omega = 2 * np.pi * frequency
-        orders = 2 if start is None else max(start.shape[1] // 2, 2)
-        amplitudes, point = start, None
-        while True:
-            gains = self.gains(omega, orders)
-            found, factors = (None, None) if amplitudes is None else self.newton(omega, amplitudes, gains, self.limits)
-            if found is None:
-                found = self.cold_start(omega, gains)
-                if found is None:
-                    return point
-                _, factors = self.newton(omega, found, gains, self.limits)
-            point = self.estimate(omega, found, gains, factors)
-            if point.error <= self.tolerance or orders >= self.most_orders:
-                return point
-            orders = min(orders + max(1, orders // 2), self.most_orders)
-            amplitudes = np.zeros((len(found), 2 * orders))
-            amplitudes[:, : found.shape[1]] = found
+        """Solution at one frequency in Hz with as many harmonics as the tolerance asks for; ``None``: none found.
 
-    def estimate(self, omega: float, found: np.ndarray, gains: np.ndarray, factors: Any) -> _Point:
-        """Polish a solution with eight times the samples, and see what twice the harmonics would change.
-
-        Both by chord steps with the last Newton matrix.
+        ``start`` (contact, 2 H): amplitudes of a neighbour. Its number of harmonics is where the search begins.
         """
-        size, orders = found.shape[1], found.shape[1] // 2
-        if factors is None:
-            forces, _, lost, _ = self.contact_forces(found, self.limits, omega, False, _POLISH)
-            return _Point(found, 0.0, lost, forces)
-        drive, found = self.drive(omega, orders), found.copy()
-        scale = float(np.linalg.norm(found[:, :2]))
-        for _ in range(6):
-            forces, _, lost, _ = self.contact_forces(found, self.limits, omega, False, _POLISH)
-            rest = self.kernels.residual(found, drive, gains, forces)
-            if np.linalg.norm(rest) <= 1e-7 * scale:
-                break
-            found -= _chord(factors, rest)
-        wide = np.zeros((len(found), 2 * size))
-        wide[:, :size] = found
-        more = self.contact_forces(wide, self.limits, omega, False)[0]
-        all_drive, all_gains = self.drive(omega, 2 * orders), self.gains(omega, 2 * orders)
-        wide[:, size:] -= self.kernels.residual(wide, all_drive, all_gains, more)[:, size:]
-        more = self.contact_forces(wide, self.limits, omega, False, _POLISH // 2)[0]
-        change = _chord(factors, self.kernels.residual(wide, all_drive, all_gains, more)[:, :size])
-        return _Point(found, float(np.linalg.norm(change[:, :2])) / max(scale, 1e-300), lost, forces)
+        omega = 2 * np.pi * frequency
+        count = self.harmonics or max(2, 0 if start is None else start.shape[1] // 2)
+        point: _Point | None = None
+        while True:
+            gains = self.gains(omega, 2 * count)
+            found = self._solve(omega, start, count, gains)
+            if found is None:
+                return point
+            amplitudes, forces, lost, slips = found[1], found[2], found[4], found[5]
+            if not slips.any():
+                return _Point(omega, amplitudes, forces, lost, 0.0, amplitudes)
+            blur = 0.0
+            if not self.exact:
+                lost, blur = self._refined(amplitudes, forces, lost, omega)
+                if blur > _QUADRATURE and self.fine < _FINEST:
+                    self.fine, start = 2 * self.fine, amplitudes
+                    continue
+            wide, change = self.kernels.widen(
+                amplitudes, count, self.orders(2 * count), self.basis(2 * count), self.odd, self.fine, omega, gains,
+                self.stiffness, self.limits, self.members, self.laws,
+            )  # fmt: skip
+            first = slice(0, 2) if self.odd else slice(2, 4)
+            scale = max(float(np.linalg.norm(amplitudes[:, first])), 1e-300)
+            point = _Point(omega, amplitudes, forces, lost, float(np.linalg.norm(change[:, first])) / scale, wide)
+            if self.harmonics or point.error <= self.tolerance or count >= self.most_orders:
+                return point
+            count, start = min(count + max(1, count // 2), self.most_orders), wide
 
-    def outputs(self, omega: float, point: _Point, rows: np.ndarray) -> Complex[np.ndarray, "dof harmonic"]:
+    def _refined(
+        self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
+    ) -> tuple[Float[np.ndarray, "contact"], float]:
+        """Losses from twice the nodes, and how much they and the forces differ from before, relative."""
+        better, _, lost_better, _ = self.contact_forces(amplitudes, omega, 2 * self.fine)
+        force = np.linalg.norm(better - forces) / max(float(np.linalg.norm(better)), 1e-300)
+        loss = abs(lost_better.sum() - lost.sum()) / max(abs(float(lost_better.sum())), 1e-300)
+        return lost_better, float(max(force, loss))
+
+    def modal(self, point: _Point) -> Complex[np.ndarray, "harmonic mode"]:
+        """Complex amplitudes of all modes at all harmonics of a solution."""
+        base, orders = self.problem.base, self.orders(point.count)
+        w = point.omega * orders[:, None]
+        load = -(point.forces[:, ::2] - 1j * point.forces[:, 1::2]).T @ base.slip
+        load[0 if self.odd else 1] += self.load
+        return np.asarray(load / (base.frequencies**2 - w**2 + 1j * w * base.decay))
+
+    def outputs(self, point: _Point, rows: np.ndarray) -> Complex[np.ndarray, "dof harmonic"]:
         """Complex amplitudes of output DOFs (dof, mode)."""
-        orders = point.amplitudes.shape[1] // 2
-        base = self.problem.base
-        amplitude = np.zeros((len(rows), orders), complex)
-        for h in range(orders):
-            w = omega * (2 * h + 1)
-            pull = point.forces[:, 2 * h] - 1j * point.forces[:, 2 * h + 1]
-            load = (self.load if h == 0 else 0 * self.load) - base.slip.T @ pull
-            amplitude[:, h] = rows @ (load / (base.frequencies**2 - w**2 + 1j * w * base.decay))
-        return amplitude
+        return np.asarray(rows @ self.modal(point).T)
 
-    def powers(self, omega: float, point: _Point) -> tuple[float, float, float]:
+    def powers(self, point: _Point) -> tuple[float, float, float]:
         """Mean input, friction and damping power in W."""
-        base, orders = self.problem.base, point.amplitudes.shape[1] // 2
-        damping = 0.0
-        for h in range(orders):
-            w = omega * (2 * h + 1)
-            pull = point.forces[:, 2 * h] - 1j * point.forces[:, 2 * h + 1]
-            load = (self.load if h == 0 else 0 * self.load) - base.slip.T @ pull
-            q = load / (base.frequencies**2 - w**2 + 1j * w * base.decay)
-            damping += 0.5 * float(np.sum(base.decay * np.abs(w * q) ** 2))
-            if h == 0:
-                supplied = 0.5 * float(np.real(np.conj(1j * w * q) @ self.load))
-        return supplied, float(point.lost.sum()) * omega / (2 * np.pi), damping
+        q = self.modal(point)
+        speed = 1j * point.omega * self.orders(point.count)[:, None] * q
+        supplied = 0.5 * float(np.real(np.conj(speed[0 if self.odd else 1]) @ self.load))
+        damping = 0.5 * float(np.sum(self.problem.base.decay * np.abs(speed) ** 2))
+        return supplied, float(point.lost.sum()) * point.omega / (2 * np.pi), damping
 
 
-def _chord(factors: Any, rest: np.ndarray) -> np.ndarray:
-    """Newton step with a matrix that is already factorised."""
-    lu, pivots, moving, matrix = factors
-    solved, _ = lapack.dgetrs(lu, pivots, np.ascontiguousarray(rest[moving]).ravel())
-    step = rest - (matrix.reshape(rest.size, -1) @ solved).reshape(rest.shape)
-    step[moving] = solved.reshape(len(moving), rest.shape[1])
-    return np.asarray(step)
+def _with_harmonics(amplitudes: np.ndarray, count: int) -> Float[np.ndarray, "contact size"]:
+    """The first ``count`` harmonics, filled up with zeros."""
+    out = np.zeros((len(amplitudes), 2 * count))
+    size = min(2 * count, amplitudes.shape[1])
+    out[:, :size] = amplitudes[:, :size]
+    return out
+
+
+class Branch:
+    """Starts for solutions along a curve of slowly changing frequency: extrapolated from the last two."""
+
+    def __init__(self, tolerance: float) -> None:
+        self.tolerance = tolerance
+        self.last: list[_Point] = []
+
+    def add(self, point: _Point | None) -> None:
+        """Take a solution; a hole ends the branch."""
+        self.last = [] if point is None else [*self.last[-1:], point]
+
+    def start(self, frequency: float) -> Float[np.ndarray, "contact size"] | None:
+        """Amplitudes to begin with at a frequency in Hz, with fewer harmonics where fewer would have done."""
+        if not self.last:
+            return None
+        point = self.last[-1]
+        count = point.count
+        if point.error < 0.2 * self.tolerance:
+            count = max(2, int(0.7 * count))
+        guess = _with_harmonics(point.amplitudes, count)
+        if len(self.last) == 2 and self.last[0].omega != point.omega:
+            before = self.last[0]
+            ratio = (2 * np.pi * frequency - point.omega) / (point.omega - before.omega)
+            if abs(ratio) <= 2:
+                guess += ratio * (guess - _with_harmonics(before.amplitudes, count))
+        return guess
 
 
 def frf(
@@ -286,12 +246,12 @@ def frf(
                          expected="finite, above 0 Hz")  # fmt: skip
     rows = np.array([condensed.problem.base.row(condensed.problem.system, dof) for dof in condensed.problem.outputs])
     points: list[_Point | None] = []
-    start: np.ndarray | None = None
+    branch = Branch(condensed.tolerance)
     for number, frequency in enumerate(frequencies):
         advance(progress, "frequencies", number, len(frequencies))
-        point = condensed.solve(float(frequency), start)
+        point = condensed.solve(float(frequency), branch.start(float(frequency)))
         points.append(point)
-        start = None if point is None else point.next_start(condensed.tolerance)
+        branch.add(point)
     return _response(condensed, np.asarray(frequencies), points, rows)
 
 
@@ -319,20 +279,18 @@ def condense(
 def _response(
     condensed: Condensed, frequencies: np.ndarray, points: list[_Point | None], rows: np.ndarray
 ) -> HarmonicResponse:
-    most = max((p.amplitudes.shape[1] // 2 for p in points if p is not None), default=1)
+    most = max((point.count for point in points if point is not None), default=1)
     count, contacts = len(points), len(condensed.limits)
     values = np.full((count, len(rows), most), np.nan, complex)
     slips = np.full((count, contacts, most), np.nan, complex)
     powers, error = np.full((count, 3), np.nan), np.full(count, np.nan)
-    for n, (frequency, point) in enumerate(zip(frequencies, points, strict=True)):
+    for n, point in enumerate(points):
         if point is None:
             continue
-        orders = point.amplitudes.shape[1] // 2
-        omega = 2 * np.pi * frequency
         values[n], slips[n] = 0, 0
-        values[n, :, :orders] = condensed.outputs(omega, point, rows)
-        slips[n, :, :orders] = point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2]
-        powers[n], error[n] = condensed.powers(omega, point), point.error
+        values[n, :, : point.count] = condensed.outputs(point, rows)
+        slips[n, :, : point.count] = point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2]
+        powers[n], error[n] = condensed.powers(point), point.error
     where, findings = condensed.problem.system.name, list(condensed.problem.findings)
     solved = np.isfinite(error)
     if not solved.all():
@@ -345,7 +303,7 @@ def _response(
                                 f"error estimate {error[worst]:.1e} at {frequencies[worst]:.5g} Hz.",
                                 float(error[worst]), condensed.tolerance, "Check it in time."))  # fmt: skip
     response = HarmonicResponse(
-        frequencies, 2 * np.arange(most) + 1, values, condensed.problem.outputs, slips, condensed.force,
+        frequencies, condensed.orders(most), values, condensed.problem.outputs, slips, condensed.force,
         condensed.driven,
         powers[:, 0], powers[:, 1], powers[:, 2], error, solved, (), where,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from ema.data import BeamModel, ModalMap, Provenance
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.harmonic import Condensed, _Point, condense
+from ema.simulate.harmonic import Branch, Condensed, _Point, condense
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,14 @@ def _peak(condensed: Condensed, band: tuple[float, float], coarse: int) -> Reson
         point = condensed.solve(frequency, start)
         if point is None:
             return -np.inf
-        value = float(np.abs(condensed.outputs(2 * np.pi * frequency, point, rows)[0, 0]))
+        value = float(np.abs(condensed.outputs(point, rows)[0, 0]))
         found[frequency] = (value, point)
         return value
 
-    start: np.ndarray | None = None
+    branch = Branch(condensed.tolerance)
     for frequency in np.geomspace(*band, coarse):
-        if height(float(frequency), start) > -np.inf:
-            start = found[float(frequency)][1].next_start(condensed.tolerance)
+        if height(float(frequency), branch.start(float(frequency))) > -np.inf:
+            branch.add(found[float(frequency)][1])
     if not found:
         raise InputError("no steady state in the band", where=condensed.problem.system.name, got=f"{band} Hz",
                          advice="use the time solver")  # fmt: skip
@@ -94,11 +94,9 @@ def _parabola(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> 
 
 def _resonance(condensed: Condensed, frequency: float, point: _Point, rows: np.ndarray) -> Resonance:
     omega = 2 * np.pi * frequency
-    base = condensed.problem.base
-    pull = point.forces[:, 0] - 1j * point.forces[:, 1]
-    q = (condensed.load - base.slip.T @ pull) / (base.frequencies**2 - omega**2 + 1j * omega * base.decay)
+    q = condensed.modal(point)[0]
     kinetic = 0.5 * omega**2 * float(np.sum(np.abs(q) ** 2))
-    _, friction, damping = condensed.powers(omega, point)
+    _, friction, damping = condensed.powers(point)
     lost = (friction + damping) * 2 * np.pi / omega
     amplitude = complex((rows @ q)[0])
     return Resonance(

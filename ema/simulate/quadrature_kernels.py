@@ -1,0 +1,183 @@
+"""Friction over one period of a motion given by its harmonics, for laws without closed form: by quadrature; compiled.
+
+The force is smooth between the turning points of a motion. So Gauss's rule is used from one to the next, on places that
+crowd behind a turning point, where the force changes fastest.
+"""
+
+import numba as nb
+import numpy as np
+
+from ema.simulate.friction_kernels import LUGRE, single_step
+from ema.simulate.period_kernels import motion, turning_points, waves
+
+_GAUSS = np.array([0.069431844202973712, 0.33000947820757187, 0.66999052179242813, 0.93056815579702629])
+_WEIGHTS = np.array([0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693])
+
+
+@nb.njit(cache=True)
+def _count_nodes(orders, odd, fine, turns, place):
+    """Number of nodes that ``_nodes`` makes."""
+    total = 0
+    for m in range(turns // 2 if odd else turns):
+        length = place[m] - place[m - 1] if m > 0 else place[0] - place[turns - 1] + 2 * np.pi
+        total += 4 * fine * (5 + int(np.ceil(length * orders[-1] / np.pi))) + 1
+    return total
+
+
+@nb.njit(cache=True)
+def _nodes(amplitudes, orders, odd, fine, turns, place, cosine, sine, where, weight, u, rate, basis, slope):
+    """Places, weights, displacement, its derivative, and cos and sin of the orders with their derivatives.
+
+    Turning points are nodes of weight 0.
+    """
+    row = 0
+    for m in range(turns // 2 if odd else turns):
+        low = place[m - 1] if m > 0 else place[turns - 1] - 2 * np.pi
+        length = place[m] - low
+        panels = fine * (5 + int(np.ceil(length * orders[-1] / np.pi)))
+        for n in range(4 * panels + 1):
+            if n == 4 * panels:
+                x, weight[row] = place[m], 0.0
+            else:
+                s = (n // 4 + _GAUSS[n % 4]) / panels
+                x, weight[row] = low + length * s * s, _WEIGHTS[n % 4] / panels * 2 * length * s
+            where[row] = x
+            waves(x, len(cosine), cosine, sine)
+            u[row], rate[row], _, _ = motion(amplitudes, orders, cosine, sine)
+            for h in range(len(orders)):
+                order = orders[h]
+                basis[row, 2 * h], basis[row, 2 * h + 1] = cosine[order], sine[order]
+                slope[row, 2 * h], slope[row, 2 * h + 1] = -order * sine[order], order * cosine[order]
+            row += 1
+
+
+@nb.njit(cache=True)
+def _lugre(k, limit, par, u0, u1, v0, v1, bristle0):
+    """One step of the bristle of LuGre with known velocities at its ends, and the contact force at its end.
+
+    Returns force, bristle, the tangents of the bristle by its start and by u1, of the force by bristle and velocity.
+    """
+    damping, viscous, ratio, stribeck = par[0], par[1], par[2], par[3]
+    sign = 1.0 if u1 >= u0 else -1.0
+    middle = 0.5 * (v0 + v1)
+    top = limit * (1.0 + (ratio - 1.0) * np.exp(-((middle / stribeck) ** 2)))
+    decay = np.exp(-k * abs(u1 - u0) / top)
+    bristle = sign * top + (bristle0 - sign * top) * decay
+    peak = np.exp(-((v1 / stribeck) ** 2))
+    end = limit * (1.0 + (ratio - 1.0) * peak)
+    growth = -limit * (ratio - 1.0) * peak * 2.0 * v1 / stribeck**2
+    force = bristle + damping * (v1 - abs(v1) * bristle / end) + viscous * v1
+    by_bristle = 1.0 - damping * abs(v1) / end
+    by_velocity = damping * (1.0 - np.sign(v1) * bristle / end + abs(v1) * bristle * growth / end**2) + viscous
+    return force, bristle, decay, k * (1.0 - sign * bristle / top), by_bristle, by_velocity
+
+
+@nb.njit(cache=True)
+def _follow(
+    i, code, k, limit, par, tables, user, start_u, start_rate, start, omega, u, rate, force, state, a, b, extra
+):
+    """Forces along the nodes from the internal force ``start``; tangents of the internal force; its last value."""
+    s0, s1, s2 = start, 0.0, 0.0
+    before, before_rate = start_u, start_rate
+    for n in range(len(u)):
+        if code == LUGRE:
+            force[n], s0, a[n], b[n], extra[n, 0], extra[n, 1] = _lugre(
+                k, limit, par[i], before, u[n], omega * before_rate, omega * rate[n], s0
+            )
+        else:
+            force[n], _, s0, s1, s2, a[n], b[n] = single_step(
+                code, i, k, limit, par, tables, user, before, u[n], 0.0, s0, s1, s2
+            )
+        state[n] = s0
+        before, before_rate = u[n], rate[n]
+    return s0
+
+
+@nb.njit(cache=True)
+def smooth_period(
+    i, code, amplitudes, orders, rates, bends, odd, fine, omega, k, limit, par, tables, user, place, value, cosine, sine,
+    forces, jacobian,
+):  # fmt: skip
+    """Fourier coefficients ``forces`` (2 H,) of f - k u of one contact in its cycle, their Jacobian, the loss.
+
+    ``fine`` multiplies the number of nodes. The other arguments are those of ``masing_period``.
+    """
+    size = len(amplitudes)
+    forces[:] = 0.0
+    jacobian[:] = 0.0
+    turns = turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine)
+    if turns < 2 or limit <= 0.0:
+        for r in range(size):
+            forces[r] = -k * amplitudes[r] if turns >= 2 else 0.0
+            jacobian[r, r] = -k
+        return 0.0
+    count = _count_nodes(orders, odd, fine, turns, place)
+    where, weight, u, rate = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    basis, slope = np.empty((count, size)), np.empty((count, size))
+    first_basis = np.empty(size)
+    for h in range(size // 2):
+        first_basis[2 * h], first_basis[2 * h + 1] = cosine[turns - 1, orders[h]], sine[turns - 1, orders[h]]
+    last = len(place) - 1
+    _nodes(amplitudes, orders, odd, fine, turns, place, cosine[last], sine[last], where, weight, u, rate, basis, slope)
+    force, state, a, b = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    extra = np.zeros((count, 2))
+    start_u = value[turns - 1]
+    start = _settle(i, code, odd, k, limit, par, tables, user, start_u, omega, u, rate, force, state, a, b, extra)
+    _follow(i, code, k, limit, par, tables, user, start_u, 0.0, start, omega, u, rate, force, state, a, b, extra)
+    # d state / d amplitudes = chain * (that of the start) + grown
+    chain, grown = np.empty(count), np.empty((count, size))
+    product = 1.0
+    for n in range(count):
+        product *= a[n]
+        chain[n] = product
+        for c in range(size):
+            before = first_basis[c] if n == 0 else basis[n - 1, c]
+            grown[n, c] = b[n] * (basis[n, c] - before) + (a[n] * grown[n - 1, c] if n > 0 else 0.0)
+    closing = 1.0 + product if odd else 1.0 - product
+    lost = 0.0
+    for n in range(count):
+        lost += weight[n] * force[n] * rate[n]
+        for c in range(size):
+            begin = 0.0
+            if odd:
+                begin = -grown[count - 1, c] / closing
+            elif closing > 1e-6:
+                begin = grown[count - 1, c] / closing
+            total = grown[n, c] + chain[n] * begin
+            if code == LUGRE:
+                total = extra[n, 0] * total + extra[n, 1] * omega * slope[n, c]
+            grown[n, c] = weight[n] * (total - k * basis[n, c])
+        force[n] = weight[n] * (force[n] - k * u[n])
+    scale = (2.0 if odd else 1.0) / np.pi
+    forces[:] = scale * (force @ basis)
+    jacobian[:] = scale * (basis.T @ grown)
+    if orders[0] == 0:
+        forces[0] *= 0.5
+        jacobian[0] *= 0.5
+    return lost * (2.0 if odd else 1.0)
+
+
+@nb.njit(cache=True)
+def _settle(i, code, odd, k, limit, par, tables, user, start_u, omega, u, rate, force, state, a, b, extra):
+    """Internal force at the first turning point with which the cycle closes."""
+    start = 0.0
+    for trial in range(60):
+        end = _follow(
+            i, code, k, limit, par, tables, user, start_u, 0.0, start, omega, u, rate, force, state, a, b, extra
+        )
+        product = 1.0
+        for n in range(len(a)):
+            product *= a[n]
+        if odd:
+            # half a period later the force is the opposite; every fourth step is one that always contracts
+            step = -(start + end) / (1.0 + product if trial % 4 != 3 else 2.0)
+        elif trial < 4 or product > 1.0 - 1e-6:
+            step = end - start
+        else:
+            step = (end - start) / (1.0 - product)
+        new = min(max(start + step, -4.0 * limit), 4.0 * limit)
+        done = abs(new - start) <= 1e-13 * limit
+        start = new
+        if done:
+            break
+    return start
