@@ -188,6 +188,11 @@ class PackedLaws:
     user: Any
 
     @property
+    def single_springs(self) -> bool:
+        """Whether every contact is one Masing spring, for which the solvers know closed forms."""
+        return bool(np.all((self.codes == 0) & (self.counts == 1)))
+
+    @property
     def arguments(self) -> tuple[Any, ...]:
         """Codes, parameters, shares of stiffness and force, counts, tables and the user's function."""
         return (

@@ -33,9 +33,9 @@ def ramp(
     InputError : the structure is not held.
     FailureError : no equilibrium was found.
     """
-    from ema.simulate import transient_kernels
+    from ema.simulate import contact_kernels
 
-    kernels: Any = transient_kernels
+    kernels: Any = contact_kernels
     matrix = stuck_stiffness(system, system.contacts.stiffness)
     slip, stiffness = system.contacts.slip, system.contacts.stiffness
     values = np.linalg.eigvalsh(system.stiffness)
@@ -48,10 +48,18 @@ def ramp(
     count = len(stiffness)
     u, f, z = np.zeros(count), np.zeros(count), np.zeros((count, laws.stiffness_shares.shape[1]))
     top = system.contacts.limits if limits is None else limits
+    masing, signs, table = laws.single_springs, np.zeros(count, np.int64), np.empty((count, count))
+    if masing:
+        kernels.fresh_table(gains, stiffness, signs, table)
     for level in np.arange(1, increments + 1) / increments:
-        rest = kernels.relax(gains, level * reach, stiffness, top, *laws.arguments, u, f, z, 100_000)
+        if masing:
+            rest = kernels.relax_masing(gains, level * reach, stiffness, top, u, f, signs, table)
+        else:
+            rest = kernels.relax(gains, level * reach, stiffness, top, laws.arguments, u, f, z, 100_000)
         if not rest < 1e-9:
             raise FailureError("no static equilibrium", where=system.name,
                                got=f"residual {rest:.1e} at {level:.0%} of the load",
                                advice="lower the load")  # fmt: skip
+    if masing:
+        z[:, 0] = f
     return StaticState(solved[:, 0] - solved[:, 1:] @ (f - stiffness * u), u, f, z)

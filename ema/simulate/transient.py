@@ -24,22 +24,22 @@ from ema.simulate.structure import System, assemble, pair_counts
 ENERGY_LIMIT = 1e-6
 
 
-def step_coefficients(base: ModalBase, h: float) -> tuple[Float[np.ndarray, "mode 6"], Float[np.ndarray, "form 6"]]:
+def step_coefficients(base: ModalBase, h: float) -> tuple[Float[np.ndarray, "6 mode"], Float[np.ndarray, "form mode"]]:
     """Exact motion of every mode over a step ``h`` s under a constant force, and the energy it loses to damping.
 
     The second table is empty without damping.
     """
     flow = _flow(base, h)
-    table = np.concatenate([flow[:, 0], flow[:, 1]], axis=1)
+    table = np.concatenate([flow[:, 0], flow[:, 1]], axis=1).T
     if not np.any(base.decay > 0):
-        return table, np.zeros((0, 6))
+        return table, np.zeros((0, table.shape[1]))
     points, weights = np.polynomial.legendre.leggauss(int(min(16 + 1.5 * (base.frequencies * h).max(), 200)))
-    form = np.zeros((len(table), 3, 3))
+    form = np.zeros((len(flow), 3, 3))
     for point, weight in zip((points + 1) / 2, weights / 2, strict=True):
         row = _flow(base, h * point)[:, 1]
         form += weight * h * base.decay[:, None, None] * row[:, :, None] * row[:, None, :]
     pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
-    return table, np.stack([form[:, i, j] * (1 if i == j else 2) for i, j in pairs], axis=1)
+    return table, np.stack([form[:, i, j] * (1 if i == j else 2) for i, j in pairs])
 
 
 def _flow(base: ModalBase, h: float) -> Float[np.ndarray, "mode 2 3"]:
@@ -111,23 +111,24 @@ class Stepper:
     def __init__(self, problem: Problem, state: _State, h: float, loads: Sequence[Dof | str] = ()) -> None:
         base, self.problem, self.h = problem.base, problem, h
         self.coupled, self.free = np.flatnonzero(base.coupled), np.flatnonzero(~base.coupled)
-        table, form = step_coefficients(base, h)
-        self.table = [np.ascontiguousarray(table[part]) for part in (self.coupled, self.free)]
-        self.form = [np.ascontiguousarray(form[part]) if len(form) else form for part in (self.coupled, self.free)]
+        table, loss = step_coefficients(base, h)
+        self.flow, self.loss, self.squares = (
+            [np.ascontiguousarray(whole[..., part]) for part in (self.coupled, self.free)]
+            for whole in (table, loss, base.frequencies**2)
+        )
         self.slip = np.ascontiguousarray(base.slip[:, self.coupled])
-        self.slip_t = np.ascontiguousarray(self.slip.T)
-        self.gains = np.ascontiguousarray((self.slip * (0.5 * self.table[0][:, 2])) @ self.slip_t)
+        self.gains = np.ascontiguousarray((self.slip * (0.5 * self.flow[0][2])) @ self.slip.T)
         rows = np.array([base.row(problem.system, dof) for dof in loads]).reshape(len(loads), len(base.frequencies))
-        self.rows = [np.ascontiguousarray(rows[:, part].T) for part in (self.coupled, self.free)]
+        self.rows = [np.ascontiguousarray(rows[:, part]) for part in (self.coupled, self.free)]
         self.q = [state.q[part].copy() for part in (self.coupled, self.free)]
         self.p = [state.p[part].copy() for part in (self.coupled, self.free)]
         self.u, self.f, self.z = state.u.copy(), state.f.copy(), state.z.copy()
         self.energies = [np.zeros(4), np.zeros(4)]
         self.dissipated, self.sliding = np.zeros(len(self.u)), np.zeros(len(self.u))
         self.limits = problem.system.contacts.limits.copy()
+        self.leaps: dict[int, tuple[np.ndarray, ...]] = {}
         self.sweeps, self.residual = 0, 0.0
-        laws = problem.laws
-        self.general = None if np.all((laws.codes == 0) & (laws.counts == 1)) else 1
+        self.general = None if problem.laws.single_springs else 1
 
     def run(
         self, steps: int, every: int, limits: Float[np.ndarray, "row contact"], loads: Float[np.ndarray, "end load"]
@@ -136,29 +137,33 @@ class Stepper:
         from ema.simulate import transient_kernels
 
         kernels: Any = transient_kernels
-        base, count, contacts = self.problem.base, steps // every, len(self.u)
-        sizes = [len(self.coupled), len(self.free)]
-        q, p = [np.empty((count, size)) for size in sizes], [np.empty((count, size)) for size in sizes]
-        u, f, energy = np.empty((count, contacts)), np.empty((count, contacts)), np.empty((count, 5))
+        modes, count, contacts = len(self.problem.base.frequencies), steps // every, len(self.u)
+        q, p = np.empty((count, modes)), np.empty((count, modes))
+        u, f, energy = np.empty((count, contacts)), np.empty((count, contacts)), np.zeros((count, 6))
         sweeps, residual = kernels.advance(
-            steps, every, self.h, self.table[0], self.form[0], self.slip, self.slip_t, self.gains,
-            self.problem.system.contacts.stiffness, limits, loads, self.rows[0], *self.problem.laws.arguments,
-            self.q[0], self.p[0], self.u, self.f, self.z, self.energies[0], self.dissipated, self.sliding,
-            self.limits, q[0], p[0], u, f, energy, self.general,
+            steps, every, self.h, (self.flow[0], self.loss[0], self.squares[0]),
+            (self.slip, self.gains, self.problem.system.contacts.stiffness), limits, loads, self.rows[0],
+            self.problem.laws.arguments, (self.q[0], self.p[0], self.u, self.f, self.z),
+            (self.energies[0], self.dissipated, self.sliding), self.limits, self.coupled, (q, p, u, f, energy),
+            self.general,
         )  # fmt: skip
         self.sweeps, self.residual = max(self.sweeps, sweeps), max(self.residual, residual)
-        linear = np.empty((count, 4))
+        if len(loads):
+            flow, loss = self.flow[1], self.loss[1]
+        else:
+            (flow, loss), steps, every = self._leap(every), count, 1
         kernels.advance_linear(
-            steps, every, self.table[1], self.form[1], loads if len(loads) else np.zeros((steps + 1, 0)),
-            self.rows[1], self.q[1], self.p[1], self.energies[1], q[1], p[1], linear,
+            steps, every, flow, loss, self.squares[1], loads, self.rows[1], self.q[1], self.p[1], self.energies[1],
+            self.free, q, p, energy,
         )  # fmt: skip
-        energy[:, :4] += linear
-        both = {name: np.empty((count, sum(sizes))) for name in ("q", "p")}
-        for part, place in enumerate((self.coupled, self.free)):
-            both["q"][:, place], both["p"][:, place] = q[part], p[part]
-        mechanical = 0.5 * (both["p"] ** 2 + (base.frequencies * both["q"]) ** 2).sum(axis=1)
-        mechanical -= 0.5 * (u**2 @ self.problem.system.contacts.stiffness)
-        return both | {"u": u, "f": f, "energy": np.column_stack([energy, mechanical])}
+        return {"q": q, "p": p, "u": u, "f": f, "energy": energy}
+
+    def _leap(self, every: int) -> tuple[np.ndarray, ...]:
+        """Coefficients of the uncoupled modes from sample to sample: without forces exact over any length."""
+        if every not in self.leaps:
+            tables = step_coefficients(self.problem.base, every * self.h)
+            self.leaps[every] = tuple(np.ascontiguousarray(whole[:, self.free]) for whole in tables)
+        return self.leaps[every]
 
 
 def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
