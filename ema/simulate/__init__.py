@@ -17,28 +17,35 @@ if TYPE_CHECKING:
         RegularisedMasing,
         register_law,
     )
+    from ema.simulate.friction_rig import FrictionRig
     from ema.simulate.harmonic import frf
-    from ema.simulate.hysteresis import identify, measured_loop
-    from ema.simulate.inputs import Blow, Fault, RandomShakers, RovingHammer, SweptShaker
+    from ema.simulate.hysteresis import measured_loop
+    from ema.simulate.identification import identify
+    from ema.simulate.inputs import Blow, Fault, RandomShakers, RovingHammer, SnapBack, SteppedSine, SweptShaker
     from ema.simulate.loops import loop
     from ema.simulate.maps import backbone, damping_map, resonance
+    from ema.simulate.rig import RingCell
     from ema.simulate.structure import assemble
     from ema.simulate.transient import respond, snapback
-    from ema.simulate.virtual import RingCell, VirtualRig
+    from ema.simulate.virtual import VirtualRig
+    from ema.simulate.waveforms import hammer_pulse, stepped_sine, swept_sine
 
 _NAMES = {
     "Blow": "inputs",
     "Coulomb": "friction",
     "Dahl": "friction",
     "Fault": "inputs",
+    "FrictionRig": "friction_rig",
     "Iwan": "friction",
     "LuGre": "friction",
     "Masing": "friction",
     "ParallelMasing": "friction",
     "RandomShakers": "inputs",
     "RegularisedMasing": "friction",
-    "RingCell": "virtual",
+    "RingCell": "rig",
     "RovingHammer": "inputs",
+    "SnapBack": "inputs",
+    "SteppedSine": "inputs",
     "SweptShaker": "inputs",
     "VirtualRig": "virtual",
     "assemble": "structure",
@@ -48,7 +55,8 @@ _NAMES = {
     "damping_map": "maps",
     "double_beam": "ema.elements",
     "frf": "harmonic",
-    "identify": "hysteresis",
+    "hammer_pulse": "waveforms",
+    "identify": "identification",
     "loop": "loops",
     "measured_loop": "hysteresis",
     "plate_matrices": "ema.elements",
@@ -57,13 +65,16 @@ _NAMES = {
     "respond": "transient",
     "snapback": "transient",
     "snapback_reference": "events",
+    "stepped_sine": "waveforms",
+    "swept_sine": "waveforms",
 }
 
 __all__ = [
-    "Blow", "Coulomb", "Dahl", "Fault", "Iwan", "LuGre", "Masing", "ParallelMasing", "RandomShakers",
-    "RegularisedMasing", "RingCell", "RovingHammer", "SweptShaker", "VirtualRig", "assemble", "backbone", "beam",
-    "controlled_snapback", "damping_map", "double_beam", "frf", "identify", "loop", "measured_loop",
-    "plate_matrices", "register_law", "resonance", "respond", "snapback", "snapback_reference",
+    "Blow", "Coulomb", "Dahl", "Fault", "FrictionRig", "Iwan", "LuGre", "Masing", "ParallelMasing", "RandomShakers",
+    "RegularisedMasing", "RingCell", "RovingHammer", "SnapBack", "SteppedSine", "SweptShaker", "VirtualRig",
+    "assemble", "backbone", "beam", "controlled_snapback", "damping_map", "double_beam", "frf", "hammer_pulse",
+    "identify", "loop", "measured_loop", "plate_matrices", "register_law", "resonance", "respond", "snapback",
+    "snapback_reference", "stepped_sine", "swept_sine",
 ]  # fmt: skip
 
 
