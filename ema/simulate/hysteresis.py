@@ -46,7 +46,7 @@ def measured_loop(
     if steady:
         begin, end = _full_motion(times, displacements)
         if end < times[-1] - 0.25 / frequency:
-            findings.append(Finding("info", "run-down", name, f"the motion has its full amplitude only until {end:.2f} s.",
+            findings.append(Finding("info", "run-down", name, f"the motion has full amplitude only until {end:.2f} s.",
                                     end, float(times[-1]), "Later cycles are no steady loop."))  # fmt: skip
     step = float(np.median(np.diff(times)))
     count = max(min(cycles, int((end - begin + step) * frequency * (1 + 1e-9) + 1e-6)), 1)
@@ -60,7 +60,7 @@ def measured_loop(
     amplitude = float(0.5 * np.ptp(x))
     play = free_travel(x, f)
     if play > _PLAY * 2 * amplitude:
-        findings.append(Finding("warning", "backlash", name, f"{play:.2g} m of travel at almost constant force between the "
+        findings.append(Finding("warning", "backlash", name, f"{play:.2g} m of travel at constant force between the "
                                 "directions: the joint has play.", play / (2 * amplitude), _PLAY,
                                 "Fit it (identify), or k_T is too low."))  # fmt: skip
     normal = np.broadcast_to(np.asarray(normal_forces, dtype=float), times.shape)[part]
@@ -96,7 +96,7 @@ def turning_points(x: Float[np.ndarray, "sample"]) -> np.ndarray:
 
 
 def _full_motion(times: np.ndarray, x: np.ndarray) -> tuple[float, float]:
-    """First and last time of the motion at full amplitude: between turning points, where it does not fill the record."""
+    """First and last time at full amplitude: turning points, or the ends of a record that is filled by it."""
     turns = turning_points(x)
     swings = np.abs(np.diff(x[turns]))
     full = np.flatnonzero(swings >= _FULL * swings.max()) if len(swings) else np.zeros(0, int)
@@ -113,7 +113,7 @@ def free_travel(x: Float[np.ndarray, "sample"], f: Float[np.ndarray, "sample"], 
     """Travel in m, mean of the branches of whole cycles, at which the force stands still between its two directions.
 
     Counted is the travel per step of force, between a quarter and three quarters of the range, until the force gets
-    further than ever since the reversal: a contact without play passes all of it alike, play is a peak above the median.
+    further than ever since the reversal: a contact without play passes all of it alike, play is a peak over the median.
     """
     turns = turning_points(np.concatenate([x, x, x]))
     turns = turns[(turns >= len(x)) & (turns <= 2 * len(x))]
