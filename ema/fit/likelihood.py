@@ -1,7 +1,7 @@
 """Maximum-likelihood refinement of modes in modal form.
 
 The FRFs are modelled as ``H = s^q (sum_r [psi_r L_r^T / (s - p_r) + conj] + rest)`` with poles p, participation vectors
-L and, linear in the data, shapes psi and the rest: lower and upper residuals and two unobserved modes, one below and
+L and, linear in the data, shapes psi and the rest: real lower and upper residuals and two unobserved modes, one below and
 one above the band, that stand for everything farther away. Weighted by the noise of each line, output and reference,
 the linear unknowns are eliminated (variable projection, Golub and Pereyra 1973, in Kaufman's approximation), so that
 only poles and participation are iterated (modal form: El-Kafafy, De Troyer, Guillaume 2014).
@@ -19,6 +19,9 @@ from ema.fit.noise import NoiseLevel
 
 _BEYOND = 2.0
 """The unobserved modes lie at the band edges divided and multiplied by this."""
+
+_UNOBSERVED = complex(-0.05, 1.0)
+"""Their poles, over their angular frequency."""
 
 _CHUNK = 512
 
@@ -127,7 +130,7 @@ def observe(
         real = _rotate(real, weights)
     elif not np.allclose(weights, 1):
         real = real * weights[:, None, None]
-    rest = 1j * np.array([np.pi * frequencies[0], 2 * np.pi * _BEYOND * frequencies[-1]])
+    rest = 2 * np.pi * np.array([frequencies[0] / _BEYOND, frequencies[-1] * _BEYOND]) * _UNOBSERVED
     return Observations(1j * centre, spread, factor, real, weights, rest)
 
 
@@ -157,7 +160,7 @@ def _base(data: Observations, rows: slice, poles: np.ndarray) -> Float[np.ndarra
     if spread.any():
         squares = tuple(square * (1 - 3 * spread * square) for square in squares)
         direct, mirrored = direct * (1 - spread * direct**2), mirrored * (1 - spread * mirrored**2)
-    out = np.empty((2 * modes + len(rest) + 2, 2, len(s)), complex)
+    out = np.empty((2 * modes + len(rest) + 1, 2, len(s)), complex)
 
     def pair(rows: slice, first: np.ndarray, second: np.ndarray) -> None:
         np.add(first, second, out=out[rows, 0])
@@ -168,8 +171,8 @@ def _base(data: Observations, rows: slice, poles: np.ndarray) -> Float[np.ndarra
     pair(slice(modes, 2 * modes), *squares)
     pair(slice(2 * modes, 2 * modes + len(rest)), direct[modes:], mirrored[modes:])
     scaled = s / np.abs(data.s).mean()
-    out[-2, 0], out[-1, 0] = 1 / scaled**2, 1
-    out[-2:, 1] = 1j * out[-2:, 0]
+    # Rigid bodies below and static compliance above the band are real.
+    out[-1, 0], out[-1, 1] = 1 / scaled**2, 1
     out *= factor
     return out.reshape(-1, len(s)).view(np.float64)
 
@@ -179,7 +182,7 @@ def base_products(
 ) -> tuple[Float[np.ndarray, "base base"], Float[np.ndarray, "base in out"]]:
     """Gram matrix of the basis functions and their products with the data."""
     references, outputs, _ = data.signals.shape
-    size = 2 * (2 * len(poles) + len(data.rest) + 2)
+    size = 2 * (2 * len(poles) + len(data.rest) + 1)
     gram, cross = np.zeros((size, size)), np.zeros((size, references * outputs))
     flat = data.signals.reshape(references * outputs, -1)
     for first in range(0, len(data.s), _CHUNK):
@@ -223,7 +226,7 @@ def evaluate(
     largest = np.argmax(np.abs(participation), axis=0)
     free = tuple((r, i) for r in range(modes) for i in range(len(participation)) if i != largest[r])
     base_gram, base_cross = base_products(data, poles)
-    columns, linear = _columns(participation, free, len(data.rest) + 2, data.reference_weights)
+    columns, linear = _columns(participation, free, len(data.rest) + 1, data.reference_weights)
     gram = sum(c.T @ (base_gram @ c) for c in columns)
     cross = sum(c.T @ base_cross[:, i] for i, c in enumerate(columns))
     scale = 1 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
@@ -393,7 +396,7 @@ def residuals(data: Observations, fit: ModalFit) -> tuple[Float[np.ndarray, "fre
     next bin, which noise leaves near 0 and a misfit near the square.
     """
     references, outputs, _ = data.signals.shape
-    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 2, data.reference_weights)
+    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 1, data.reference_weights)
     mixing = [c[:, :linear] @ fit.coefficients for c in columns]
     energy, together = np.empty(len(data.s)), np.zeros(len(data.s))
     for first in range(0, len(data.s), _CHUNK):
@@ -418,7 +421,7 @@ def correlation(data: Observations, fit: ModalFit) -> float:
 
 def dominance(data: Observations, fit: ModalFit) -> Float[np.ndarray, "mode"]:
     """Energy of each mode over that of the data within its half-power bandwidth (three bins at least)."""
-    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 2, data.reference_weights)
+    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 1, data.reference_weights)
     result = np.empty(len(fit.poles))
     for mode, pole in enumerate(fit.poles):
         distance = np.abs(data.s.imag - pole.imag)
@@ -440,7 +443,7 @@ def trial_products(
     references, outputs, _ = data.signals.shape
     flat = data.signals.reshape(references * outputs, -1)
     modes, count = len(fit.poles), len(trials)
-    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 2, data.reference_weights)
+    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 1, data.reference_weights)
     known = np.concatenate([np.arange(2 * modes), np.arange(4 * modes, columns.shape[1])])
     own = np.zeros((count, 2, 2))
     overlap = np.zeros((2 * count, len(known)))
@@ -461,7 +464,7 @@ def trial_products(
 def linear_unknowns(data: Observations, fit: ModalFit) -> Float[np.ndarray, "column out"]:
     """Shapes and residual terms of the outputs in ``data`` at the poles and participation of ``fit``."""
     base_gram, base_cross = base_products(data, fit.poles)
-    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 2, data.reference_weights)
+    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 1, data.reference_weights)
     gram = sum(c[:, :linear].T @ (base_gram @ c[:, :linear]) for c in columns)
     cross = sum(c[:, :linear].T @ base_cross[:, i] for i, c in enumerate(columns))
     scale = 1 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))

@@ -9,14 +9,17 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.errors import InputError
-from ema.fit import likelihood
+from ema.fit import likelihood, noise, weighted
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.scaling import scale_to_unit_modal_mass
+from ema.fit.search import MISFIT
 from ema.fit.select import Selection, keep_picked, select
 from ema.progress import Progress, advance, silent
 
 _NAMED = 10
 """Dropped candidates that are told one by one."""
+_ENOUGH = 500_000
+"""Values from which the structure of the noise is estimated."""
 
 
 def modes(
@@ -96,35 +99,32 @@ def _taken(table: PoleTable, row: int, rows: list[int]) -> bool:
 
 
 def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
-    """Shapes and residual terms on all outputs for the refined poles."""
-    fit = chosen.fit
-    coefficients = _coefficients(data, chosen)
-    count, references = len(fit.poles), len(data.references)
-    pairs = coefficients[: 2 * count].reshape(count, 2, len(data.dofs))
-    psi = pairs[:, 0] + 1j * pairs[:, 1]
-    residues = np.einsum("rk,ir->rki", psi, fit.participation)
-    rest = coefficients[2 * count :].reshape(references, len(chosen.data.rest) + 2, 2, len(data.dofs))
-    complex_rest = rest[:, :, 0] + 1j * rest[:, :, 1]
+    """Modes and background on all outputs, refined with the noise of every FRF."""
+    state, normal, factor = _refined(data, chosen)
     scale = float(np.abs(chosen.data.s).mean())
+    poles, psi = state.poles * scale, state.shapes * scale
     outside = np.flatnonzero(~chosen.is_mode)
-    background = np.concatenate([residues[outside], complex_rest[:, :-2].transpose(1, 2, 0)])
+    unobserved = len(state.rest_poles)
+    background = np.einsum("kr,ir->rki", psi[:, outside], state.participation[:, outside])
     residuals = Residuals(
-        lower=complex_rest[:, -2].T * scale**2,
-        upper=complex_rest[:, -1].T,
-        poles=np.concatenate([fit.poles[outside], chosen.data.rest]),
-        residues=background,
+        lower=state.rest[:, :, unobserved] * scale**2,
+        upper=state.rest[:, :, unobserved + 1],
+        poles=np.concatenate([poles[outside], state.rest_poles[state.active[:unobserved]] * scale]),
+        residues=np.concatenate(
+            [background, scale * state.rest[:, :, :unobserved][:, :, state.active[:unobserved]].transpose(2, 0, 1)]
+        ),
     )
     order = np.flatnonzero(chosen.is_mode)
-    order = order[np.argsort(np.abs(fit.poles[order]))]
-    shapes, participation = _normalise(psi[order].T, fit.participation[:, order])
+    order = order[np.argsort(np.abs(poles[order]))]
+    shapes, participation = _normalise(psi[:, order], state.participation[:, order])
     model = ModalModel(
-        poles=fit.poles[order] + band.added_decay,
+        poles=poles[order] + band.added_decay,
         shapes=shapes,
         dofs=data.dofs,
         participation=participation,
         inputs=data.references,
         residuals=residuals,
-        covariance=likelihood.covariance(fit, chosen.factor)[order],
+        covariance=_pole_covariance(state, normal, factor, scale)[order],
         confidence=chosen.confidence[order],
         condition=band.condition,
         provenance=band.provenance,
@@ -132,6 +132,70 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
         name=band.name,
     )
     return scale_to_unit_modal_mass(model) if band.scaled else model
+
+
+def _refined(data: Prepared, chosen: Selection) -> tuple[weighted.State, weighted.Linearisation, float]:
+    """The selected poles at the optimum for the noise of every FRF, which the residual of the selection tells."""
+    fit, unit = chosen.fit, float(np.abs(chosen.data.s).mean())
+    coefficients = _coefficients(data, chosen)
+    modes, references, outputs = len(fit.poles), len(data.references), len(data.dofs)
+    pairs = (coefficients[0::2] + 1j * coefficients[1::2]).T
+    unobserved = len(chosen.data.rest)
+    own = pairs[:, modes:].reshape(outputs, references, unobserved + 1)
+    static = own[:, :, -1]
+    rest = np.concatenate([own[:, :, :-1] / unit, np.stack([static.real, static.imag], axis=2)], axis=2)
+    start = weighted.State(
+        poles=fit.poles / unit,
+        participation=fit.participation,
+        shapes=pairs[:, :modes] / unit,
+        rest_poles=chosen.data.rest / unit,
+        rest=rest,
+        active=np.ones(unobserved + 2, bool),
+    )
+    s = 2j * np.pi * data.frequencies / unit
+    signals = np.ascontiguousarray((data.values * ((s * unit) ** -data.derivative)[:, None, None]).transpose(1, 2, 0))
+    flat = weighted.Weighted(s, unit, signals, np.broadcast_to(1.0, signals.shape))
+    flat = replace(flat, weights=_weights(flat, start, data.derivative))
+    state, normal = weighted.refine(flat, start, likelihood.narrowest_decay(chosen.data) / unit)
+    return state, normal, weighted.cost(flat, state) / weighted.freedom(flat, state)
+
+
+def _weights(data: weighted.Weighted, state: weighted.State, derivative: int) -> Float[np.ndarray, "out in freq"]:
+    """Weights of all lines of all FRFs from the residual of a state."""
+    curve = np.abs(data.s) ** (2 * derivative)
+
+    def powers(rows: slice) -> tuple[np.ndarray, np.ndarray]:
+        fitted = weighted.model(data, state, rows)
+        residual = data.signals[rows] - fitted
+        return (residual.real**2 + residual.imag**2) * curve, (fitted.real**2 + fitted.imag**2) * curve
+
+    some = slice(None, None, max(1, data.signals.size // _ENOUGH))
+    residual = data.signals[some] - weighted.model(data, state, some)
+    together = np.sum(residual[..., 1:] * residual[..., :-1].conj(), axis=(0, 1))
+    misfit = np.sum(together.real) > MISFIT * np.sum(np.abs(residual) ** 2)
+    found = noise.structure(*powers(some), plain=bool(misfit))
+    weights = np.empty(data.signals.shape)
+    for rows in data.blocks():
+        weights[rows] = 2 * curve / found.variance(*powers(rows))
+    return weights
+
+
+def _pole_covariance(
+    state: weighted.State, normal: weighted.Linearisation, factor: float, unit: float
+) -> Float[np.ndarray, "mode 2 2"]:
+    count, shared = len(state.poles), factor * normal.covariance()
+    result = np.empty((count, 2, 2))
+    for mode, pole in enumerate(state.poles):
+        rows = np.array([mode, len(shared) // 2 + mode])
+        size = abs(pole)
+        jac = np.array(
+            [
+                [pole.real / size * unit / 2 / np.pi, pole.imag / size * unit / 2 / np.pi],
+                [-(pole.imag**2) / size**3, pole.real * pole.imag / size**3],
+            ]
+        )
+        result[mode] = jac @ shared[np.ix_(rows, rows)] @ jac.T
+    return result
 
 
 def _coefficients(data: Prepared, chosen: Selection) -> Float[np.ndarray, "column out"]:

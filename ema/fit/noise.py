@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.ndimage
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 _FLOOR = 1e-9
 """Smallest noise, relative to the rms of an FRF, that the weights distinguish."""
@@ -70,3 +70,87 @@ def _separable(std: Float[np.ndarray, "freq out in"], overall: Float[np.ndarray,
     references = references / references.mean()
     outputs = np.exp(np.mean(np.log(overall / references), axis=1))
     return NoiseLevel(np.maximum(lines, 1e-3), outputs, references)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Variance as a function of the size of the FRF (``table``) times a profile over the lines (``lines``), both common
+    to all FRFs; each FRF has a level of its own.
+
+    Additive noise has a constant function, noise of the excitation one that grows with the square of the FRF. Thousands
+    of values tell it, where the few of one line and one FRF would make bad weights.
+    """
+
+    table: Float[np.ndarray, "cell"]
+    lines: Float[np.ndarray, "freq"]
+
+    def variance(
+        self, power: Float[np.ndarray, "out in freq"], model: Float[np.ndarray, "out in freq"]
+    ) -> Float[np.ndarray, "out in freq"]:
+        """Variance of FRFs with their level from squared residuals ``power``; ``model`` are the FRFs squared."""
+        relative = self.table[_cells(model)] * self.lines
+        level = np.mean(power / relative, axis=-1, keepdims=True)
+        floor = _FLOOR**2 * np.mean(model, axis=-1, keepdims=True) + np.finfo(float).tiny
+        return relative * np.maximum(level, floor)
+
+
+def structure(
+    power: Float[np.ndarray, "out in freq"], model: Float[np.ndarray, "out in freq"], plain: bool = False
+) -> Structure:
+    """Structure behind squared moduli of noise.
+
+    Parameters
+    ----------
+    power : squared modulus of residuals, or variances from a few averages.
+    model : squared modulus of the fitted FRFs.
+    plain : no function of the size and a profile within a factor of two: what is fitted badly looks like noise there.
+    """
+    cells, count = _cells(model), power[..., 0].size
+    table, profile = np.ones(_CELLS), np.ones(power.shape[-1])
+    for _ in range(1 if plain else 3):
+        found = Structure(table, profile)
+        ratio = power / found.variance(power, model)
+        if not plain:
+            table = table * _by_size(cells, ratio)
+            ratio = power / Structure(table, profile).variance(power, model)
+        profile = profile * _by_line(np.mean(ratio, axis=(0, 1)), count)
+    if plain:
+        profile = np.clip(profile, np.median(profile) / 4, np.median(profile) * 4)
+    return Structure(table, profile)
+
+
+_CELLS = 120
+
+
+def _cells(model: Float[np.ndarray, "out in freq"]) -> Int[np.ndarray, "out in freq"]:
+    """Size of an FRF over its rms, in steps of 0.75 dB from -60 dB on."""
+    size = model / np.maximum(np.mean(model, axis=-1, keepdims=True), np.finfo(float).tiny)
+    return np.clip(4 * np.log2(np.maximum(size, 2.0**-20)) + 80, 0, _CELLS - 1).astype(np.intp)
+
+
+def _by_size(
+    cell: Int[np.ndarray, "out in freq"], ratio: Float[np.ndarray, "out in freq"]
+) -> Float[np.ndarray, "cell"]:
+    """Mean ratio as a function of the size of the FRF, from groups of cells that hold enough values."""
+    number = np.bincount(cell.reshape(-1), minlength=_CELLS)
+    total = np.bincount(cell.reshape(-1), ratio.reshape(-1), minlength=_CELLS)
+    places, values, first = [], [], 0
+    for last in range(1, _CELLS + 1):
+        held = number[first:last].sum()
+        # Groups of 1.5 dB and more follow any law that noise has.
+        if (last - first >= 2 and held >= 100) or (last == _CELLS and held):
+            places.append(np.average(np.arange(first, last), weights=number[first:last]))
+            values.append(total[first:last].sum() / held)
+            first = last
+    return np.exp(np.interp(np.arange(_CELLS), places, np.log(np.maximum(values, 1e-9))))
+
+
+def _by_line(ratio: Float[np.ndarray, "freq"], count: int) -> Float[np.ndarray, "freq"]:
+    """Smoothed mean ratio of each line, drawn towards 1 as far as chance explains its scatter."""
+    lines = len(ratio)
+    window = int(np.clip(400 // count, 1, max(1, lines // 8))) | 1
+    smooth = scipy.ndimage.uniform_filter1d(ratio, window, mode="nearest")
+    smooth /= max(smooth.mean(), np.finfo(float).tiny)
+    chance = 1 / (count * window)
+    share = max(0.0, 1 - 1.5 * chance / max(float(np.var(smooth)), chance))
+    return 1 + share * (smooth - 1)

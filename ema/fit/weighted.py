@@ -1,0 +1,448 @@
+"""Maximum likelihood in modal form with a noise level of its own for every line of every FRF.
+
+The model is ``H_oi = sum_r [psi_or L_ir / (s - p_r) + conj] + rest``: poles p and participation L (largest entry 1) are
+shared by all FRFs, shapes psi by those of an output. The rest has coefficients of its own in every FRF: unobserved
+modes outside the band, and a lower and an upper residual (rigid bodies and static compliance, both real). Gauss-Newton
+on all unknowns at once; the shapes and the rest are eliminated output by output.
+
+Weights that differ between FRFs ask for a Gram matrix of the pole functions for each. Partial fractions give all of
+them from one sum per pole: with ``a(p) = sum_k w^2 [1 / (s - p) - 1 / (s + p)]`` the functions ``D = 1 / (s - p)`` and
+``M = 1 / (s - conj(p))`` of two poles p, q fulfil ``sum_k w^2 (conj(D_p) D_q + M_p conj(M_q)) = -(a(q) + conj(a(p))) /
+(q + conj(p))`` and ``sum_k w^2 (conj(M_p) D_q + conj(M_q) D_p) = -(a(p) + a(q)) / (p + q)``; derivatives of these with
+respect to the poles, and the same sums weighted by ``s^-2``, give the rest. No denominator vanishes, not even for poles
+that coincide.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+_BLOCK = 400_000
+"""Values of the FRFs that are worked on at a time."""
+_RIDGE = 1e-13
+"""Relative to the information of an unknown: keeps what the data do not tell from becoming infinite."""
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """Receptances (out, in, freq) on ``s`` (freq,), in units of ``unit`` rad/s, and their weights ``2 / E|n|^2``."""
+
+    s: Complex[np.ndarray, "freq"]
+    unit: float
+    signals: Complex[np.ndarray, "out in freq"]
+    weights: Float[np.ndarray, "out in freq"]
+
+    def blocks(self) -> list[slice]:
+        """Outputs in blocks of a size that stays in reach of the processor."""
+        size = max(1, _BLOCK // self.signals[0].size)
+        return [slice(first, first + size) for first in range(0, len(self.signals), size)]
+
+
+@dataclass(frozen=True)
+class State:
+    """All unknowns, in units of ``Weighted.unit``; the participation has a largest entry of 1.
+
+    ``rest`` holds the residues of the unobserved modes, then lower and upper residual (their imaginary part is 0); what
+    is not ``active`` (term,) is 0 and stays so.
+    """
+
+    poles: Complex[np.ndarray, "mode"]
+    participation: Complex[np.ndarray, "in mode"]
+    shapes: Complex[np.ndarray, "out mode"]
+    rest_poles: Complex[np.ndarray, "unobserved"]
+    rest: Complex[np.ndarray, "out in term"]
+    active: Bool[np.ndarray, "term"]
+
+    @property
+    def every_pole(self) -> Complex[np.ndarray, "pole"]:
+        """Poles of the modes, then of the unobserved ones."""
+        return np.concatenate([self.poles, self.rest_poles])
+
+    @property
+    def determined(self) -> np.ndarray:
+        """Which real unknowns of an output there are among the real parts, then imaginary parts, of shapes and rest."""
+        references, modes = self.rest.shape[1], np.ones(len(self.poles), bool)
+        imaginary = self.active.copy()
+        imaginary[len(self.rest_poles) :] = False
+        return np.concatenate([modes, np.tile(self.active, references), modes, np.tile(imaginary, references)])
+
+    def coefficients(self, rows: slice) -> Complex[np.ndarray, "frf function"]:
+        """Residues of some outputs, FRFs in one axis."""
+        modes = self.shapes[rows, None, :] * self.participation[None, :, :]
+        together = np.concatenate([modes, self.rest[rows]], axis=2)
+        return together.reshape(-1, together.shape[2])
+
+    @property
+    def free(self) -> np.ndarray:
+        """Entries of the participation that are unknown, as positions in its flattened (in, mode) array."""
+        largest = np.argmax(np.abs(self.participation), axis=0)
+        keep = np.ones(self.participation.shape, bool)
+        keep[largest, np.arange(len(largest))] = False
+        return np.flatnonzero(keep)
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Normal equations at a state, real unknowns: real parts of (poles, free participation), then imaginary parts.
+
+    ``local`` (out, l, l) inverts the information of the linear unknowns of an output (real parts of its shapes and of its
+    rest, then imaginary parts); ``slope`` (out, l, unknown) is their change with the shared unknowns; ``offset`` (out, l)
+    their step when those stay. ``cost`` is the residual energy of the state, ``gain`` what the offset takes off.
+    """
+
+    information: Float[np.ndarray, "unknown unknown"]
+    gradient: Float[np.ndarray, "unknown"]
+    local: Float[np.ndarray, "out l l"]
+    slope: Float[np.ndarray, "out l unknown"]
+    offset: Float[np.ndarray, "out l"]
+    cost: float
+    gain: float
+
+    def covariance(self) -> Float[np.ndarray, "unknown unknown"]:
+        """Covariance of the shared unknowns for noise as the weights say."""
+        return inverse(self.information)
+
+
+def inverse(matrix: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch n n"]:
+    """Inverse of positive semidefinite matrices, scaled to unit diagonal."""
+    diagonal = np.einsum("...ii->...i", matrix)
+    scale = 1 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
+    scaled = matrix * scale[..., :, None] * scale[..., None, :]
+    ridge = _RIDGE * np.eye(matrix.shape[-1])
+    return np.linalg.inv(scaled + ridge) * scale[..., :, None] * scale[..., None, :]
+
+
+def _functions(
+    s: Complex[np.ndarray, "freq"], poles: Complex[np.ndarray, "pole"]
+) -> tuple[Complex[np.ndarray, "function freq"], Complex[np.ndarray, "function freq"]]:
+    """``1 / (s - p)`` and ``1 / (s - conj(p))`` for every pole, then half the lower and upper residual, twice."""
+    static = np.stack([0.5 / s**2, np.full(len(s), 0.5 + 0j)])
+    return np.concatenate([1 / (s - poles[:, None]), static]), np.concatenate([1 / (s - poles.conj()[:, None]), static])
+
+
+def model(data: Weighted, state: State, rows: slice) -> Complex[np.ndarray, "out in freq"]:
+    """FRFs of a state for some outputs."""
+    direct, mirrored = _functions(data.s, state.every_pole)
+    c = state.coefficients(rows)
+    values = np.ascontiguousarray(c.real) @ (direct + mirrored).view(float)
+    values += np.ascontiguousarray(c.imag) @ (1j * (direct - mirrored)).view(float)
+    return values.view(complex).reshape(-1, *data.signals.shape[1:])
+
+
+def cost(data: Weighted, state: State) -> float:
+    """Weighted residual energy: as many as there are real equations when the noise levels are right."""
+    total = 0.0
+    for rows in data.blocks():
+        residual = data.signals[rows] - model(data, state, rows)
+        total += float(np.sum(data.weights[rows] * (residual.real**2 + residual.imag**2)))
+    return total
+
+
+def linearise(data: Weighted, state: State) -> Linearisation:
+    """Normal equations of all unknowns, the linear ones eliminated output by output."""
+    modes, poles = len(state.poles), state.every_pole
+    references = len(state.participation)
+    direct, mirrored = _functions(data.s, poles)
+    opposite = mirrored.conj()
+    second = direct[:modes] ** 2, opposite[:modes] ** 2
+    known = slice(0, len(poles))
+    squared = direct[known] ** 2 + opposite[known] ** 2
+    powers = np.stack([np.ones(len(data.s)), data.s**-2, data.s**-4])
+    sums = np.concatenate([direct[known] + opposite[known], squared, powers]).view(float)
+    plus = np.concatenate([direct + opposite, second[0] + second[1]]).view(float)
+    minus = (1j * np.concatenate([opposite - direct, second[1] - second[0]])).view(float)
+    keep = np.concatenate([np.arange(modes), modes + state.free])
+    keep = np.concatenate([keep, keep + modes * (1 + references)])
+    information, gradient = np.zeros((len(keep), len(keep))), np.zeros(len(keep))
+    determined = np.flatnonzero(state.determined)
+    outputs, size = len(data.signals), len(determined)
+    local, slope = np.empty((outputs, size, size)), np.empty((outputs, size, len(keep)))
+    offset, energy, gain = np.empty((outputs, size)), 0.0, 0.0
+    for rows in data.blocks():
+        weights = data.weights[rows].reshape(-1, len(data.s))
+        residual = (data.signals[rows] - model(data, state, rows)).reshape(weights.shape)
+        energy += float(np.sum(weights * (residual.real**2 + residual.imag**2)))
+        h = _times(weights * residual.real, plus) + _times(weights * residual.imag, minus)
+        block = _Block(state, rows, _times(weights, sums), h)
+        normal, right = block.linear()
+        normal, right = normal[:, determined[:, None], determined], right[:, determined]
+        coupling = block.coupling()[:, determined[:, None], keep]
+        inside, own = block.shared()
+        found = inverse(normal)
+        local[rows] = found
+        slope[rows] = -found @ coupling
+        offset[rows] = np.einsum("oab,ob->oa", found, right)
+        gain += float(np.sum(offset[rows] * right))
+        information += inside[np.ix_(keep, keep)] + np.einsum("oli,olj->ij", coupling, slope[rows], optimize=True)
+        gradient += own[keep] + np.einsum("oli,ol->i", slope[rows], right)
+    return Linearisation(0.5 * (information + information.T), gradient, local, slope, offset, energy, gain)
+
+
+def _times(
+    weights: Float[np.ndarray, "frf freq"], functions: Float[np.ndarray, "f line"]
+) -> Complex[np.ndarray, "frf f"]:
+    """Sums over lines of real weights times complex functions, given with interleaved real and imaginary parts."""
+    count, lines = len(functions), weights.shape[1]
+    columns = functions.reshape(count, lines, 2).transpose(1, 0, 2).reshape(lines, 2 * count)
+    return (weights @ columns).view(complex)
+
+
+class _Block:
+    """Normal equations of a few outputs, from the sums over their lines."""
+
+    def __init__(self, state: State, rows: slice, sums: np.ndarray, h: np.ndarray) -> None:
+        self.modes, self.terms = len(state.poles), state.rest.shape[2]
+        self.participation, self.shapes = state.participation, state.shapes[rows]
+        self.references = len(self.participation)
+        shape = (len(self.shapes), self.references)
+        self.h = h.reshape(*shape, -1)
+        p, q = _products(state.every_pole, self.modes, sums)
+        self.p = [a.reshape(*shape, *a.shape[1:]) for a in p]
+        self.q = [a.reshape(*shape, *a.shape[1:]) for a in q]
+
+    def linear(self) -> tuple[np.ndarray, np.ndarray]:
+        """Normal matrix and right-hand side of shapes and rest."""
+        modes, terms, size = self.modes, self.terms, self.modes + self.references * self.terms
+        p, q = (np.zeros((len(self.shapes), size, size), complex) for _ in range(2))
+        h = np.zeros((len(self.shapes), size), complex)
+        for i, entries in enumerate(self.participation):
+            p11, q11 = self.p[0][:, i], self.q[0][:, i]
+            own = slice(modes + i * terms, modes + (i + 1) * terms)
+            p[:, :modes, :modes] += entries.conj()[:, None] * p11[:, :modes, :modes] * entries
+            q[:, :modes, :modes] += entries[:, None] * q11[:, :modes, :modes] * entries
+            p[:, :modes, own] = entries.conj()[:, None] * p11[:, :modes, modes:]
+            q[:, :modes, own] = entries[:, None] * q11[:, :modes, modes:]
+            p[:, own, :modes] = p[:, :modes, own].conj().transpose(0, 2, 1)
+            q[:, own, :modes] = q[:, :modes, own].transpose(0, 2, 1)
+            p[:, own, own], q[:, own, own] = p11[:, modes:, modes:], q11[:, modes:, modes:]
+            h[:, :modes] += entries * self.h[:, i, :modes]
+            h[:, own] = self.h[:, i, modes : modes + terms]
+        return _real(p, q), np.concatenate([h.real, -h.imag], axis=1)
+
+    def coupling(self) -> np.ndarray:
+        """Information shared by (shapes, rest) and (poles, participation)."""
+        modes, terms = self.modes, self.terms
+        size, width = modes + self.references * terms, modes * (1 + self.references)
+        p, q = (np.zeros((len(self.shapes), size, width), complex) for _ in range(2))
+        shapes = self.shapes[:, None, :]
+        for i, entries in enumerate(self.participation):
+            p11, p12, q11, q12 = self.p[0][:, i], self.p[1][:, i], self.q[0][:, i], self.q[1][:, i]
+            rest, own = slice(modes + i * terms, modes + (i + 1) * terms), slice(modes * (1 + i), modes * (2 + i))
+            by_pole = shapes * entries
+            p[:, :modes, :modes] += entries.conj()[:, None] * p12[:, :modes] * by_pole
+            q[:, :modes, :modes] += entries[:, None] * q12[:, :modes] * by_pole
+            p[:, rest, :modes], q[:, rest, :modes] = p12[:, modes:] * by_pole, q12[:, modes:] * by_pole
+            p[:, :modes, own] = entries.conj()[:, None] * p11[:, :modes, :modes] * shapes
+            q[:, :modes, own] = entries[:, None] * q11[:, :modes, :modes] * shapes
+            p[:, rest, own], q[:, rest, own] = p11[:, modes:, :modes] * shapes, q11[:, modes:, :modes] * shapes
+        return _real(p, q)
+
+    def shared(self) -> tuple[np.ndarray, np.ndarray]:
+        """Normal matrix and right-hand side of poles and participation, summed over the outputs."""
+        modes, terms, width = self.modes, self.terms, self.modes * (1 + self.references)
+        p, q = (np.zeros((width, width), complex) for _ in range(2))
+        h = np.zeros(width, complex)
+        shapes = self.shapes
+        # Products of shapes over the outputs weigh the sums over lines.
+        twice, across = shapes.conj()[:, :, None] * shapes[:, None, :], shapes[:, :, None] * shapes[:, None, :]
+        for i, entries in enumerate(self.participation):
+            own = slice(modes * (1 + i), modes * (2 + i))
+            p11, p12, p22 = (a[:, i, :modes] for a in self.p)
+            q11, q12, q22 = (a[:, i, :modes] for a in self.q)
+            p[:modes, :modes] += entries.conj()[:, None] * np.sum(p22 * twice, axis=0) * entries
+            q[:modes, :modes] += entries[:, None] * np.sum(q22 * across, axis=0) * entries
+            p[own, :modes] = np.sum(p12 * twice, axis=0) * entries
+            q[own, :modes] = np.sum(q12 * across, axis=0) * entries
+            p[:modes, own], q[:modes, own] = p[own, :modes].conj().T, q[own, :modes].T
+            p[own, own] = np.sum(p11[:, :, :modes] * twice, axis=0)
+            q[own, own] = np.sum(q11[:, :, :modes] * across, axis=0)
+            h[:modes] += entries * np.sum(shapes * self.h[:, i, modes + terms :], axis=0)
+            h[own] = np.sum(shapes * self.h[:, i, :modes], axis=0)
+        return _real(p, q), np.concatenate([h.real, -h.imag])
+
+
+def _products(
+    poles: Complex[np.ndarray, "pole"], modes: int, sums: Complex[np.ndarray, "frf f"]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Hermitian and symmetric products of the functions of every FRF: of all of them with each other, with the second
+    powers that belong to the poles of the modes, and of these with each other.
+    """
+    count = len(poles)
+    alpha, beta = sums[:, :count], sums[:, count : 2 * count]
+    hermitian, symmetric = poles.conj()[:, None] + poles, poles[:, None] + poles
+    total, crossed = (np.empty((len(sums), count + 2, count + 2), complex) for _ in range(2))
+    total[:, :count, :count] = -(alpha.conj()[:, :, None] + alpha[:, None, :]) / hermitian
+    crossed[:, :count, :count] = -(alpha[:, :, None] + alpha[:, None, :]) / symmetric
+    # Lower and upper residual: the same sums weighted by s^-2 and by 1.
+    zero, one, two = (sums[:, 2 * count + k, None] for k in range(3))
+    lower = (alpha - 2 * poles * one) / poles**2
+    for place, static in ((count, lower), (count + 1, alpha)):
+        total[:, :count, place], total[:, place, :count] = 0.5 * static.conj(), 0.5 * static
+        crossed[:, :count, place] = crossed[:, place, :count] = 0.5 * static
+    for matrix in (total, crossed):
+        matrix[:, count:, count:] = 0.5 * np.stack([two, one, one, zero], axis=1).reshape(-1, 2, 2)
+    # Derivatives with respect to the second pole, then with respect to both.
+    b, p = beta[:, :modes], poles[:modes]
+    statics = 0.5 * np.stack([(b - 2 * one - 2 * p * lower[:, :modes]) / p**2, b], axis=1)
+    d, e = hermitian[:, :modes], symmetric[:, :modes]
+    total_12 = -(b[:, None, :] + total[:, :count, :modes]) / d
+    crossed_12 = -(b[:, None, :] + crossed[:, :count, :modes]) / e
+    d, e = d[:modes], e[:modes]
+    total_22 = (b[:, None, :] + b.conj()[:, :, None] + 2 * total[:, :modes, :modes]) / d**2
+    crossed_22 = (b[:, None, :] + b[:, :, None] + 2 * crossed[:, :modes, :modes]) / e**2
+    total_12, crossed_12 = np.concatenate([total_12, statics], axis=1), np.concatenate([crossed_12, statics], axis=1)
+    return [total, total_12, total_22], [crossed, crossed_12, crossed_22]
+
+
+def _real(
+    p: Complex[np.ndarray, "*batch a b"], q: Complex[np.ndarray, "*batch a b"]
+) -> Float[np.ndarray, "*batch c d"]:
+    """Real form of ``z^H P z + Re(z^T Q z)`` in the real parts of z, then the imaginary parts."""
+    upper = np.concatenate([p.real + q.real, -p.imag - q.imag], axis=-1)
+    lower = np.concatenate([p.imag - q.imag, p.real - q.real], axis=-1)
+    return np.concatenate([upper, lower], axis=-2)
+
+
+def moved(state: State, normal: Linearisation, step: Float[np.ndarray, "unknown"], share: float = 1.0) -> State:
+    """The state after a step of the shared unknowns and the adaptation of the linear ones."""
+    modes, free = len(state.poles), state.free
+    half = len(step) // 2
+    change = share * (step[:half] + 1j * step[half:])
+    participation = state.participation.copy()
+    participation.reshape(-1)[free] += change[modes:]
+    linear = np.zeros((len(state.shapes), len(state.determined)))
+    linear[:, state.determined] = normal.offset + share * (normal.slope @ step)
+    size = linear.shape[1] // 2
+    linear = linear[:, :size] + 1j * linear[:, size:]
+    outputs, references, terms = state.rest.shape
+    return replace(
+        state,
+        poles=state.poles + change[:modes],
+        participation=participation,
+        shapes=state.shapes + linear[:, :modes],
+        rest=state.rest + linear[:, modes:].reshape(outputs, references, terms),
+    )
+
+
+def freedom(data: Weighted, state: State) -> int:
+    """Real equations left over after all unknowns."""
+    own = int(np.count_nonzero(state.determined)) * len(state.shapes)
+    return max(1, 2 * data.signals.size - own - 2 * (len(state.poles) + len(state.free)))
+
+
+def refine(data: Weighted, start: State, floor: float, iterations: int = 10) -> tuple[State, Linearisation]:
+    """Gauss-Newton to the optimum; terms of the rest that noise explains are left out on the way.
+
+    The cost never exceeds that of ``start`` with its linear unknowns adapted.
+
+    Parameters
+    ----------
+    floor : smallest decay rate of a mode, in units of ``data.unit``.
+    """
+    start = normalised(start)
+    normal = linearise(data, start)
+    start, normal = spared(data, start, normal)
+    state = moved(start, normal, np.zeros(len(normal.gradient)))
+    reached = normal.cost - normal.gain
+    for _ in range(iterations):
+        step = inverse(normal.information) @ normal.gradient
+        expected = reached - float(normal.gradient @ step)
+        share = _longest(start, step)
+        found = None
+        for _ in range(6):
+            trial = _bounded(moved(start, normal, step, share), floor)
+            value = cost(data, trial)
+            if value <= reached:
+                found = trial
+                break
+            share *= 0.3
+        if found is None:
+            break
+        gained, state, reached = reached - value, found, value
+        # The quadratic form was right to a small part of a standard deviation: there is nothing left to gain.
+        if abs(value - expected) < 0.02 * value / freedom(data, state) or gained < 1e-9 * value:
+            break
+        start = state = normalised(state)
+        normal = linearise(data, start)
+    return state, normal
+
+
+def _longest(state: State, step: Float[np.ndarray, "unknown"]) -> float:
+    """Share of a step that moves no pole by more than 0.7 of its decay rate."""
+    modes, half = len(state.poles), len(step) // 2
+    move = np.abs(step[:modes] + 1j * step[half : half + modes])
+    return float(min(1.0, np.min(0.7 * np.abs(state.poles.real) / np.maximum(move, 1e-300), initial=1.0)))
+
+
+def _bounded(state: State, floor: float) -> State:
+    """The state with poles that decay by the floor at least."""
+    return replace(state, poles=np.minimum(state.poles.real, -floor) + 1j * state.poles.imag)
+
+
+def normalised(state: State) -> State:
+    """The same state with participation vectors whose largest entry is 1."""
+    largest = np.argmax(np.abs(state.participation), axis=0)
+    scale = state.participation[largest, np.arange(len(state.poles))]
+    return replace(state, participation=state.participation / scale, shapes=state.shapes * scale)
+
+
+def spared(data: Weighted, state: State, normal: Linearisation) -> tuple[State, Linearisation]:
+    """State and normal equations without the terms of the rest that noise explains, for all FRFs together.
+
+    A set of terms is left out when its gain stays within a standard deviation of what noise gives to as many unknowns.
+    """
+    gone: list[int] = []
+    factor = (normal.cost - normal.gain) / freedom(data, state)
+    while True:
+        choices = []
+        for term in set(np.flatnonzero(state.active).tolist()) - set(gone):
+            rows = _rows(state, [*gone, term])
+            estimate, stiffness = _tied(state, normal, rows)
+            gain = float(np.einsum("oa,oab,ob->", estimate, stiffness, estimate)) / factor
+            count = estimate.size
+            choices.append((gain - count - np.sqrt(2 * count) - len(normal.gradient), term))
+        if not choices or min(choices)[0] > 0:
+            break
+        gone.append(min(choices)[1])
+    return _without(state, normal, gone) if gone else (state, normal)
+
+
+def _rows(state: State, terms: list[int]) -> np.ndarray:
+    """Positions of terms of the rest among the linear unknowns of an output."""
+    references, count = state.rest.shape[1:]
+    modes, half = len(state.poles), len(state.determined) // 2
+    place = np.cumsum(state.determined) - 1
+    within = modes + (count * np.arange(references)[:, None] + np.array(terms, int)).reshape(-1)
+    both = np.concatenate([within, within + half])
+    return place[both[state.determined[both]]]
+
+
+def _tied(state: State, normal: Linearisation, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate and information of linear unknowns when the other linear unknowns adapt and the shared ones stay."""
+    linear = np.concatenate([state.shapes, state.rest.reshape(len(state.rest), -1)], axis=1)
+    own = np.concatenate([linear.real, linear.imag], axis=1)[:, state.determined]
+    return own[:, rows] + normal.offset[:, rows], inverse(normal.local[:, rows[:, None], rows])
+
+
+def _without(state: State, normal: Linearisation, gone: list[int]) -> tuple[State, Linearisation]:
+    """State and normal equations with terms of the rest fixed at 0: nothing has to be summed anew."""
+    rows = _rows(state, gone)
+    estimate, stiffness = _tied(state, normal, rows)
+    slope = normal.slope[:, rows]
+    pull = stiffness @ slope
+    stay = np.setdiff1d(np.arange(normal.offset.shape[1]), rows)
+    cross = normal.local[:, stay[:, None], rows]
+    lost = np.einsum("oab,ob->oa", stiffness, estimate)
+    fewer = Linearisation(
+        information=normal.information + np.einsum("oli,olj->ij", slope, pull, optimize=True),
+        gradient=normal.gradient - np.einsum("oli,ol->i", pull, estimate),
+        local=normal.local[:, stay[:, None], stay] - cross @ stiffness @ cross.transpose(0, 2, 1),
+        slope=normal.slope[:, stay] - cross @ pull,
+        offset=normal.offset[:, stay] - np.einsum("oab,ob->oa", cross, lost),
+        cost=normal.cost,
+        gain=normal.gain - float(np.einsum("oa,oa->", estimate, lost)),
+    )
+    rest, active = state.rest.copy(), state.active.copy()
+    rest[:, :, gone], active[gone] = 0, False
+    return replace(state, rest=rest, active=active), fewer
