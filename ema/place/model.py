@@ -1,0 +1,53 @@
+"""The full model of a measured structure with a friction beam at one place: what the shortlist is checked with."""
+
+import numpy as np
+
+from ema.data import BeamModel, Damping, Joint, Matrices, ModalModel
+from ema.data.placement import BoltedJoint, Candidates
+from ema.dof import Dof
+from ema.place.predictor import ELEMENTS, beam_matrices, normal_stiffness
+from ema.shapes import Surface
+
+PART = "friction beam"
+FIRST_NODE = 900_001
+"""Node numbers of the joints on the host: above any measured point."""
+
+
+def model_at(
+    bare: ModalModel, surface: Surface, candidates: Candidates, place: int, joint: BoltedJoint, normal_force: float
+) -> BeamModel:
+    """A measured host with the beam of one candidate, every joint pressed with ``normal_force`` N.
+
+    The host keeps its measured DOFs; the joints are nodes 900001, 900002, ... with axes along the beam, whose shapes
+    come from the surface. Residual terms of the host are left out: they are not known at the joints.
+    """
+    beam = candidates.catalogue[int(candidates.beams[place])]
+    points, angle = candidates.joints(place), float(candidates.angles[place])
+    deflection, slope = surface.values(points), surface.values(points, 1, angle)
+    rows, dofs = [np.real(bare.shapes)], list(bare.dofs)
+    for number in range(beam.joints):
+        node = FIRST_NODE + number
+        rows += [np.zeros((1, len(bare.poles))), deflection[number : number + 1], slope[number : number + 1]]
+        dofs += [Dof(node, "+X"), Dof(node, "+Z"), Dof(node, "-RY")]
+    shapes = np.concatenate(rows).astype(complex)
+    host = ModalModel(
+        bare.poles, shapes, tuple(dofs), shapes / (2j * bare.poles.imag), tuple(dofs), scaling="unit modal mass",
+        condition=bare.condition, name=bare.name,
+    )  # fmt: skip
+    mass, stiffness, *_ = beam_matrices(beam)
+    count = len(mass) // 3
+    beam_dofs = tuple(Dof(node, direction, PART) for node in range(count) for direction in ("+X", "+Z", "-RY"))
+    first = 1 if beam.overhang > 0 else 0
+    forces = np.array([normal_force])
+    law = joint.law
+    joints = tuple(
+        Joint(
+            f"J{number + 1}", ((FIRST_NODE + number, first + number * ELEMENTS),),
+            (joint.surface_height, 0.5 * beam.height), law, float(normal_force),
+            float(normal_stiffness(joint, forces)[0]),
+        )
+        for number in range(beam.joints)
+    )  # fmt: skip
+    return BeamModel(
+        host, Matrices(mass, stiffness, beam_dofs), joints, Damping(), name=f"place {place}", pair_spacing=None
+    )

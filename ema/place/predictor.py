@@ -1,0 +1,174 @@
+"""One mode at a time: what a friction beam does to the measured modes of a structure, at many places."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import ModalModel
+from ema.data.placement import BoltedJoint, Candidates, FrictionBeam, Prediction
+from ema.data.provenance import Provenance
+from ema.dof import Dof, match
+from ema.errors import InputError
+from ema.place.describing import START, STEP, secant_table
+from ema.shapes import Surface
+
+ELEMENTS = 4
+"""Beam elements between two joints."""
+
+
+def predict(
+    bare: ModalModel,
+    surface: Surface,
+    candidates: Candidates,
+    joint: BoltedJoint,
+    at: Dof | str,
+    force_levels: Sequence[float] | Float[np.ndarray, "level"],
+    normal_forces: Sequence[float] | Float[np.ndarray, "force"],
+    modes: Sequence[int],
+) -> Prediction:
+    """Frequency and damping of chosen modes with the beam at every candidate place, over (F_E, F_N).
+
+    Each mode is taken alone (its neighbours neither yield nor interact), with the beam's own modes on its normal
+    springs and the first harmonic of the friction force: fast enough for thousands of places. Check the best few with
+    all modes together (``ema.place.verify``).
+
+    Parameters
+    ----------
+    bare : modes of the structure without the beam, scaled to unit modal mass.
+    surface : its shapes as a smooth surface (``ema.shapes.smooth``), with the same modes.
+    at : DOF that is excited, one of those of ``bare``.
+    force_levels, normal_forces : F_E, and F_N per joint, in N.
+    modes : rows of ``bare``, from 0.
+
+    Raises
+    ------
+    InputError : shapes without scale, another number of modes, no such mode or DOF, levels that are not positive, a
+        catalogue of beams with different numbers of joints, a law that depends on velocity.
+
+    Source: friction beams as in Gaul, Roseira and Becker (2008); first harmonic of each law by its describing function.
+    """
+    levels, forces = np.asarray(force_levels, dtype=np.float64), np.asarray(normal_forces, dtype=np.float64)
+    chosen = _check(bare, surface, candidates, levels, forces, modes)
+    from ema.place import predictor_kernels
+
+    kernels: Any = predictor_kernels
+    order = np.argsort(levels)
+    omega, zeta = np.abs(bare.poles[chosen]), bare.damping_ratios[chosen]
+    phi, lever = motions(surface, candidates, joint, chosen)
+    driver = np.abs(_driver(bare, at)[chosen])
+    beams = [_free(beam) for beam in candidates.catalogue]
+    count = len(candidates.catalogue[0].places)
+    packed = [np.ascontiguousarray(np.stack(part)) for part in zip(*beams)]
+    result = kernels.all_places(
+        omega, zeta, driver, levels[order], phi, lever, candidates.beams,
+        normal_stiffness(joint, forces) * (1 + 1j * joint.normal_loss), *packed,
+        contact_stiffness(joint, forces), joint.law.friction_coefficient * forces, joint.tangential_loss,
+        secant_table(joint.law.name, joint.law.parameters), START, STEP,
+    )  # fmt: skip
+    back = np.argsort(order)
+    result = result[:, :, :, back, :]
+    return Prediction(
+        candidates, tuple(int(mode) for mode in chosen), omega / (2 * np.pi), zeta, levels, forces,
+        result[:, :, 0], result[:, :, 1], result[:, :, 2],
+        provenance=Provenance(steps=("place.predict",), options=(("joints", str(count)), ("law", joint.law.name))),
+    )  # fmt: skip
+
+
+def _check(
+    bare: ModalModel, surface: Surface, candidates: Candidates, levels: np.ndarray, forces: np.ndarray,
+    modes: Sequence[int],
+) -> np.ndarray:  # fmt: skip
+    where = bare.name or "bare structure"
+    if bare.scaling != "unit modal mass":
+        raise InputError("placement needs scaled shapes", where=where, got=bare.scaling, expected="unit modal mass",
+                         advice="measure the force and a drive point of the bare structure")  # fmt: skip
+    if surface.coefficients.shape[1] != len(bare.poles):
+        raise InputError("the surface has other modes", where=where, got=f"{surface.coefficients.shape[1]} modes",
+                         expected=f"{len(bare.poles)}")  # fmt: skip
+    for name, values in (("force levels", levels), ("normal forces", forces)):
+        if values.ndim != 1 or not len(values) or not np.all(np.isfinite(values)) or np.any(values <= 0):
+            raise InputError(f"not {name}", where=where, got=values.tolist(), expected="positive numbers in N")
+    if not len(candidates):
+        raise InputError("no place for the beam", where=where, got="0 candidates", expected="one or more",
+                         advice="shorter beams, smaller keep-out areas, or a finer grid")  # fmt: skip
+    if len({beam.joints for beam in candidates.catalogue}) > 1:
+        raise InputError("beams with different numbers of joints", where=where,
+                         got=sorted({beam.joints for beam in candidates.catalogue}), expected="one number",
+                         advice="predict each kind on its own")  # fmt: skip
+    chosen = np.asarray(modes, dtype=np.int64)
+    if not len(chosen) or chosen.min() < 0 or chosen.max() >= len(bare.poles):
+        raise InputError("no such mode", where=where, got=chosen.tolist(), expected=f"0 to {len(bare.poles) - 1}")
+    return chosen
+
+
+def _driver(bare: ModalModel, at: Dof | str) -> Float[np.ndarray, "mode"]:
+    wanted = Dof.parse(at)
+    found = match([wanted], bare.dofs)
+    if not found:
+        raise InputError("the excited DOF was not measured", where=bare.name, got=str(wanted),
+                         expected=f"one of {len(bare.dofs)} DOFs such as {bare.dofs[0]}")  # fmt: skip
+    return np.asarray(np.real(bare.shapes[found[0][1]]) * found[0][2])
+
+
+def contact_stiffness(joint: BoltedJoint, forces: Float[np.ndarray, "force"]) -> Float[np.ndarray, "force"]:
+    """k_T(F_N) of one joint in N/m: a power law with a cap."""
+    law = joint.law
+    return np.minimum(
+        law.contact_stiffness * (forces / law.reference_force) ** law.stiffness_exponent, law.stiffness_cap
+    )
+
+
+def normal_stiffness(joint: BoltedJoint, forces: Float[np.ndarray, "force"]) -> Float[np.ndarray, "force"]:
+    """k_N(F_N) of one joint in N/m."""
+    return np.asarray(joint.normal_stiffness * (forces / joint.law.reference_force) ** joint.normal_exponent)
+
+
+def motions(
+    surface: Surface, candidates: Candidates, joint: BoltedJoint, modes: Sequence[int] | np.ndarray
+) -> tuple[Float[np.ndarray, "candidate joint mode"], Float[np.ndarray, "candidate joint mode"]]:
+    """Deflection at every joint, and motion of the interface against the beam's direction, c phi', per unit mode."""
+    places = np.array([candidates.joints(c) for c in range(len(candidates))])
+    count, joints = places.shape[:2]
+    flat, angles = places.reshape(-1, 2), np.repeat(candidates.angles, joints)
+    chosen = np.asarray(modes)
+    deflection = surface.values(flat)[:, chosen].reshape(count, joints, len(chosen))
+    slope = surface.values(flat, 1, angles)[:, chosen].reshape(count, joints, len(chosen))
+    return np.ascontiguousarray(deflection), np.ascontiguousarray(joint.surface_height * slope)
+
+
+def beam_matrices(
+    beam: FrictionBeam,
+) -> tuple[
+    Float[np.ndarray, "n n"], Float[np.ndarray, "n n"], Float[np.ndarray, "joint n"], Float[np.ndarray, "joint n"]
+]:
+    """Mass, stiffness, and rows of the tangential motion of the lower face and of the deflection at the joints."""
+    from ema.elements.beams import element
+
+    lengths = np.repeat(beam.spacing / (beam.joints - 1) / ELEMENTS, ELEMENTS * (beam.joints - 1))
+    first = 0
+    if beam.overhang > 0:
+        lengths, first = np.concatenate([[beam.overhang], lengths, [beam.overhang]]), 1
+    size = 3 * (len(lengths) + 1)
+    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
+    for place, length in enumerate(lengths):
+        rows = slice(3 * place, 3 * place + 6)
+        part = element(float(length), beam.width, beam.height, beam.young_modulus, beam.density)
+        mass[rows, rows] += part[0]
+        stiffness[rows, rows] += part[1]
+    tangential, normal = np.zeros((beam.joints, size)), np.zeros((beam.joints, size))
+    for joint in range(beam.joints):
+        node = first + joint * ELEMENTS
+        tangential[joint, 3 * node], tangential[joint, 3 * node + 2] = 1.0, 0.5 * beam.height
+        normal[joint, 3 * node + 1] = 1.0
+    return mass, stiffness, tangential, normal
+
+
+def _free(beam: FrictionBeam) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Modes of the free beam: squares of its angular frequencies, tangential and normal motion at the joints."""
+    from scipy.linalg import eigh
+
+    mass, stiffness, tangential, normal = beam_matrices(beam)
+    squares, vectors = eigh(stiffness, mass)
+    return np.where(squares < 1e-9 * squares[-1], 0.0, squares), tangential @ vectors, normal @ vectors
