@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from ema.errors import FailureError, InputError
 from ema.simulate.friction import PackedLaws
+from ema.simulate.joined import Joined
 from ema.simulate.reduction import stuck_stiffness
 from ema.simulate.structure import System
 
@@ -24,7 +25,7 @@ class StaticState:
 
 def ramp(
     system: System, laws: PackedLaws, load: Float[np.ndarray, "n"], increments: int = 40,
-    limits: Float[np.ndarray, "contact"] | None = None,
+    limits: Float[np.ndarray, "contact"] | None = None, joined: Joined | None = None,
 ) -> StaticState:  # fmt: skip
     """State after the load (n,) has been raised slowly from zero, from unstressed contacts.
 
@@ -38,7 +39,9 @@ def ramp(
     kernels: Any = contact_kernels
     matrix = stuck_stiffness(system, system.contacts.stiffness)
     slip, stiffness = system.contacts.slip, system.contacts.stiffness
-    values = np.linalg.eigvalsh(system.stiffness)
+    closed = slip[system.contacts.tangential :]
+    held = system.stiffness + closed.T @ (stiffness[system.contacts.tangential :, None] * closed)
+    values = np.linalg.eigvalsh(held)
     if values[0] < 1e-12 * values[-1]:
         raise InputError("the structure is not held", where=system.name, got="a rigid-body motion",
                          expected="a support that carries the static load",
@@ -47,13 +50,20 @@ def ramp(
     gains, reach = np.ascontiguousarray(slip @ solved[:, 1:]), slip @ solved[:, 0]
     count = len(stiffness)
     u, f, z = np.zeros(count), np.zeros(count), np.zeros((count, laws.stiffness_shares.shape[1]))
-    top = system.contacts.limits if limits is None else limits
-    masing, signs, table = laws.single_springs, np.zeros(count, np.int64), np.empty((count, count))
+    top = (system.contacts.limits if limits is None else limits).copy()
+    masing = laws.single_springs and joined is None
+    signs, table = np.zeros(count), np.empty((count, count))
     if masing:
         kernels.fresh_table(gains, stiffness, signs, table)
     for level in np.arange(1, increments + 1) / increments:
         if masing:
             rest = kernels.relax_masing(gains, level * reach, stiffness, top, u, f, signs, table)
+        elif joined is not None:
+            from ema.simulate import joined_kernels
+
+            rest = joined_kernels.relax_joined(
+                gains, level * reach, stiffness, top, laws.arguments, joined.arguments, u, f, z
+            )
         else:
             rest = kernels.relax(gains, level * reach, stiffness, top, laws.arguments, u, f, z, 100_000)
         if not rest < 1e-9:

@@ -266,15 +266,7 @@ def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals
 
 
 def pair_counts(model: BeamModel, system: System) -> list[int]:
-    """Number of node pairs that share the joint of every contact.
-
-    Raises
-    ------
-    InputError : there are normal contacts that part or stiffen, which no solver follows yet.
-    """
-    if system.contacts.normals:
-        raise InputError("normal contact that parts or stiffens is not followed in motion", where=system.name,
-                         got=f"{system.contacts.normals} pairs", expected="linear normal contact")  # fmt: skip
+    """Number of node pairs that share the joint of every contact."""
     return [len(model.joints[number].pairs) for number in system.contacts.joint]
 
 

@@ -17,11 +17,14 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.friction import PackedLaws, pack
+from ema.simulate.joined import Joined, joined, kept_at_rest, pressure, refuse_joined
 from ema.simulate.reduction import ModalBase, modal_base
 from ema.simulate.statics import ramp
 from ema.simulate.structure import System, assemble, pair_counts
 
 ENERGY_LIMIT = 1e-6
+_FIRST_STEP = 1e-4
+"""s; the error estimate needs steps that follow the first few modes of a beam."""
 
 
 def step_coefficients(base: ModalBase, h: float) -> tuple[Float[np.ndarray, "6 mode"], Float[np.ndarray, "form mode"]]:
@@ -81,6 +84,7 @@ class Problem:
     laws: PackedLaws
     outputs: tuple[Dof, ...]
     findings: tuple[Finding, ...]
+    joined: Joined | None = None
 
     def rest(self) -> _State:
         """Everything at rest and unstressed."""
@@ -92,17 +96,24 @@ class Problem:
 
 
 def prepare(
-    model: BeamModel, outputs: Sequence[Dof | str], modes: int | None = None, loads: Sequence[Dof | str] = ()
-) -> Problem:
-    """Assemble a model, find its modes and pack its laws."""
+    model: BeamModel, outputs: Sequence[Dof | str], modes: int | None = None, loads: Sequence[Dof | str] = (),
+    plane: bool = False, normal: bool = False,
+) -> Problem:  # fmt: skip
+    """Assemble a model, find its modes and pack its laws.
+
+    ``plane`` and ``normal`` say whether the caller follows isotropic friction in two directions, and normal contact
+    that parts or stiffens.
+
+    Raises
+    ------
+    InputError : the model is not physical, or has contacts that the caller does not follow.
+    """
     system = assemble(model)
+    refuse_joined(system, plane, normal)
     laws = pack(system.contacts.laws, pair_counts(model, system))
-    if any(p >= 0 for p in system.contacts.partner):
-        raise InputError("isotropic friction in two directions is not in the fast mode", where=model.name,
-                         got="directions X and Y", expected="one direction, or a law with isotropic=False")  # fmt: skip
     base = modal_base(system, modes=modes, loads=loads)
     dofs = tuple(Dof.parse(dof) for dof in outputs)
-    return Problem(system, base, laws, dofs, system.findings)
+    return Problem(system, base, laws, dofs, system.findings, joined(system))
 
 
 class Stepper:
@@ -129,6 +140,7 @@ class Stepper:
         self.leaps: dict[int, tuple[np.ndarray, ...]] = {}
         self.sweeps, self.residual = 0, 0.0
         self.general = None if problem.laws.single_springs else 1
+        self.kept, self.done = kept_at_rest(problem.system), 0
 
     def run(
         self, steps: int, every: int, limits: Float[np.ndarray, "row contact"], loads: Float[np.ndarray, "end load"]
@@ -140,13 +152,18 @@ class Stepper:
         modes, count, contacts = len(self.problem.base.frequencies), steps // every, len(self.u)
         q, p = np.empty((count, modes)), np.empty((count, modes))
         u, f, energy = np.empty((count, contacts)), np.empty((count, contacts)), np.zeros((count, 6))
-        sweeps, residual = kernels.advance(
+        structure = (
             steps, every, self.h, (self.flow[0], self.loss[0], self.squares[0]),
             (self.slip, self.gains, self.problem.system.contacts.stiffness), limits, loads, self.rows[0],
-            self.problem.laws.arguments, (self.q[0], self.p[0], self.u, self.f, self.z),
-            (self.energies[0], self.dissipated, self.sliding), self.limits, self.coupled, (q, p, u, f, energy),
-            self.general,
+            self.problem.laws.arguments,
         )  # fmt: skip
+        state = (self.q[0], self.p[0], self.u, self.f, self.z), (self.energies[0], self.dissipated, self.sliding)
+        if self.problem.joined is None:
+            sweeps, residual = kernels.advance(
+                *structure, *state, self.limits, self.coupled, (q, p, u, f, energy), self.general
+            )
+        else:
+            sweeps, residual = self._advance_joined(structure, state, (q, p, u, f, energy))
         self.sweeps, self.residual = max(self.sweeps, sweeps), max(self.residual, residual)
         if len(loads):
             flow, loss = self.flow[1], self.loss[1]
@@ -157,6 +174,18 @@ class Stepper:
             self.free, q, p, energy,
         )  # fmt: skip
         return {"q": q, "p": p, "u": u, "f": f, "energy": energy}
+
+    def _advance_joined(self, structure: tuple[Any, ...], state: tuple[Any, ...], samples: Any) -> tuple[int, float]:
+        """Steps of contacts that hang together."""
+        from ema.simulate import joined_kernels
+
+        kernels: Any = joined_kernels
+        assert self.problem.joined is not None
+        most, worst = kernels.advance_joined(
+            *structure, self.problem.joined.arguments, *state, self.limits, self.kept, self.done, self.coupled, samples
+        )
+        self.done += structure[0]
+        return int(most), float(worst)
 
     def _leap(self, every: int) -> tuple[np.ndarray, ...]:
         """Coefficients of the uncoupled modes from sample to sample: without forces exact over any length."""
@@ -171,10 +200,18 @@ def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
     from ema.simulate.friction_kernels import stored_energy
 
     laws, stiffness = stepper.problem.laws, stepper.problem.system.contacts.stiffness
-    stored = sum(
-        stored_energy(i, laws.codes[i], stiffness[i], laws.stiffness_shares, laws.counts[i], state.z)
-        for i in range(len(stiffness))
-    )
+    if stepper.problem.joined is not None:
+        from ema.simulate.joined_kernels import stored_joined
+
+        table, curve = stepper.problem.joined.pairs, stepper.problem.joined.curve
+        stored = stored_joined(
+            stiffness, laws.codes, laws.stiffness_shares, laws.counts, table, curve, state.u, state.z
+        )
+    else:
+        stored = sum(
+            stored_energy(i, laws.codes[i], stiffness[i], laws.stiffness_shares, laws.counts[i], state.z)
+            for i in range(len(stiffness))
+        )
     omega = stepper.problem.base.frequencies
     mechanical = 0.5 * (state.p**2 + (omega * state.q) ** 2).sum() - 0.5 * stiffness @ state.u**2
     energy = np.array([[0.0, 0.0, 0.0, 0.0, stored, mechanical]])
@@ -237,7 +274,7 @@ def solve(
             )
     samples = max(round(duration * sampling_rate), 1)
     interval = 1 / sampling_rate
-    every = max(int(np.ceil(interval / 1e-4)), 1)
+    every = max(int(np.ceil(interval / (_FIRST_STEP if tolerance > 3e-3 else 0.5 * _FIRST_STEP))), 1)
     rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
     run, stepper = integrate(problem, state, interval / every, every, samples, drive)
     error, halving, difference = np.inf, 0, np.nan
@@ -267,14 +304,19 @@ def _response(
             "warning", "step-error", problem.system.name, f"two runs differ by {error:.1e} of the largest value.",
             error, tolerance, "Raise the tolerance, or use the reference mode.",
         ))  # fmt: skip
-    findings += displacement_findings(problem.system, run["u"])
+    friction = slice(0, problem.system.contacts.tangential)
+    findings += displacement_findings(problem.system, run["u"][:, friction])
     forces = None
     if drive.normal_forces is not None:
         forces = np.array([np.interp(times, drive.times, row) for row in drive.normal_forces])
     steps = max(len(times) - 1, 1) * max(round(interval / stepper.h), 1)
+    openings = run["q"] @ (problem.system.normals.rows @ problem.base.shapes).T
+    pressed = pressure(problem.system, stepper.kept, stepper.done, stepper.h, openings)
+    findings += pressed.findings
     return Response(
-        times, rows @ run["q"].T, rows @ run["p"].T, problem.outputs, run["u"].T, run["f"].T, stepper.dissipated,
-        stepper.sliding / steps, energy, forces, error, stepper.h, "fast", tuple(findings), problem.system.name,
+        times, rows @ run["q"].T, rows @ run["p"].T, problem.outputs, run["u"].T[friction], run["f"].T[friction],
+        stepper.dissipated[friction], (stepper.sliding / steps)[friction], energy, forces, error, stepper.h, "fast",
+        tuple(findings), problem.system.name, pressure=pressed,
     )  # fmt: skip
 
 
@@ -314,7 +356,7 @@ def snapback(
     InputError : the model or a number is not physical, the structure is not held.
     """
     dof = Dof.parse(at)
-    problem = prepare(model, outputs or [dof], modes, [dof])
+    problem = prepare(model, outputs or [dof], modes, [dof], plane=True, normal=True)
     if not np.isfinite(load):
         raise InputError("not a load", where=model.name, got=f"{load} N", expected="a finite force")
     return solve(
@@ -325,7 +367,7 @@ def snapback(
 def released(problem: Problem, load: float, dof: Dof) -> _State:
     """State of a structure at the moment a slowly raised load is let go."""
     system = problem.system
-    state = ramp(system, problem.laws, load * system.row(dof))
+    state = ramp(system, problem.laws, load * system.row(dof), joined=problem.joined)
     q = problem.base.shapes.T @ (system.mass @ state.displacements)
     return _State(q, np.zeros_like(q), problem.base.slip @ q, state.forces, state.memory)
 
@@ -353,7 +395,7 @@ def respond(
                          expected="one finite row of two or more samples for every DOF")  # fmt: skip
     if normal_forces is not None:
         check_normal_forces(model, normal_forces, forces.shape[1])
-    problem = prepare(model, outputs, modes, dofs)
+    problem = prepare(model, outputs, modes, dofs, plane=True, normal=normal_forces is None)
     times = np.arange(forces.shape[1]) / sampling_rate
     drive = Drive(times, dofs, forces, normal_forces)
     return solve(problem, problem.rest(), drive, float(times[-1]), sampling_rate, tolerance, progress)

@@ -21,6 +21,7 @@ from ema.simulate import (
     plane_kernels,
     register_law,
     snapback,
+    snapback_reference,
 )
 from ema.simulate.friction import pack
 from ema.simulate.loops import drive, drive_plane
@@ -159,9 +160,10 @@ def test_laws_without_isotropic_form_say_so():
     mine = register_law("jenkins in a plane", jenkins)(MU, K)
     with pytest.raises(InputError, match="no isotropic form"):
         drive_plane(mine, line(0.0, XC, 10), FN)
-    model = strip(CIRCLE, ("X", "Y"))
-    with pytest.raises(InputError, match="isotropic"):
-        snapback(model, 20.0, "plate 2:5:+Z", 0.01)
+    with pytest.raises(InputError, match="no isotropic form"):
+        snapback(strip(mine, ("X", "Y")), 20.0, "plate 2:5:+Z", 0.01)
+    with pytest.raises(InputError, match="no isotropic friction in two directions"):
+        snapback_reference(strip(CIRCLE, ("X", "Y")), 20.0, "plate 2:5:+Z", 0.01)
 
 
 def strip(law, directions, elements=6):
