@@ -72,7 +72,7 @@ def fresh_table(gains, stiffness, signs, table):
             table[i, j] = -gains[i, j]
         table[i, i] += 1.0 / stiffness[i]
     for i in range(size):
-        if signs[i] != 0:
+        if signs[i] != 0.0:
             exchange(table, i)
 
 
@@ -80,60 +80,83 @@ def fresh_table(gains, stiffness, signs, table):
 def slips_of(table, stiffness, limit, g, free, signs, slip):
     """``slip`` returns M y of the sticking contacts and y of the sliding ones, for a given set of these."""
     size = len(stiffness)
-    slip[:] = 0.0
+    for j in range(size):
+        slip[j] = 0.0
     for i in range(size):
-        if signs[i] != 0:
+        if signs[i] != 0.0:
             excess = (g[i] - signs[i] * limit[i]) / stiffness[i] + free[i]
             for j in range(size):
                 slip[j] += excess * table[i, j]
 
 
-@nb.njit(cache=True)
-def wanted_sign(sign, k, limit, g, free, slip):
-    """Whether a contact slides (1, -1) or sticks (0), judged from the slips with the present set."""
-    if sign != 0:
-        return 0 if slip * sign < -1e-13 * limit else sign
-    force = g + k * (free - slip)
-    if abs(force) > limit * (1.0 + 1e-13):
-        return 1 if force > 0.0 else -1
-    return 0
+@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+def trial_forces(stiffness, limit, g, free, signs, slip, f1):
+    """Forces with the present set of sliding contacts; returns how many contacts disagree with it."""
+    wrong = 0
+    for i in range(len(f1)):
+        force = g[i] + stiffness[i] * (free[i] - slip[i])
+        # a contact without normal force always slides
+        sticks = (signs[i] == 0.0) & (abs(force) > limit[i] * (1.0 + 1e-13))
+        slides = (limit[i] > 0.0) & (slip[i] * signs[i] < -1e-13 * limit[i])
+        wrong += sticks | slides
+        f1[i] = force
+    return wrong
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+def exchange_disagreeing(table, limit, signs, slip, f1, first_only):
+    """Let the contacts that disagree change sides; returns how many did."""
+    changed = 0
+    for i in range(len(f1)):
+        if signs[i] == 0.0:
+            if abs(f1[i]) <= limit[i] * (1.0 + 1e-13):
+                continue
+            signs[i] = 1.0 if f1[i] > 0.0 else -1.0
+        else:
+            if limit[i] <= 0.0 or slip[i] * signs[i] >= -1e-13 * limit[i]:
+                continue
+            signs[i] = 0.0
+        exchange(table, i)
+        changed += 1
+        if first_only:
+            break
+    return changed
+
+
+@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
 def slide_or_stick(table, gains, stiffness, limit, g, free, signs, used, slip, u1, f1, change):
     """Exact solution for one Masing spring per contact: which contacts slide, and how far. Returns rounds and residual.
 
     With y = k times the slip of a step, the force is F = g + k free - k (M y), M = 1/k - gains positive definite: a
-    contact slides (y != 0) at its limit or stays below it. The set of sliding contacts ``signs`` is that of the step
-    before until a contact disagrees. ``slip`` is room to work in; ``change`` returns g1 - g0.
+    contact slides (y != 0) at its limit or stays below it. The set of sliding contacts, ``signs`` 1 and -1, is that of
+    the step before until a contact disagrees. ``slip`` is room to work in; ``change`` returns g1 - g0.
     """
-    size = len(stiffness)
-    rounds, agreed = 0, False
-    while not agreed and rounds < 500:
+    rounds, wrong = 0, 1
+    for i in range(len(f1)):
+        change[i] = 0.0
+    if not signs.any():
+        for i in range(len(f1)):
+            slip[i], u1[i] = 0.0, free[i]
+        if trial_forces(stiffness, limit, g, free, signs, slip, f1) == 0:
+            return 0, 0.0
+    while rounds < 500:
         rounds += 1
         slips_of(table, stiffness, limit, g, free, signs, slip)
-        agreed = True
-        for i in range(size):
-            if limit[i] > 0.0:
-                wanted = wanted_sign(signs[i], stiffness[i], limit[i], g[i], free[i], slip[i])
-            else:
-                wanted = 1
-            if wanted != signs[i]:
-                agreed, signs[i] = False, wanted
-                used[0] += 1
-                exchange(table, i)
-                if rounds > 20:
-                    # one at a time, the first that disagrees: this cannot run in circles
-                    break
+        wrong = trial_forces(stiffness, limit, g, free, signs, slip, f1)
+        if wrong == 0:
+            break
+        # late: one at a time, the first that disagrees; this cannot run in circles
+        used[0] += exchange_disagreeing(table, limit, signs, slip, f1, rounds > 20)
         if used[0] > MOST_EXCHANGES:
             used[0] = 0
             fresh_table(gains, stiffness, signs, table)
-    for i in range(size):
-        k, g0, slid = stiffness[i], g[i], signs[i] != 0
-        f1[i] = signs[i] * limit[i] if slid else g0 + k * (free[i] - slip[i])
-        u1[i] = (f1[i] - g0 + slip[i]) / k if slid else free[i] - slip[i]
-        change[i] = -slip[i] if slid else 0.0
-    return rounds, 0.0 if agreed else np.inf
+    for i in range(len(f1)):
+        if signs[i] == 0.0:
+            u1[i] = free[i] - slip[i]
+        else:
+            change[i], f1[i] = -slip[i], signs[i] * limit[i]
+            u1[i] = (f1[i] - g[i] + slip[i]) / stiffness[i]
+    return rounds, 0.0 if wrong == 0 else np.inf
 
 
 @nb.njit(cache=True)

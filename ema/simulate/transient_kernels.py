@@ -116,7 +116,7 @@ def lower_limits(limit, last, stiffness, laws, slip, f, g, pull, z, energies):
 def book_masing(stiffness, signs, u, f, z, u1, f1, energies, dissipated, sliding):
     """Friction loss of a step and the new state, where every contact is one Masing spring."""
     for i in range(len(u)):
-        if signs[i] != 0:
+        if signs[i] != 0.0:
             own = 0.5 * (f1[i] + f[i]) * (u1[i] - u[i] - (f1[i] - f[i]) / stiffness[i])
             dissipated[i] += own
             energies[FRICTION] += own
@@ -156,12 +156,8 @@ def contact_pull(slip, stiffness, u, f, g, pull):
 @nb.njit(cache=True, fastmath=FAST)
 def accept(change, slip, flow, g, q1, p1, pull, force, moved):
     """Let the changes of the contact forces over the step act on the modes."""
-    any_change = False
-    for i in range(len(change)):
-        any_change = any_change or change[i] != 0.0
-    if not any_change:
-        return
-    moved[:] = 0.0
+    for r in range(len(moved)):
+        moved[r] = 0.0
     add_rows(slip, change, moved)
     correct(flow[Q_F], moved, q1)
     correct(flow[P_F], moved, p1)
@@ -190,7 +186,7 @@ def advance(
     force, outside, pull, moved = np.empty(modes), np.zeros(modes), np.zeros(modes), np.empty(modes)
     q0, p0, q1, p1 = q.copy(), p.copy(), np.empty(modes), np.empty(modes)
     free, u1, f1, g = np.empty(contacts), np.empty(contacts), np.empty(contacts), np.empty(contacts)
-    change, slid, signs = np.zeros(contacts), np.empty(contacts), np.zeros(contacts, np.int64)
+    change, slid, signs = np.zeros(contacts), np.empty(contacts), np.zeros(contacts)
     z1, a, b, table, used = (
         np.zeros_like(z), np.zeros_like(z), np.zeros_like(z), np.empty((contacts, contacts)), np.zeros(1, np.int64)
     )  # fmt: skip
@@ -218,7 +214,8 @@ def advance(
                 gains, free, stiffness, limit, laws, u, f, h, z, z1, a, b, 1e-10, 1000, u1, f1, change
             )
         most, worst = max(most, rounds), max(worst, residual)
-        accept(change, slip, flow, g, q1, p1, pull, force, moved)
+        if rounds > 0:
+            accept(change, slip, flow, g, q1, p1, pull, force, moved)
         if loss.shape[0] > 0:
             energies[DAMPING] += damping_loss(loss, q0, p0, force)
         if loaded:
