@@ -1,4 +1,4 @@
-"""What drives a virtual structure: blows of a hammer, random or swept force of shakers, as spectra."""
+"""What drives a virtual structure, as spectra for linear and as time series for structures with friction."""
 
 from dataclasses import dataclass
 
@@ -8,16 +8,7 @@ from jaxtyping import Complex, Float
 from ema.data import Excitation
 from ema.dof import Dof
 from ema.errors import InputError
-
-
-def half_sine(
-    frequencies: Float[np.ndarray, "freq"], contact_time: float, start: float = 0.0
-) -> Complex[np.ndarray, "freq"]:
-    """Fourier transform (in s) of half a sine of height 1 from ``start`` to ``start + contact_time`` s; Hz."""
-    x = np.pi * frequencies * contact_time
-    # cos(x) / ((pi/2)^2 - x^2) written with a sinc, which has no hole at x = pi/2
-    even = (np.pi * contact_time / 2) * np.sinc(0.5 - x / np.pi) / (np.pi / 2 + x)
-    return even * np.exp(-2j * np.pi * (start + contact_time / 2) * frequencies)
+from ema.simulate.waveforms import half_sine, hammer_pulse, stepped_sine, swept_sine
 
 
 @dataclass(frozen=True)
@@ -124,6 +115,13 @@ class RovingHammer:
         """Fourier transforms in N s of the forces of one record."""
         return spectrum_of(self.blows(take, rng), frequencies)[None]
 
+    def series(
+        self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "in sample"]:
+        """Forces in N of one record."""
+        blows = [hammer_pulse(times, blow.peak, blow.contact_time, blow.time) for blow in self.blows(take, rng)]
+        return np.asarray(np.sum(blows, axis=0))[None]
+
 
 @dataclass(frozen=True)
 class RandomShakers:
@@ -148,19 +146,32 @@ class RandomShakers:
         self, take: int, frequencies: Float[np.ndarray, "freq"], sampling_rate: float, rng: np.random.Generator
     ) -> Complex[np.ndarray, "in freq"]:
         """Fourier transforms in N s of the forces of one record."""
-        from scipy.fft import irfft, rfft
+        from scipy.fft import rfft
 
+        size = 2 * (len(frequencies) - 1)
+        signals = self.series(take, np.arange(size // 2) / sampling_rate, rng)
+        return np.asarray(rfft(signals, size, axis=1) / sampling_rate)
+
+    def series(
+        self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "in sample"]:
+        """Forces in N of one record."""
+        from scipy.fft import irfft
+
+        size = 2 * len(times)
+        frequencies = np.fft.rfftfreq(size, times[1] - times[0])
         inside = (frequencies >= self.band[0]) & (frequencies <= self.band[1])
         draws = rng.normal(size=(2, len(self.points), len(frequencies)))
-        size = 2 * (len(frequencies) - 1)
-        signals = irfft(np.where(inside, draws[0] + 1j * draws[1], 0), size, axis=1)[:, : size // 2]
-        signals *= self.level / np.sqrt(np.mean(signals**2, axis=1, keepdims=True))
-        return np.asarray(rfft(signals, size, axis=1) / sampling_rate)
+        signals = irfft(np.where(inside, draws[0] + 1j * draws[1], 0), size, axis=1)[:, : len(times)]
+        return np.asarray(signals * self.level / np.sqrt(np.mean(signals**2, axis=1, keepdims=True)))
 
 
 @dataclass(frozen=True)
 class SweptShaker:
-    """One shaker whose force of ``level`` N (amplitude) sweeps linearly through ``band`` Hz in ``sweep_time`` s."""
+    """One shaker whose force of ``level`` N (amplitude) sweeps linearly through ``band`` Hz in ``sweep_time`` s.
+
+    It does so ``sweeps`` times without a pause (a periodic chirp); the record goes on for ``duration`` s in all.
+    """
 
     point: Dof
     level: float
@@ -168,6 +179,7 @@ class SweptShaker:
     sweep_time: float
     duration: float
     takes: int = 1
+    sweeps: int = 1
 
     @property
     def excitation(self) -> Excitation:
@@ -185,7 +197,72 @@ class SweptShaker:
         from scipy.fft import rfft
 
         size = 2 * (len(frequencies) - 1)
-        t = np.arange(int(self.sweep_time * sampling_rate)) / sampling_rate
-        low, high = self.band
-        signal = self.level * np.sin(2 * np.pi * (low * t + (high - low) / (2 * self.sweep_time) * t**2))
-        return np.asarray(rfft(signal, size) / sampling_rate)[None]
+        signal = self.series(take, np.arange(size // 2) / sampling_rate, rng)
+        return np.asarray(rfft(signal, size, axis=1) / sampling_rate)
+
+    def series(
+        self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "in sample"]:
+        """Force in N of one record."""
+        return swept_sine(times, self.level, self.band, self.sweep_time, self.sweeps)[None]
+
+
+@dataclass(frozen=True)
+class SteppedSine:
+    """One shaker that stays at each of ``frequencies`` Hz with ``level`` N (amplitude): one record for each of them.
+
+    A record holds ``duration`` s of the steady state. With ``settle`` of None it is found by harmonic balance; else
+    every record begins that many s after the force was switched on.
+    """
+
+    point: Dof
+    level: float
+    frequencies: tuple[float, ...]
+    duration: float = 0.5
+    settle: float | None = None
+
+    @property
+    def takes(self) -> int:
+        """Number of records."""
+        return len(self.frequencies)
+
+    @property
+    def excitation(self) -> Excitation:
+        """The condition that the campaign states."""
+        return Excitation("stepped sine", self.level, band=(min(self.frequencies), max(self.frequencies)))
+
+    def dofs(self, take: int) -> tuple[Dof, ...]:
+        """Where the force acts."""
+        return (self.point,)
+
+    def series(
+        self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "in sample"]:
+        """Force in N of one record, from the moment it is switched on."""
+        return stepped_sine(times, self.level, [self.frequencies[take]], float(times[-1]) + 1)[None]
+
+
+@dataclass(frozen=True)
+class SnapBack:
+    """A load of ``load`` N raised slowly at ``point`` and let go ``pre_trigger`` s after the start of each record."""
+
+    point: Dof
+    load: float
+    duration: float
+    pre_trigger: float = 0.1
+    takes: int = 1
+
+    @property
+    def excitation(self) -> Excitation:
+        """The condition that the campaign states."""
+        return Excitation("snap-back", self.load)
+
+    def dofs(self, take: int) -> tuple[Dof, ...]:
+        """Where the load acts."""
+        return (self.point,)
+
+    def series(
+        self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "in sample"]:
+        """The load in N over one record."""
+        return np.where(times < self.pre_trigger, self.load, 0.0)[None]

@@ -8,7 +8,7 @@ from ema.data import Channel, ModalModel, Residuals, Source, poles_from
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate import Fault, RandomShakers, RingCell, RovingHammer, SweptShaker, VirtualRig
-from ema.simulate.inputs import half_sine
+from ema.simulate.waveforms import half_sine
 
 
 def structure(frequencies=(100.0, 160.0, 431.0), damping=(0.02, 0.015, 0.01), complex_part=0.0) -> ModalModel:
