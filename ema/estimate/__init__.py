@@ -11,15 +11,19 @@ if TYPE_CHECKING:
     from ema.estimate.integrate import integrated, to_quantity
     from ema.estimate.levels import level_bins
     from ema.estimate.live import check_hit
+    from ema.estimate.nonlinearity import Homogeneity, causality, homogeneity
     from ema.estimate.random_excitation import shaker
     from ema.estimate.swept_sine import sweep
 
 _NAMES = {
     "Calibration": "calibrate",
+    "Homogeneity": "nonlinearity",
     "Phase": "decay",
+    "causality": "nonlinearity",
     "check_hit": "live",
     "hammer": "impact",
     "hammer_test": "impact",
+    "homogeneity": "nonlinearity",
     "integrated": "integrate",
     "known_mass": "calibrate",
     "level_bins": "levels",
@@ -33,8 +37,9 @@ _NAMES = {
 }
 
 __all__ = [
-    "Calibration", "Phase", "check_hit", "hammer", "hammer_test", "integrated", "known_mass", "level_bins", "phases",
-    "quality", "ring_down", "shaker", "sweep", "to_quantity", "without_dead",
+    "Calibration", "Homogeneity", "Phase", "causality", "check_hit", "hammer", "hammer_test", "homogeneity",
+    "integrated", "known_mass", "level_bins", "phases", "quality", "ring_down", "shaker", "sweep", "to_quantity",
+    "without_dead",
 ]  # fmt: skip
 
 

@@ -1,0 +1,107 @@
+"""Homogeneity and causality of FRFs of one mode with a Masing joint, against closed-form steady states."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ema import estimate
+from ema.data import Condition, Excitation, FrfSet
+from ema.dof import Dof
+from ema.errors import InputError
+
+OMEGA, ZETA = 2 * np.pi * 499.0, 0.00638
+LINES = np.arange(440.0, 580.0, 0.25)
+
+
+def masing_frf(slip_over_force, kappa=0.03):
+    """First harmonic of an oscillator of unit mass with a Masing spring kappa w^2, found at every line by bisection."""
+    k, w = kappa * OMEGA**2, 2 * np.pi * LINES
+
+    def stiffness(amplitude):
+        y = np.minimum(slip_over_force / (k * amplitude), 1.0)
+        theta = np.arccos(1 - 2 * y)
+        contact = k / np.pi * (theta - np.sin(2 * theta) / 2) + 4j * k * y * (1 - y) / np.pi
+        return OMEGA**2 - w**2 + 2j * ZETA * OMEGA * w + contact
+
+    low, high = np.full(len(w), np.log(1e-12)), np.zeros(len(w))
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        below = np.abs(stiffness(np.exp(middle))) * np.exp(middle) < 1
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return 1 / stiffness(np.exp(low))
+
+
+def measured(values, level, noise=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    sigma = noise * np.abs(values).max()
+    noisy = values + sigma / np.sqrt(2) * (rng.standard_normal(len(values)) + 1j * rng.standard_normal(len(values)))
+    return FrfSet(
+        LINES, noisy[:, None, None], (Dof.parse("1:+Z"),), (Dof.parse("2:+Z"),), "receptance",
+        variance=np.full((len(values), 1, 1), sigma**2) if noise else None,
+        condition=Condition(Excitation("sweep", level)),
+    )  # fmt: skip
+
+
+def test_a_linear_structure_is_homogeneous_and_causal():
+    stuck = masing_frf(1e9)
+    found = estimate.homogeneity(measured(stuck, 10.0), measured(stuck, 20.0))
+    assert found.index == pytest.approx(0, abs=1e-9)
+    assert found.side == "undecided"
+    assert found.levels == (10.0, 20.0)
+    assert not found.findings
+    assert estimate.causality(measured(stuck, 10.0))[0, 0] < 1e-6
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(0.05, 0.03), (0.1, 0.07), (0.2, 0.15), (0.3, 0.25)])
+def test_a_slipping_joint_shows_in_the_index_of_a_doubled_force(ratio, expected):
+    found = estimate.homogeneity(measured(masing_frf(ratio), 10.0), measured(masing_frf(ratio / 2), 20.0))
+    assert found.index == pytest.approx(expected, rel=0.15)
+    assert found.side == "slip"
+    assert found.findings if expected > 0.05 else not found.findings
+
+
+def test_the_sign_tells_the_side_of_the_most_damping():
+    ratios = np.concatenate([np.geomspace(0.05, 0.8, 6), np.geomspace(1.4, 3.0, 4)])
+    sides = [
+        estimate.homogeneity(measured(masing_frf(r), 10.0), measured(masing_frf(r / 2), 20.0)).side for r in ratios
+    ]
+    assert sides == ["slip"] * 6 + ["stick"] * 4
+
+
+def test_beyond_a_third_a_linear_fit_has_no_meaning():
+    found = estimate.homogeneity(measured(masing_frf(1.0), 10.0), measured(masing_frf(0.5), 20.0))
+    assert found.index > 0.3
+    assert found.findings[0].severity == "error"
+
+
+def test_noise_is_taken_off():
+    stuck = masing_frf(1e9)
+    indices = [
+        estimate.homogeneity(measured(stuck, 10.0, 0.02, 2 * n), measured(stuck, 20.0, 0.02, 2 * n + 1)).index
+        for n in range(20)
+    ]
+    assert np.median(indices) < 0.02
+    slipping = estimate.homogeneity(measured(masing_frf(0.2), 10.0, 0.02, 5), measured(masing_frf(0.1), 20.0, 0.02, 6))
+    assert slipping.index == pytest.approx(0.147, rel=0.2)
+
+
+def test_causality_rises_with_slip():
+    linear, little, much = (estimate.causality(measured(masing_frf(r), 1.0))[0, 0] for r in (1e9, 0.2, 1.0))
+    assert little > 100 * linear
+    assert much > 10 * little
+    assert much == pytest.approx(2e-3, rel=0.3)
+
+
+def test_bad_input_is_told_in_a_sentence():
+    one = measured(masing_frf(1e9), 10.0)
+    with pytest.raises(InputError, match="different lines"):
+        estimate.homogeneity(one, replace(one, frequencies=LINES + 0.1))
+    with pytest.raises(InputError, match="different DOFs"):
+        estimate.homogeneity(one, replace(one, outputs=(Dof.parse("7:+Z"),)))
+    broken = one.values.copy()
+    broken[3] = np.nan
+    with pytest.raises(InputError, match="NaN"):
+        estimate.causality(replace(one, values=broken))
+    with pytest.raises(InputError, match="outside"):
+        estimate.homogeneity(one, one, near=50.0)
