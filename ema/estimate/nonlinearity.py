@@ -86,8 +86,8 @@ def homogeneity(low: FrfSet, high: FrfSet, near: float | None = None) -> Homogen
 def causality(frfs: FrfSet, near: float | None = None) -> Float[np.ndarray, "out in"]:
     """Share of the energy of each FRF's impulse response that lies before time zero: a second test for nonlinearity.
 
-    The band about the peak is tapered at its ends and transformed; a linear FRF without noise has a share of about 1e-7, by
-    the cut. A few parts in ten thousand tell friction; less sensitive than ``homogeneity``, but one level will do.
+    The band about the peak is tapered and transformed; a linear FRF without noise has a share of about 1e-7, by the
+    cut. A few parts in ten thousand tell friction; less sensitive than ``homogeneity``, but one level will do.
 
     Raises
     ------
