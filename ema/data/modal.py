@@ -16,6 +16,9 @@ from ema.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+COVERAGE_FACTOR = 1.959964
+"""Standard uncertainties on each side of a 95 % coverage interval of a normal distribution."""
+
 Scaling = Literal["unit modal mass", "unscaled"]
 
 
@@ -92,6 +95,39 @@ class Residuals:
 
 
 @dataclass(frozen=True)
+class ModalUncertainty:
+    """Uncertainty of a modal model as far as noise of the FRFs causes it, by linearisation at the optimum (GUM, JCGM 100).
+
+    Variances of complex values are 2 x 2, of real and imaginary part; 95 % coverage intervals are 1.96 standard
+    uncertainties wide on each side. What changes from one assembly or test to the next is not contained.
+
+    Parameters
+    ----------
+    values : covariance of natural frequency [Hz] and damping ratio of all modes (f1, zeta1, f2, zeta2, ...).
+    shapes : variances of the shape components.
+    common : errors of each shape that several DOFs share, one column per independent cause of unit variance.
+    participation, residues : variances of the participation and of the residue matrices.
+    modal_mass : relative standard uncertainty of the modal mass of each shape with largest component 1; NaN where the
+        model is unscaled.
+    basis : what the noise level rests on.
+    """
+
+    values: Float[np.ndarray, "value value"]
+    shapes: Float[np.ndarray, "mode dof 2 2"]
+    common: Complex[np.ndarray, "mode dof cause"]
+    participation: Float[np.ndarray, "mode in 2 2"]
+    residues: Float[np.ndarray, "mode dof in 2 2"]
+    modal_mass: Float[np.ndarray, "mode"]
+    basis: str = ""
+
+    def __post_init__(self) -> None:
+        freeze(
+            self, values=np.float64, shapes=np.float64, common=np.complex128, participation=np.float64,
+            residues=np.float64, modal_mass=np.float64,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
 class ModalModel:
     """Modes of a structure at one condition.
 
@@ -109,6 +145,7 @@ class ModalModel:
         reciprocity).
     covariance : of (natural frequency [Hz], damping ratio) of each mode, shape (mode, 2, 2).
     confidence : how sure the selection is that the mode is one, 0 ... 1, shape (mode,).
+    uncertainty : of everything in the model, where known.
     """
 
     poles: Complex[np.ndarray, "mode"]
@@ -124,6 +161,7 @@ class ModalModel:
     provenance: Provenance = Provenance()
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     name: str = ""
+    uncertainty: ModalUncertainty | None = None
 
     def __post_init__(self) -> None:
         freeze(
@@ -159,13 +197,17 @@ class ModalModel:
         return np.einsum("kr,ir->rki", self.shapes, self.participation)
 
     def table(self) -> "pd.DataFrame":
-        """One row per mode: f [Hz], zeta [%], standard deviations where known, F_N [N] where there are joints."""
+        """One row per mode: f [Hz], zeta [%], standard uncertainties and half 95 % intervals (+-) where known, F_N [N] where
+        there are joints.
+        """
         import pandas as pd
 
         columns = {"f [Hz]": self.natural_frequencies, "zeta [%]": 100 * self.damping_ratios}
         if self.covariance is not None:
             columns["std f [Hz]"] = np.sqrt(self.covariance[:, 0, 0])
             columns["std zeta [%]"] = 100 * np.sqrt(self.covariance[:, 1, 1])
+            columns["+- f [Hz]"] = COVERAGE_FACTOR * columns["std f [Hz]"]
+            columns["+- zeta [%]"] = COVERAGE_FACTOR * columns["std zeta [%]"]
         if self.confidence is not None:
             columns["confidence"] = self.confidence
         for joint in self.condition.joints:

@@ -9,7 +9,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.errors import InputError
-from ema.fit import likelihood, noise, weighted
+from ema.fit import likelihood, noise, uncertainty, weighted
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.scaling import scale_to_unit_modal_mass
 from ema.fit.search import MISFIT
@@ -124,14 +124,14 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
         participation=participation,
         inputs=data.references,
         residuals=residuals,
-        covariance=_pole_covariance(state, normal, factor, scale)[order],
         confidence=chosen.confidence[order],
         condition=band.condition,
         provenance=band.provenance,
         findings=_findings(band, data, chosen),
         name=band.name,
     )
-    return scale_to_unit_modal_mass(model) if band.scaled else model
+    model = scale_to_unit_modal_mass(model) if band.scaled else model
+    return uncertainty.attach(model, state, normal, order, scale, np.full(len(poles), factor), "")
 
 
 def _refined(data: Prepared, chosen: Selection) -> tuple[weighted.State, weighted.Linearisation, float]:
@@ -178,24 +178,6 @@ def _weights(data: weighted.Weighted, state: weighted.State, derivative: int) ->
     for rows in data.blocks():
         weights[rows] = 2 * curve / found.variance(*powers(rows))
     return weights
-
-
-def _pole_covariance(
-    state: weighted.State, normal: weighted.Linearisation, factor: float, unit: float
-) -> Float[np.ndarray, "mode 2 2"]:
-    count, shared = len(state.poles), factor * normal.covariance()
-    result = np.empty((count, 2, 2))
-    for mode, pole in enumerate(state.poles):
-        rows = np.array([mode, len(shared) // 2 + mode])
-        size = abs(pole)
-        jac = np.array(
-            [
-                [pole.real / size * unit / 2 / np.pi, pole.imag / size * unit / 2 / np.pi],
-                [-(pole.imag**2) / size**3, pole.real * pole.imag / size**3],
-            ]
-        )
-        result[mode] = jac @ shared[np.ix_(rows, rows)] @ jac.T
-    return result
 
 
 def _coefficients(data: Prepared, chosen: Selection) -> Float[np.ndarray, "column out"]:

@@ -106,11 +106,18 @@ class Linearisation:
 
 def inverse(matrix: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch n n"]:
     """Inverse of positive semidefinite matrices, scaled to unit diagonal."""
-    diagonal = np.einsum("...ii->...i", matrix)
-    scale = 1 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
+    scale = unit_scale(matrix)
     scaled = matrix * scale[..., :, None] * scale[..., None, :]
     ridge = _RIDGE * np.eye(matrix.shape[-1])
     return np.linalg.inv(scaled + ridge) * scale[..., :, None] * scale[..., None, :]
+
+
+def unit_scale(matrix: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch n"]:
+    """Factors that make the diagonal 1, except where there is nothing to scale (a mode without a shape)."""
+    diagonal = np.einsum("...ii->...i", matrix)
+    floor = 1e-24 * np.max(diagonal, axis=-1, keepdims=True, initial=0)
+    result: np.ndarray = 1 / np.sqrt(np.maximum(diagonal, floor + np.finfo(float).tiny))
+    return result
 
 
 def _functions(

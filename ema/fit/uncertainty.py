@@ -1,0 +1,238 @@
+"""Uncertainty of a modal model by linearisation at the optimum of the fit.
+
+Errors are followed from their causes: the shared unknowns (poles, participation) err together, each output adds errors of
+its own. An error is held as a factor: one complex number for each of a set of independent causes of unit variance.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Complex, Float
+
+from ema.data import ModalModel, ModalUncertainty
+from ema.dof import match
+from ema.errors import InputError
+from ema.fit.weighted import Linearisation, State, unit_scale
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """Factors of one mode: pole (cause,), participation (in, cause), shape by the shared causes (out, cause) and by those
+    of each output alone (out, 2).
+    """
+
+    pole: Complex[np.ndarray, "cause"]
+    participation: Complex[np.ndarray, "in cause"]
+    shape: Complex[np.ndarray, "out cause"]
+    own: Complex[np.ndarray, "out 2"]
+
+
+def attach(
+    model: ModalModel,
+    state: State,
+    normal: Linearisation,
+    order: np.ndarray,
+    unit: float,
+    inflation: Float[np.ndarray, "fitted"],
+    basis: str,
+) -> ModalModel:
+    """The model with its uncertainty.
+
+    Parameters
+    ----------
+    model : modes ``order`` of the state, which is in units of ``unit`` rad/s, scaled in whatever way.
+    inflation : variance of each mode of the state over what the weights say.
+    basis : what the noise level rests on.
+    """
+    if not len(order):
+        return replace(model, covariance=np.zeros((0, 2, 2)))
+    root = _root(state, normal, inflation)
+    modes = [
+        _Mode(model, place, state, _errors(state, normal, root, int(mode), float(inflation[mode])), int(mode), unit)
+        for place, mode in enumerate(order)
+    ]
+    values = np.concatenate([mode.values() for mode in modes])
+    covariance = values @ values.T
+    found = ModalUncertainty(
+        values=covariance,
+        shapes=np.array([mode.shapes() for mode in modes]),
+        common=np.array([mode.common(root, 2 * len(model.inputs)) for mode in modes]),
+        participation=np.array([mode.participation() for mode in modes]),
+        residues=np.array([mode.residues() for mode in modes]),
+        modal_mass=np.array([mode.modal_mass() for mode in modes]),
+        basis=basis,
+    )
+    own = np.arange(len(modes))
+    blocks = covariance.reshape(len(modes), 2, len(modes), 2)[own, :, own]
+    return replace(model, covariance=blocks, uncertainty=found)
+
+
+def _owners(state: State) -> np.ndarray:
+    """Mode to which each shared unknown belongs."""
+    modes = len(state.poles)
+    return np.tile(np.concatenate([np.arange(modes), state.free % max(modes, 1)]), 2)
+
+
+def _root(
+    state: State, normal: Linearisation, inflation: Float[np.ndarray, "fitted"]
+) -> Float[np.ndarray, "unknown cause"]:
+    """Square root of the covariance of the shared unknowns."""
+    scale = unit_scale(normal.information)
+    scaled, ridge = normal.information * np.outer(scale, scale), 1e-13
+    while True:
+        try:
+            factor = np.linalg.cholesky(scaled + ridge * np.eye(len(scale)))
+        except np.linalg.LinAlgError:
+            ridge *= 100
+            continue
+        inverse = scipy.linalg.solve_triangular(factor, np.eye(len(scale)), lower=True, check_finite=False)
+        return np.sqrt(inflation[_owners(state)])[:, None] * scale[:, None] * inverse.T
+
+
+def _errors(
+    state: State, normal: Linearisation, root: Float[np.ndarray, "unknown cause"], mode: int, inflation: float
+) -> _Errors:
+    """Errors of one mode of the state."""
+    modes, half, references = len(state.poles), len(root) // 2, len(state.participation)
+    by_cause = root[:half] + 1j * root[half:]
+    participation = np.zeros((references, root.shape[1]), complex)
+    for place, entry in enumerate(state.free):
+        if entry % modes == mode:
+            participation[entry // modes] = by_cause[modes + place]
+    first = np.count_nonzero(state.determined[: len(state.determined) // 2])
+    rows = [mode, first + mode]
+    slope = normal.slope[:, rows] @ root
+    block = inflation * normal.local[:, rows][:, :, rows]
+    floor = np.finfo(float).tiny
+    # Cholesky factor of the 2 x 2 blocks, written out.
+    a = np.sqrt(np.maximum(block[:, 0, 0], floor))
+    b = block[:, 1, 0] / a
+    c = np.sqrt(np.maximum(block[:, 1, 1] - b**2, 0))
+    own = np.stack([a + 1j * b, 1j * c], axis=1)
+    return _Errors(by_cause[mode], participation, slope[:, 0] + 1j * slope[:, 1], own)
+
+
+def _squares(factor: Complex[np.ndarray, "*shape cause"]) -> Float[np.ndarray, "*shape 2 2"]:
+    """Variances of real and imaginary part."""
+    x, y = factor.real, factor.imag
+    cross = np.sum(x * y, axis=-1)
+    rows = np.stack([np.sum(x * x, axis=-1), cross, cross, np.sum(y * y, axis=-1)], axis=-1)
+    return rows.reshape(*rows.shape[:-1], 2, 2)
+
+
+class _Mode:
+    """What follows for one mode of the model."""
+
+    def __init__(self, model: ModalModel, place: int, state: State, errors: _Errors, mode: int, unit: float) -> None:
+        self.pole, self.unit, self.mode, self.owners = state.poles[mode], unit, mode, _owners(state)
+        self.psi, self.entries = state.shapes[:, mode], state.participation[:, mode]
+        self.errors, self.scaled = errors, model.scaling == "unit modal mass"
+        self.final = model.shapes[:, place]
+        self.largest = int(np.argmax(np.abs(self.psi)))
+        # The scale of the shape is a function of these outputs: drive points, or the largest component.
+        drive = match(model.inputs, model.dofs) if self.scaled else []
+        self.drive = [np.array(column) for column in zip(*drive, strict=True)] if drive else []
+        self.anchors = self.drive[1] if drive else np.array([self.largest])
+        turn, turn_own = self._scale_errors()
+        scale = self.final[self.largest] / (self.psi[self.largest] or 1.0)
+        self.scale, self.turn = scale, np.concatenate([turn, turn_own.reshape(-1)])
+        direct = np.zeros((len(self.psi), turn_own.size), complex)
+        rest = errors.own.copy()
+        for position, row in enumerate(self.anchors):
+            direct[row, 2 * position : 2 * position + 2] = rest[row]
+            rest[row] = 0
+        shape = np.concatenate([errors.shape, direct], axis=1) + self.psi[:, None] * self.turn
+        self.shape, self.rest = scale * shape, scale * rest
+
+    def _scale_errors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Relative error of the factor between the shape of the model and that of the state: by the shared causes, and
+        by those of each anchor (anchor, 2).
+        """
+        errors, rows = self.errors, self.anchors
+        if not self.drive:
+            largest = self.psi[self.largest] or 1.0
+            return -errors.shape[self.largest] / largest, -errors.own[rows] / largest
+        references, _, signs = self.drive
+        omega = self.unit * self.pole.imag
+        s, t = signs * self.psi[rows], 2j * omega * self.entries[references]
+        energy = float(np.sum(np.abs(s) ** 2)) or 1.0
+        square = np.sum(s.conj() * t) / energy or 1.0
+        ds, ds_own = signs[:, None] * errors.shape[rows], signs[:, None] * errors.own[rows]
+        dt = 2j * (
+            self.unit * self.entries[references, None] * errors.pole.imag + omega * errors.participation[references]
+        )
+        turn = np.sum(ds.conj() * t[:, None] + s.conj()[:, None] * dt, axis=0)
+        turn -= 2 * square * np.sum((s.conj()[:, None] * ds).real, axis=0)
+        own = ds_own.conj() * t[:, None] - 2 * square * (s.conj()[:, None] * ds_own).real
+        return turn / (2 * square * energy), own / (2 * square * energy)
+
+    def values(self) -> Float[np.ndarray, "2 cause"]:
+        """Errors of natural frequency (Hz) and damping ratio by the shared causes."""
+        size, change = abs(self.pole), self.errors.pole
+        along = (self.pole.conjugate() * change).real / size
+        return np.stack([self.unit / (2 * np.pi) * along, -change.real / size + self.pole.real * along / size**2])
+
+    def shapes(self) -> Float[np.ndarray, "dof 2 2"]:
+        return _squares(self.shape) + _squares(self.rest)
+
+    def participation(self) -> Float[np.ndarray, "in 2 2"]:
+        change = np.zeros((len(self.entries), len(self.turn)), complex)
+        change[:, : self.errors.participation.shape[1]] = self.errors.participation
+        return _squares(self.unit / (self.scale or 1.0) * (change - self.entries[:, None] * self.turn))
+
+    def residues(self) -> Float[np.ndarray, "dof in 2 2"]:
+        """Residues do not depend on the scale of the shapes."""
+        errors = self.errors
+        blocks = []
+        for entry, change in zip(self.entries, errors.participation, strict=True):
+            shared = entry * errors.shape + self.psi[:, None] * change
+            blocks.append(self.unit**2 * (_squares(shared) + _squares(entry * errors.own)))
+        return np.stack(blocks, axis=1)
+
+    def modal_mass(self) -> float:
+        """Relative standard uncertainty of ``1 / (largest component)^2``."""
+        if not self.scaled or not self.final[self.largest]:
+            return float("nan")
+        relative = np.concatenate([self.shape[self.largest], self.rest[self.largest]]) / self.final[self.largest]
+        return float(2 * np.linalg.norm(relative.real))
+
+    def common(self, root: Float[np.ndarray, "unknown cause"], count: int) -> Complex[np.ndarray, "dof common"]:
+        """Errors of the shape that go with those of its own pole and participation, and with those of the anchors."""
+        own = root[self.owners == self.mode]
+        left, strength, right = np.linalg.svd(own, full_matrices=False)
+        kept = right[strength > 1e-12 * strength.max(initial=0)][:count]
+        by_own = np.zeros((len(self.psi), count), complex)
+        by_own[:, : len(kept)] = self.shape[:, : root.shape[1]] @ kept.T
+        return np.concatenate([by_own, self.shape[:, root.shape[1] :]], axis=1)
+
+
+def residue_std(model: ModalModel) -> Complex[np.ndarray, "mode dof in"]:
+    """Standard uncertainties of the residues: of the real parts, and of the imaginary parts as imaginary part.
+
+    Raises
+    ------
+    InputError : the model has no uncertainty.
+    """
+    found = _known(model).residues
+    return np.sqrt(found[..., 0, 0]) + 1j * np.sqrt(found[..., 1, 1])
+
+
+def shape_std(model: ModalModel) -> Complex[np.ndarray, "dof mode"]:
+    """Standard uncertainties of the shapes: of the real parts, and of the imaginary parts as imaginary part.
+
+    Raises
+    ------
+    InputError : the model has no uncertainty.
+    """
+    found = _known(model).shapes
+    return (np.sqrt(found[..., 0, 0]) + 1j * np.sqrt(found[..., 1, 1])).T
+
+
+def _known(model: ModalModel) -> ModalUncertainty:
+    if model.uncertainty is None:
+        raise InputError(
+            "the modal model states no uncertainty", where=model.name,
+            expected="a model of ema.fit.modes", advice="fit it again from its FRFs",
+        )  # fmt: skip
+    return model.uncertainty
