@@ -1,12 +1,13 @@
 """Modal parameters over excitation level and normal force: the paper's Figs. 8 and 9."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data.findings import Finding
 from ema.data.provenance import Provenance
 
 
@@ -17,7 +18,8 @@ class ModalMap:
     ``force_levels`` (level,) and ``normal_forces`` (force,) are the nominal axes in N; ``force_at_resonance`` N,
     ``modal_amplitude`` (mass-normalised, m sqrt(kg)), ``joint_forces`` (level, force, joint) N are what was measured.
     ``method`` says how the points were obtained: ``measured`` (signals, windows and fit of a test, real or replayed) or
-    ``frozen`` (from harmonic balance alone).
+    ``frozen`` (from harmonic balance alone). ``quadrature_damping`` is told by the height of the peak; ``misfit`` is
+    what a linear mode leaves of the FRFs about the peak, relative.
     """
 
     force_levels: Float[np.ndarray, "level"]
@@ -33,9 +35,13 @@ class ModalMap:
     method: Literal["measured", "frozen"] = "measured"
     name: str = ""
     provenance: Provenance = Provenance()
+    quadrature_damping: Float[np.ndarray, "level force"] | None = None
+    misfit: Float[np.ndarray, "level force"] | None = None
+    findings: tuple[Finding, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         freeze(
             self, force_levels=float, normal_forces=float, frequency=float, damping=float, frequency_std=float,
             damping_std=float, force_at_resonance=float, modal_amplitude=float, joint_forces=float,
+            quadrature_damping=float, misfit=float,
         )  # fmt: skip

@@ -6,13 +6,16 @@ from typing import Any
 _HOME = {
     "circle_fit": "ema.fit.nyquist",
     "cmif": "ema.fit.cmif",
+    "era": "ema.fit.eigensystem",
     "local_fit": "ema.fit.single",
     "mode_indicator": "ema.fit.cmif",
     "modes": "ema.fit.modes",
     "multivariate_mode_indicator": "ema.fit.cmif",
     "peak_picking": "ema.fit.peaks",
     "reconstruction_error": "ema.fit.modes",
+    "second_opinion": "ema.fit.opinion",
     "stabilise": "ema.fit.stabilise",
+    "track": "ema.fit.track",
 }
 
 __all__ = list(_HOME)
