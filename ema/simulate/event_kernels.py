@@ -1,34 +1,58 @@
-"""Compiled search for the next change of stick and slip along an exact modal motion."""
+"""Compiled exact motion from one change of stick and slip to the next.
+
+Between changes every mode is mean + exp(-half t) (re cos wt - im sin wt), and where a harmonic force acts the forced
+motion is added. All modes of a phase share ``half``, which mass-proportional damping gives.
+"""
 
 import numba as nb
 import numpy as np
 
+from ema.simulate.contact_kernels import matvec
+from ema.simulate.phase_kernels import FAST, into_modes, phase_of
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
-def motion(wave, rate, mean, tide, pulse, t):
-    """Modal displacements and velocities (2, mode) at time t after the start of a phase.
-
-    eta = mean + Re(wave exp(rate t)) + Re(tide exp(j pulse t)).
-    """
-    out = np.empty((2, len(wave)))
-    forced = np.exp(1j * pulse * t)
-    for r in range(len(wave)):
-        free = wave[r] * np.exp(rate[r] * t)
-        drive = tide[r] * forced
-        out[0, r] = mean[r] + free.real + drive.real
-        out[1, r] = (rate[r] * free).real - pulse * drive.imag
-    return out
+# rows of the work array of a phase: wave, mean, forced wave, frequency, and displacement and velocity at some time
+RE, IM, MEAN, TIDE_RE, TIDE_IM, OMEGA, X, V, COS, SIN, NOW_RE, NOW_IM = range(12)
+# places in the vector of running numbers
+NOW, SAMPLE, EVENTS, HALTED, PHASE, CHANGED = range(6)
+HORIZON = 0.02
+"""s: a phase is begun anew after this time, so that rounding does not gather."""
+TERMS = 60
 
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
-def contact_motion(row, wave, rate, mean, tide, pulse, t):
-    """Relative displacement and velocity of one contact at time t."""
-    state = motion(wave, rate, mean, tide, pulse, t)
-    u, v = 0.0, 0.0
-    for r in range(len(row)):
-        u += row[r] * state[0, r]
-        v += row[r] * state[1, r]
-    return u, v
+@nb.njit(cache=True, fastmath=FAST)
+def motion(wave, half, pulse, t):
+    """Displacements and velocities (rows X, V) at time t after the start of a phase."""
+    fade, c, s = np.exp(-half * t), np.cos(pulse * t), np.sin(pulse * t)
+    for r in range(wave.shape[1]):
+        cosine, sine = fade * np.cos(wave[OMEGA, r] * t), fade * np.sin(wave[OMEGA, r] * t)
+        a = wave[RE, r] * cosine - wave[IM, r] * sine
+        b = wave[RE, r] * sine + wave[IM, r] * cosine
+        drive = wave[TIDE_RE, r] * c - wave[TIDE_IM, r] * s
+        turned = wave[TIDE_RE, r] * s + wave[TIDE_IM, r] * c
+        wave[X, r] = wave[MEAN, r] + a + drive
+        wave[V, r] = -half * a - wave[OMEGA, r] * b - pulse * turned
+
+
+@nb.njit(cache=True, fastmath=FAST)
+def begin(wave, q, p, vectors, squares, slips, force, load, half, pulse, angle):
+    """Waves of a phase that starts with the modal state q, p under contact forces ``force`` and a harmonic load."""
+    into_modes(slips, force, wave[MEAN])
+    into_modes(vectors, q, wave[X])
+    into_modes(vectors, p, wave[V])
+    if pulse > 0.0:
+        into_modes(vectors, load, wave[TIDE_RE])
+    for r in range(len(squares)):
+        wave[MEAN, r] /= squares[r]
+        wave[OMEGA, r] = np.sqrt(squares[r] - half * half)
+        if pulse > 0.0:
+            # load exp(j angle) / (w^2 - pulse^2 + 2 j half pulse)
+            stiff, loss = squares[r] - pulse * pulse, 2.0 * half * pulse
+            size = wave[TIDE_RE, r] / (stiff * stiff + loss * loss)
+            wave[TIDE_RE, r] = size * (stiff * np.cos(angle) + loss * np.sin(angle))
+            wave[TIDE_IM, r] = size * (stiff * np.sin(angle) - loss * np.cos(angle))
+        x = wave[X, r] - wave[MEAN, r] - wave[TIDE_RE, r]
+        v = wave[V, r] + pulse * wave[TIDE_IM, r]
+        wave[RE, r], wave[IM, r] = x, -(v + half * x) / wave[OMEGA, r]
 
 
 @nb.njit(cache=True)
@@ -37,72 +61,222 @@ def excess(slide, k, limit, rest, u, v, blur, still):
 
     Displacements below ``blur`` and velocities below ``still`` are rounding.
     """
-    if slide == 0:
+    if slide == 0.0:
         return k * (abs(u - rest) - blur) - limit
     return -slide * v - still
 
 
+@nb.njit(cache=True, fastmath=FAST)
+def series(row, wave, half, pulse, t, dt, out):
+    """Taylor coefficients of the relative displacement of one contact about the time t of the rows NOW_RE, NOW_IM.
+
+    Returns how many it takes up to t + dt.
+    """
+    top, size = 0.0, 1.0
+    out[:] = 0.0
+    for r in range(len(row)):
+        out[0] += row[r] * wave[MEAN, r]
+        top = max(top, wave[OMEGA, r])
+        wave[X, r], wave[V, r] = row[r] * wave[NOW_RE, r], row[r] * wave[NOW_IM, r]
+    drive_re, drive_im, c, s = 0.0, 0.0, np.cos(pulse * t), np.sin(pulse * t)
+    if pulse > 0.0:
+        for r in range(len(row)):
+            drive_re += row[r] * (wave[TIDE_RE, r] * c - wave[TIDE_IM, r] * s)
+            drive_im += row[r] * (wave[TIDE_RE, r] * s + wave[TIDE_IM, r] * c)
+    for n in range(TERMS):
+        total = drive_re
+        for r in range(len(row)):
+            total += wave[X, r]
+            a = wave[X, r]
+            wave[X, r] = (-half * a - wave[OMEGA, r] * wave[V, r]) * (dt / (n + 1))
+            wave[V, r] = (wave[OMEGA, r] * a - half * wave[V, r]) * (dt / (n + 1))
+        out[n] += total
+        drive_re, drive_im = -pulse * drive_im * dt / (n + 1), pulse * drive_re * dt / (n + 1)
+        size *= (top + half) * dt / (n + 1)
+        if size < 1e-18:
+            return n + 1
+    return TERMS
+
+
+@nb.njit(cache=True, fastmath=FAST)
+def polynomial(terms, count, s):
+    """Value and derivative of a polynomial."""
+    value, slope = 0.0, 0.0
+    for n in range(count - 1, -1, -1):
+        slope = slope * s + value
+        value = value * s + terms[n]
+    return value, slope
+
+
 @nb.njit(cache=True)
-def crossing(row, wave, rate, mean, tide, pulse, slide, k, limit, rest, blur, still, low, high, start, end):
-    """Time in (low, high) at which a spring changes, by the Illinois form of false position on the exact motion."""
+def crossing(terms, count, dt, slide, k, limit, rest, blur, still, start, end):
+    """Share of ``dt`` at which a spring changes, by the Illinois form of false position on the exact motion."""
     if start >= 0.0:
-        return low
-    for _ in range(60):
+        return 0.0
+    low, high = 0.0, 1.0
+    for _ in range(80):
         middle = (low * end - high * start) / (end - start)
         if not low < middle < high:
             middle = 0.5 * (low + high)
-        u, v = contact_motion(row, wave, rate, mean, tide, pulse, middle)
-        value = excess(slide, k, limit, rest, u, v, blur, still)
+        u, v = polynomial(terms, count, middle)
+        value = excess(slide, k, limit, rest, u, v / dt, blur, still)
         if value > 0.0:
             high, end = middle, value
             start *= 0.5
         else:
             low, start = middle, value
             end *= 0.5
-        if high - low <= 1e-15 + 1e-13 * high:
+        if high - low <= 1e-14:
             break
     return high
 
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
-def next_event(slip, wave, rate, mean, tide, pulse, contact, slide, k, limit, rest, horizon, spacing, blur, still):
+@nb.njit(cache=True, fastmath=FAST)
+def turn(wave):
+    """Turn all waves by one interval."""
+    for r in range(wave.shape[1]):
+        a, b = wave[NOW_RE, r], wave[NOW_IM, r]
+        wave[NOW_RE, r] = a * wave[COS, r] - b * wave[SIN, r]
+        wave[NOW_IM, r] = a * wave[SIN, r] + b * wave[COS, r]
+
+
+@nb.njit(cache=True, fastmath=FAST)
+def present(wave, half, pulse, t):
+    """Displacements and velocities at the rows NOW_RE and NOW_IM."""
+    c, s = np.cos(pulse * t), np.sin(pulse * t)
+    for r in range(wave.shape[1]):
+        wave[X, r] = wave[MEAN, r] + wave[NOW_RE, r]
+        wave[V, r] = -half * wave[NOW_RE, r] - wave[OMEGA, r] * wave[NOW_IM, r]
+    if pulse > 0.0:
+        for r in range(wave.shape[1]):
+            wave[X, r] += wave[TIDE_RE, r] * c - wave[TIDE_IM, r] * s
+            wave[V, r] -= pulse * (wave[TIDE_RE, r] * s + wave[TIDE_IM, r] * c)
+
+
+@nb.njit(cache=True)
+def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still, room):
     """First time up to ``horizon`` at which a spring sticks or slips, and that spring (-1: none)."""
-    contacts, modes = slip.shape
+    contact, k, limit, rest, slide, _ = springs
+    u, v, terms, before, after = room
     steps = max(int(np.ceil(horizon / spacing)), 1)
     dt = horizon / steps
-    now, turn = wave.copy(), np.exp(rate * dt)
-    forced, forced_turn = 1.0 + 0.0j, np.exp(1j * pulse * dt)
-    u, v = np.zeros(contacts), np.zeros(contacts)
-    q, p = np.empty(modes), np.empty(modes)
-    before, after = np.empty(len(k)), np.empty(len(k))
+    fade = np.exp(-half * dt)
+    for r in range(wave.shape[1]):
+        wave[NOW_RE, r], wave[NOW_IM, r] = wave[RE, r], wave[IM, r]
+        wave[COS, r], wave[SIN, r] = fade * np.cos(wave[OMEGA, r] * dt), fade * np.sin(wave[OMEGA, r] * dt)
+    anything = slide.any()
     for n in range(steps + 1):
         if n > 0:
-            for r in range(modes):
-                now[r] *= turn[r]
-            forced *= forced_turn
-        for r in range(modes):
-            drive = tide[r] * forced
-            q[r] = mean[r] + now[r].real + drive.real
-            p[r] = (rate[r] * now[r]).real - pulse * drive.imag
-        for i in range(contacts):
-            a, b = 0.0, 0.0
-            for r in range(modes):
-                a += slip[i, r] * q[r]
-                b += slip[i, r] * p[r]
-            u[i], v[i] = a, b
-        found, when = -1, horizon + 1.0
+            turn(wave)
+        present(wave, half, pulse, n * dt)
+        matvec(slips, wave[X], u)
+        if anything:
+            matvec(slips, wave[V], v)
+        found, when, ready = -1, 2.0, False
         for j in range(len(k)):
             i = contact[j]
             after[j] = excess(slide[j], k[j], limit[j], rest[j], u[i], v[i], blur, still)
             if n > 0 and after[j] > 0.0:
-                at = crossing(
-                    slip[i], wave, rate, mean, tide, pulse, slide[j], k[j], limit[j], rest[j], blur, still,
-                    (n - 1) * dt, n * dt,
-                    before[j], after[j],
-                )  # fmt: skip
+                if not ready:
+                    # back to the start of the interval
+                    c, s, size = wave[COS], wave[SIN], fade * fade
+                    for r in range(wave.shape[1]):
+                        a, b = wave[NOW_RE, r], wave[NOW_IM, r]
+                        wave[NOW_RE, r], wave[NOW_IM, r] = (a * c[r] + b * s[r]) / size, (b * c[r] - a * s[r]) / size
+                    ready = True
+                count = series(slips[i], wave, half, pulse, (n - 1) * dt, dt, terms)
+                at = crossing(terms, count, dt, slide[j], k[j], limit[j], rest[j], blur, still, before[j], after[j])
                 if at < when:
                     found, when = j, at
         if found >= 0:
-            return when, found
-        before, after = after, before
+            return (n - 1 + when) * dt, found
+        for j in range(len(k)):
+            before[j] = after[j]
     return horizon, -1
+
+
+@nb.njit(cache=True)
+def change(springs, j, u, lost):
+    """Let one spring stick or slip at relative displacement u."""
+    contact, k, limit, rest, slide, begun = springs
+    if slide[j] == 0.0:
+        slide[j] = 1.0 if u > rest[j] else -1.0
+        begun[j] = u
+    else:
+        lost[contact[j]] += limit[j] * abs(u - begun[j])
+        rest[j] = u - slide[j] * limit[j] / k[j]
+        slide[j] = 0.0
+
+
+@nb.njit(cache=True)
+def pulls(springs, force):
+    """Constant part of the contact forces of a phase."""
+    contact, k, limit, rest, slide, _ = springs
+    force[:] = 0.0
+    for j in range(len(k)):
+        force[contact[j]] += k[j] * rest[j] if slide[j] == 0.0 else -slide[j] * limit[j]
+
+
+@nb.njit(cache=True)
+def keep(sample, slip, q, p, springs, lost, samples):
+    """One sample: modal state, forces of the springs and friction loss of the contacts so far."""
+    contact, k, limit, rest, slide, begun = springs
+    out_q, out_p, out_force, out_lost = samples
+    out_q[sample], out_p[sample], out_lost[sample] = q, p, lost
+    u = np.empty(slip.shape[0])
+    matvec(slip, q, u)
+    for j in range(len(k)):
+        i = contact[j]
+        if slide[j] == 0.0:
+            out_force[sample, j] = k[j] * (u[i] - rest[j])
+        else:
+            out_force[sample, j] = slide[j] * limit[j]
+            out_lost[sample, i] += limit[j] * abs(u[i] - begun[j])
+
+
+@nb.njit(cache=True)
+def follow(numbers, times, last, search, base, springs, state, sums, half, harmonic, phases, used, samples, most):
+    """Go on from event to event until sample ``last`` is kept; ``numbers`` says where the motion is.
+
+    search: spacing s of the instants looked at, displacement and velocity that are rounding; base: squared
+    frequencies, rows of the relative displacements and stiffness of the contacts in the stuck structure; sums: friction
+    loss and time of sliding of every contact; harmonic: modal load, rad/s and rad. Returns False where springs change
+    without end.
+    """
+    (squares, slip, total), (q, p), (lost, slid) = base, state, sums
+    (spacing, blur, still), (load, pulse, angle) = search, harmonic
+    contact, k, _, _, slide, _ = springs
+    wave, force = np.zeros((12, len(squares))), np.empty(len(total))
+    room = (np.zeros(len(total)), np.zeros(len(total)), np.empty(TERMS), np.empty(len(k)), np.empty(len(k)))
+    here, speed = np.empty(len(squares)), np.empty(len(squares))
+    all_squares, all_vectors, all_slips, _, _ = phases
+    end = times[len(times) - 1]
+    while numbers[SAMPLE] <= last:
+        now, sample = numbers[NOW], int(numbers[SAMPLE])
+        n = phase_of(slide, contact, k, total, squares, slip, phases, used, int(numbers[PHASE]), int(numbers[CHANGED]))
+        pulls(springs, force)
+        begin(wave, q, p, all_vectors[n], all_squares[n], all_slips[n], force, load, half, pulse, pulse * now + angle)
+        horizon = min(end - now, HORIZON) + 1e-12
+        length, spring = next_event(all_slips[n], wave, half, pulse, springs, horizon, spacing, blur, still, room)
+        while sample < len(times) and times[sample] <= now + length:
+            motion(wave, half, pulse, times[sample] - now)
+            matvec(all_vectors[n], wave[X], here)
+            matvec(all_vectors[n], wave[V], speed)
+            keep(sample, slip, here, speed, springs, lost, samples)
+            sample += 1
+        motion(wave, half, pulse, length)
+        matvec(all_vectors[n], wave[X], q)
+        matvec(all_vectors[n], wave[V], p)
+        for j in range(len(k)):
+            slid[contact[j]] += length * abs(slide[j])
+        numbers[NOW], numbers[SAMPLE], numbers[PHASE], numbers[CHANGED] = now + length, sample, n, spring
+        if spring >= 0:
+            numbers[EVENTS] += 1
+            u = 0.0
+            for r in range(len(squares)):
+                u += slip[contact[spring], r] * q[r]
+            change(springs, spring, u, lost)
+        numbers[HALTED] = numbers[HALTED] + 1 if length < 1e-14 else 0
+        if numbers[HALTED] > most:
+            return False
+    return True

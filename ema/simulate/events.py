@@ -1,11 +1,11 @@
 """Motion in time, exact: closed-form modal motion between the instants at which a Masing spring sticks or slips.
 
-While no spring changes, the structure is linear. Its modes are found for every pattern of stuck and sliding springs,
-the motion is followed in closed form to the next change, and so on: no step, no numerical damping. The only
-approximation is the spacing of the instants at which a change is looked for.
+While no spring changes, the structure is linear. Its modes are found for every pattern of stuck and sliding springs
+(from those of the pattern before, in which one spring differs), the motion is followed in closed form to the next
+change, and so on: no step, no numerical damping. The only approximation is the spacing of the instants at which a
+change is looked for.
 """
 
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,8 +20,10 @@ from ema.progress import Progress, advance, silent
 from ema.simulate.friction import PIECEWISE_LINEAR, springs_of
 from ema.simulate.transient import Problem, displacement_findings, energy_findings, prepare, released
 
-_KEEP = 4000
+_MEMORY = 2e8
+"""Bytes for the modes of patterns that may come back."""
 _MOST_AT_ONCE = 50
+_CHUNKS = 50
 
 
 @dataclass
@@ -36,106 +38,90 @@ class _Springs:
     begun: np.ndarray
     """Relative displacement at which a sliding spring began to slide."""
 
+    @property
+    def arguments(self) -> tuple[np.ndarray, ...]:
+        """What the kernels take."""
+        return self.contact, self.stiffness, self.limit, self.rest, self.slide, self.begun
 
-@dataclass(frozen=True)
-class _Phase:
-    """Modes of one pattern of stuck and sliding springs, in the modes of the stuck structure."""
 
-    squares: np.ndarray
-    vectors: np.ndarray
-    slip: np.ndarray
-    rates: np.ndarray
+def _springs(problem: Problem, state: Any) -> _Springs:
+    """The springs of all contacts in a state; those without slip force do nothing and are left out."""
+    contacts = problem.system.contacts
+    rows = [
+        (i, contacts.stiffness[i] * k, contacts.limits[i] * f, state.z[i, j])
+        for i, law in enumerate(contacts.laws)
+        for j, (k, f) in enumerate(zip(*springs_of(law), strict=True))
+        if contacts.limits[i] * f > 0
+    ]
+    contact, stiffness, limit, force = (np.ascontiguousarray(part) for part in np.array(rows).reshape(-1, 4).T)
+    contact = contact.astype(np.int64)
+    sliding = np.where(np.abs(force) >= limit * (1 - 1e-12), np.sign(force), 0.0)
+    u = state.u[contact]
+    return _Springs(contact, stiffness, limit, u - force / stiffness, sliding, u.copy())
 
 
 class _Reference:
     """A piecewise linear structure that moves from event to event."""
 
-    def __init__(self, problem: Problem, memory: np.ndarray, u: np.ndarray, harmonic: "Harmonic | None") -> None:
+    def __init__(self, problem: Problem, state: Any, harmonic: "Harmonic | None", samples: int) -> None:
         base, contacts = problem.base, problem.system.contacts
-        self.problem, self.base, self.harmonic = problem, base, harmonic
+        self.problem, self.harmonic = problem, harmonic
         self.coupled = np.flatnonzero(base.coupled)
         self.slip = np.ascontiguousarray(base.slip[:, self.coupled])
-        rows = [
-            (i, contacts.stiffness[i] * k, contacts.limits[i] * f, memory[i, j])
-            for i, law in enumerate(contacts.laws)
-            for j, (k, f) in enumerate(zip(*springs_of(law), strict=True))
-            if contacts.limits[i] * f > 0
-        ]
-        table = np.array(rows).reshape(-1, 4).T
-        contact, stiffness, limit, force = (np.ascontiguousarray(part) for part in table)
-        contact = contact.astype(np.int64)
-        sliding = np.where(np.abs(force) >= limit * (1 - 1e-12), np.sign(force), 0.0)
-        self.springs = _Springs(contact, stiffness, limit, u[contact] - force / stiffness, sliding, u[contact].copy())
+        self.squares = base.frequencies[self.coupled] ** 2
+        self.springs = _springs(problem, state)
         self.mass_factor = problem.system.damping.mass_factor
-        self.phases: OrderedDict[bytes, _Phase] = OrderedDict()
-        self.lost = np.zeros(len(contacts.limits))
-        self.slid_time = np.zeros(len(contacts.limits))
-        self.load = None if harmonic is None else harmonic.force * base.row(problem.system, harmonic.at)[self.coupled]
+        self.load = np.zeros(len(self.coupled))
+        if harmonic is not None:
+            self.load = harmonic.force * base.row(problem.system, harmonic.at)[self.coupled]
+        modes, count, springs = len(self.coupled), len(contacts.limits), len(self.springs.limit)
+        self.lost, self.slid_time = np.zeros(count), np.zeros(count)
+        self.q, self.p = state.q[self.coupled].copy(), state.p[self.coupled].copy()
+        self.samples = (
+            np.zeros((samples, modes)), np.zeros((samples, modes)), np.zeros((samples, springs)),
+            np.zeros((samples, count)),
+        )  # fmt: skip
+        self.samples[0][0], self.samples[1][0] = self.q, self.p
+        slide, rest = self.springs.slide, self.springs.rest
+        stuck = self.springs.stiffness * (state.u[self.springs.contact] - rest)
+        self.samples[2][0] = np.where(slide == 0, stuck, slide * self.springs.limit)
+        room = int(np.clip(_MEMORY / (8 * modes * (modes + count + 1)), 16, 4000))
+        self.phases = (
+            np.empty((room, modes)), np.empty((room, modes, modes)), np.empty((room, count, modes)),
+            np.zeros((room, springs), np.bool_), np.full(4 * room, -1),
+        )  # fmt: skip
+        self.used = np.zeros(1, np.int64)
+        self.numbers = np.array([0.0, 1, 0, 0, -1, -1])
 
-    def phase(self) -> _Phase:
-        """Modes of the present pattern; the last few thousand are kept."""
-        springs = self.springs
-        key = springs.slide.astype(np.int8).astype(bool).tobytes()
-        if key in self.phases:
-            self.phases.move_to_end(key)
-            return self.phases[key]
-        stuck = np.where(springs.slide == 0, springs.stiffness, 0.0)
-        present = np.bincount(springs.contact, stuck, len(self.slip))
-        missing = self.problem.system.contacts.stiffness - present
-        matrix = np.diag(self.base.frequencies[self.coupled] ** 2) - self.slip.T @ (missing[:, None] * self.slip)
-        squares, vectors = np.linalg.eigh(matrix)
-        half = self.mass_factor / 2
-        rates = -half + np.sqrt((half**2 - squares).astype(complex))
-        made = _Phase(squares, vectors, np.ascontiguousarray(self.slip @ vectors), rates)
-        self.phases[key] = made
-        if len(self.phases) > _KEEP:
-            self.phases.popitem(last=False)
-        return made
-
-    def waves(self, phase: _Phase, q: np.ndarray, p: np.ndarray, time: float) -> tuple[Any, ...]:
-        """Free complex amplitudes, rest position and forced amplitudes of a phase that begins at ``time``."""
-        springs = self.springs
-        pull = np.where(springs.slide == 0, springs.stiffness * springs.rest, -springs.slide * springs.limit)
-        force = np.bincount(springs.contact, pull, len(self.slip))
-        mean = (phase.slip.T @ force) / phase.squares
-        tide, pulse = np.zeros(len(mean), complex), 0.0
-        if self.harmonic is not None and self.load is not None:
-            pulse = 2 * np.pi * self.harmonic.frequency
-            gain = phase.squares - pulse**2 + 1j * pulse * self.mass_factor
-            tide = (phase.vectors.T @ self.load) / gain * np.exp(1j * (pulse * time + self.harmonic.phase))
-        x = phase.vectors.T @ q - mean - tide.real
-        v = phase.vectors.T @ p + pulse * tide.imag
-        real, imaginary = phase.rates.real, phase.rates.imag
-        # x = Re(wave), v = Re(rate wave)
-        wave = x + 1j * np.divide(real * x - v, imaginary, out=np.zeros_like(x), where=imaginary != 0)
-        return wave, mean, tide, pulse
-
-    def rounding(self, state: Any) -> tuple[float, float]:
+    def rounding(self) -> tuple[float, float]:
         """Relative displacement and velocity below which rounding, not motion, decides."""
-        omega = self.base.frequencies[self.coupled]
-        size = np.abs(state.q[self.coupled]) + np.abs(state.p[self.coupled]) / omega
-        if self.load is not None:
-            size = size + np.abs(self.load) / omega**2
+        omega = np.sqrt(self.squares)
+        size = np.abs(self.q) + np.abs(self.p) / omega + np.abs(self.load) / self.squares
         return (
             1e-13 * float((np.abs(self.slip) @ size).max()), 1e-12 * float((np.abs(self.slip) @ (omega * size)).max())
         )  # fmt: skip
 
-    def change(self, spring: int, u: float) -> None:
-        """Let one spring stick or slip at relative displacement u."""
-        springs = self.springs
-        if springs.slide[spring] == 0:
-            springs.slide[spring] = np.sign(u - springs.rest[spring])
-            springs.begun[spring] = u
-        else:
-            self.lost[springs.contact[spring]] += springs.limit[spring] * abs(u - springs.begun[spring])
-            springs.rest[spring] = u - springs.slide[spring] * springs.limit[spring] / springs.stiffness[spring]
-            springs.slide[spring] = 0.0
+    def follow(self, times: np.ndarray, spacing: float, progress: Progress) -> int:
+        """Go from event to event and keep a sample at each of ``times``; returns the number of events."""
+        from ema.simulate import event_kernels
 
-    def forces(self, u: np.ndarray) -> np.ndarray:
-        """Friction force of every spring at relative displacements u (contact,)."""
-        springs = self.springs
-        stuck = springs.stiffness * (u[springs.contact] - springs.rest)
-        return np.where(springs.slide == 0, stuck, springs.slide * springs.limit)
+        kernels: Any = event_kernels
+        harmonic = (self.load, 0.0, 0.0)
+        if self.harmonic is not None:
+            harmonic = (self.load, 2 * np.pi * self.harmonic.frequency, self.harmonic.phase)
+        search, count = (spacing, *self.rounding()), len(times)
+        base = (self.squares, self.slip, self.problem.system.contacts.stiffness)
+        for last in np.unique(np.linspace(1, count - 1, _CHUNKS).astype(np.int64)):
+            advance(progress, "events", int(last), count - 1)
+            ended = kernels.follow(
+                self.numbers, times, int(last), search, base, self.springs.arguments, (self.q, self.p),
+                (self.lost, self.slid_time), 0.5 * self.mass_factor, harmonic, self.phases, self.used, self.samples,
+                _MOST_AT_ONCE * len(self.springs.contact),
+            )  # fmt: skip
+            if not ended:
+                raise FailureError("springs stick and slip without end", where=self.problem.system.name,
+                                   got=f"at {self.numbers[0]:g} s", advice="use the fast mode")  # fmt: skip
+        return int(self.numbers[2])
 
 
 @dataclass(frozen=True)
@@ -184,54 +170,13 @@ def run_reference(
     InputError : a law is not piecewise linear, the damping is not proportional to mass, a number is not positive.
     FailureError : too many events.
     """
-    from ema.simulate import event_kernels
-
-    kernels: Any = event_kernels
     _check(problem, duration, sampling_rate)
-    reference = _Reference(problem, state.z, state.u, harmonic)
-    base, coupled = problem.base, reference.coupled
-    spacing = spacing or (2 * np.pi / float(base.frequencies[coupled].max()) / 6)
     count = max(round(duration * sampling_rate), 1)
     times = np.arange(count + 1) / sampling_rate
-    q, p = np.zeros((count + 1, len(coupled))), np.zeros((count + 1, len(coupled)))
-    spring_force = np.zeros((count + 1, len(reference.springs.contact)))
-    slid = np.zeros((count + 1, len(reference.lost)))
-    q[0], p[0] = state.q[coupled], state.p[coupled]
-    spring_force[0] = reference.forces(state.u)
-    now, here, speed, sample, events, halted = 0.0, q[0].copy(), p[0].copy(), 1, 0, 0
-    end = float(times[-1])
-    springs = reference.springs
-    blur, still = reference.rounding(state)
-    while sample <= count:
-        phase = reference.phase()
-        wave, mean, tide, pulse = reference.waves(phase, here, speed, now)
-        length, spring = kernels.next_event(
-            phase.slip, wave, phase.rates, mean, tide, pulse, springs.contact, springs.slide, springs.stiffness,
-            springs.limit, springs.rest, min(end - now, 0.02) + 1e-12, spacing, blur, still,
-        )  # fmt: skip
-        while sample <= count and times[sample] <= now + length:
-            eta = kernels.motion(wave, phase.rates, mean, tide, pulse, times[sample] - now)
-            q[sample], p[sample] = phase.vectors @ eta[0], phase.vectors @ eta[1]
-            u = reference.slip @ q[sample]
-            spring_force[sample] = reference.forces(u)
-            sliding = springs.slide != 0
-            slid[sample] = reference.lost
-            path = springs.limit * np.abs(u[springs.contact] - springs.begun)
-            slid[sample] += np.bincount(springs.contact, np.where(sliding, path, 0.0), len(u))
-            sample += 1
-            advance(progress, "events", sample - 1, count)
-        eta = kernels.motion(wave, phase.rates, mean, tide, pulse, length)
-        here, speed = phase.vectors @ eta[0], phase.vectors @ eta[1]
-        reference.slid_time += np.bincount(springs.contact, length * np.abs(springs.slide), len(reference.lost))
-        now += length
-        if spring >= 0:
-            events += 1
-            reference.change(spring, float(reference.slip[springs.contact[spring]] @ here))
-        halted = halted + 1 if length < 1e-14 else 0
-        if halted > _MOST_AT_ONCE * len(springs.contact):
-            raise FailureError("springs stick and slip without end", where=problem.system.name, got=f"at {now:g} s",
-                               advice="use the fast mode")  # fmt: skip
-    return _reference_response(problem, reference, state, times, q, p, spring_force, slid, spacing, events)
+    reference = _Reference(problem, state, harmonic, count + 1)
+    spacing = spacing or (2 * np.pi / float(np.sqrt(reference.squares.max())) / 6)
+    events = reference.follow(times, spacing, progress)
+    return _reference_response(problem, reference, state, times, spacing, events)
 
 
 def _check(problem: Problem, duration: float, sampling_rate: float) -> None:
@@ -249,9 +194,9 @@ def _check(problem: Problem, duration: float, sampling_rate: float) -> None:
 
 
 def _reference_response(
-    problem: Problem, reference: _Reference, state: Any, times: np.ndarray, q: np.ndarray, p: np.ndarray,
-    spring_force: np.ndarray, slid: np.ndarray, spacing: float, events: int,
-) -> Response:  # fmt: skip
+    problem: Problem, reference: _Reference, state: Any, times: np.ndarray, spacing: float, events: int
+) -> Response:
+    q, p, spring_force, slid = reference.samples
     base, system, springs = problem.base, problem.system, reference.springs
     coupled, free = reference.coupled, np.flatnonzero(~base.coupled)
     rows = np.array([base.row(system, dof) for dof in problem.outputs])
