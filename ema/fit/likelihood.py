@@ -1,14 +1,15 @@
 """Maximum-likelihood refinement of modes in modal form.
 
 The FRFs are modelled as ``H = s^q (sum_r [psi_r L_r^T / (s - p_r) + conj] + rest)`` with poles p, participation vectors
-L and, linear in the data, shapes psi and the rest: real lower and upper residuals and two unobserved modes, one below and
-one above the band, that stand for everything farther away. Weighted by the noise of each line, output and reference,
+L and, linear in the data, shapes psi and the rest: real lower and upper residuals and two unobserved modes, one below
+and one above the band, that stand for everything farther away. Weighted by the noise of each line, output and reference,
 the linear unknowns are eliminated (variable projection, Golub and Pereyra 1973, in Kaufman's approximation), so that
 only poles and participation are iterated (modal form: El-Kafafy, De Troyer, Guillaume 2014).
 
 All outputs share one small Gram matrix of basis functions, which does not grow with outputs or references.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -391,26 +392,38 @@ def reweighted(
     return updated, replace(noise, lines=noise.lines * lines)
 
 
+def _differences(data: Observations, fit: ModalFit) -> Iterator[tuple[int, int, Float[np.ndarray, "out line"]]]:
+    """Weighted residuals, a block of bins at a time: first bin, reference, real and imaginary parts interleaved."""
+    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 1, data.reference_weights)
+    mixing = [c[:, :linear] @ fit.coefficients for c in columns]
+    for first in range(0, len(data.s), _CHUNK):
+        base = _base(data, slice(first, first + _CHUNK), fit.poles)
+        for i, part in enumerate(mixing):
+            yield first, i, data.signals[i][:, 2 * first : 2 * (first + _CHUNK)] - part.T @ base
+
+
 def residuals(data: Observations, fit: ModalFit) -> tuple[Float[np.ndarray, "freq"], Float[np.ndarray, "freq"]]:
     """Weighted residual over all (rotated) FRFs: its root mean square in each bin, and its product with that of the
     next bin, which noise leaves near 0 and a misfit near the square.
     """
     references, outputs, _ = data.signals.shape
-    columns, linear = _columns(fit.participation, fit.free, len(data.rest) + 1, data.reference_weights)
-    mixing = [c[:, :linear] @ fit.coefficients for c in columns]
-    energy, together = np.empty(len(data.s)), np.zeros(len(data.s))
-    for first in range(0, len(data.s), _CHUNK):
-        rows = slice(first, first + _CHUNK)
-        base = _base(data, rows, fit.poles)
-        found = np.zeros(base.shape[1])
-        for i in range(references):
-            difference = data.signals[i][:, 2 * first : 2 * (first + _CHUNK)] - mixing[i].T @ base
-            found += np.einsum("ok,ok->k", difference, difference)
-            product = np.einsum("ok,ok->k", difference[:, 2:], difference[:, :-2])
-            together[first : first + len(product) // 2] += product.reshape(-1, 2).sum(axis=1)
-        energy[rows] = found.reshape(-1, 2).sum(axis=1)
+    energy, together = np.zeros(len(data.s)), np.zeros(len(data.s))
+    for first, _, difference in _differences(data, fit):
+        energy[first : first + _CHUNK] += np.einsum("ok,ok->k", difference, difference).reshape(-1, 2).sum(axis=1)
+        product = np.einsum("ok,ok->k", difference[:, 2:], difference[:, :-2])
+        together[first : first + len(product) // 2] += product.reshape(-1, 2).sum(axis=1)
     count = 2 * references * outputs
     return np.sqrt(energy / count), together / count
+
+
+def power_by_reference(data: Observations, fit: ModalFit) -> Float[np.ndarray, "freq in"]:
+    """Mean square of the weighted residual in each bin, for each reference."""
+    references, outputs, _ = data.signals.shape
+    power = np.zeros((len(data.s), references))
+    for first, i, difference in _differences(data, fit):
+        energy = np.einsum("ok,ok->k", difference, difference).reshape(-1, 2).sum(axis=1)
+        power[first : first + _CHUNK, i] = energy / (2 * outputs)
+    return power
 
 
 def correlation(data: Observations, fit: ModalFit) -> float:
@@ -436,6 +449,16 @@ def dominance(data: Observations, fit: ModalFit) -> Float[np.ndarray, "mode"]:
     return result
 
 
+def _trial_base(data: Observations, rows: slice, poles: Complex[np.ndarray, "trial"]) -> Float[np.ndarray, "base line"]:
+    """Basis functions of poles alone; the width of the bins is of no matter to a trial."""
+    s, factor = data.s[rows], data.factor[rows]
+    common = factor / (s**2 - 2 * poles.real[:, None] * s + (np.abs(poles) ** 2)[:, None])
+    out = np.empty((len(poles), 2, len(s)), complex)
+    np.multiply(common, 2 * (s - poles.real[:, None]), out=out[:, 0])
+    np.multiply(common, -2 * poles.imag[:, None], out=out[:, 1])
+    return out.reshape(-1, len(s)).view(np.float64)
+
+
 def trial_products(
     data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
 ) -> tuple[Float[np.ndarray, "trial 2 2"], Float[np.ndarray, "trial 2 in column"], Float[np.ndarray, "trial 2 in out"]]:
@@ -450,7 +473,7 @@ def trial_products(
     cross = np.zeros((2 * count, references * outputs))
     for first in range(0, len(data.s), _CHUNK):
         rows = slice(first, first + _CHUNK)
-        trial = _base(data, rows, trials)[: 2 * count]
+        trial = _trial_base(data, rows, trials)
         pairs = trial.reshape(count, 2, -1)
         own += np.einsum("tak,tbk->tab", pairs, pairs, optimize=True)
         overlap += trial @ _base(data, rows, fit.poles)[known].T

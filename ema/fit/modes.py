@@ -9,17 +9,15 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.errors import InputError
-from ema.fit import likelihood, noise, uncertainty, weighted
+from ema.fit import uncertainty
 from ema.fit.prepare import Prepared, prepare
+from ema.fit.refinement import refined
 from ema.fit.scaling import scale_to_unit_modal_mass
-from ema.fit.search import MISFIT
 from ema.fit.select import Selection, keep_picked, select
 from ema.progress import Progress, advance, silent
 
 _NAMED = 10
 """Dropped candidates that are told one by one."""
-_ENOUGH = 500_000
-"""Values from which the structure of the noise is estimated."""
 
 
 def modes(
@@ -100,8 +98,8 @@ def _taken(table: PoleTable, row: int, rows: list[int]) -> bool:
 
 def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
     """Modes and background on all outputs, refined with the noise of every FRF."""
-    state, normal, factor = _refined(data, chosen)
-    scale = float(np.abs(chosen.data.s).mean())
+    optimum = refined(band, data, chosen)
+    state, scale = optimum.state, optimum.unit
     poles, psi = state.poles * scale, state.shapes * scale
     outside = np.flatnonzero(~chosen.is_mode)
     unobserved = len(state.rest_poles)
@@ -131,67 +129,7 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
         name=band.name,
     )
     model = scale_to_unit_modal_mass(model) if band.scaled else model
-    return uncertainty.attach(model, state, normal, order, scale, np.full(len(poles), factor), "")
-
-
-def _refined(data: Prepared, chosen: Selection) -> tuple[weighted.State, weighted.Linearisation, float]:
-    """The selected poles at the optimum for the noise of every FRF, which the residual of the selection tells."""
-    fit, unit = chosen.fit, float(np.abs(chosen.data.s).mean())
-    coefficients = _coefficients(data, chosen)
-    modes, references, outputs = len(fit.poles), len(data.references), len(data.dofs)
-    pairs = (coefficients[0::2] + 1j * coefficients[1::2]).T
-    unobserved = len(chosen.data.rest)
-    own = pairs[:, modes:].reshape(outputs, references, unobserved + 1)
-    static = own[:, :, -1]
-    rest = np.concatenate([own[:, :, :-1] / unit, np.stack([static.real, static.imag], axis=2)], axis=2)
-    start = weighted.State(
-        poles=fit.poles / unit,
-        participation=fit.participation,
-        shapes=pairs[:, :modes] / unit,
-        rest_poles=chosen.data.rest / unit,
-        rest=rest,
-        active=np.ones(unobserved + 2, bool),
-    )
-    s = 2j * np.pi * data.frequencies / unit
-    signals = np.ascontiguousarray((data.values * ((s * unit) ** -data.derivative)[:, None, None]).transpose(1, 2, 0))
-    flat = weighted.Weighted(s, unit, signals, np.broadcast_to(1.0, signals.shape))
-    flat = replace(flat, weights=_weights(flat, start, data.derivative))
-    state, normal = weighted.refine(flat, start, likelihood.narrowest_decay(chosen.data) / unit)
-    return state, normal, weighted.cost(flat, state) / weighted.freedom(flat, state)
-
-
-def _weights(data: weighted.Weighted, state: weighted.State, derivative: int) -> Float[np.ndarray, "out in freq"]:
-    """Weights of all lines of all FRFs from the residual of a state."""
-    curve = np.abs(data.s) ** (2 * derivative)
-
-    def powers(rows: slice) -> tuple[np.ndarray, np.ndarray]:
-        fitted = weighted.model(data, state, rows)
-        residual = data.signals[rows] - fitted
-        return (residual.real**2 + residual.imag**2) * curve, (fitted.real**2 + fitted.imag**2) * curve
-
-    some = slice(None, None, max(1, data.signals.size // _ENOUGH))
-    residual = data.signals[some] - weighted.model(data, state, some)
-    together = np.sum(residual[..., 1:] * residual[..., :-1].conj(), axis=(0, 1))
-    misfit = np.sum(together.real) > MISFIT * np.sum(np.abs(residual) ** 2)
-    found = noise.structure(*powers(some), plain=bool(misfit))
-    weights = np.empty(data.signals.shape)
-    for rows in data.blocks():
-        weights[rows] = 2 * curve / found.variance(*powers(rows))
-    return weights
-
-
-def _coefficients(data: Prepared, chosen: Selection) -> Float[np.ndarray, "column out"]:
-    """Linear unknowns of every output at the refined poles, a block of outputs at a time."""
-    fit, blocks = chosen.fit, []
-    noise = chosen.noise
-    for first in range(0, len(data.dofs), 48):
-        rows = slice(first, first + 48)
-        part = replace(noise, outputs=noise.outputs[rows])
-        observed = likelihood.observe(
-            data.frequencies, data.values[:, rows], data.derivative, part, chosen.starts, rotate=False
-        )
-        blocks.append(likelihood.linear_unknowns(observed, fit) * noise.outputs[rows])
-    return np.concatenate(blocks, axis=1)
+    return uncertainty.attach(model, optimum, order)
 
 
 def _normalise(

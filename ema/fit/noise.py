@@ -6,6 +6,8 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Complex, Float, Int
 
+from ema.data import FrfSet
+
 _FLOOR = 1e-9
 """Smallest noise, relative to the rms of an FRF, that the weights distinguish."""
 
@@ -126,6 +128,46 @@ def _cells(model: Float[np.ndarray, "out in freq"]) -> Int[np.ndarray, "out in f
     """Size of an FRF over its rms, in steps of 0.75 dB from -60 dB on."""
     size = model / np.maximum(np.mean(model, axis=-1, keepdims=True), np.finfo(float).tiny)
     return np.clip(4 * np.log2(np.maximum(size, 2.0**-20)) + 80, 0, _CELLS - 1).astype(np.intp)
+
+
+def pooled(
+    variance: Float[np.ndarray, "out in freq"], found: Structure, model: Float[np.ndarray, "out in freq"]
+) -> Float[np.ndarray, "out in freq"]:
+    """Measured variances made fit for weights: what they have beside their structure, pooled over 25 lines.
+
+    A variance from a few averages scatters so much that its inverse would make the weights, not the noise.
+    """
+    usual = found.variance(variance, model)
+    return usual * np.maximum(scipy.ndimage.uniform_filter1d(variance / usual, _POOLED, axis=-1, mode="nearest"), 0.01)
+
+
+_POOLED = 25
+
+
+def measured(frfs: FrfSet) -> Float[np.ndarray, "freq out in"] | None:
+    """Variance that came with the FRFs, or that their coherence tells; ``None`` where neither says anything.
+
+    A variance that is not positive and finite in single lines takes the median of its FRF. From the coherence it is
+    ``|H|^2 (1 - c) / (2 n c)`` (Bendat and Piersol 2010, eq. 9.90 of random data), n averages.
+    """
+    variance = frfs.variance
+    if variance is None and frfs.coherence is not None:
+        coherence = np.asarray(frfs.coherence)
+        sound = np.isfinite(coherence) & (coherence >= 0) & (coherence <= 1 + 1e-6)
+        if not sound.all() or np.median(1 - coherence) < 1e-9:
+            return None
+        averages = 1.0 if frfs.averages is None else np.maximum(frfs.averages, 1)
+        clipped = np.clip(coherence, 1e-3, 1 - 1e-9)
+        # The size of the FRF over a few lines: the coherence of a line scatters together with its FRF.
+        power = scipy.ndimage.uniform_filter1d(np.abs(frfs.values) ** 2, 5, axis=0, mode="nearest")
+        variance = power * (1 - clipped) / clipped / (2 * averages)
+    if variance is None:
+        return None
+    sound = np.isfinite(variance) & (variance > 0)
+    if np.any(np.mean(sound, axis=0) < 0.5):
+        return None
+    typical = np.nanmedian(np.where(sound, variance, np.nan), axis=0)
+    return np.where(sound, variance, typical)
 
 
 def _by_size(

@@ -1,25 +1,26 @@
 """Uncertainty of a modal model by linearisation at the optimum of the fit.
 
-Errors are followed from their causes: the shared unknowns (poles, participation) err together, each output adds errors of
-its own. An error is held as a factor: one complex number for each of a set of independent causes of unit variance.
+Errors are followed from their causes: the shared unknowns (poles, participation) err together, each output adds errors
+of its own. An error is held as a factor: one complex number for each of a set of independent causes of unit variance.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 from ema.data import ModalModel, ModalUncertainty
 from ema.dof import match
 from ema.errors import InputError
-from ema.fit.weighted import Linearisation, State, unit_scale
+from ema.fit.refinement import Refined
+from ema.fit.weighted import State, unit_scale
 
 
 @dataclass(frozen=True)
 class _Errors:
-    """Factors of one mode: pole (cause,), participation (in, cause), shape by the shared causes (out, cause) and by those
-    of each output alone (out, 2).
+    """Factors of one mode: pole (cause,), participation (in, cause), shape by the shared causes (out, cause) and by
+    those of each output alone (out, 2).
     """
 
     pole: Complex[np.ndarray, "cause"]
@@ -28,28 +29,14 @@ class _Errors:
     own: Complex[np.ndarray, "out 2"]
 
 
-def attach(
-    model: ModalModel,
-    state: State,
-    normal: Linearisation,
-    order: np.ndarray,
-    unit: float,
-    inflation: Float[np.ndarray, "fitted"],
-    basis: str,
-) -> ModalModel:
-    """The model with its uncertainty.
-
-    Parameters
-    ----------
-    model : modes ``order`` of the state, which is in units of ``unit`` rad/s, scaled in whatever way.
-    inflation : variance of each mode of the state over what the weights say.
-    basis : what the noise level rests on.
-    """
+def attach(model: ModalModel, optimum: Refined, order: Int[np.ndarray, "mode"]) -> ModalModel:
+    """The model with its uncertainty; its modes are those of the optimum in the given order, scaled in whatever way."""
+    state, unit = optimum.state, optimum.unit
     if not len(order):
         return replace(model, covariance=np.zeros((0, 2, 2)))
-    root = _root(state, normal, inflation)
+    root = _root(optimum)
     modes = [
-        _Mode(model, place, state, _errors(state, normal, root, int(mode), float(inflation[mode])), int(mode), unit)
+        _Mode(model, place, state, _errors(optimum, root, int(mode)), int(mode), unit)
         for place, mode in enumerate(order)
     ]
     values = np.concatenate([mode.values() for mode in modes])
@@ -61,7 +48,7 @@ def attach(
         participation=np.array([mode.participation() for mode in modes]),
         residues=np.array([mode.residues() for mode in modes]),
         modal_mass=np.array([mode.modal_mass() for mode in modes]),
-        basis=basis,
+        basis=optimum.basis,
     )
     own = np.arange(len(modes))
     blocks = covariance.reshape(len(modes), 2, len(modes), 2)[own, :, own]
@@ -74,10 +61,9 @@ def _owners(state: State) -> np.ndarray:
     return np.tile(np.concatenate([np.arange(modes), state.free % max(modes, 1)]), 2)
 
 
-def _root(
-    state: State, normal: Linearisation, inflation: Float[np.ndarray, "fitted"]
-) -> Float[np.ndarray, "unknown cause"]:
+def _root(optimum: Refined) -> Float[np.ndarray, "unknown cause"]:
     """Square root of the covariance of the shared unknowns."""
+    normal = optimum.normal
     scale = unit_scale(normal.information)
     scaled, ridge = normal.information * np.outer(scale, scale), 1e-13
     while True:
@@ -87,23 +73,22 @@ def _root(
             ridge *= 100
             continue
         inverse = scipy.linalg.solve_triangular(factor, np.eye(len(scale)), lower=True, check_finite=False)
-        return np.sqrt(inflation[_owners(state)])[:, None] * scale[:, None] * inverse.T
+        return np.sqrt(optimum.inflation[_owners(optimum.state)])[:, None] * scale[:, None] * inverse.T
 
 
-def _errors(
-    state: State, normal: Linearisation, root: Float[np.ndarray, "unknown cause"], mode: int, inflation: float
-) -> _Errors:
-    """Errors of one mode of the state."""
+def _errors(optimum: Refined, root: Float[np.ndarray, "unknown cause"], mode: int) -> _Errors:
+    """Errors of one mode of the optimum."""
+    state, normal = optimum.state, optimum.normal
     modes, half, references = len(state.poles), len(root) // 2, len(state.participation)
     by_cause = root[:half] + 1j * root[half:]
     participation = np.zeros((references, root.shape[1]), complex)
     for place, entry in enumerate(state.free):
         if entry % modes == mode:
             participation[entry // modes] = by_cause[modes + place]
-    first = np.count_nonzero(state.determined[: len(state.determined) // 2])
-    rows = [mode, first + mode]
+    first = int(np.count_nonzero(state.determined[: len(state.determined) // 2]))
+    rows = np.array([mode, first + mode])
     slope = normal.slope[:, rows] @ root
-    block = inflation * normal.local[:, rows][:, :, rows]
+    block = optimum.inflation_of_shapes[mode] * normal.local[:, rows][:, :, rows]
     floor = np.finfo(float).tiny
     # Cholesky factor of the 2 x 2 blocks, written out.
     a = np.sqrt(np.maximum(block[:, 0, 0], floor))
@@ -200,7 +185,7 @@ class _Mode:
     def common(self, root: Float[np.ndarray, "unknown cause"], count: int) -> Complex[np.ndarray, "dof common"]:
         """Errors of the shape that go with those of its own pole and participation, and with those of the anchors."""
         own = root[self.owners == self.mode]
-        left, strength, right = np.linalg.svd(own, full_matrices=False)
+        _, strength, right = np.linalg.svd(own, full_matrices=False)
         kept = right[strength > 1e-12 * strength.max(initial=0)][:count]
         by_own = np.zeros((len(self.psi), count), complex)
         by_own[:, : len(kept)] = self.shape[:, : root.shape[1]] @ kept.T

@@ -86,9 +86,9 @@ class State:
 class Linearisation:
     """Normal equations at a state, real unknowns: real parts of (poles, free participation), then imaginary parts.
 
-    ``local`` (out, l, l) inverts the information of the linear unknowns of an output (real parts of its shapes and of its
-    rest, then imaginary parts); ``slope`` (out, l, unknown) is their change with the shared unknowns; ``offset`` (out, l)
-    their step when those stay. ``cost`` is the residual energy of the state, ``gain`` what the offset takes off.
+    ``local`` (out, l, l) inverts the information of the linear unknowns of an output (real parts of its shapes and of
+    its rest, then imaginary parts); ``slope`` (out, l, unknown) is their change with the shared unknowns; ``offset``
+    (out, l) their step when those stay. ``cost`` is the residual energy of the state, ``gain`` what the offset takes off.
     """
 
     information: Float[np.ndarray, "unknown unknown"]

@@ -1,0 +1,155 @@
+"""From a selection of modes to the optimum for the noise of every FRF, and what the intervals rest on."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import FrfSet
+from ema.fit import likelihood, noise, weighted
+from ema.fit.prepare import Prepared
+from ema.fit.search import MISFIT
+from ema.fit.select import Selection
+from ema.fit.weighted import Linearisation, State, Weighted
+
+_ENOUGH = 300_000
+"""Values from which the structure of the noise and its correlation are estimated."""
+_LONGEST = 60
+"""Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The optimum in units of ``unit`` rad/s.
+
+    ``inflation`` (mode,) is the variance of the pole of each mode over what the weights say, ``inflation_of_shapes``
+    that of its shape: residual energy over that of the assumed noise, times the loss by errors that are correlated over
+    lines. ``basis`` says in words what the noise level rests on.
+    """
+
+    state: State
+    normal: Linearisation
+    unit: float
+    inflation: Float[np.ndarray, "mode"]
+    inflation_of_shapes: Float[np.ndarray, "mode"]
+    basis: str
+
+
+def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
+    """Refine selected poles, participation, shapes and residual terms with a weight for every line of every FRF."""
+    unit = float(np.abs(chosen.data.s).mean())
+    s = 2j * np.pi * data.frequencies / unit
+    signals = np.ascontiguousarray((data.values * ((s * unit) ** -data.derivative)[:, None, None]).transpose(1, 2, 0))
+    flat = Weighted(s, unit, signals, np.broadcast_to(1.0, signals.shape))
+    start = _start(data, chosen, unit)
+    known, basis = _known(band, data)
+    flat = replace(flat, weights=_weights(flat, start, data.derivative, known))
+    state, normal = weighted.refine(flat, start, likelihood.narrowest_decay(chosen.data) / unit)
+    factor = weighted.cost(flat, state) / weighted.freedom(flat, state)
+    of_poles, of_shapes = _loss(flat, state)
+    return Refined(state, normal, unit, factor * of_poles, factor * of_shapes, basis)
+
+
+def _start(data: Prepared, chosen: Selection, unit: float) -> State:
+    """The selection with shapes and residual terms on all outputs."""
+    fit, blocks = chosen.fit, []
+    for first in range(0, len(data.dofs), 48):
+        rows = slice(first, first + 48)
+        part = replace(chosen.noise, outputs=chosen.noise.outputs[rows])
+        observed = likelihood.observe(
+            data.frequencies, data.values[:, rows], data.derivative, part, chosen.starts, rotate=False
+        )
+        blocks.append(likelihood.linear_unknowns(observed, fit) * chosen.noise.outputs[rows])
+    coefficients = np.concatenate(blocks, axis=1)
+    modes, references, unobserved = len(fit.poles), len(data.references), len(chosen.data.rest)
+    pairs = (coefficients[0::2] + 1j * coefficients[1::2]).T
+    rest = pairs[:, modes:].reshape(len(data.dofs), references, unobserved + 1)
+    static = rest[:, :, -1]
+    return State(
+        poles=fit.poles / unit,
+        participation=fit.participation,
+        shapes=pairs[:, :modes] / unit,
+        rest_poles=chosen.data.rest / unit,
+        rest=np.concatenate([rest[:, :, :-1] / unit, np.stack([static.real, static.imag], axis=2)], axis=2),
+        active=np.ones(unobserved + 2, bool),
+    )
+
+
+def _known(band: FrfSet, data: Prepared) -> tuple[Float[np.ndarray, "out in freq"] | None, str]:
+    """Variance that came with the FRFs, arranged like the signals, and what the intervals rest on."""
+    variance = noise.measured(band)
+    if variance is None:
+        single = band.averages is not None and np.max(band.averages, initial=0) <= 1
+        why = "; with a single average the coherence is 1 and says nothing" if single else ""
+        return None, f"scatter of the residuals over the lines{why}"
+    if data.swapped:
+        variance = variance.transpose(0, 2, 1)
+    dofs, references = (band.inputs, band.outputs) if data.swapped else (band.outputs, band.inputs)
+    rows, columns = [dofs.index(dof) for dof in data.dofs], [references.index(dof) for dof in data.references]
+    variance = variance[len(variance) - len(data.frequencies) :][:, rows][:, :, columns]
+    source = "variance of the FRFs" if band.variance is not None else "coherence of the FRFs"
+    return np.ascontiguousarray(variance.transpose(1, 2, 0)), f"{source}, scaled to the residuals"
+
+
+def _weights(
+    data: Weighted, state: State, derivative: int, known: Float[np.ndarray, "out in freq"] | None
+) -> Float[np.ndarray, "out in freq"]:
+    """Weights of all lines of all FRFs from their variances, or from the residual of a state."""
+    curve = np.abs(data.s) ** (2 * derivative)
+
+    def powers(rows: slice) -> tuple[np.ndarray, np.ndarray]:
+        fitted = weighted.model(data, state, rows)
+        size = (fitted.real**2 + fitted.imag**2) * curve
+        if known is not None:
+            return known[rows] * data.unit ** (-2 * derivative), size
+        residual = data.signals[rows] - fitted
+        return (residual.real**2 + residual.imag**2) * curve, size
+
+    some = _some(data)
+    residual = data.signals[some] - weighted.model(data, state, some)
+    together = float(np.sum((residual[..., 1:] * residual[..., :-1].conj()).real))
+    misfit = known is None and together > MISFIT * float(np.sum(np.abs(residual) ** 2))
+    found = noise.structure(*powers(some), plain=misfit)
+    weights = np.empty(data.signals.shape)
+    for rows in data.blocks():
+        power, size = powers(rows)
+        variance = found.variance(power, size) if known is None else noise.pooled(power, found, size)
+        weights[rows] = 2 * curve / variance
+    return weights
+
+
+def _some(data: Weighted) -> slice:
+    """Outputs that stand for all."""
+    return slice(None, None, max(1, data.signals.size // _ENOUGH))
+
+
+def _loss(data: Weighted, state: State) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
+    """Variance of poles and of shapes over that for errors independent from line to line, each mode.
+
+    The errors correlate as the residual does; what counts is how far the sensitivity of a mode reaches over lines:
+    ``sum_l rho(l) c(l)`` with the autocorrelations of residual and sensitivity, each 1 at lag 0.
+    """
+    some, lines = _some(data), len(data.s)
+    residual = np.sqrt(data.weights[some]) * (data.signals[some] - weighted.model(data, state, some))
+    rho = _autocorrelation(residual.reshape(-1, lines))
+    chance = 2.5 / np.sqrt(residual.size)
+    telling = int(np.argmax(np.append(rho, 0.0) < chance))
+    ones = np.ones(len(state.poles))
+    if telling < 2:
+        return ones, ones
+    typical = np.sqrt(np.mean(data.weights[some], axis=(0, 1)))
+    result = []
+    for power in (2, 1):
+        sensitivity = typical / (data.s - state.poles[:, None]) ** power
+        reach = np.stack([_autocorrelation(row[None]) for row in sensitivity])[:, :telling]
+        result.append(np.maximum(1, 1 + 2 * reach[:, 1:] @ rho[1:telling]))
+    return result[0], result[1]
+
+
+def _autocorrelation(signals: np.ndarray) -> Float[np.ndarray, "lag"]:
+    """Real part of the autocorrelation of rows, pooled, from lag 0 on."""
+    lags = min(_LONGEST, signals.shape[1] // 4)
+    energy = max(float(np.vdot(signals, signals).real), np.finfo(float).tiny)
+    count = signals.shape[1]
+    products = [float(np.vdot(signals[:, : count - lag], signals[:, lag:]).real) for lag in range(lags)]
+    return np.array(products) / energy
