@@ -13,14 +13,18 @@ if TYPE_CHECKING:
     from ema.estimate.live import check_hit
     from ema.estimate.nonlinearity import Homogeneity, causality, homogeneity
     from ema.estimate.random_excitation import shaker
+    from ema.estimate.shaker_force import ForceLevel, control_level, force_at_resonance, without_mount_mass
     from ema.estimate.swept_sine import sweep
 
 _NAMES = {
     "Calibration": "calibrate",
+    "ForceLevel": "shaker_force",
     "Homogeneity": "nonlinearity",
     "Phase": "decay",
     "causality": "nonlinearity",
     "check_hit": "live",
+    "control_level": "shaker_force",
+    "force_at_resonance": "shaker_force",
     "hammer": "impact",
     "hammer_test": "impact",
     "homogeneity": "nonlinearity",
@@ -34,12 +38,13 @@ _NAMES = {
     "sweep": "swept_sine",
     "to_quantity": "integrate",
     "without_dead": "frf_checks",
+    "without_mount_mass": "shaker_force",
 }
 
 __all__ = [
-    "Calibration", "Homogeneity", "Phase", "causality", "check_hit", "hammer", "hammer_test", "homogeneity",
-    "integrated", "known_mass", "level_bins", "phases", "quality", "ring_down", "shaker", "sweep", "to_quantity",
-    "without_dead",
+    "Calibration", "ForceLevel", "Homogeneity", "Phase", "causality", "check_hit", "control_level",
+    "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated", "known_mass", "level_bins", "phases",
+    "quality", "ring_down", "shaker", "sweep", "to_quantity", "without_dead", "without_mount_mass",
 ]  # fmt: skip
 
 

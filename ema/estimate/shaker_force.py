@@ -1,0 +1,177 @@
+"""The force of a shaker test: its level at resonance, how far it dropped there, and what a mount mass took."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.signal
+from jaxtyping import Float
+
+from ema.data import Finding, FrfSet, Recording
+from ema.dof import Dof, match
+from ema.errors import InputError
+from ema.progress import Progress, advance, silent
+from ema.synthesis import convert
+
+DROPOUT = 0.9
+"""Force at resonance over that beside it, below which a finding tells the drop-out."""
+_BANDWIDTHS = 3.0
+_BESIDE = 8.0
+
+
+@dataclass(frozen=True)
+class ForceLevel:
+    """Amplitude of the exciting force while a sine passes a resonance.
+
+    ``level`` N, its standard deviation ``std`` over the passage (within three half-power bandwidths to either side),
+    and ``dropout``: the level over that beside the resonance, 1 where the force did not drop.
+    """
+
+    level: float
+    std: float
+    dropout: float
+    findings: tuple[Finding, ...] = ()
+
+
+def force_at_resonance(recording: Recording, frequency: float, damping: float, discard: float = 0.0) -> ForceLevel:
+    """Force level of a swept or stepped sine at a resonance: the label of a point of a damping map.
+
+    Parameters
+    ----------
+    frequency, damping : Hz and ratio of the mode.
+    discard : s at the start of the record that are left out (the first period of a periodic sweep, the start-up).
+
+    Raises
+    ------
+    InputError : no force channel or several, a mode that was not passed, a mode or time that is no positive number.
+    """
+    where = recording.name or "recording"
+    rows = recording.with_role("reference")
+    if len(rows) != 1:
+        raise InputError("a sine test has one force channel", where=where, got=f"{len(rows)}", expected="1")
+    if not (frequency > 0 and damping > 0 and discard >= 0):
+        raise InputError("not a mode", where=where, got=f"{frequency} Hz, damping {damping}, discard {discard} s",
+                         expected="positive numbers")  # fmt: skip
+    first = int(discard * recording.sampling_rate)
+    force = np.asarray(recording.signals[rows[0], first:], dtype=np.float64)
+    at, amplitude = _passage(force - force.mean(), recording.sampling_rate)
+    width = 2 * damping * frequency
+    inside = np.abs(at - frequency) <= _BANDWIDTHS * width
+    if inside.sum() < 16:
+        raise InputError("the sweep does not pass the mode", where=f"{where}, {frequency:g} Hz", got=f"{inside.sum()} samples near it",
+                         expected="a sine through the resonance")  # fmt: skip
+    core = np.abs(at - frequency) <= 0.5 * width
+    core = core if core.sum() >= 4 else inside
+    beside = (np.abs(at - frequency) > _BESIDE * width) & (np.abs(at - frequency) <= 3 * _BESIDE * width)
+    level = float(np.mean(amplitude[core]))
+    dropout = level / float(np.median(amplitude[beside])) if beside.sum() >= 16 else float("nan")
+    findings: tuple[Finding, ...] = ()
+    if dropout < DROPOUT:
+        findings = (Finding(
+            "info", "force-dropout", where,
+            f"the force falls to {dropout:.0%} at {frequency:.4g} Hz: {level:.3g} N at resonance.", dropout, DROPOUT,
+            "Label the point with the force at resonance; control the level where the map needs it.",
+        ),)  # fmt: skip
+    return ForceLevel(level, float(np.std(amplitude[inside])), dropout, findings)
+
+
+def _passage(force: Float[np.ndarray, "sample"], rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Momentary frequency in Hz and amplitude of a sine whose frequency moves, smoothed over a few periods."""
+    analytic = scipy.signal.hilbert(force, scipy.fft.next_fast_len(len(force)))[: len(force)]
+    turn = np.angle(analytic[1:] * np.conj(analytic[:-1]))
+    crossings = max(int(np.sum(np.diff(np.signbit(force)))), 2)
+    span = max(int(6 * len(force) / crossings) | 1, 3)
+    weight = np.abs(analytic[1:] * analytic[:-1])
+    kernel = np.ones(span) / span
+    smooth = np.convolve(turn * weight, kernel, "same") / np.maximum(np.convolve(weight, kernel, "same"), 1e-300)
+    amplitude = np.sqrt(2 * np.convolve(force[1:] ** 2, kernel, "same"))
+    edge = slice(span, len(smooth) - span)
+    return smooth[edge] * rate / (2 * np.pi), amplitude[edge]
+
+
+def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str) -> FrfSet:
+    """FRFs without the mass between load cell and structure (cell, stud, pad), which takes a part of the force.
+
+    The structure gets F - m a: every FRF of the force at ``drive`` is divided by 1 - m A with the measured accelerance
+    A of the drive point.
+
+    Parameters
+    ----------
+    mass : kg below the sensing element.
+    drive : DOF of the force; its own response must have been measured.
+
+    Raises
+    ------
+    InputError : a negative mass, no such force, no response at the drive point.
+
+    Source: Ewins (2000), mass cancellation of drive-point measurements.
+    """
+    where = frfs.name or "FRFs"
+    if not (np.isfinite(mass) and mass >= 0):
+        raise InputError("not a mass", where=where, got=f"{mass} kg", expected="0 or more")
+    wanted = Dof.parse(drive)
+    columns, rows = match([wanted], frfs.inputs), match([wanted], frfs.outputs)
+    if not columns or not rows:
+        raise InputError("the drive point was not measured", where=where, got=str(wanted),
+                         expected="a force and a response at the same DOF",
+                         advice="put an accelerometer at the shaker, or leave the mass out of account")  # fmt: skip
+    column, row, sign = columns[0][1], rows[0][1], columns[0][2] * rows[0][2]
+    accelerance = convert(frfs, "accelerance").values
+    share = 1 - mass * sign * accelerance[:, row, column]
+    values = frfs.values.copy()
+    values[:, :, column] /= share[:, None]
+    variance = frfs.variance
+    if variance is not None:
+        variance = variance.copy()
+        variance[:, :, column] /= np.abs(share[:, None]) ** 4
+    steps = (*frfs.provenance.steps, "estimate.without_mount_mass")
+    return replace(frfs, values=values, variance=variance, provenance=replace(frfs.provenance, steps=steps))
+
+
+def control_level(
+    measure: Callable[[float], float],
+    target: float,
+    tolerance: float = 0.05,
+    most: int = 6,
+    progress: Progress = silent,
+) -> tuple[float, tuple[float, ...]]:
+    """Find the command that gives a force level at resonance, by at most ``most`` measurements.
+
+    Parameters
+    ----------
+    measure : takes a command (N, or V of the amplifier) and returns the force at resonance it led to, in N.
+    target : N; ``tolerance`` relative.
+
+    Returns
+    -------
+    The command, and the levels measured on the way.
+
+    Raises
+    ------
+    InputError : a target that is no positive number, a level that is none, or no success within the measurements.
+    """
+    if not (np.isfinite(target) and target > 0):
+        raise InputError("not a force level", where="level control", got=f"{target} N", expected="above 0")
+    commands, levels = [float(target)], []
+    for number in range(most):
+        level = float(measure(commands[-1]))
+        if not (np.isfinite(level) and level > 0):
+            raise InputError("the measured force is no level", where="level control", got=f"{level} N",
+                             expected="above 0", advice="check the force channel and the amplifier")  # fmt: skip
+        levels.append(level)
+        advance(progress, "level control", number + 1, most)
+        if abs(level / target - 1) <= tolerance:
+            return commands[-1], tuple(levels)
+        commands.append(_next_command(commands, levels, target))
+    raise InputError("the level was not reached", where="level control",
+                     got=", ".join(f"{level:.3g} N" for level in levels), expected=f"{target:g} N +- {tolerance:.0%}",
+                     advice="the joint may jump between two amplitudes here: use another level")  # fmt: skip
+
+
+def _next_command(commands: list[float], levels: list[float], target: float) -> float:
+    """Secant in logarithms once there are two measurements, else in proportion."""
+    x, y = np.log(commands), np.log(levels)
+    slope = 1.0
+    if len(levels) > 1 and abs(x[-1] - x[-2]) > 1e-6:
+        slope = float(np.clip((y[-1] - y[-2]) / (x[-1] - x[-2]), 0.4, 2.5))
+    return float(np.exp(x[-1] + np.clip((np.log(target) - y[-1]) / slope, -1.5, 1.5)))
