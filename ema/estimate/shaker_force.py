@@ -58,8 +58,8 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
     width = 2 * damping * frequency
     inside = np.abs(at - frequency) <= _BANDWIDTHS * width
     if inside.sum() < 16:
-        raise InputError("the sweep does not pass the mode", where=f"{where}, {frequency:g} Hz", got=f"{inside.sum()} samples near it",
-                         expected="a sine through the resonance")  # fmt: skip
+        raise InputError("the sweep does not pass the mode", where=f"{where}, {frequency:g} Hz",
+                         got=f"{inside.sum()} samples near it", expected="a sine through the resonance")  # fmt: skip
     core = np.abs(at - frequency) <= 0.5 * width
     core = core if core.sum() >= 4 else inside
     beside = (np.abs(at - frequency) > _BESIDE * width) & (np.abs(at - frequency) <= 3 * _BESIDE * width)
