@@ -10,6 +10,7 @@ _WHERE = {
     "error_map": "ema.show.matrices",
     "force_spectrum": "ema.show.blows",
     "frequency_map": "ema.show.maps",
+    "free_vibration": "ema.show.vibration",
     "frf_overview": "ema.show.frf",
     "hits": "ema.show.blows",
     "indicator": "ema.show.frf",
@@ -21,6 +22,7 @@ _WHERE = {
     "renderer_works": "ema.show.renderer",
     "shapes_over_dofs": "ema.show.shapes",
     "stabilisation": "ema.show.stability",
+    "velocity_comparison": "ema.show.vibration",
 }
 
 __all__ = list(_WHERE)
