@@ -22,6 +22,7 @@ from ema.simulate.transient import Problem, prepare
 _CONVERGED = 1e-9
 _QUADRATURE = 1e-5
 _FINEST = 32
+_YIELDING, _MOST_SHAPES = 0.2, 8
 
 
 @dataclass
@@ -42,6 +43,16 @@ class _Point:
     def count(self) -> int:
         """Number of harmonics."""
         return self.amplitudes.shape[1] // 2
+
+
+@dataclass
+class _Coarse:
+    """Shapes (contact, shape), weights with weights @ shapes = I, and the coarse inverse near a frequency in rad/s."""
+
+    omega: float
+    shapes: np.ndarray
+    weights: np.ndarray
+    inverse: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass
@@ -74,6 +85,7 @@ class Condensed:
         self.members = np.arange(len(self.limits))[:, None].copy()
         self.odd, self.fine = True, 1
         self._bases: dict[int, np.ndarray] = {}
+        self._coarse: dict[int, _Coarse] = {}
 
     def orders(self, count: int) -> Int[np.ndarray, "harmonic"]:
         """The first harmonics: 1, 3, 5 ... of an odd motion, else 0, 1, 2 ..."""
@@ -110,19 +122,61 @@ class Condensed:
 
     def gains(self, omega: float, count: int) -> Float[np.ndarray, "2 harmonic contact contact"]:
         """Real and imaginary receptances of the contacts at the harmonics."""
-        return np.asarray(self.kernels.receptances(self.slip, self.squares, self.decay, omega, self.orders(count)))
+        w = omega * self.orders(count)[:, None]
+        gain = 1 / (self.squares - w**2 + 1j * w * self.decay)
+        return np.matmul(np.stack([gain.real, gain.imag])[:, :, None, :] * self.slip, self.slip.T)
 
-    def _solve(self, omega: float, start: np.ndarray | None, count: int, gains: np.ndarray) -> tuple[Any, ...] | None:
-        """Newton from a start with ``count`` harmonics, or from nothing."""
-        drive, gains = self.drive(omega, count), np.ascontiguousarray(gains[:, :count])
-        where = (self.orders(count), self.basis(count), self.odd, self.fine, omega, drive, gains, self.stiffness,
-                 self.limits, self.members, self.laws, _CONVERGED)  # fmt: skip
-        if start is not None:
-            found: tuple[Any, ...] = self.kernels.newton(_with_harmonics(start, count), *where, 25)
-            if found[0] >= 0:
-                return found
-        found = self.kernels.cold_start(*where)
+    def coarse(self, omega: float, gains: np.ndarray) -> _Coarse:
+        """The few shapes of the contacts that the structure yields to most, for all harmonics in ``gains``."""
+        count = gains.shape[1]
+        known = self._coarse.get(count)
+        if known is None or abs(omega / known.omega - 1) > 0.1:
+            root = np.sqrt(self.stiffness)
+            scaled = root[:, None] * gains * root
+            values, vectors = np.linalg.eigh(np.einsum("khij,khlj->il", scaled, scaled) / count)
+            keep = vectors[:, values > _YIELDING**2][:, -_MOST_SHAPES:]
+            known = _Coarse(
+                omega, np.ascontiguousarray(keep / root[:, None]), np.ascontiguousarray((keep * root[:, None]).T)
+            )
+            self._coarse[count] = known
+        return known
+
+    def _newton(self, omega: float, start: np.ndarray, gains: np.ndarray, level: float = 1.0) -> tuple[Any, ...] | None:
+        """Newton's method with slip forces raised by ``level``; ``None`` where it fails."""
+        found = self._run(omega, start, gains, level, 25)
         return found if found[0] >= 0 else None
+
+    def _run(self, omega: float, start: np.ndarray, gains: np.ndarray, level: float, most: int) -> tuple[Any, ...]:
+        """The kernel ``newton`` with this model."""
+        count = gains.shape[1]
+        coarse = self.coarse(omega, gains)
+        found: tuple[Any, ...] = self.kernels.newton(
+            start, self.orders(count), self.basis(count), self.odd, self.fine, omega, self.drive(omega, count), gains,
+            self.stiffness, level * self.limits, self.members, self.laws, coarse.shapes, coarse.weights,
+            coarse.inverse, _CONVERGED, most,
+        )  # fmt: skip
+        coarse.inverse = found[6]
+        return found
+
+    def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
+        """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt."""
+        start = self.drive(omega, gains.shape[1])
+        reach = self.stiffness * np.hypot(start[:, ::2], start[:, 1::2]).sum(axis=1)
+        slipping = self.limits > 0
+        level = max(1.0, 1.001 * float((reach[slipping] / self.limits[slipping]).max(initial=0.0)))
+        ratio, wanted = 0.5, level
+        while True:
+            found = self._newton(omega, start, gains, wanted)
+            if found is not None:
+                start, level = found[1], wanted
+                if level == 1.0:
+                    return found
+                ratio = max(ratio**1.5, 0.1)
+            else:
+                ratio = np.sqrt(ratio)
+                if ratio > 0.9995:
+                    return None
+            wanted = max(level * ratio, 1.0)
 
     def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
         """Solution at one frequency in Hz with as many harmonics as the tolerance asks for; ``None``: none found.
@@ -133,29 +187,36 @@ class Condensed:
         count = self.harmonics or max(2, 0 if start is None else start.shape[1] // 2)
         point: _Point | None = None
         while True:
-            gains = self.gains(omega, 2 * count)
-            found = self._solve(omega, start, count, gains)
+            all_gains = self.gains(omega, 2 * count)
+            gains = np.ascontiguousarray(all_gains[:, :count])
+            found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
+            if found is None:
+                found = self._cold_start(omega, gains)
             if found is None:
                 return point
-            amplitudes, forces, lost, slips = found[1], found[2], found[4], found[5]
+            _, amplitudes, forces, _, lost, slips, _ = found
             if not slips.any():
                 return _Point(omega, amplitudes, forces, lost, 0.0, amplitudes)
-            blur = 0.0
             if not self.exact:
                 lost, blur = self._refined(amplitudes, forces, lost, omega)
                 if blur > _QUADRATURE and self.fine < _FINEST:
                     self.fine, start = 2 * self.fine, amplitudes
                     continue
-            wide, change = self.kernels.widen(
-                amplitudes, count, self.orders(2 * count), self.basis(2 * count), self.odd, self.fine, omega, gains,
-                self.stiffness, self.limits, self.members, self.laws,
-            )  # fmt: skip
-            first = slice(0, 2) if self.odd else slice(2, 4)
-            scale = max(float(np.linalg.norm(amplitudes[:, first])), 1e-300)
-            point = _Point(omega, amplitudes, forces, lost, float(np.linalg.norm(change[:, first])) / scale, wide)
+            wide, change = self._widened(omega, amplitudes, all_gains)
+            point = _Point(omega, amplitudes, forces, lost, change, wide)
             if self.harmonics or point.error <= self.tolerance or count >= self.most_orders:
                 return point
             count, start = min(count + max(1, count // 2), self.most_orders), wide
+
+    def _widened(
+        self, omega: float, amplitudes: np.ndarray, gains: np.ndarray
+    ) -> tuple[Float[np.ndarray, "contact size"], float]:
+        """A Newton step with all harmonics of ``gains``, and how much it changes the first one, relative."""
+        count = gains.shape[1]
+        wide = self._run(omega, _with_harmonics(amplitudes, count), gains, 1.0, 0)[1]
+        first = slice(0, 2) if self.odd else slice(2, 4)
+        scale = max(float(np.linalg.norm(amplitudes[:, first])), 1e-300)
+        return wide, float(np.linalg.norm(wide[:, first] - amplitudes[:, first])) / scale
 
     def _refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float

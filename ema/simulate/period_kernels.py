@@ -1,15 +1,17 @@
 """Friction over one period of a motion given by its harmonics: exact for Masing springs; compiled.
 
-A motion u(x) = sum_h a_h cos(h x) + b_h sin(h x), x = w t, is monotone between its turning points. A Masing spring moves
-through these stretches one by one: it is stuck, then slides from a place that is found, to the end of the stretch. So
-the Fourier integrals of its force, their derivatives and its loss are sums of closed forms, without samples.
+A motion u(x) = sum_h a_h cos(h x) + b_h sin(h x), x = w t, is monotone between its turning points. A Masing spring
+moves through these stretches one by one: it is stuck, then slides from a place that is found, to the end of the stretch.
+So the Fourier integrals of its force, their derivatives and its loss are sums of closed forms, without samples.
 """
 
 import numba as nb
 import numpy as np
 
+_CLOSE = 1e-7
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+
+@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def waves(x, count, cosine, sine):
     """cos(n x) and sin(n x) for n = 0 ... count - 1."""
     c, s = np.cos(x), np.sin(x)
@@ -19,7 +21,7 @@ def waves(x, count, cosine, sine):
         sine[n] = sine[n - 1] * c + cosine[n - 1] * s
 
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def motion(amplitudes, orders, cosine, sine):
     """Displacement and its first three derivatives from the waves at an instant."""
     u, du, ddu, dddu = 0.0, 0.0, 0.0, 0.0
@@ -34,30 +36,33 @@ def motion(amplitudes, orders, cosine, sine):
     return u, du, ddu, dddu
 
 
-@nb.njit(cache=True)
-def _root(amplitudes, orders, second, low, high, rising, cosine, sine):
-    """Zero of the first (or ``second``) derivative where it changes its sign, upwards if ``rising``; its waves stay."""
-    x = 0.5 * (low + high)
+@nb.njit(cache=True, error_model="numpy")
+def _root(amplitudes, orders, second, x, low, high, rising, cosine, sine):
+    """Zero of the first (or ``second``) derivative in a stretch where it changes its sign; leaves its waves behind.
+
+    ``x`` is a guess; the derivative grows through the zero if ``rising``. What the zero is needed for is of second
+    order in its error.
+    """
+    need = orders[-1] + 1
     for _ in range(60):
-        waves(x, len(cosine), cosine, sine)
+        waves(x, need, cosine, sine)
         _, du, ddu, dddu = motion(amplitudes, orders, cosine, sine)
         value, slope = (ddu, dddu) if second else (du, ddu)
-        if value == 0.0 or high - low < 1e-13:
-            break
         if (value > 0.0) != rising:
             low = x
         else:
             high = x
         new = x - value / slope if slope != 0.0 else 0.5 * (low + high)
-        if not low < new < high:
+        if not low <= new <= high:
             new = 0.5 * (low + high)
-        if abs(new - x) < 1e-10:
+        change, x = abs(new - x), new
+        if change < _CLOSE or high - low < _CLOSE:
             break
-        x = new
+    waves(x, len(cosine), cosine, sine)
     return x
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine):
     """Turning points of a motion in ascending order: their ``place`` x, ``value`` u and waves; returns their number.
 
@@ -79,7 +84,8 @@ def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, 
         if up == up_after:
             if bent == bent_after or up == bent:
                 continue
-            middle = _root(amplitudes, orders, True, low, high, not bent, cosine[found], sine[found])
+            middle = low + length * bends[n] / (bends[n] - bends[after])
+            middle = _root(amplitudes, orders, True, middle, low, high, not bent, cosine[found], sine[found])
             _, between, _, _ = motion(amplitudes, orders, cosine[found], sine[found])
             up_middle = between > 0.0
             if up_middle == up:
@@ -88,7 +94,10 @@ def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, 
             left, right, rising = (low, middle, not up) if half == 0 else (middle, high, not up_middle)
             if right <= left or found >= most:
                 continue
-            place[found] = _root(amplitudes, orders, False, left, right, rising, cosine[found], sine[found])
+            x = 0.5 * (left + right)
+            if middle == low and rates[n] * rates[after] < 0.0:
+                x = low + length * rates[n] / (rates[n] - rates[after])
+            place[found] = _root(amplitudes, orders, False, x, left, right, rising, cosine[found], sine[found])
             value[found], _, _, _ = motion(amplitudes, orders, cosine[found], sine[found])
             found += 1
     if odd:
@@ -101,7 +110,7 @@ def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, 
     return found
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def crossing(amplitudes, orders, target, low, high, u_low, u_high, cosine, sine):
     """Place in a monotone stretch at which the motion reaches ``target``; leaves its waves behind."""
     left, right = low, high
@@ -109,23 +118,26 @@ def crossing(amplitudes, orders, target, low, high, u_low, u_high, cosine, sine)
     # between two turning points a motion is close to half a cosine
     x = low + (high - low) * np.arccos(min(max(1.0 - 2.0 * share, -1.0), 1.0)) / np.pi
     rising = u_high > u_low
-    tiny = 1e-12 * abs(u_high - u_low)
+    need = orders[-1] + 1
     for _ in range(60):
-        waves(x, len(cosine), cosine, sine)
+        waves(x, need, cosine, sine)
         u, du, _, _ = motion(amplitudes, orders, cosine, sine)
         rest = u - target
-        if abs(rest) <= tiny or right - left < 1e-13:
-            break
         if (rest > 0.0) == rising:
             right = x
         else:
             left = x
         new = x - rest / du if du != 0.0 else 0.5 * (left + right)
-        x = new if left < new < right else 0.5 * (left + right)
+        if not left <= new <= right:
+            new = 0.5 * (left + right)
+        change, x = abs(new - x), new
+        if change < _CLOSE or right - left < _CLOSE:
+            break
+    waves(x, len(cosine), cosine, sine)
     return x
 
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _add_stretch(from_x, from_c, from_s, to_x, to_c, to_s, orders, weight, out):
     """Add ``weight`` times the integrals of cos(h x) and sin(h x) over a stretch for the orders h."""
     for h in range(len(orders)):
@@ -137,7 +149,7 @@ def _add_stretch(from_x, from_c, from_s, to_x, to_c, to_s, orders, weight, out):
             out[2 * h + 1] -= weight * (to_c[n] - from_c[n]) / n
 
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _add_moments(from_x, from_c, from_s, to_x, to_c, to_s, weight, even_only, cosine, sine):
     """Add ``weight`` times the integrals of cos(n x) and sin(n x) over a stretch for all n."""
     cosine[0] += weight * (to_x - from_x)
@@ -147,7 +159,7 @@ def _add_moments(from_x, from_c, from_s, to_x, to_c, to_s, weight, even_only, co
         sine[n] -= weight * (to_c[n] - from_c[n]) / n
 
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _products(orders, cosine, sine, out):
     """Integrals of all products of cos(h x), sin(h x) from the moments of cos(n x) and sin(n x)."""
     for i in range(len(orders)):
@@ -166,12 +178,12 @@ def _products(orders, cosine, sine, out):
             out[r + 1, c], out[c, r + 1] = sc, sc
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def masing_period(
     amplitudes, orders, rates, bends, odd, stiffness, limit, shares_k, shares_f, count, place, value, cosine, sine,
     forces, jacobian,
 ):  # fmt: skip
-    """Fourier coefficients ``forces`` (2 H,) of f - k u of parallel Masing springs, their Jacobian (2 H, 2 H); the loss.
+    """Fourier coefficients ``forces`` (2 H,) of f - k u of parallel Masing springs, their Jacobian; returns the loss.
 
     The springs start unstressed and settle during one period. Order 0 has its mean in the first of its two places.
     The last arguments up to ``sine`` are workspace, with room for all turning points and twice the highest order.
