@@ -1,0 +1,17 @@
+"""Measured against simulated, and what it says about the model."""
+
+from importlib import import_module
+from typing import Any
+
+_HOME = {"maps": "ema.compare.maps", "modes": "ema.compare.modes", "signals": "ema.compare.signals"}
+
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'ema.compare' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    # The verb shares its name with its module, which the import has just put here.
+    globals()[name] = value
+    return value

@@ -1,0 +1,126 @@
+"""A simulated damping map against a measured one."""
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import ModalMap
+from ema.data.comparison import MapComparison, Verdict
+from ema.errors import InputError
+
+DAMPING, FREQUENCY = 0.15, 0.005
+"""What is granted to a model besides the bounds of the measurement, relative."""
+ENOUGH = 0.9
+RIDGE = 1.6
+"""Ratio of measured and simulated optimum normal force up to which they count as one (a step of the grid)."""
+
+
+def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
+    """Hold a simulated map against a measured one, point by point and along the ridge of most damping.
+
+    The simulated map is read at the measured forces (linear in the logarithms of level and normal force); what it does
+    not reach, and holes, do not count.
+
+    Raises
+    ------
+    InputError : a map with one level or no point in common, or a normal force that is off by a factor of a thousand.
+    """
+    if len(measured.force_levels) < 2:
+        raise InputError("a map with one level", where=measured.name or "measured map",
+                         got=f"{measured.force_levels} N", expected="two or more force levels",
+                         advice="measure another level: one tells no trend")  # fmt: skip
+    _units(measured, simulated)
+    levels, forces = _places(measured)
+    frequency = _read(simulated, simulated.frequency, levels, forces)
+    damping = _read(simulated, simulated.damping, levels, forces)
+    frequency_error, ratio = frequency / measured.frequency - 1, damping / measured.damping
+    count = int(np.isfinite(ratio).sum())
+    if not count:
+        raise InputError("the maps have no point in common", where=measured.name or "measured map",
+                         got=f"{simulated.force_levels} N over {simulated.normal_forces} N",
+                         expected=f"{measured.force_levels} N over {measured.normal_forces} N")  # fmt: skip
+    bounds = [
+        np.zeros(ratio.shape) if std is None else 1.96 * np.nan_to_num(std)
+        for std in (measured.frequency_std, measured.damping_std)
+    ]
+    good = np.abs(frequency - measured.frequency) <= bounds[0] + FREQUENCY * measured.frequency
+    good &= np.abs(damping - measured.damping) <= bounds[1] + DAMPING * measured.damping
+    inside = float(good[np.isfinite(ratio)].mean())
+    ridge = np.stack([_ridge(measured.damping, forces), _ridge(damping, forces)], axis=1)
+    return MapComparison(
+        measured, simulated, frequency_error, ratio, ridge, inside,
+        _verdict(measured, frequency_error, ratio, ridge, inside, count),
+    )  # fmt: skip
+
+
+def _units(measured: ModalMap, simulated: ModalMap) -> None:
+    middle = [float(np.exp(np.mean(np.log(np.maximum(chart.normal_forces, 1e-9))))) for chart in (measured, simulated)]
+    if abs(np.log10(middle[0] / middle[1])) > 2.5:
+        raise InputError("normal forces of another size", where=measured.name or "measured map",
+                         got=f"about {middle[0]:.3g} N and {middle[1]:.3g} N", expected="the same range in both",
+                         advice="a factor of about 1000: check kN against N")  # fmt: skip
+
+
+def _places(chart: ModalMap) -> tuple[Float[np.ndarray, "level force"], Float[np.ndarray, "level force"]]:
+    """Measured level and normal force of every point, the nominal one where none was measured."""
+    shape = chart.damping.shape
+    levels = np.broadcast_to(chart.force_levels[:, None], shape)
+    forces = np.broadcast_to(chart.normal_forces[None, :], shape)
+    if chart.force_at_resonance is not None:
+        levels = np.where(np.isfinite(chart.force_at_resonance), chart.force_at_resonance, levels)
+    if chart.joint_forces is not None and chart.joint_forces.shape[2]:
+        with np.errstate(invalid="ignore"):
+            mean = chart.joint_forces.mean(axis=2)
+        forces = np.where(np.isfinite(mean), mean, forces)
+    return np.asarray(levels), np.asarray(forces)
+
+
+def _read(
+    chart: ModalMap, values: Float[np.ndarray, "level force"], levels: np.ndarray, forces: np.ndarray
+) -> Float[np.ndarray, "level2 force2"]:
+    """Values of a map at other levels and forces; NaN beyond its range (plus a hair) and at holes."""
+    x, y = np.log(np.maximum(chart.force_levels, 1e-9)), np.log(np.maximum(chart.normal_forces, 1e-9))
+    at_x, at_y = np.log(np.maximum(levels, 1e-9)), np.log(np.maximum(forces, 1e-9))
+    result = np.full(levels.shape, np.nan)
+    for place in np.ndindex(levels.shape):
+        weights = [_weights(axis, value) for axis, value in ((x, at_x[place]), (y, at_y[place]))]
+        if weights[0] is None or weights[1] is None:
+            continue
+        parts = [wa * wb * values[i, j] for i, wa in weights[0] for j, wb in weights[1] if wa * wb > 0]
+        result[place] = float(np.sum(parts))
+    return result
+
+
+def _weights(axis: Float[np.ndarray, "n"], value: float) -> tuple[tuple[int, float], ...] | None:
+    if not axis[0] - 0.1 <= value <= axis[-1] + 0.1:
+        return None
+    if len(axis) == 1:
+        return ((0, 1.0),)
+    cell = int(np.clip(np.searchsorted(axis, value) - 1, 0, len(axis) - 2))
+    share = float(np.clip((value - axis[cell]) / (axis[cell + 1] - axis[cell]), 0, 1))
+    return ((cell, 1 - share), (cell + 1, share))
+
+
+def _ridge(damping: Float[np.ndarray, "level force"], forces: np.ndarray) -> Float[np.ndarray, "level"]:
+    return np.array([
+        forces[row, np.nanargmax(values)] if np.isfinite(values).any() else np.nan for row, values in enumerate(damping)
+    ])  # fmt: skip
+
+
+def _verdict(
+    measured: ModalMap, frequency_error: np.ndarray, ratio: np.ndarray, ridge: np.ndarray, inside: float, count: int
+) -> Verdict:
+    said = [
+        f"{inside:.0%} of {count} points lie within the bounds.",
+        f"Simulated over measured damping is {np.nanmedian(ratio):.2f} in the median, "
+        f"{np.nanmin(ratio):.2f} to {np.nanmax(ratio):.2f}; frequencies differ by up to "
+        f"{100 * np.nanmax(np.abs(frequency_error)):.2f} %.",
+    ]
+    off = ridge[:, 1] / ridge[:, 0]
+    wrong = np.isfinite(off) & ((off > RIDGE) | (off < 1 / RIDGE))
+    if wrong.any():
+        row = int(np.nanargmax(np.abs(np.log(off))))
+        said.append(f"At {measured.force_levels[row]:g} N the most damping is at {ridge[row, 0]:.3g} N, "
+                    f"simulated at {ridge[row, 1]:.3g} N.")  # fmt: skip
+    else:
+        said.append("The normal force of most damping agrees at every level.")
+    return Verdict(inside >= ENOUGH and not wrong.any(), tuple(said))

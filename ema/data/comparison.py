@@ -1,0 +1,98 @@
+"""A model held against a measurement: modes, maps, signals, and the verdict."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data._arrays import freeze
+from ema.data.maps import ModalMap
+from ema.dof import Dof
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a model agrees with a measurement, and why, in sentences."""
+
+    agrees: bool
+    sentences: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return ("The model agrees. " if self.agrees else "The model does not agree. ") + " ".join(self.sentences)
+
+
+@dataclass(frozen=True)
+class ModeComparison:
+    """Paired modes of a measurement (a) and a model (b).
+
+    ``pairs`` (mode of a, mode of b), from 0; over the pairs: ``frequency`` (pair, 2) Hz, ``damping`` (pair, 2),
+    ``mac`` (pair,) and ``significance`` (pair, 2): the difference of frequency and damping over its standard
+    uncertainty, NaN where that is unknown. ``co_mac`` (dof,) over the shared ``dofs``; ``unpaired`` modes of a and b.
+    """
+
+    pairs: tuple[tuple[int, int], ...]
+    frequency: Float[np.ndarray, "pair 2"]
+    damping: Float[np.ndarray, "pair 2"]
+    mac: Float[np.ndarray, "pair"]
+    significance: Float[np.ndarray, "pair 2"]
+    co_mac: Float[np.ndarray, "dof"]
+    dofs: tuple[Dof, ...]
+    unpaired: tuple[tuple[int, ...], tuple[int, ...]]
+    verdict: Verdict
+
+    def __post_init__(self) -> None:
+        names = ("frequency", "damping", "mac", "significance", "co_mac")
+        freeze(self, **dict.fromkeys(names, np.float64))
+
+    def table(self) -> "pd.DataFrame":
+        """One row per pair: frequencies [Hz], difference [%], damping ratios [%], MAC."""
+        import pandas as pd
+
+        f, z = self.frequency, 100 * self.damping
+        return pd.DataFrame({
+            "measured": [i + 1 for i, _ in self.pairs], "model": [j + 1 for _, j in self.pairs],
+            "f measured [Hz]": f[:, 0], "f model [Hz]": f[:, 1], "df [%]": 100 * (f[:, 1] / f[:, 0] - 1),
+            "zeta measured [%]": z[:, 0], "zeta model [%]": z[:, 1], "MAC": self.mac,
+        })  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SignalComparison:
+    """A simulated against a measured signal of one free decay.
+
+    ``error`` rms of the difference over the rms of the measured signal; ``peak_frequencies`` Hz of measured and
+    simulated spectrum; ``envelope_error`` the same as ``error`` of the envelopes; ``missing_damping`` the damping ratio
+    the model lacks (its standard uncertainty in ``missing_std``), from the ratio of the envelopes.
+    """
+
+    error: float
+    peak_frequencies: tuple[float, float]
+    envelope_error: float
+    missing_damping: float
+    missing_std: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class MapComparison:
+    """A simulated against a measured damping map, on the points of the measured one.
+
+    ``frequency_error`` (level, force) relative, ``damping_ratio`` (level, force) simulated over measured;
+    ``ridge`` (level, 2): normal force of most damping, measured and simulated, N; ``inside`` the share of points that
+    lie within the 95 % bounds of the measurement widened by the model's tolerance.
+    """
+
+    measured: ModalMap
+    simulated: ModalMap
+    frequency_error: Float[np.ndarray, "level force"]
+    damping_ratio: Float[np.ndarray, "level force"]
+    ridge: Float[np.ndarray, "level 2"]
+    inside: float
+    verdict: Verdict
+
+    def __post_init__(self) -> None:
+        freeze(self, frequency_error=np.float64, damping_ratio=np.float64, ridge=np.float64)
