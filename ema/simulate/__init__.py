@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ema.elements import beam, double_beam, plate_matrices
+    from ema.simulate.contact import ContactCurve, PowerContact, Unilateral, own_contact, preload
     from ema.simulate.control import controlled_snapback
     from ema.simulate.events import snapback_reference
     from ema.simulate.friction import (
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "Blow": "inputs",
+    "ContactCurve": "contact",
     "Coulomb": "friction",
     "Dahl": "friction",
     "Fault": "inputs",
@@ -40,6 +42,7 @@ _NAMES = {
     "LuGre": "friction",
     "Masing": "friction",
     "ParallelMasing": "friction",
+    "PowerContact": "contact",
     "RandomShakers": "inputs",
     "RegularisedMasing": "friction",
     "RingCell": "rig",
@@ -47,6 +50,7 @@ _NAMES = {
     "SnapBack": "inputs",
     "SteppedSine": "inputs",
     "SweptShaker": "inputs",
+    "Unilateral": "contact",
     "VirtualRig": "virtual",
     "assemble": "structure",
     "backbone": "maps",
@@ -59,7 +63,9 @@ _NAMES = {
     "identify": "identification",
     "loop": "loops",
     "measured_loop": "hysteresis",
+    "own_contact": "contact",
     "plate_matrices": "ema.elements",
+    "preload": "contact",
     "register_law": "friction",
     "resonance": "maps",
     "respond": "transient",
@@ -70,11 +76,11 @@ _NAMES = {
 }
 
 __all__ = [
-    "Blow", "Coulomb", "Dahl", "Fault", "FrictionRig", "Iwan", "LuGre", "Masing", "ParallelMasing", "RandomShakers",
-    "RegularisedMasing", "RingCell", "RovingHammer", "SnapBack", "SteppedSine", "SweptShaker", "VirtualRig",
-    "assemble", "backbone", "beam", "controlled_snapback", "damping_map", "double_beam", "frf", "hammer_pulse",
-    "identify", "loop", "measured_loop", "plate_matrices", "register_law", "resonance", "respond", "snapback",
-    "snapback_reference", "stepped_sine", "swept_sine",
+    "Blow", "ContactCurve", "Coulomb", "Dahl", "Fault", "FrictionRig", "Iwan", "LuGre", "Masing", "ParallelMasing",
+    "PowerContact", "RandomShakers", "RegularisedMasing", "RingCell", "RovingHammer", "SnapBack", "SteppedSine",
+    "SweptShaker", "Unilateral", "VirtualRig", "assemble", "backbone", "beam", "controlled_snapback", "damping_map",
+    "double_beam", "frf", "hammer_pulse", "identify", "loop", "measured_loop", "own_contact", "plate_matrices",
+    "preload", "register_law", "resonance", "respond", "snapback", "snapback_reference", "stepped_sine", "swept_sine",
 ]  # fmt: skip
 
 
