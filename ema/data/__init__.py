@@ -8,7 +8,15 @@ from ema.data.frf import FrfSet
 from ema.data.geometry import Geometry
 from ema.data.hits import Hit, HitGallery
 from ema.data.maps import ModalMap
-from ema.data.modal import ModalModel, ModalUncertainty, PoleTable, Residuals, damping_ratios, natural_frequencies, poles_from
+from ema.data.modal import (
+    ModalModel,
+    ModalUncertainty,
+    PoleTable,
+    Residuals,
+    damping_ratios,
+    natural_frequencies,
+    poles_from,
+)
 from ema.data.pressure import ContactPressure
 from ema.data.provenance import Provenance
 from ema.data.recording import Channel, Recording
@@ -20,7 +28,7 @@ from ema.data.source import Source
 __all__ = [
     "BeamModel", "Campaign", "Channel", "Condition", "ContactPressure", "Damping", "Decay", "EnergyBalance",
     "Excitation", "Expectation", "Finding", "FrfSet", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit",
-    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel", "ModalUncertainty", "ModeQuality",
-    "NormalContact", "PoleTable", "Provenance", "Recording", "Repair", "Residuals", "Response", "Run", "RunResult",
-    "SingleMode", "Source", "StudyResult", "damping_ratios", "natural_frequencies", "poles_from",
+    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel", "ModalUncertainty",
+    "ModeQuality", "NormalContact", "PoleTable", "Provenance", "Recording", "Repair", "Residuals", "Response", "Run",
+    "RunResult", "SingleMode", "Source", "StudyResult", "damping_ratios", "natural_frequencies", "poles_from",
 ]  # fmt: skip

@@ -96,7 +96,7 @@ class Residuals:
 
 @dataclass(frozen=True)
 class ModalUncertainty:
-    """Uncertainty of a modal model as far as noise of the FRFs causes it, by linearisation at the optimum (GUM, JCGM 100).
+    """Uncertainty of a modal model by the noise of the FRFs, by linearisation at the optimum (GUM, JCGM 100).
 
     Variances of complex values are 2 x 2, of real and imaginary part; 95 % coverage intervals are 1.96 standard
     uncertainties wide on each side. What changes from one assembly or test to the next is not contained.
@@ -197,8 +197,8 @@ class ModalModel:
         return np.einsum("kr,ir->rki", self.shapes, self.participation)
 
     def table(self) -> "pd.DataFrame":
-        """One row per mode: f [Hz], zeta [%], standard uncertainties and half 95 % intervals (+-) where known, F_N [N] where
-        there are joints.
+        """One row per mode: f [Hz], zeta [%], standard uncertainties and half 95 % intervals (+-) where known, F_N [N]
+        where there are joints.
         """
         import pandas as pd
 

@@ -48,7 +48,7 @@ def ContactCurve(penetrations: Sequence[float], forces: Sequence[float]) -> Norm
     """
     if len(penetrations) != len(forces):
         raise InputError("a curve needs pairs of numbers", where="normal contact",
-                         got=f"{len(penetrations)} and {len(forces)}", expected="as many forces as penetrations")  # fmt: skip
+                         got=f"{len(penetrations)} and {len(forces)}", expected="equally many")  # fmt: skip
     contact = NormalContact("curve", points=tuple((float(x), float(f)) for x, f in zip(penetrations, forces)))
     check_normal_contact(contact, "normal contact")
     return contact
@@ -279,7 +279,7 @@ def _open_at_rest(pairs: NormalPairs, where: str) -> list[Finding]:
     gap = float(_rest_gaps(pairs).max())
     names = ", ".join(f"{pairs.joints[i]} {pairs.pairs[i]}" for i in out[:5]) + (" ..." if len(out) > 5 else "")
     return [Finding("warning", "lift-off", where,
-                    f"{len(out)} of {len(pairs.forces)} pairs are open under the preload, by up to {gap:.1e} m ({names}).",
+                    f"{len(out)} of {len(pairs.forces)} pairs are open under the preload, up to {gap:.1e} m: {names}.",
                     gap, 0.0, "Spread the normal force, or leave these pairs out.")]  # fmt: skip
 
 
