@@ -6,7 +6,9 @@ with it; the energy lost there is booked as ``projection``.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -30,16 +32,31 @@ class Measured:
     forces: Float[np.ndarray, "contact"]
 
 
+_NO_LOADS = np.zeros((0, 0))
 ControlLaw = Callable[[Measured], float | Sequence[float] | np.ndarray]
 
 
 @dataclass(frozen=True)
 class Actuator:
-    """``sampling_time`` and ``lag`` in s; no force leaves ``limits`` in N."""
+    """``sampling_time`` and ``lag`` (from measuring to acting) in s; no force leaves ``limits`` in N.
+
+    Raises
+    ------
+    InputError : a time that is not positive, a negative lag, limits that are negative or not in order.
+    """
 
     sampling_time: float = 5e-4
     lag: float = 0.0
     limits: tuple[float, float] = (0.0, float("inf"))
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sampling_time) and self.sampling_time > 0):
+            raise InputError("not a sampling time", where="actuator", got=f"{self.sampling_time} s", expected="above 0")
+        if not (np.isfinite(self.lag) and self.lag >= 0):
+            raise InputError("a lag is not negative", where="actuator", got=f"{self.lag} s", expected="0 s or more")
+        if not 0 <= self.limits[0] <= self.limits[1]:
+            raise InputError("not the limits of a normal force", where="actuator", got=f"{self.limits} N",
+                             expected="0 N or more, the smaller one first")  # fmt: skip
 
 
 def constant(force: float) -> ControlLaw:
@@ -47,44 +64,62 @@ def constant(force: float) -> ControlLaw:
     return lambda seen: force
 
 
+class _TurningPoints:
+    """Changes of sign of the measured velocity that are no higher mode."""
+
+    def __init__(self, shortest: float) -> None:
+        self.shortest, self.before, self.last = shortest, 0.0, float("-inf")
+
+    def passed(self, seen: Measured) -> bool:
+        turned = seen.velocity * self.before < 0 and seen.time > self.last + self.shortest
+        self.before = seen.velocity
+        self.last = seen.time if turned else self.last
+        return turned
+
+
 class AmplitudeScheduled:
     """F_N proportional to the amplitude at the last turning point: the slip force stays just below the stick force.
 
-    ``force`` N at the amplitude ``reference`` m; never below ``floor`` times ``force``.
+    ``force`` N at the amplitude ``reference`` m; never below ``floor`` times ``force``. ``shortest`` s is the least
+    time between turning points: what turns sooner is a higher mode.
     """
 
-    def __init__(self, force: float, reference: float, floor: float = 0.002) -> None:
+    def __init__(self, force: float, reference: float, floor: float = 0.002, shortest: float = 0.0) -> None:
         self.force, self.reference, self.floor = force, reference, floor
-        self.amplitude, self.before = reference, 0.0
+        self.amplitude, self.turning = reference, _TurningPoints(shortest)
 
     def __call__(self, seen: Measured) -> float:
         """Normal force in N."""
-        if seen.velocity * self.before < 0:
+        if self.turning.passed(seen):
             self.amplitude = abs(seen.displacement)
-        self.before = seen.velocity
         return float(self.force * max(self.amplitude / self.reference, self.floor))
 
 
 class ReleasePulse:
     """F_N = ``force``, but 0 for ``width`` s at every turning point: stored joint energy is not given back.
 
-    Dupont, Kasturi and Stokes, J. Sound Vib. 202 (1997), describe the principle.
+    ``shortest`` s is the least time between turning points (a quarter of the period is a good choice): without it,
+    higher modes release the joint at wrong instants. The principle is that of Dupont, Kasturi and Stokes, J. Sound
+    Vib. 202 (1997).
     """
 
-    def __init__(self, force: float, width: float = 4e-3) -> None:
-        self.force, self.width = force, width
-        self.before, self.until = 0.0, -1.0
+    def __init__(self, force: float, width: float = 4e-3, shortest: float = 0.0) -> None:
+        self.force, self.width, self.until = force, width, float("-inf")
+        self.turning = _TurningPoints(max(width, shortest))
 
     def __call__(self, seen: Measured) -> float:
         """Normal force in N."""
-        if seen.velocity * self.before < 0 and seen.time > self.until:
+        if self.turning.passed(seen):
             self.until = seen.time + self.width
-        self.before = seen.velocity
         return 0.0 if seen.time < self.until else self.force
 
 
 class BangBang:
-    """F_N = ``force`` where friction takes energy out (f v > 0), else 0, from the sums over the contacts."""
+    """F_N = ``force`` where friction takes energy out (f v > 0), else 0, from the sums over the contacts.
+
+    The derivative of the energy (a Lyapunov function) decides. It knows nothing of higher modes and chatters with them:
+    the faster it is sampled, the worse.
+    """
 
     def __init__(self, force: float) -> None:
         self.force = force
@@ -96,7 +131,7 @@ class BangBang:
 
 def controlled_snapback(
     model: BeamModel, law: ControlLaw, load: float, at: Dof | str, duration: float, actuator: Actuator | None = None,
-    sensor: Dof | str | None = None, step: float = 1.25e-5, start_force: float | None = None,
+    sensor: Dof | str | None = None, step: float = 1.25e-5, start_force: float | None = None, check: bool = False,
     progress: Progress = silent,
 ) -> Response:  # fmt: skip
     """Snap-back with a controller for the normal forces.
@@ -105,65 +140,72 @@ def controlled_snapback(
     ----------
     load : N at DOF ``at``; ``duration`` s.
     law : called every ``actuator.sampling_time`` with a ``Measured``; the displacement is that of ``sensor`` (``at`` by
-        default).
+        default). A law that remembers is copied, so that one object serves many runs.
     step : s of the time integration, not above the sampling time.
-    start_force : normal force in N of every joint while the load is raised; that of the model by default.
+    start_force : normal force in N of every joint while the load is raised, and until the first command arrives; that
+        of the model by default. k_T stays that of the model's normal force.
+    check : repeat the run with half the step; the difference of the displacements is the error estimate.
 
     Raises
     ------
     InputError : the law returns NaN or the wrong number of forces; a time is not positive.
     """
     actuator, dof = actuator or Actuator(), Dof.parse(at)
-    for name, value in (("duration", duration), ("sampling_time", actuator.sampling_time), ("step", step)):
+    for name, value in (("duration", duration), ("step", step)):
         if not (np.isfinite(value) and value > 0):
             raise InputError("not a positive number", where=model.name, got=f"{name} = {value}", expected="above 0")
-    if actuator.lag < 0:
-        raise InputError("a lag is not negative", where=model.name, got=f"{actuator.lag} s", expected="0 s or more")
-    seen_dof = Dof.parse(sensor) if sensor is not None else dof
-    problem = prepare(model, list(dict.fromkeys([dof, seen_dof])))
+    seen = Dof.parse(sensor) if sensor is not None else dof
+    problem = prepare(model, list(dict.fromkeys([dof, seen])))
     ramped = problem if start_force is None else prepare(model.with_normal_force(start_force), [dof])
+    before = [joint.normal_force if start_force is None else start_force for joint in model.joints]
     state = released(ramped, load, dof)
+    response = _run(problem, ramped, state, deepcopy(law), actuator, seen, step, duration, before, progress)
+    if not check:
+        return response
+    finer = _run(problem, ramped, state, deepcopy(law), actuator, seen, 0.5 * step, duration, before, progress)
+    error = np.abs(finer.displacements - response.displacements).max() / np.abs(finer.displacements).max()
+    return replace(finer, error_estimate=float(error))
+
+
+def _run(
+    problem: Problem, ramped: Problem, state: _State, law: ControlLaw, actuator: Actuator, sensor: Dof, step: float,
+    duration: float, before: list[float], progress: Progress,
+) -> Response:  # fmt: skip
     every = max(round(actuator.sampling_time / step), 1)
-    stepper = Stepper(problem, state, actuator.sampling_time / every)
+    h = actuator.sampling_time / every
+    stepper = Stepper(problem, state.copy(), h)
     stepper.limits = ramped.system.contacts.limits.copy()
     samples = max(round(duration / actuator.sampling_time), 1)
-    runs, forces = _loop(problem, stepper, state, law, actuator, seen_dof, every, samples, model, progress)
+    base, contacts = problem.base, problem.system.contacts
+    row, joints = base.row(problem.system, sensor), list(contacts.joint)
+    runs = [_initial(stepper, state)]
+    commands = [np.array(before, dtype=np.float64)]
+    # command n takes effect n * every + late steps after the start
+    late = round(actuator.lag / h)
+    acting = np.empty((len(before), samples + 1))
+    for sample in range(samples):
+        advance(progress, "control", sample, samples)
+        q, p, f = (runs[-1][name][-1] for name in ("q", "p", "f"))
+        time = sample * actuator.sampling_time
+        seen = Measured(time, float(row @ q), float(row @ p), base.slip @ q, base.slip @ p, f)
+        commands.append(_wanted(law(seen), len(before), actuator, problem.system.name, time))
+        newest = np.maximum((sample * every + np.arange(every) - late) // every + 1, 0)
+        forces = np.array(commands[newest[0] : newest[-1] + 1])[newest - newest[0]]
+        acting[:, sample] = forces[0]
+        runs.append(stepper.run(every, every, np.ascontiguousarray(contacts.friction * forces[:, joints]), _NO_LOADS))
+    acting[:, -1] = forces[-1]
     times = actuator.sampling_time * np.arange(samples + 1)
-    drive = Drive(times, normal_forces=forces)
     run = {name: np.concatenate([part[name] for part in runs]) for name in runs[0]}
+    drive = Drive(times, normal_forces=acting)
     return _response(problem, drive, run, stepper, actuator.sampling_time, float("nan"), 1.0)
 
 
-def _loop(
-    problem: Problem, stepper: Stepper, state: _State, law: ControlLaw, actuator: Actuator, sensor: Dof, every: int,
-    samples: int, model: BeamModel, progress: Progress,
-) -> tuple[list[dict[str, np.ndarray]], Float[np.ndarray, "joint sample"]]:  # fmt: skip
-    base, contacts = problem.base, problem.system.contacts
-    row, joints = base.row(problem.system, sensor), len(model.joints)
-    runs = [_initial(stepper, state)]
-    delay = round(actuator.lag / actuator.sampling_time)
-    first = np.array([joint.normal_force for joint in model.joints])
-    queue = [first] * delay
-    forces = np.empty((joints, samples + 1))
-    for sample in range(samples):
-        advance(progress, "control", sample, samples)
-        q, p = runs[-1]["q"][-1], runs[-1]["p"][-1]
-        seen = Measured(
-            sample * actuator.sampling_time, float(row @ q), float(row @ p), base.slip @ q, base.slip @ p,
-            runs[-1]["f"][-1],
-        )  # fmt: skip
-        queue.append(_wanted(law(seen), joints, actuator, problem.system.name, seen.time))
-        forces[:, sample] = queue.pop(0)
-        limits = (contacts.friction * forces[list(contacts.joint), sample])[None]
-        runs.append(stepper.run(every, every, np.ascontiguousarray(limits), np.zeros((0, 0))))
-    forces[:, -1] = forces[:, -2] if samples > 1 else forces[:, 0]
-    return runs, forces
-
-
-def _wanted(
-    answer: float | Sequence[float] | np.ndarray, joints: int, actuator: Actuator, where: str, time: float
-) -> Float[np.ndarray, "joint"]:
-    force = np.atleast_1d(np.asarray(answer, dtype=np.float64))
+def _wanted(answer: Any, joints: int, actuator: Actuator, where: str, time: float) -> Float[np.ndarray, "joint"]:
+    try:
+        force = np.atleast_1d(np.asarray(answer, dtype=np.float64))
+    except (TypeError, ValueError) as error:
+        raise InputError("the control law returns no number", where=where, got=f"{answer!r} at {time:g} s",
+                         expected="a normal force in N for every joint") from error  # fmt: skip
     if not np.all(np.isfinite(force)):
         raise InputError("the control law returns no number", where=where, got=f"{force} at {time:g} s",
                          expected="a normal force in N for every joint")  # fmt: skip
