@@ -134,7 +134,10 @@ def slide_or_stick(table, gains, stiffness, limit, g, free, signs, used, slip, u
     rounds, wrong = 0, 1
     for i in range(len(f1)):
         change[i] = 0.0
-    if not signs.any():
+    sliding = 0.0
+    for i in range(len(f1)):
+        sliding += abs(signs[i])
+    if sliding == 0.0:
         for i in range(len(f1)):
             slip[i], u1[i] = 0.0, free[i]
         if trial_forces(stiffness, limit, g, free, signs, slip, f1) == 0:

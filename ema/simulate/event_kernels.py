@@ -164,7 +164,9 @@ def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still,
     for r in range(wave.shape[1]):
         wave[NOW_RE, r], wave[NOW_IM, r] = wave[RE, r], wave[IM, r]
         wave[COS, r], wave[SIN, r] = fade * np.cos(wave[OMEGA, r] * dt), fade * np.sin(wave[OMEGA, r] * dt)
-    anything = slide.any()
+    anything = False
+    for j in range(len(k)):
+        anything = anything or slide[j] != 0.0
     for n in range(steps + 1):
         if n > 0:
             turn(wave)

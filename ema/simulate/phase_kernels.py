@@ -85,12 +85,19 @@ def updated_modes(squares, row, stiffness, rotation):
     well; where poles coincide the matrix has to be solved as a whole.
     """
     count, sign = len(squares), 1.0 if stiffness > 0.0 else -1.0
-    limit, close = NEGLIGIBLE * np.abs(row).max(), 1e-14 * np.abs(squares).max()
-    result = squares.copy()
-    rotation[:] = 0.0
-    moved = np.empty(count, np.int64)
+    limit, close = 0.0, 0.0
+    order, moved, result = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
+    for i in range(count):
+        limit, close = max(limit, NEGLIGIBLE * abs(row[i])), max(close, 1e-14 * abs(squares[i]))
+        result[i] = squares[i]
+        place = i
+        while place > 0 and sign * squares[order[place - 1]] > sign * squares[i]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = i
+        for j in range(count):
+            rotation[i, j] = 0.0
     size = 0
-    order = np.argsort(sign * squares)
     for place in order:
         if abs(row[place]) > limit:
             moved[size] = place
@@ -106,7 +113,9 @@ def updated_modes(squares, row, stiffness, rotation):
     if size == 0:
         return result, True
     distance, gaps = np.empty((size, size)), np.empty(size)
-    end = poles[size - 1] + weights.sum() * (1.0 + 1e-15)
+    end = poles[size - 1]
+    for weight in weights:
+        end += weight * (1.0 + 1e-15)
     for j in range(size):
         origin, shift = root(poles, weights, j, end, gaps)
         result[moved[j]] = sign * (poles[origin] + shift)
@@ -153,11 +162,14 @@ def find(sliding, keys, slots):
 @nb.njit(cache=True)
 def solve_whole(sliding, contact, k, stuck, total, squares, slip, phases, number):
     """Modes of a pattern from its whole matrix."""
-    stuck[:] = -total
+    matrix = np.zeros((len(squares), len(squares)))
+    for r in range(len(squares)):
+        matrix[r, r] = squares[r]
+    for i in range(len(total)):
+        stuck[i] = -total[i]
     for j in range(len(sliding)):
         if sliding[j] == 0.0:
             stuck[contact[j]] += k[j]
-    matrix = np.diag(squares)
     for i in range(len(stuck)):
         for r in range(len(squares)):
             weight = stuck[i] * slip[i, r]
