@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from ema.data import BeamModel, Joint
+from ema.data import BeamModel, Joint, Matrices
+from ema.dof import Dof
 from ema.elements import plate_matrices
 from ema.errors import InputError
 from ema.simulate import (
@@ -17,9 +18,11 @@ from ema.simulate import (
     Masing,
     ParallelMasing,
     RegularisedMasing,
+    Unilateral,
     double_beam,
     plane_kernels,
     register_law,
+    respond,
     snapback,
     snapback_reference,
 )
@@ -214,3 +217,84 @@ def test_free_square_plate_converges_to_kirchhoff():
     extrapolated = values[9] + (values[9] - values[6]) / ((9 / 6) ** 2 - 1)
     np.testing.assert_allclose(values[9], expected, rtol=0.02)
     np.testing.assert_allclose(extrapolated, expected, rtol=1e-3)
+
+
+def two_plates(law, normal_force=200.0):
+    """Two square plates on each other, each on soft springs at its corners that are alike in x and y."""
+    side, count = 0.2, 2
+    parts = []
+    for number in (1, 2):
+        free = plate_matrices(side, side, 0.005, elements=(count, count), clamped=False, part=f"plate {number}")
+        stiffness = np.array(free.stiffness)
+        for place, dof in enumerate(free.dofs):
+            if dof.node in (0, 2, 6, 8) and dof.axis in ("X", "Y", "Z"):
+                stiffness[place, place] += 2e4 if number == 2 else 2e5
+        parts.append(Matrices(free.mass, stiffness, free.dofs))
+    pairs = tuple((node, node) for node in range(9))
+    joint = Joint("interface", pairs, (0.0, 0.0), law, normal_force, 1e8, None, ("X", "Y"))
+    return BeamModel(*parts, (joint,), name="square plates")
+
+
+def released(model, angle, load=100.0, tolerance=1e-3):
+    """A force in the plane is raised slowly at the middle of the upper plate in a direction, and let go."""
+    rate = 5000.0
+    times = np.arange(301) / rate
+    force = load * np.where(times < 0.02, times / 0.02, 0.0)
+    loads = np.array([np.cos(angle) * force, np.sin(angle) * force])
+    at = ["plate 2:4:+X", "plate 2:4:+Y"]
+    found = respond(model, loads, at, rate, at, tolerance=tolerance)
+    assert found.energy.error <= 1e-6
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return turn @ found.displacements, found
+
+
+def test_a_square_set_up_moves_alike_in_every_direction():
+    circle, box = Masing(MU, 5e7), Masing(MU, 5e7, isotropic=False)
+    along, straight = released(two_plates(circle), 0.0)
+    scale = np.abs(along).max()
+    assert 0.2 < straight.energy.friction[-1] / straight.energy.supplied[-1] < 1.01
+    for angle in (np.pi / 2, np.pi / 4, 0.3):
+        skew, found = released(two_plates(circle), angle)
+        np.testing.assert_allclose(skew, along, atol=2e-3 * scale)
+        assert found.energy.friction[-1] == pytest.approx(straight.energy.friction[-1], rel=2e-3)
+    divided, _ = released(two_plates(box), np.pi / 4)
+    assert np.abs(divided - along).max() > 0.05 * scale
+    # along an axis circle and box are the same law
+    np.testing.assert_allclose(released(two_plates(box), 0.0)[0], along, atol=2e-3 * scale)
+
+
+@pytest.mark.parametrize(
+    "law", [CIRCLE, Iwan(MU, K, springs=6), RegularisedMasing(MU, K), Dahl(MU, K), LuGre(MU, K, bristle_damping=10.0)],
+    ids=lambda law: law.name,
+)  # fmt: skip
+def test_one_mass_in_the_plane_against_its_motion_in_one_direction(law):
+    """Loaded along a skew line, a mass on isotropic springs moves as it does along an axis in one direction."""
+    dofs = tuple(Dof.parse(f"{node}:{axis}") for node in (1, 2) for axis in ("+X", "+Y", "+Z"))
+    host = Matrices(np.diag([50.0] * 3 + [2.0] * 3), np.diag([1e8] * 3 + [4e4] * 3), dofs)
+    rate, found = 4000.0, {}
+    times = np.arange(401) / rate
+    force = 90.0 * np.sin(2 * np.pi * 20 * times) * np.exp(-((times - 0.03) ** 2) / 4e-4)
+    for directions, angle in ((("X",), 0.0), (("X", "Y"), 0.0), (("X", "Y"), 0.7)):
+        joint = Joint("J", ((1, 2),), (0.0, 0.0), law, FN, 1e8, None, directions)
+        loads = np.outer([np.cos(angle), np.sin(angle)], force)
+        response = respond(BeamModel(host, None, (joint,)), loads, ["2:+X", "2:+Y"], rate, ["2:+X", "2:+Y"])
+        assert response.energy.error <= 1e-6
+        found[len(directions), angle] = np.array([[np.cos(angle), np.sin(angle)]]) @ response.displacements
+    line = found[1, 0.0]
+    for key in ((2, 0.0), (2, 0.7)):
+        np.testing.assert_allclose(found[key], line, atol=2e-5 * np.abs(line).max())
+
+
+def test_plates_pressed_together_part_in_two_directions():
+    """Both at once: isotropic friction under a normal force that changes, with its energy."""
+    model = two_plates(Masing(MU, 5e7), 60.0).with_normal_contact(Unilateral())
+    times = np.arange(101) / 5000.0
+    pull = 80.0 * np.sin(np.pi * times / times[-1])
+    loads = np.array([pull, 0.7 * pull, 40.0 * pull / 80.0])
+    found = respond(
+        model, loads, ["plate 2:4:+Z", "plate 2:4:+X", "plate 2:4:+Y"], 5000.0, ["plate 2:4:+X"], tolerance=1e-2
+    )
+    assert found.energy.error <= 1e-6
+    assert found.pressure.open_time.max() > 0 and "lift-off" in [f.code for f in found.findings]
+    # no pair ever bears more friction than its normal force allows
+    assert np.hypot(found.forces[:9], found.forces[9:]).max() <= MU * found.pressure.greatest.max() * (1 + 1e-9)
