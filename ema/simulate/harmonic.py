@@ -2,11 +2,12 @@
 
 The structure is condensed on the relative displacements of the contacts, harmonic by harmonic; the unknowns are their
 Fourier coefficients alone. Friction laws without preference of a direction give odd harmonics only. How many are kept
-is decided point by point by an estimate of what as many again would change. Forces of Masing springs over a period are
+is decided point by point by an estimate of what more of them would change. Forces of Masing springs over a period are
 integrated in closed form; those of other laws by quadrature that is refined until it no longer matters.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,7 +30,7 @@ _YIELDING, _MOST_SHAPES = 0.2, 8
 class _Point:
     """A solution at one frequency: amplitudes (contact, 2 H) in m, forces alike in N, losses (contact,) in J per cycle.
 
-    ``wide`` holds twice as many harmonics, as the error estimate sees them.
+    ``wide`` holds more harmonics, as the error estimate sees them.
     """
 
     omega: float
@@ -178,6 +179,21 @@ class Condensed:
                     return None
             wanted = max(level * ratio, 1.0)
 
+    def at(self, force: float, limits: Float[np.ndarray, "contact"]) -> "Condensed":
+        """The same structure under another force amplitude in N and with other slip forces (contact,) in N."""
+        other = copy(self)
+        other.force, other.load, other.limits = force, self.load * (force / self.force), limits
+        return other
+
+    def rough(self, frequency: float, start: np.ndarray | None, count: int) -> _Point | None:
+        """Solution with ``count`` harmonics and without an error estimate, to see where the response is large."""
+        omega = 2 * np.pi * frequency
+        gains = self.gains(omega, count)
+        found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
+        if found is None:
+            found = self._cold_start(omega, gains)
+        return None if found is None else _Point(omega, found[1], found[2], found[4], np.nan, found[1])
+
     def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
         """Solution at one frequency in Hz with as many harmonics as the tolerance asks for; ``None``: none found.
 
@@ -187,7 +203,7 @@ class Condensed:
         count = self.harmonics or max(2, 0 if start is None else start.shape[1] // 2)
         point: _Point | None = None
         while True:
-            all_gains = self.gains(omega, 2 * count)
+            all_gains = self.gains(omega, count + max(min(count, 6), count // 2))
             gains = np.ascontiguousarray(all_gains[:, :count])
             found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
             if found is None:
@@ -316,6 +332,17 @@ def frf(
     return _response(condensed, np.asarray(frequencies), points, rows)
 
 
+def check_positive(where: str, name: str, value: float) -> None:
+    """Refuse a number that is not positive.
+
+    Raises
+    ------
+    InputError : as said.
+    """
+    if not (np.isfinite(value) and value > 0):
+        raise InputError("not a positive number", where=where, got=f"{name} = {value}", expected="above 0")
+
+
 def condense(
     model: BeamModel,
     force: float,
@@ -331,8 +358,7 @@ def condense(
     InputError : the force or the tolerance is not positive.
     """
     for name, value in (("force", force), ("tolerance", tolerance)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError("not a positive number", where=model.name, got=f"{name} = {value}", expected="above 0")
+        check_positive(model.name, name, value)
     driven = Dof.parse(at)
     return Condensed(prepare(model, outputs, modes, [driven]), driven, force, tolerance)
 

@@ -1,16 +1,20 @@
 """Resonances over force level and normal force: backbone and damping map, from harmonic balance alone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, ModalMap, Provenance
+from ema.data import BeamModel, ModalMap, NormalContact, Provenance
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.harmonic import Branch, Condensed, _Point, condense
+from ema.simulate.harmonic import Branch, Condensed, _Point, check_positive, condense
+
+HOMOGENEOUS = ("masing", "parallel masing", "iwan", "regularised masing", "dahl", "coulomb")
+_ROUGH, _COARSE, _RIVAL, _MOST_SUMMITS, _FLAT, _FIRST = 3, 30, 0.8, 2, 0.02, 24
 
 
 @dataclass(frozen=True)
@@ -37,51 +41,102 @@ def resonance(
     Parameters
     ----------
     force : amplitude in N at DOF ``at``; ``band`` in Hz.
-    coarse : number of frequencies of the first pass; the peak is then refined to 1e-4 of its frequency.
+    coarse : number of frequencies of the first pass, which uses few harmonics; the summits are then refined with as
+        many as it takes, to 1e-4 of their frequency.
 
     Raises
     ------
     InputError : the band is empty, nothing was found in it.
     """
+    return _peak(condense(model, force, at, [output], tolerance, modes), check_band(model, band), coarse)
+
+
+def check_band(model: BeamModel, band: tuple[float, float]) -> tuple[float, float]:
+    """The band, when it is one.
+
+    Raises
+    ------
+    InputError : it is empty, or not above 0 Hz.
+    """
     if not 0 < band[0] < band[1]:
         raise InputError("not a band", where=model.name, got=f"{band[0]} to {band[1]} Hz", expected="0 < low < high")
-    return _peak(condense(model, force, at, [output], tolerance, modes), band, coarse)
+    return band
 
 
 def _peak(condensed: Condensed, band: tuple[float, float], coarse: int) -> Resonance:
+    """The largest response: places from few harmonics on a coarse grid, then each summit with all it needs."""
     rows = np.array([condensed.problem.base.row(condensed.problem.system, condensed.problem.outputs[0])])
-    found: dict[float, tuple[float, _Point]] = {}
-
-    def height(frequency: float, start: np.ndarray | None) -> float:
-        point = condensed.solve(frequency, start)
-        if point is None:
-            return -np.inf
-        value = float(np.abs(condensed.outputs(point, rows)[0, 0]))
-        found[frequency] = (value, point)
-        return value
-
+    grid = np.geomspace(*band, coarse)
     branch = Branch(condensed.tolerance)
-    for frequency in np.geomspace(*band, coarse):
-        if height(float(frequency), branch.start(float(frequency))) > -np.inf:
-            branch.add(found[float(frequency)][1])
-    if not found:
+    rough: list[_Point | None] = []
+    for frequency in grid:
+        point = condensed.rough(float(frequency), branch.start(float(frequency)), _ROUGH)
+        branch.add(point)
+        rough.append(point)
+    heights = np.array([-np.inf if p is None else abs(condensed.outputs(p, rows)[0, 0]) for p in rough])
+    if not np.isfinite(heights).any():
         raise InputError("no steady state in the band", where=condensed.problem.system.name, got=f"{band} Hz",
                          advice="use the time solver")  # fmt: skip
-    for _ in range(30):
+    beside = np.maximum(np.append(heights[1:], -np.inf), np.append(-np.inf, heights[:-1]))
+    summits = np.flatnonzero((heights >= beside) & (heights >= _RIVAL * heights.max()))
+    best: Resonance | None = None
+    for place in summits[np.argsort(-heights[summits])][:_MOST_SUMMITS]:
+        near = [int(np.clip(place + step, 0, coarse - 1)) for step in (-1, 0, 1)]
+        found = _summit(condensed, rows, [float(grid[n]) for n in sorted(set(near))], rough[place])
+        if found is not None and (best is None or abs(found.amplitude) > abs(best.amplitude)):
+            best = found
+    if best is None:
+        raise InputError("no steady state in the band", where=condensed.problem.system.name, got=f"{band} Hz",
+                         advice="use the time solver")  # fmt: skip
+    return best
+
+
+def _summit(condensed: Condensed, rows: np.ndarray, around: list[float], first: _Point | None) -> Resonance | None:
+    """The summit between neighbouring frequencies, by parabolas through 1/height^2, which is one near a resonance."""
+    found: dict[float, tuple[float, _Point]] = {}
+
+    def height(frequency: float, start: np.ndarray | None, checked: bool = False) -> None:
+        # the number of harmonics is settled at the first place and checked at the last
+        if checked or not found:
+            point = condensed.solve(frequency, start)
+        else:
+            point = condensed.rough(frequency, start, max(known.count for _, known in found.values()))
+        if point is not None:
+            found[frequency] = (float(np.abs(condensed.outputs(point, rows)[0, 0])), point)
+
+    middle = around[len(around) // 2]
+    start = None if first is None else first.amplitudes
+    for frequency in sorted(around, key=lambda f: abs(f - middle)):
+        height(frequency, start)
+        start = found[middle][1].amplitudes if middle in found else start
+    for _ in range(25):
         places = sorted(found)
+        if not places:
+            return None
         best = max(places, key=lambda f: found[f][0])
         index = places.index(best)
         if index in (0, len(places) - 1):
-            break
-        low, high = places[index - 1], places[index + 1]
-        if high - low < 2e-4 * best:
-            break
-        guess = _parabola(low, best, high, *(1 / found[f][0] ** 2 for f in (low, best, high)))
-        closest = 5e-5 * best
-        if abs(guess - best) < closest:
-            guess = best + np.copysign(max(closest, 0.2 * max(high - best, best - low)), (high - best) - (best - low))
-        height(float(np.clip(guess, low + 0.05 * (high - low), high - 0.05 * (high - low))), found[best][1].amplitudes)
+            beyond = best + (best - places[1 if index == 0 else -2]) if len(places) > 1 else best
+            if len(places) < 2 or not around[0] <= beyond <= around[-1]:
+                break
+            guess = beyond
+        else:
+            low, high = places[index - 1], places[index + 1]
+            inverse = [1 / found[f][0] ** 2 for f in (low, best, high)]
+            guess = _parabola(low, best, high, *inverse)
+            closest = 5e-5 * best
+            sharp = min(inverse[0], inverse[2]) / inverse[1] - 1
+            if high - low < 4 * closest or (abs(guess - best) < 2 * closest and sharp < _FLAT):
+                break
+            if abs(guess - best) < closest:
+                guess = best + np.copysign(
+                    max(closest, 0.1 * max(high - best, best - low)), (high - best) - (best - low)
+                )
+            guess = float(np.clip(guess, low + 0.05 * (high - low), high - 0.05 * (high - low)))
+        height(float(guess), found[best][1].amplitudes)
     best = max(found, key=lambda f: found[f][0])
+    if np.isnan(found[best][1].error):
+        height(best, found[best][1].amplitudes, checked=True)
     return _resonance(condensed, best, found[best][1], rows)
 
 
@@ -110,16 +165,22 @@ def backbone(
     tolerance: float = 5e-3, modes: int | None = None, progress: Progress = silent,
 ) -> tuple[Resonance, ...]:  # fmt: skip
     """Resonance at every force level of ``forces`` (N): how frequency and damping depend on amplitude."""
-    result = []
+    result: list[Resonance] = []
+    condensed: Condensed | None = None
     for number, force in enumerate(forces):
         advance(progress, "backbone", number, len(forces))
-        result.append(resonance(model, float(force), at, output, band, tolerance, modes))
+        check_positive(model.name, "force", float(force))
+        condensed = condensed or condense(model, float(force), at, [output], tolerance, modes)
+        result.append(_peak(condensed.at(float(force), condensed.limits), check_band(model, band), 40))
     return tuple(result)
 
 
 def homogeneous(model: BeamModel) -> bool:
     """Whether x(c F_E, c F_N) = c x(F_E, F_N): constant k_T and no velocity scale in any law."""
-    return all(joint.law.stiffness_exponent == 0 and joint.law.name not in ("lugre",) for joint in model.joints)
+    return all(
+        joint.law.stiffness_exponent == 0 and joint.law.name in HOMOGENEOUS and joint.normal_contact == NormalContact()
+        for joint in model.joints
+    )
 
 
 def damping_map(
@@ -129,45 +190,95 @@ def damping_map(
 ) -> ModalMap:  # fmt: skip
     """Resonance frequency and equivalent damping over (F_E, F_N): ``ModalMap`` of the kind ``frozen``.
 
-    ``normal_forces`` N are given to every joint. Where the model is homogeneous, equal ratios F_N/F_E are computed
-    once and scaled.
+    ``normal_forces`` N are given to every joint. Where the model is homogeneous the map is one curve over F_N/F_E: it
+    is computed at as many ratios as it takes to interpolate between them within 0.4 ``tolerance`` in frequency,
+    ``tolerance`` in amplitude and twice that in damping.
+
+    Raises
+    ------
+    InputError : the band is empty, a force is not positive, nothing was found.
     """
     levels, normals = np.asarray(force_levels, dtype=float), np.asarray(normal_forces, dtype=float)
-    shape = (len(levels), len(normals))
-    frequency, damping, amplitude = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape, np.nan)
-    scaled = homogeneous(model)
-    known: dict[float, Resonance] = {}
-    done = 0
-    for column, normal in enumerate(normals):
-        for row, level in enumerate(levels):
-            advance(progress, "damping map", done, frequency.size)
-            done += 1
-            key = float(f"{normal / level:.9g}")
-            if not (scaled and key in known):
-                if not scaled:
-                    known.clear()
-                at_ratio = model.with_normal_force(normal)
-                known[key] = resonance(at_ratio, level, at, output, band, tolerance, modes, 24)
-                if scaled:
-                    known[key] = _per_newton(known[key], level)
-            point = known[key]
-            frequency[row, column], damping[row, column] = point.frequency, point.damping
-            amplitude[row, column] = point.modal_amplitude * (level if scaled else 1.0)
+    for level in levels:
+        check_positive(model.name, "force", float(level))
+    check_band(model, band)
+    if homogeneous(model):
+        table = _map_of_one_curve(model, levels, normals, at, output, band, tolerance, modes, progress)
+    else:
+        table = np.empty((3, len(levels), len(normals)))
+        for column, normal in enumerate(normals):
+            condensed = condense(model.with_normal_force(normal), float(levels[0]), at, [output], tolerance, modes)
+            for row, level in enumerate(levels):
+                advance(progress, "damping map", column * len(levels) + row, len(levels) * len(normals))
+                point = _peak(condensed.at(float(level), condensed.limits), band, _COARSE)
+                table[:, row, column] = point.frequency, point.damping, point.modal_amplitude
+    shape = table.shape[1:]
     joints = np.broadcast_to(normals[None, :, None], (*shape, len(model.joints)))
     return ModalMap(
-        levels, normals, frequency, damping, force_at_resonance=np.broadcast_to(levels[:, None], shape),
-        modal_amplitude=amplitude, joint_forces=joints, joints=tuple(joint.name for joint in model.joints),
+        levels, normals, table[0], table[1], force_at_resonance=np.broadcast_to(levels[:, None], shape),
+        modal_amplitude=table[2], joint_forces=joints, joints=tuple(joint.name for joint in model.joints),
         method="frozen", name=model.name,
         provenance=Provenance(
-            options=(("tolerance", str(tolerance)), ("homogeneity", str(scaled))), steps=("damping_map",)
+            options=(("tolerance", str(tolerance)), ("homogeneity", str(homogeneous(model)))), steps=("damping_map",)
         ),
     )  # fmt: skip
 
 
-def _per_newton(point: Resonance, level: float) -> Resonance:
-    return Resonance(
-        point.frequency, point.amplitude / level, point.damping, point.modal_amplitude / level, point.error_estimate
-    )
+def _map_of_one_curve(
+    model: BeamModel, levels: np.ndarray, normals: np.ndarray, at: Dof | str, output: Dof | str,
+    band: tuple[float, float], tolerance: float, modes: int | None, progress: Progress,
+) -> Float[np.ndarray, "3 level normal"]:  # fmt: skip
+    """Frequency, damping and modal amplitude over (F_E, F_N) from their curve over F_N/F_E."""
+    condensed = condense(model.with_normal_force(1.0), 1.0, at, [output], tolerance, modes)
+    ratios = normals / levels[:, None]
+    keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
+    wanted, back = np.unique(keys, return_inverse=True)
+
+    def compute(ratio: float) -> np.ndarray:
+        point = _peak(condensed.at(1.0, condensed.limits * ratio), band, _COARSE)
+        return np.array([point.frequency, point.damping, point.modal_amplitude])
+
+    curve = interpolated(wanted, compute, np.array([0.4, 2.0, 1.0]) * tolerance, progress)
+    table = curve[back].T.reshape(3, *ratios.shape).copy()
+    table[2] *= levels[:, None]
+    return table
+
+
+def interpolated(
+    wanted: Float[np.ndarray, "place"], compute: Callable[[float], np.ndarray],
+    tolerance: Float[np.ndarray, "number"], progress: Progress = silent,
+) -> Float[np.ndarray, "place number"]:  # fmt: skip
+    """Positive numbers at ascending places of 0 or more, computed at some and interpolated at the others.
+
+    A stretch is interpolated when the place in its middle was predicted within the relative ``tolerance``; else that
+    place is kept and both halves are looked at.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    count = len(wanted)
+    steps = min(count, _FIRST)
+    chosen = np.unique(np.round(np.linspace(0, count - 1, steps)).astype(int))
+    known = {int(n): compute(float(wanted[n])) for n in chosen}
+    axis = np.log(np.maximum(wanted, 1e-12))
+    stretches = [(int(a), int(b)) for a, b in pairwise(chosen) if b - a > 1]
+    while stretches:
+        advance(progress, "damping map", len(known), count)
+        places = sorted(known)
+        curve = PchipInterpolator(axis[places], np.log([known[n] for n in places])) if len(places) > 2 else None
+        nexts: list[tuple[int, int]] = []
+        for low, high in stretches:
+            middle = int(np.argmin(np.abs(axis[low + 1 : high] - (axis[low] + axis[high]) / 2))) + low + 1
+            known[middle] = compute(float(wanted[middle]))
+            predicted = np.full(len(tolerance), np.inf) if curve is None else np.exp(curve(axis[middle]))
+            if np.any(np.abs(predicted / known[middle] - 1) > tolerance):
+                nexts += [(a, b) for a, b in ((low, middle), (middle, high)) if b - a > 1]
+        stretches = nexts
+    places = sorted(known)
+    if len(places) == count:
+        return np.array([known[n] for n in places])
+    result = np.exp(PchipInterpolator(axis[places], np.log([known[n] for n in places]))(axis))
+    result[places] = [known[n] for n in places]
+    return np.asarray(result)
 
 
 def damping_rule(slip_stiffness: float, slip_shape: float, frequency: float) -> float:

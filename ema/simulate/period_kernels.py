@@ -1,7 +1,7 @@
 """Friction over one period of a motion given by its harmonics: exact for Masing springs; compiled.
 
 A motion u(x) = sum_h a_h cos(h x) + b_h sin(h x), x = w t, is monotone between its turning points. A Masing spring
-moves through these stretches one by one: it is stuck, then slides from a place that is found, to the end of the stretch.
+moves through these stretches one by one: it is stuck, then slides from a place that is found, to the end of one.
 So the Fourier integrals of its force, their derivatives and its loss are sums of closed forms, without samples.
 """
 
