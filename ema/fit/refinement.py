@@ -109,13 +109,41 @@ def _weights(
     residual = data.signals[some] - weighted.model(data, state, some)
     together = float(np.sum((residual[..., 1:] * residual[..., :-1].conj()).real))
     misfit = known is None and together > MISFIT * float(np.sum(np.abs(residual) ** 2))
-    found = noise.structure(*powers(some), plain=misfit)
+    power, size = powers(some)
+    found = noise.structure(power, size, plain=misfit)
+    if known is None and len(state.poles):
+        left = 1 - _leverage(data, state, curve / found.variance(power, size))
+        found = noise.structure(power / left, size, plain=misfit)
     weights = np.empty(data.signals.shape)
     for rows in data.blocks():
         power, size = powers(rows)
         variance = found.variance(power, size) if known is None else noise.pooled(power, found, size)
         weights[rows] = 2 * curve / variance
     return weights
+
+
+def _leverage(
+    data: Weighted, state: State, weights: Float[np.ndarray, "some in freq"]
+) -> Float[np.ndarray, "in freq"]:
+    """Share of the noise of each line that the modes follow, typical of all outputs.
+
+    Where a peak is a few lines wide this is a good part, and the residual alone would make those lines look quiet.
+    """
+    outputs, modes = len(data.signals), len(state.poles)
+    typical = np.mean(weights / np.mean(weights, axis=-1, keepdims=True), axis=0)
+    direct, mirrored = 1 / (data.s - state.poles[:, None]), 1 / (data.s - state.poles.conj()[:, None])
+    columns = []
+    for entries, weight in zip(state.participation[:, :, None], typical, strict=True):
+        one, other = entries * direct, entries.conj() * mirrored
+        columns.append(np.concatenate([one + other, 1j * (one - other)]) * np.sqrt(weight))
+    information = np.zeros((2 * modes, 2 * modes))
+    for block in columns:
+        flat = block.view(float)
+        information += flat @ flat.T
+    spread = weighted.inverse(information)
+    shares = [0.5 * np.sum((block.conj() * (spread @ block)).real, axis=0) for block in columns]
+    # Poles and participation are shared by all outputs.
+    return np.minimum(np.array(shares) * (1 + len(columns) / outputs), 0.8)
 
 
 def _some(data: Weighted) -> slice:

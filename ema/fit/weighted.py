@@ -20,6 +20,7 @@ from jaxtyping import Bool, Complex, Float
 
 _BLOCK = 400_000
 """Values of the FRFs that are worked on at a time."""
+_DOUBT = 2.0
 _RIDGE = 1e-13
 """Relative to the information of an unknown: keeps what the data do not tell from becoming infinite."""
 
@@ -88,7 +89,8 @@ class Linearisation:
 
     ``local`` (out, l, l) inverts the information of the linear unknowns of an output (real parts of its shapes and of
     its rest, then imaginary parts); ``slope`` (out, l, unknown) is their change with the shared unknowns; ``offset``
-    (out, l) their step when those stay. ``cost`` is the residual energy of the state, ``gain`` what the offset takes off.
+    (out, l) their step when those stay. ``cost`` is the residual energy of the state, ``gain`` what the
+    offset takes off.
     """
 
     information: Float[np.ndarray, "unknown unknown"]
@@ -115,7 +117,7 @@ def inverse(matrix: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batc
 def unit_scale(matrix: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch n"]:
     """Factors that make the diagonal 1, except where there is nothing to scale (a mode without a shape)."""
     diagonal = np.einsum("...ii->...i", matrix)
-    floor = 1e-24 * np.max(diagonal, axis=-1, keepdims=True, initial=0)
+    floor = 1e-60 * np.max(diagonal, axis=-1, keepdims=True, initial=0)
     result: np.ndarray = 1 / np.sqrt(np.maximum(diagonal, floor + np.finfo(float).tiny))
     return result
 
@@ -338,7 +340,9 @@ def freedom(data: Weighted, state: State) -> int:
     return max(1, 2 * data.signals.size - own - 2 * (len(state.poles) + len(state.free)))
 
 
-def refine(data: Weighted, start: State, floor: float, iterations: int = 10) -> tuple[State, Linearisation]:
+def refine(
+    data: Weighted, start: State, floor: float, iterations: int = 10, tolerance: float = 0.02
+) -> tuple[State, Linearisation]:
     """Gauss-Newton to the optimum; terms of the rest that noise explains are left out on the way.
 
     The cost never exceeds that of ``start`` with its linear unknowns adapted.
@@ -346,6 +350,7 @@ def refine(data: Weighted, start: State, floor: float, iterations: int = 10) -> 
     Parameters
     ----------
     floor : smallest decay rate of a mode, in units of ``data.unit``.
+    tolerance : stop when the quadratic form foretold the cost to this part of what one standard deviation costs.
     """
     start = normalised(start)
     normal = linearise(data, start)
@@ -353,33 +358,51 @@ def refine(data: Weighted, start: State, floor: float, iterations: int = 10) -> 
     state = moved(start, normal, np.zeros(len(normal.gradient)))
     reached = normal.cost - normal.gain
     for _ in range(iterations):
-        step = inverse(normal.information) @ normal.gradient
-        expected = reached - float(normal.gradient @ step)
-        share = _longest(start, step)
-        found = None
+        step, share = _step(start, normal), 1.0
         for _ in range(6):
             trial = _bounded(moved(start, normal, step, share), floor)
             value = cost(data, trial)
+            if value > reached:
+                # Products of shapes and steps of poles bend the surface: the linear unknowns have to follow exactly.
+                trial, value = _adapted(data, trial)
             if value <= reached:
-                found = trial
                 break
-            share *= 0.3
-        if found is None:
+            share *= 0.2
+        else:
             break
-        gained, state, reached = reached - value, found, value
+        expected = reached - share * float((2 * normal.gradient - share * normal.information @ step) @ step)
+        gained, state, reached = reached - value, trial, value
         # The quadratic form was right to a small part of a standard deviation: there is nothing left to gain.
-        if abs(value - expected) < 0.02 * value / freedom(data, state) or gained < 1e-9 * value:
+        exact = share == 1 and abs(value - expected) < tolerance * value / freedom(data, state)
+        if exact or gained < 1e-9 * value:
             break
         start = state = normalised(state)
         normal = linearise(data, start)
     return state, normal
 
 
-def _longest(state: State, step: Float[np.ndarray, "unknown"]) -> float:
-    """Share of a step that moves no pole by more than 0.7 of its decay rate."""
-    modes, half = len(state.poles), len(step) // 2
-    move = np.abs(step[:modes] + 1j * step[half : half + modes])
-    return float(min(1.0, np.min(0.7 * np.abs(state.poles.real) / np.maximum(move, 1e-300), initial=1.0)))
+def _adapted(data: Weighted, state: State) -> tuple[State, float]:
+    """The state with the best linear unknowns for its poles and participation, and its cost."""
+    normal = linearise(data, state)
+    return moved(state, normal, np.zeros(len(normal.gradient))), normal.cost - normal.gain
+
+
+def _step(state: State, normal: Linearisation) -> Float[np.ndarray, "unknown"]:
+    """Gauss-Newton step; poles that would move by more than 0.7 of their decay rate move so far, the others adapt."""
+    modes, half = len(state.poles), len(normal.gradient) // 2
+    limit = 0.7 * np.abs(state.poles.real)
+    step, held = np.zeros(2 * half), np.zeros(2 * half, bool)
+    for _ in range(modes + 1):
+        pull = normal.gradient - normal.information[:, held] @ step[held]
+        step[~held] = inverse(normal.information[~held][:, ~held]) @ pull[~held]
+        move = np.hypot(step[:modes], step[half : half + modes])
+        far = np.flatnonzero((move > limit) & ~held[:modes])
+        if not len(far):
+            break
+        both = np.concatenate([far, half + far])
+        step[both] *= np.tile(limit[far] / move[far], 2)
+        held[both] = True
+    return step
 
 
 def _bounded(state: State, floor: float) -> State:
@@ -397,22 +420,31 @@ def normalised(state: State) -> State:
 def spared(data: Weighted, state: State, normal: Linearisation) -> tuple[State, Linearisation]:
     """State and normal equations without the terms of the rest that noise explains, for all FRFs together.
 
-    A set of terms is left out when its gain stays within a standard deviation of what noise gives to as many unknowns.
+    A set of terms is left out when its gain stays within two standard deviations of what noise gives to as many.
     """
-    gone: list[int] = []
+    present = np.flatnonzero(state.active).tolist()
     factor = (normal.cost - normal.gain) / freedom(data, state)
+    if not present or _loss(state, normal, present, factor) <= 0:
+        return _without(state, normal, present) if present else (state, normal)
+    gone: list[int] = []
     while True:
-        choices = []
-        for term in set(np.flatnonzero(state.active).tolist()) - set(gone):
-            rows = _rows(state, [*gone, term])
-            estimate, stiffness = _tied(state, normal, rows)
-            gain = float(np.einsum("oa,oab,ob->", estimate, stiffness, estimate)) / factor
-            count = estimate.size
-            choices.append((gain - count - np.sqrt(2 * count) - len(normal.gradient), term))
-        if not choices or min(choices)[0] > 0:
-            break
-        gone.append(min(choices)[1])
-    return _without(state, normal, gone) if gone else (state, normal)
+        losses = {term: _loss(state, normal, [*gone, term], factor) for term in set(present) - set(gone)}
+        best = min(losses, key=losses.__getitem__, default=None)
+        if best is None or losses[best] > 0:
+            return _without(state, normal, gone) if gone else (state, normal)
+        gone.append(best)
+
+
+def _loss(state: State, normal: Linearisation, terms: list[int], factor: float) -> float:
+    """Cost of leaving out terms of the rest when everything else adapts, beyond what noise explains."""
+    estimate, stiffness, slope = _tied(state, normal, _rows(state, terms))
+    pull = stiffness @ slope
+    information = normal.information + np.einsum("oli,olj->ij", slope, pull, optimize=True)
+    gradient = normal.gradient - np.einsum("oli,ol->i", pull, estimate)
+    before = float(normal.gradient @ inverse(normal.information) @ normal.gradient)
+    after = float(gradient @ inverse(information) @ gradient)
+    lost = float(np.einsum("oa,oab,ob->", estimate, stiffness, estimate)) + before - after
+    return lost / factor - estimate.size - _DOUBT * float(np.sqrt(2 * estimate.size))
 
 
 def _rows(state: State, terms: list[int]) -> np.ndarray:
@@ -425,18 +457,20 @@ def _rows(state: State, terms: list[int]) -> np.ndarray:
     return place[both[state.determined[both]]]
 
 
-def _tied(state: State, normal: Linearisation, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate and information of linear unknowns when the other linear unknowns adapt and the shared ones stay."""
+def _tied(state: State, normal: Linearisation, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Estimate and information of linear unknowns when the other linear unknowns adapt and the shared ones stay, and the
+    change of the estimate with the shared ones.
+    """
     linear = np.concatenate([state.shapes, state.rest.reshape(len(state.rest), -1)], axis=1)
     own = np.concatenate([linear.real, linear.imag], axis=1)[:, state.determined]
-    return own[:, rows] + normal.offset[:, rows], inverse(normal.local[:, rows[:, None], rows])
+    stiffness = inverse(normal.local[:, rows[:, None], rows])
+    return own[:, rows] + normal.offset[:, rows], stiffness, normal.slope[:, rows]
 
 
 def _without(state: State, normal: Linearisation, gone: list[int]) -> tuple[State, Linearisation]:
     """State and normal equations with terms of the rest fixed at 0: nothing has to be summed anew."""
     rows = _rows(state, gone)
-    estimate, stiffness = _tied(state, normal, rows)
-    slope = normal.slope[:, rows]
+    estimate, stiffness, slope = _tied(state, normal, rows)
     pull = stiffness @ slope
     stay = np.setdiff1d(np.arange(normal.offset.shape[1]), rows)
     cross = normal.local[:, stay[:, None], rows]
