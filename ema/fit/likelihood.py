@@ -2,9 +2,9 @@
 
 The FRFs are modelled as ``H = s^q (sum_r [psi_r L_r^T / (s - p_r) + conj] + rest)`` with poles p, participation vectors
 L and, linear in the data, shapes psi and the rest: real lower and upper residuals and two unobserved modes, one below
-and one above the band, that stand for everything farther away. Weighted by the noise of each line, output and reference,
-the linear unknowns are eliminated (variable projection, Golub and Pereyra 1973, in Kaufman's approximation), so that
-only poles and participation are iterated (modal form: El-Kafafy, De Troyer, Guillaume 2014).
+and one above the band, that stand for everything farther away. Weighted by the noise of each line, output and
+reference, the linear unknowns are eliminated (variable projection, Golub and Pereyra 1973, in Kaufman's
+approximation), so that only poles and participation are iterated (modal form: El-Kafafy, De Troyer, Guillaume 2014).
 
 All outputs share one small Gram matrix of basis functions, which does not grow with outputs or references.
 """
@@ -482,6 +482,13 @@ def trial_products(
     weighted = [weight * (overlap @ m) for weight, m in zip(data.reference_weights, mixing, strict=True)]
     products = cross.reshape(count, 2, references, outputs) * data.reference_weights[:, None]
     return own, np.stack(weighted, 1).reshape(count, 2, references, linear), products
+
+
+def full_gram(data: Observations, fit: ModalFit) -> Float[np.ndarray, "function function"]:
+    """Gram matrix of the columns: those of the linear unknowns, then two for each nonlinear one."""
+    base_gram, _ = base_products(data, fit.poles)
+    columns, _ = _columns(fit.participation, fit.free, len(data.rest) + 1, data.reference_weights)
+    return np.sum([c.T @ (base_gram @ c) for c in columns], axis=0)
 
 
 def linear_unknowns(data: Observations, fit: ModalFit) -> Float[np.ndarray, "column out"]:

@@ -1,8 +1,10 @@
 """Search of a residual for modes that no candidate showed."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.stats
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from ema.data import damping_ratios, natural_frequencies
 from ema.fit import likelihood
@@ -15,6 +17,16 @@ MISFIT = 0.2
 """Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told."""
 VISIBLE = 0.25
 """Share of the energy at its own frequency from which on a mode is seen as a peak."""
+
+_AT_ONCE = 6
+"""Modes added in one round."""
+
+_WORTHWHILE = 0.1
+"""Progress of a round, in units of what a mode has to gain, that is worth another one."""
+_NARROW, _CAUTION = 3.0, 3.0
+"""Bandwidth in lines below which a pole on another one's peak must explain more, and how much more."""
+_FAILURES = 2
+"""Places where a mode seems to gain but replaces another one; after so many, the search ends."""
 
 _TRIAL_DAMPING = np.array([0.001, 0.005, 0.02, 0.06])
 
@@ -57,6 +69,172 @@ def search(data: Observations, fit: ModalFit, band: tuple[float, float], rounds:
     return fit
 
 
+def complete(data: Observations, fit: ModalFit, band: tuple[float, float], rounds: int) -> ModalFit:
+    """Add modes as long as each lowers the cost by more than noise alone would, and take out what they replace.
+
+    Takes the residual for noise. Gains are those of one more mode, not of a free residue matrix: with several
+    references a weak mode stands out much better.
+    """
+    most, tried = _AT_ONCE, np.zeros(0, complex)
+    for _ in range(rounds):
+        noise = Noise.of(data, fit)
+        trials = np.concatenate([_trials(band, _peaks(data, np.sqrt(noise.power.mean(axis=1)))), _around(fit, band)])
+        trials = trials[np.all(np.abs(trials[:, None] - tried) > np.abs(trials.real)[:, None], axis=1)]
+        gain, vectors = mode_gains(data, fit, trials)
+        chosen = _apart(trials, gain / noise.explains(data, fit, trials, vectors), most)
+        if not chosen:
+            break
+        larger = fit
+        for k in chosen:
+            larger = likelihood.with_mode(data, larger, complex(trials[k]), vectors[k])
+        larger = prune(data, _settled(data, larger, noise.required), noise)
+        if larger.cost + noise.required * len(larger.poles) < fit.cost + noise.required * (
+            len(fit.poles) - _WORTHWHILE
+        ):
+            fit, most = larger, _AT_ONCE
+        elif len(chosen) > 1:
+            most = 1
+        else:
+            tried = np.append(tried, trials[chosen])
+            if len(tried) > _FAILURES:
+                break
+    return fit
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the residual of a fit says of its noise: the energy that a mode fitted to noise takes off nowhere in the
+    band but with the false-alarm probability, and the noise of each bin and reference over the mean.
+    """
+
+    required: float
+    power: Float[np.ndarray, "bin in"]
+
+    @classmethod
+    def of(cls, data: Observations, fit: ModalFit) -> "Noise":
+        """The noise that a fit leaves, and the power a mode needs to stand out of it."""
+        """The noise that the residual of ``fit`` shows."""
+        references, outputs, _ = data.signals.shape
+        limit = float(scipy.stats.chi2.isf(FALSE_ALARM / len(data.s), 2 * outputs + 2 * references))
+        power = likelihood.power_by_reference(data, fit)
+        factor = max(likelihood.variance_factor(data, fit), 1e-300)
+        return cls(limit * factor, power / max(power.mean(), 1e-300))
+
+    def explains(
+        self,
+        data: Observations,
+        fit: ModalFit,
+        poles: Complex[np.ndarray, "pole"],
+        vectors: Complex[np.ndarray, "pole in"],
+    ) -> Float[np.ndarray, "pole"]:
+        """Energy that a mode has to exceed at each pole: noise that grows with the FRF is largest at its peaks, and
+        there in the references with the largest ones, which a participation vector can single out.
+        """
+        line = float(np.min(np.diff(data.s.imag)))
+        width = np.maximum(np.abs(poles.real), 3 * line)
+        shares = np.abs(vectors * data.reference_weights) ** 2
+        shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1e-300)
+        level = np.empty(len(poles))
+        for first in range(0, len(poles), 128):
+            rows = slice(first, first + 128)
+            near = 1 / ((data.s.imag[None, :] - poles.imag[rows, None]) ** 2 + width[rows, None] ** 2)
+            level[rows] = np.einsum("pi,pi->p", near @ self.power, shares[rows]) / near.sum(axis=1)
+        on_peak = _on_peak(fit, poles) & (-2 * poles.real < _NARROW * line)
+        return self.required * np.maximum(level, 1) * np.where(on_peak, _CAUTION, 1)
+
+
+def _on_peak(fit: ModalFit, poles: Complex[np.ndarray, "pole"]) -> Bool[np.ndarray, "pole"]:
+    """Poles that sit on the peak of another one."""
+    distance = np.abs(poles[:, None] - fit.poles[None, :])
+    distance[distance == 0] = np.inf
+    return np.any(distance < 3 * np.abs(fit.poles.real), axis=1)
+
+
+def _settled(data: Observations, fit: ModalFit, required: float) -> ModalFit:
+    """Refined until further steps gain next to nothing of what a mode does."""
+    for _ in range(6):
+        refined = likelihood.refine(data, fit, iterations=5, tolerance=1e-2)
+        gained, fit = fit.cost - refined.cost, refined
+        if gained < 0.1 * _WORTHWHILE * required:
+            break
+    return fit
+
+
+def prune(
+    data: Observations, fit: ModalFit, noise: Noise, dropped: list[tuple[complex, str]] | None = None
+) -> ModalFit:
+    """Take out, the weakest first, the poles that noise explains once the others have adapted."""
+    while len(fit.poles):
+        gain = likelihood.gains(fit)
+        needed = noise.explains(data, fit, fit.poles, fit.participation.T)
+        reasons = {
+            int(k): f"it explains {gain[k] / needed[k]:.2g} times what noise would"
+            for k in np.flatnonzero(gain <= needed)
+        }
+        if not reasons and dropped is not None:
+            alone = _single_lines(data, fit, noise.required)
+            reasons = dict.fromkeys(alone, "it lives in one frequency line and its neighbours")
+        weakest = sorted(reasons, key=lambda k: gain[k] / needed[k])[: (len(reasons) + 2) // 3]
+        if weakest:
+            smaller = _without(data, fit, weakest, 3)
+        else:
+            weakest, smaller = _merged(data, fit, gain, noise.required)
+            reasons = dict.fromkeys(weakest, "together with a neighbour it explains no more than one mode does")
+        if not weakest:
+            break
+        if dropped is not None:
+            dropped += [(complex(fit.poles[k]), reasons[k]) for k in weakest]
+        fit = smaller
+    return fit
+
+
+def _without(data: Observations, fit: ModalFit, gone: list[int], iterations: int) -> ModalFit:
+    keep = np.ones(len(fit.poles), bool)
+    keep[gone] = False
+    return likelihood.refine(data, likelihood.drop(data, fit, keep), iterations, tolerance=1e-2)
+
+
+def _single_lines(data: Observations, fit: ModalFit, required: float) -> list[int]:
+    """Poles narrower than a line that explain nothing without the three lines they stand on: mains and such."""
+    line = float(np.min(np.diff(data.s.imag)))
+    found = []
+    for k in np.flatnonzero(-2 * fit.poles.real <= line):
+        masked = likelihood.without_lines(data, float(fit.poles[k].imag))
+        if likelihood.gains(likelihood.evaluate(masked, fit.poles, fit.participation))[k] < required:
+            found.append(int(k))
+    return found
+
+
+def _merged(
+    data: Observations, fit: ModalFit, gain: Float[np.ndarray, "pole"], required: float
+) -> tuple[list[int], ModalFit]:
+    """The fit without the weaker of two overlapping poles of one shape, where one mode does as well as the two."""
+    for a, b in overlapping(fit):
+        weaker = a if gain[a] < gain[b] else b
+        smaller = _without(data, fit, [weaker], 10)
+        if smaller.cost - fit.cost <= required:
+            return [weaker], smaller
+    return [], fit
+
+
+def overlapping(fit: ModalFit) -> list[tuple[int, int]]:
+    """Pairs of poles within one bandwidth of each other with the same shape and participation."""
+    count = len(fit.poles)
+    shapes = fit.coefficients[: 2 * count].reshape(count, 2, fit.coefficients.shape[1])
+    psi = shapes[:, 0] + 1j * shapes[:, 1]
+    distance = np.abs(fit.poles[:, None] - fit.poles[None, :])
+    near = distance < np.abs(fit.poles.real)[:, None] + np.abs(fit.poles.real)[None, :]
+    alike = (_macs(psi) > 0.9) & (_macs(fit.participation.T) > 0.9)
+    first, second = np.nonzero(np.triu(near & alike, 1))
+    return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
+def _macs(vectors: Complex[np.ndarray, "mode entry"]) -> Float[np.ndarray, "mode mode"]:
+    norm = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
+    result: np.ndarray = np.abs((vectors.conj() @ vectors.T) / np.outer(norm, norm)) ** 2
+    return result
+
+
 def _apart(trials: Complex[np.ndarray, "trial"], merit: Float[np.ndarray, "trial"], most: int) -> list[int]:
     """The best trials with a merit above 1 whose peaks do not overlap."""
     chosen: list[int] = []
@@ -85,6 +263,14 @@ def _trials(band: tuple[float, float], peaks: Float[np.ndarray, "peak"] | None =
     return (2 * np.pi * places[:, None] * (-_TRIAL_DAMPING + 1j)[None, :]).reshape(-1)
 
 
+def _around(fit: ModalFit, band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
+    """Trial poles around every mode, in units of its decay rate: narrower and wider, lower and higher."""
+    own = fit.poles[inside(fit.poles, band) & (damping_ratios(fit.poles) <= HEAVIEST)]
+    offsets = [width + place * 1j for place in (-1.5, -0.5, 0.5, 1.5) for width in (0.3, 1.0, 2.5)]
+    trials = np.concatenate([1j * own.imag + own.real * (o.real + 1j * o.imag) for o in offsets])
+    return trials[inside(trials, band) & (damping_ratios(trials) <= HEAVIEST)]
+
+
 def _beside(fit: ModalFit, band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
     """Trial poles on both sides of every mode: the second of a pair that one pole has been fitted to."""
     own = fit.poles[inside(fit.poles, band) & (damping_ratios(fit.poles) <= HEAVIEST)]
@@ -95,6 +281,73 @@ def trial_gains(
     data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
 ) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"]]:
     """Cost that each trial pole alone, with a free residue matrix, would take off; and its leading participation."""
+    gain, vectors, _ = _trial_residues(*_trial_equations(data, fit, trials))
+    return gain, vectors
+
+
+def mode_gains(
+    data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
+) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"]]:
+    """As `trial_gains`, with a residue of rank one: what a mode at each trial pole would take off."""
+    references = data.signals.shape[0]
+    schur, remaining = _trial_equations(data, fit, trials)
+    gain, vectors, _ = _trial_residues(schur, remaining)
+    if references == 1:
+        return gain, vectors
+    for _ in range(2):
+        turn = np.zeros((len(trials), 2 * references, 2))
+        turn[:, :references, 0] = turn[:, references:, 1] = vectors.real
+        turn[:, references:, 0], turn[:, :references, 1] = vectors.imag, -vectors.imag
+        through = turn.transpose(0, 2, 1)
+        reduced = through @ remaining
+        shape = np.linalg.solve(through @ schur @ turn, reduced)
+        gain = np.einsum("tao,tao->t", reduced, shape)
+        # The participation that fits best to this shape follows from the residue matrix weighted by it.
+        x, y = shape[:, 0], shape[:, 1]
+        energy = np.stack([np.einsum("to,to->t", a, b) for a, b in ((x, x), (x, y), (y, y))])
+        vectors = _participation(schur, remaining, x, y, energy)
+    return gain, vectors
+
+
+def _participation(
+    schur: Float[np.ndarray, "trial row row"],
+    remaining: Float[np.ndarray, "trial row out"],
+    x: Float[np.ndarray, "trial out"],
+    y: Float[np.ndarray, "trial out"],
+    energy: Float[np.ndarray, "3 trial"],
+) -> Complex[np.ndarray, "trial in"]:
+    """Best participation ``a + jb`` at given shapes ``x + jy``: rows are the real, then the imaginary parts."""
+    half = schur.shape[1] // 2
+    (rr, ri), (ir, ii) = (
+        (schur[:, :half, :half], schur[:, :half, half:]),
+        (schur[:, half:, :half], schur[:, half:, half:]),
+    )
+    xx, xy, yy = energy[:, :, None, None]
+    # Rows of the residue: real part a x - b y, imaginary part a y + b x.
+    aa = xx * rr + xy * (ri + ir) + yy * ii
+    ab = -xy * rr + xx * ri - yy * ir + xy * ii
+    bb = yy * rr - xy * (ri + ir) + xx * ii
+    matrix = np.concatenate(
+        [np.concatenate([aa, ab], axis=2), np.concatenate([ab.transpose(0, 2, 1), bb], axis=2)], axis=1
+    )
+    real, imaginary = remaining[:, :half], remaining[:, half:]
+    right = np.concatenate(
+        [
+            np.einsum("tio,to->ti", real, x) + np.einsum("tio,to->ti", imaginary, y),
+            np.einsum("tio,to->ti", imaginary, x) - np.einsum("tio,to->ti", real, y),
+        ],
+        axis=1,
+    )
+    ridge = 1e-12 * np.einsum("tii->t", matrix)[:, None, None] * np.eye(2 * half)
+    solved = np.linalg.solve(matrix + ridge, right[:, :, None])[:, :, 0]
+    vectors = solved[:, :half] + 1j * solved[:, half:]
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def _trial_equations(
+    data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
+) -> tuple[Float[np.ndarray, "trial row row"], Float[np.ndarray, "trial row out"]]:
+    """Normal equations of a free residue matrix at each trial pole, the linear unknowns of ``fit`` eliminated."""
     references, outputs, _ = data.signals.shape
     count, weights = len(trials), data.reference_weights
     own, overlap, cross = likelihood.trial_products(data, fit, trials)
@@ -105,11 +358,18 @@ def trial_gains(
     block = np.einsum("tab,i,ij->taibj", own, weights**2, np.eye(references)).reshape(count, 2 * references, -1)
     schur = block - overlap @ inverse @ overlap.transpose(0, 2, 1)
     ridge = 1e-9 * np.einsum("tii->ti", block)
-    solution = np.linalg.solve(schur + ridge[:, :, None] * np.eye(2 * references), remaining)
-    gain = np.einsum("tio,tio->t", remaining, solution)
+    return schur + ridge[:, :, None] * np.eye(2 * references), remaining
+
+
+def _trial_residues(
+    schur: Float[np.ndarray, "trial row row"], remaining: Float[np.ndarray, "trial row out"]
+) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"], Complex[np.ndarray, "trial in out"]]:
+    """Gain, leading participation and residue matrix of each trial."""
+    references = schur.shape[1] // 2
+    solution = np.linalg.solve(schur, remaining)
     residue = solution[:, :references] + 1j * solution[:, references:]
     vectors = np.linalg.eigh(residue @ residue.conj().transpose(0, 2, 1))[1][:, :, -1]
-    return gain, vectors
+    return np.einsum("tio,tio->t", remaining, solution), vectors, residue
 
 
 def misfit(

@@ -9,16 +9,18 @@ neighbours, and when it is not the second half of a peak that one mode already e
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.special
 import scipy.stats
 from jaxtyping import Bool, Complex, Float, Int
 
-from ema.data import PoleTable, damping_ratios
+from ema.data import PoleTable, damping_ratios, natural_frequencies
 from ema.fit import likelihood
 from ema.fit.candidates import HEAVIEST, Candidates, inside, of_table, zoom
+from ema.fit.certainty import shape_scatter
 from ema.fit.likelihood import ModalFit, Observations
 from ema.fit.noise import NoiseLevel
 from ema.fit.prepare import Prepared
-from ema.fit.search import FALSE_ALARM, MISFIT, VISIBLE, misfit, search
+from ema.fit.search import FALSE_ALARM, MISFIT, VISIBLE, Noise, complete, misfit, prune, search
 
 _PERSISTENCE = 0.3
 _ROUNDS = 100
@@ -28,6 +30,14 @@ _TELLING = 6
 """Outputs from which on equal shapes say that two poles are one mode."""
 _LINES = 2.0
 """Half-power bandwidth in frequency lines below which a mode has to show as a peak."""
+_DAMPING = 0.25
+"""Relative standard deviation of the damping ratio beyond which a mode is not told."""
+_SCATTER = 0.25
+"""Variance of a shape over its energy beyond which a MAC of 0.8 with the true one is not expected."""
+_SHAPE_FREEDOM = 6
+"""Degrees of freedom of that variance."""
+_COINCIDENT = 0.03
+"""Distance of two poles over their decay rate below which they are a repeated root."""
 _COLLINEAR = 0.6
 """Modal phase collinearity below which the shape of a mode without a peak of its own speaks against it."""
 
@@ -74,35 +84,57 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
         everything = everything.joined(found)
         state = _observe(prepared, larger)
     dropped: list[Dropped] = []
-    result = _trusting(state, everything, band, dropped)
+    result = _trusting(prepared, state, band, dropped)
+    trusting = result is not None
     if result is None:
         dropped = []
         result = _doubting(state, everything, band, dropped)
     fit = result.fit
     factor = likelihood.variance_factor(result.data, fit)
     is_mode = inside(fit.poles, band) & (damping_ratios(fit.poles) <= HEAVIEST) & (fit.poles.real < 0)
-    is_mode &= _certain(result.data, fit, factor, dropped, is_mode)
-    confidence = _confidence(fit, factor, everything)
+    told = _told(result.data, fit, factor, prepared.values.shape[1])
+    is_mode &= _certain(result.data, fit, told, trusting, dropped, is_mode)
+    confidence = _confidence(fit, told, everything, trusting)
     taken = fit.poles[is_mode]
     lost = [d for d in dropped if np.all(np.abs(taken - d.pole) > np.abs(taken.real) + abs(d.pole.real))]
     return Selection(fit, result.data, result.noise, result.starts, is_mode, confidence, factor, tuple(lost))
 
 
 def _trusting(
-    state: "_State", candidates: Candidates, band: tuple[float, float], dropped: list[Dropped]
+    prepared: Prepared, state: "_State", band: tuple[float, float], dropped: list[Dropped]
 ) -> "_State | None":
     """Take whatever noise cannot explain. ``None`` when that does not end in a residual that is noise."""
     state = _reweight(state, 3)
-    state = state.with_fit(_eliminate(state.data, state.fit, candidates, band, dropped, trusting=True))
+    gone: list[tuple[complex, str]] = []
+    state = state.with_fit(prune(state.data, state.fit, Noise.of(state.data, state.fit), gone))
     before = len(state.fit.poles)
-    state = state.with_fit(search(state.data, state.fit, band, rounds=8 + before // 4, hidden=True))
+    state = _grown(prepared, state, band)
     if likelihood.correlation(state.data, state.fit) > MISFIT:
         return None
+    grown = len(state.fit.poles) != before
     state = _reweight(state, 12)
-    state = state.with_fit(_eliminate(state.data, state.fit, candidates, band, dropped, trusting=True))
+    if grown:
+        state = _grown(prepared, state, band)
+    final = prune(state.data, state.fit, Noise.of(state.data, state.fit), gone)
+    state = state.with_fit(likelihood.refine(state.data, final))
+    dropped += [
+        Dropped(pole, why)
+        for pole, why in gone
+        if inside(np.array([pole]), band)[0] and damping_ratios(np.array([pole]))[0] <= HEAVIEST
+    ]
     # A misfit can be decorated with poles until it looks like noise; then most of them come from the search.
     decorated = len(state.fit.poles) > max(before + 3, 1.5 * before)
     return None if decorated or likelihood.correlation(state.data, state.fit) > 0.5 * MISFIT else state
+
+
+def _grown(prepared: Prepared, state: "_State", band: tuple[float, float]) -> "_State":
+    """Modes added that the residual shows; the bins are made anew where these need finer ones."""
+    fit = complete(state.data, state.fit, band, rounds=8 + len(state.fit.poles) // 4)
+    if len(fit.poles) == len(state.fit.poles):
+        return state.with_fit(fit)
+    noise = np.repeat(state.noise.lines, np.diff(np.append(state.starts, len(prepared.frequencies))))
+    prepared = replace(prepared, noise=replace(prepared.noise, lines=noise))
+    return _observe(prepared, Candidates(fit.poles, fit.participation, np.ones(len(fit.poles))))
 
 
 def _doubting(state: "_State", candidates: Candidates, band: tuple[float, float], dropped: list[Dropped]) -> "_State":
@@ -132,7 +164,8 @@ def keep_picked(prepared: Prepared, table: PoleTable, added_decay: float, rows: 
     state = _reweight(_observe(prepared, chosen), 12)
     fit, factor = state.fit, likelihood.variance_factor(state.data, state.fit)
     is_mode = np.arange(len(fit.poles)) < len(rows)
-    confidence = _confidence(fit, factor, everything)
+    told = _told(state.data, fit, factor, prepared.values.shape[1])
+    confidence = _confidence(fit, told, everything, trusting=False)
     return Selection(fit, state.data, state.noise, state.starts, is_mode, confidence, factor)
 
 
@@ -320,38 +353,91 @@ def _mac(a: Complex[np.ndarray, "dof"], b: Complex[np.ndarray, "dof"]) -> float:
     return abs(np.vdot(a, b)) ** 2 / scale if scale > 0 else 0.0
 
 
-def _certain(
-    data: Observations, fit: ModalFit, factor: float, dropped: list[Dropped], candidates: Bool[np.ndarray, "pole"]
-) -> Bool[np.ndarray, "pole"]:
-    """Whether the standard deviations leave a mode meaningful: below a third of its damping and of its spacing.
+@dataclass(frozen=True)
+class _Told:
+    """What the data tell of each pole: standard deviations (Hz; of the damping ratio) and scatter of the shape."""
 
-    A peak that stands by itself is a mode however badly its damping is told; its interval says so.
+    frequency: Float[np.ndarray, "pole"]
+    damping: Float[np.ndarray, "pole"]
+    scatter: Float[np.ndarray, "pole"]
+
+
+def _told(data: Observations, fit: ModalFit, factor: float, outputs: int) -> _Told:
+    covariance = likelihood.covariance(fit, factor)
+    scatter = shape_scatter(data, fit, factor, outputs)
+    return _Told(np.sqrt(covariance[:, 0, 0]), np.sqrt(covariance[:, 1, 1]), scatter)
+
+
+def _certain(
+    data: Observations,
+    fit: ModalFit,
+    told: _Told,
+    trusting: bool,
+    dropped: list[Dropped],
+    candidates: Bool[np.ndarray, "pole"],
+) -> Bool[np.ndarray, "pole"]:
+    """Whether noise leaves a mode meaningful: its damping, its place among its neighbours, and its shape.
+
+    A peak that stands by itself is a mode however badly its damping is told; its interval says so. Where misfit
+    remains, the same holds for its place and its shape.
     """
     visible = likelihood.dominance(data, fit) >= VISIBLE
-    covariance = likelihood.covariance(fit, factor)
-    damping = damping_ratios(fit.poles)
-    std_damping, std_frequency = np.sqrt(covariance[:, 1, 1]), np.sqrt(covariance[:, 0, 0])
+    exempt = visible & (not trusting)
+    damping, frequencies = damping_ratios(fit.poles), natural_frequencies(fit.poles)
     good = np.ones(len(fit.poles), bool)
     for place in np.flatnonzero(candidates):
         # Repeated roots are told apart by their participation: only neighbours with the same one have to be apart.
-        alike = [_mac(fit.participation[:, place], other) > 0.9 for other in fit.participation.T]
+        alike = np.array([_mac(fit.participation[:, place], other) > 0.9 for other in fit.participation.T])
         alike[place] = False
         spacing = np.abs(fit.poles[alike] - fit.poles[place]).min(initial=np.inf) / (2 * np.pi)
+        # A wide mode over a narrow one, or the reverse, is no repeated root.
+        other = alike | (np.abs(np.log(np.maximum(damping, 1e-9) / damping[place])) > np.log(3))
+        other[place] = False
+        apart = np.abs(frequencies[other] - frequencies[place]).min(initial=np.inf)
         reason = ""
-        if std_damping[place] > damping[place] / 3 and not visible[place]:
-            reason = f"its damping is uncertain by {std_damping[place] / damping[place]:.0%}"
-        elif std_frequency[place] > spacing / 3:
-            reason = f"its frequency is uncertain by {std_frequency[place]:.2g} Hz, {spacing:.2g} Hz from a neighbour"
+        if told.damping[place] > damping[place] * (_DAMPING if trusting else 1 / 3) and not visible[place]:
+            reason = f"its damping is uncertain by {told.damping[place] / damping[place]:.0%}"
+        elif told.frequency[place] > spacing / 3:
+            reason = f"its frequency is uncertain by {told.frequency[place]:.2g} Hz, {spacing:.2g} Hz from a neighbour"
+        elif told.frequency[place] > apart / 2 and not exempt[place]:
+            reason = f"its frequency is uncertain by {told.frequency[place]:.2g} Hz, {apart:.2g} Hz from a neighbour"
+        elif told.scatter[place] > _SCATTER and not exempt[place] and not _repeated(fit, int(place)):
+            reason = (
+                f"its shape is uncertain: a MAC of {1 / (1 + told.scatter[place]):.2f} with the true one is expected"
+            )
         if reason:
             good[place] = False
             dropped.append(Dropped(complex(fit.poles[place]), reason))
     return good
 
 
-def _confidence(fit: ModalFit, factor: float, candidates: Candidates) -> Float[np.ndarray, "pole"]:
-    """Share of model orders that show the mode, averaged with how far its damping is from being noise."""
+def _repeated(fit: ModalFit, place: int) -> bool:
+    """Whether a pole is one of a repeated root: together they have a plane of shapes, none of its own."""
+    distance = np.abs(fit.poles - fit.poles[place])
+    near = distance < _COINCIDENT * abs(fit.poles[place].real)
+    near[place] = False
+    return any(_mac(fit.participation[:, place], fit.participation[:, other]) < 0.9 for other in np.flatnonzero(near))
+
+
+def _confidence(fit: ModalFit, told: _Told, candidates: Candidates, trusting: bool) -> Float[np.ndarray, "pole"]:
+    """Probability that a mode is one, is nearest to itself and shows its own shape (a MAC of 0.8 with the true one).
+
+    Where misfit remains, noise is not all there is to doubt: the share of model orders that show the mode counts half.
+    """
     if not len(fit.poles):
         return np.zeros(0)
-    covariance = likelihood.covariance(fit, factor)
-    ratio = damping_ratios(fit.poles) / np.sqrt(covariance[:, 1, 1])
-    return 0.5 * (_persistence(fit, candidates) + (1 - np.exp(-ratio / 10)))
+    frequencies = natural_frequencies(fit.poles)
+    distance = np.abs(frequencies[:, None] - frequencies[None, :])
+    distance[np.arange(len(distance)), np.arange(len(distance))] = np.inf
+    same = np.abs(fit.participation.conj().T @ fit.participation) ** 2
+    energy = np.sum(np.abs(fit.participation) ** 2, axis=0)
+    distance[same < 0.9 * np.outer(energy, energy)] = np.inf
+    apart = distance.min(axis=1)
+    place = scipy.special.erf(apart / (2 * np.sqrt(2) * np.maximum(told.frequency, 1e-300)))
+    decaying = 0.5 * (
+        1 + scipy.special.erf(damping_ratios(fit.poles) / (np.sqrt(2) * np.maximum(told.damping, 1e-300)))
+    )
+    # Errors of a few poles make most of the scatter of a shape: chi-square with few degrees of freedom.
+    shape = scipy.special.gammainc(_SHAPE_FREEDOM / 2, _SHAPE_FREEDOM / 2 * 0.25 / np.maximum(told.scatter, 1e-300))
+    noise = place * decaying * shape
+    return noise if trusting else 0.5 * noise * (1 + _persistence(fit, candidates))
