@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 import ema
+from ema.cli import simulating
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
 
@@ -18,6 +19,8 @@ app = typer.Typer(
     help="Experimental modal analysis where joints and friction matter.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
+
+app.add_typer(simulating.app)
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Limit = Annotated[

@@ -21,6 +21,7 @@ _STEP, _EXPLAINED = 1.03, 0.7
 _KNEE_CYCLES = 1.0
 _SCATTER = 0.25
 _ENDS = 2.0
+_FEWEST = 2.0
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,8 @@ def ring_down(
 def phases(decay: Decay) -> tuple[Phase, ...]:
     """The sliding and the sticking phase of a ring-down, or the whole of it where it has no knee.
 
-    A period on either side of the knee belongs to neither: it is as long as the filter.
+    A period on either side of the knee belongs to neither: it is as long as the filter. A phase of less than two cycles
+    is left out; five are needed for a damping ratio to rely on.
     """
     if not np.isfinite(decay.knee):
         return (_phase(decay, "one mode", float(decay.times[0]), float(decay.times[-1])),)
@@ -97,11 +99,8 @@ def phases(decay: Decay) -> tuple[Phase, ...]:
         ("sliding", decay.times[0], decay.knee - before),
         ("sticking", decay.knee + after, decay.times[-1]),
     )
-    return tuple(
-        _phase(decay, kind, float(a), float(b))
-        for kind, a, b in spans
-        if np.sum((decay.times >= a) & (decay.times <= b)) > 8
-    )
+    found = [_phase(decay, kind, float(a), float(b)) for kind, a, b in spans if b > a]
+    return tuple(phase for phase in found if phase.cycles >= _FEWEST)
 
 
 def _phase(decay: Decay, kind: str, start: float, stop: float) -> Phase:
@@ -198,14 +197,15 @@ def _steady(what: str, first: float, last: float) -> InputError:
 
 
 def _noise(amplitude: np.ndarray, ends: int) -> float:
-    """Four times the rms at the end of the record where it is noise (its amplitude scatters), else 0."""
+    """Four times the rms at the end of the record where it is noise (it scatters, and falls no more), else 0."""
     count = max(len(amplitude) // 10, 4 * ends)
     tail = np.log(np.maximum(amplitude[-ends - count : -ends], 1e-300))
     if len(tail) < count:
         return 0.0
     place = np.arange(count)
     scatter = float(np.std(tail - np.polyval(np.polyfit(place, tail, 1), place)))
-    return 4 * float(np.sqrt(np.mean(np.exp(2 * tail)))) if scatter > _SCATTER else 0.0
+    early, late = (float(np.sqrt(np.mean(np.exp(2 * half)))) for half in np.array_split(tail, 2))
+    return 4 * float(np.hypot(early, late) / np.sqrt(2)) if scatter > _SCATTER and early < 2 * late else 0.0
 
 
 def _knee(phase: np.ndarray, rate: float) -> int:

@@ -6,6 +6,7 @@ from typing import Any
 _WHERE = {
     "coherence": "ema.show.frf",
     "complexity": "ema.show.polar",
+    "contact_loops": "ema.show.simulated",
     "damping_map": "ema.show.maps",
     "error_map": "ema.show.matrices",
     "force_spectrum": "ema.show.blows",
@@ -13,15 +14,19 @@ _WHERE = {
     "free_vibration": "ema.show.vibration",
     "frf_overview": "ema.show.frf",
     "hits": "ema.show.blows",
+    "hysteresis": "ema.show.simulated",
     "indicator": "ema.show.frf",
     "mac_matrix": "ema.show.matrices",
     "mode_shapes": "ema.show.shapes",
+    "motion": "ema.show.simulated",
     "normal_force": "ema.show.joints",
     "reconstruction": "ema.show.frf",
     "rendered_shape": "ema.show.renderer",
     "renderer_works": "ema.show.renderer",
+    "ring_down": "ema.show.simulated",
     "shapes_over_dofs": "ema.show.shapes",
     "stabilisation": "ema.show.stability",
+    "steady_states": "ema.show.simulated",
     "velocity_comparison": "ema.show.vibration",
 }
 

@@ -59,14 +59,15 @@ def released(request: pytest.FixtureRequest) -> Response:
 
 def test_sliding_and_sticking_phase_of_the_double_beam(released: Response):
     decay = ring_down(released, (8.0, 45.0))
-    sliding, sticking = phases(decay)
+    found = {phase.kind: phase for phase in phases(decay)}
+    sliding, sticking = found.get("sliding"), found["sticking"]
     # the end of sliding is where friction ends: where the dissipated energy has reached all but a thousandth
     energy = np.asarray(released.energy.friction)
     last = released.times[np.argmax(energy > energy[0] + 0.999 * (energy[-1] - energy[0]))]
     assert decay.knee == pytest.approx(last, abs=1 / F_SLIDE)
     assert sticking.frequency == pytest.approx(F_STICK, rel=0.01)
     assert sticking.cycles > 5 and sticking.damping == pytest.approx(0.001, abs=2e-4)
-    if sliding.cycles >= 5:
+    if sliding is not None and sliding.cycles >= 5:
         assert sliding.frequency == pytest.approx(F_SLIDE, rel=0.01)
         assert sliding.misfit_ratio > 1.5
 

@@ -58,7 +58,7 @@ def truth():
 def test_a_hammer_test_of_a_stuck_beam_gives_its_modes(truth):
     points = tuple(Dof(n, "+Z", "beam 2") for n in (2, 3, 5, 6, 7, 8))
     rig = FrictionRig(model(STUCK), RovingHammer(points, hits=1, spacing=6.0, contact_time=1e-3), (acc(),), 2048.0)
-    band = hammer(measured(rig)).band(15.0, 700.0)
+    band = hammer(measured(rig)).band(15.0, 600.0)
     found = modes(band, stabilise(band))
     assert found.natural_frequencies == pytest.approx(truth[:3], rel=1e-3)
     assert found.damping_ratios == pytest.approx(0.006, rel=1e-3)
@@ -196,9 +196,11 @@ def test_wrong_orders_are_refused_with_a_sentence():
 def test_waveforms():
     t = np.arange(0, 3.0, 1e-4)
     pulse = hammer_pulse(t, 5.0, 2e-3, 0.5)
-    assert pulse.max() == pytest.approx(5.0, rel=1e-3) and np.trapezoid(pulse, t) == pytest.approx(5 * 2e-3 * 2 / np.pi, rel=5e-3)
+    assert pulse.max() == pytest.approx(5.0, rel=1e-3) and np.trapezoid(pulse, t) == pytest.approx(
+        5 * 2e-3 * 2 / np.pi, rel=5e-3
+    )
     chirp = swept_sine(t, 2.0, (10.0, 100.0), 1.0, sweeps=2)
-    assert np.array_equal(chirp[:10000], chirp[10000:20000]) and not chirp[20000:].any()
+    assert np.allclose(chirp[:10000], chirp[10000:20000], atol=1e-8) and not chirp[20000:].any()
     crossings = np.flatnonzero(np.diff(np.sign(chirp[:10000])))
     assert len(crossings) == pytest.approx(2 * 55, abs=2)
     steps = stepped_sine(t, 1.0, [10.25, 20.0], 1.0)

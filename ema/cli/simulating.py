@@ -1,0 +1,225 @@
+"""`ema simulate`: a model file, one of four jobs, the result in a store, its pictures, and a table."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.errors import FailureError, InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from acquisition.model_file import ModelFile
+    from ema.data import BeamModel, Finding
+    from ema.progress import Progress
+
+app = typer.Typer(name="simulate", no_args_is_help=True, help="Simulate a structure with friction joints.")
+
+ModelPath = Annotated[Path, typer.Argument(help="A model.toml, or the folder that holds it.", show_default=False)]
+Out = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for result and pictures [simulated/NAME].")]
+NormalForce = Annotated[
+    list[float] | None, typer.Option("--normal-force", help="Normal force of every joint in N (may be repeated).")
+]
+ForceLevels = Annotated[list[float] | None, typer.Option("--force", help="Force amplitude in N (may be repeated).")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Limit = Annotated[
+    Literal["warning", "error", "never"],
+    typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
+]
+
+
+@dataclass
+class Job:
+    """What a job found: nouns for the store, pictures, rows of the table, findings."""
+
+    nouns: dict[str, Any]
+    pictures: dict[str, "Figure"]
+    rows: list[dict[str, Any]]
+    findings: list["Finding"] = field(default_factory=list)
+
+
+def _ended(
+    name: str, path: Path, out: Path | None, json: bool, limit: str,
+    work: "Callable[[ModelFile, BeamModel, Progress], Job]",
+) -> int:  # fmt: skip
+    """Read the model, do the job, write, print; the status of the command."""
+    import acquisition
+    from acquisition import model_file
+    from ema.cli import screen
+
+    told, model = model_file.load(path), acquisition.open_model(path)
+    folder = out or Path("simulated") / "".join(c if c.isalnum() else "_" for c in model.name)
+    _ready(folder)
+    with screen.Bars() as bars:
+        job = work(told, model, bars)
+    written = _write(folder, name, model, job)
+    job.findings = _unique(job.findings)
+    if json:
+        from ema.study.plain import finding
+
+        screen.as_json(
+            {
+                "model": model.name, "job": name, "rows": [_plain(row) for row in job.rows],
+                "findings": [finding(one) for one in job.findings], "written": [str(one) for one in written],
+            }
+        )  # fmt: skip
+    else:
+        _print(f"{model.name}: {name}", job, written)
+    grave = {"warning": ("warning", "error"), "error": ("error",), "never": ()}[limit]
+    return FINDINGS if any(one.severity in grave for one in job.findings) else FINE
+
+
+def _ready(folder: Path) -> None:
+    """A folder that cannot be written is told before the work."""
+    import os
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        usable = os.access(folder, os.W_OK)
+    except OSError as error:
+        raise FailureError("the results cannot be written here", where=str(folder), got=error.strerror or str(error),
+                           advice="give another folder with --out") from error  # fmt: skip
+    if not usable:
+        raise FailureError("the results cannot be written here", where=str(folder), got="no write access",
+                           advice="give another folder with --out")  # fmt: skip
+
+
+def _write(folder: Path, name: str, model: "BeamModel", job: Job) -> list[Path]:
+    """The store and the pictures."""
+    from ema import store
+
+    written = [folder / f"{name}.h5"]
+    store.save(written[0], {"model": model, **job.nouns})
+    for title, figure in job.pictures.items():
+        for suffix in ("png", "svg"):
+            path = folder / f"{title}.{suffix}"
+            with store.replacing(path) as target:
+                figure.savefig(target, format=suffix, dpi=150)
+            written.append(path)
+    return written
+
+
+def _print(title: str, job: Job, written: Sequence[Path]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from ema.cli import screen
+
+    out = screen.console()
+    table = Table(title=title, title_justify="left", title_style="bold")
+    for column in job.rows[0] if job.rows else ():
+        table.add_column(Text(column), justify="right", no_wrap=True)
+    for row in job.rows:
+        table.add_row(*(_text(value) for value in row.values()))
+    out.print(table)
+    screen.show_findings(out, job.findings)
+    out.print(Text("Written: " + ", ".join(str(path) for path in written)), soft_wrap=True)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return "-" if value != value else f"{value:.4g}"
+    return str(value)
+
+
+def _plain(row: dict[str, Any]) -> dict[str, Any]:
+    return {key: None if isinstance(value, float) and value != value else value for key, value in row.items()}
+
+
+def _unique(findings: Sequence["Finding"]) -> list["Finding"]:
+    return list(dict.fromkeys(findings))
+
+
+def _chosen(name: str, table: Any) -> Any:
+    if table is None:
+        raise InputError(f"the model file has no [{name}]", advice="docs/simulate.md shows what stands there")
+    return table
+
+
+@app.command()
+@ends_well
+def snapback(
+    model: ModelPath,
+    load: Annotated[float | None, typer.Option("--load", help="Load in N instead of that of the file.")] = None,
+    normal_force: NormalForce = None,
+    duration: Annotated[float | None, typer.Option("--duration", help="s instead of that of the file.")] = None,
+    out: Out = None,
+    json: Json = False,
+    limit: Limit = "error",
+) -> int:
+    """Raise a load slowly, let go, and follow the free vibration."""
+    from ema.cli import simulations
+
+    return _ended(
+        "snapback", model, out, json, limit,
+        lambda told, held, bars: simulations.snapback(
+            _chosen("snapback", told.snapback), held, load, normal_force, duration, bars
+        ),
+    )  # fmt: skip
+
+
+@app.command()
+@ends_well
+def frf(
+    model: ModelPath,
+    force: Annotated[
+        list[float] | None, typer.Option("--force", help="Force amplitude in N (may be repeated).")
+    ] = None,
+    normal_force: NormalForce = None,
+    out: Out = None,
+    json: Json = False,
+    limit: Limit = "error",
+) -> int:
+    """Steady states over frequency by harmonic balance, at one or several force levels."""
+    from ema.cli import simulations
+
+    return _ended(
+        "frf", model, out, json, limit,
+        lambda told, held, bars: simulations.frf(_chosen("frf", told.frf), held, force, normal_force, bars),
+    )  # fmt: skip
+
+
+@app.command("map")
+@ends_well
+def damping_map(
+    model: ModelPath,
+    force: Annotated[
+        list[float] | None, typer.Option("--force", help="Force amplitude in N (may be repeated).")
+    ] = None,
+    normal_force: NormalForce = None,
+    out: Out = None,
+    json: Json = False,
+    limit: Limit = "error",
+) -> int:
+    """Frequency and damping of a resonance over excitation and normal force."""
+    from ema.cli import simulations
+
+    return _ended(
+        "map", model, out, json, limit,
+        lambda told, held, bars: simulations.damping_map(_chosen("map", told.map), held, force, normal_force, bars),
+    )  # fmt: skip
+
+
+@app.command()
+@ends_well
+def loop(
+    model: ModelPath,
+    amplitude: Annotated[
+        list[float] | None, typer.Option("--amplitude", help="Relative displacement in m (may be repeated).")
+    ] = None,
+    normal_force: NormalForce = None,
+    out: Out = None,
+    json: Json = False,
+    limit: Limit = "error",
+) -> int:
+    """Hysteresis loops of a joint under prescribed motion."""
+    from ema.cli import simulations
+
+    return _ended(
+        "loop", model, out, json, limit,
+        lambda told, held, bars: simulations.loops(_chosen("loop", told.loop), held, amplitude, normal_force),
+    )  # fmt: skip

@@ -1,0 +1,176 @@
+"""What a structure with friction did: motions with their energy, steady states, hysteresis loops, ring-downs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ema.data import Decay, HarmonicResponse, Loop, Response
+from ema.show.style import BLUE, FAINT, GREY, SERIES, VERMILION, empty_note, new_figure, styled
+
+_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+def _scaled(values: Sequence[Float[np.ndarray, "_"]], unit: str) -> tuple[float, str]:
+    """Factor and unit with which the largest of the values reads well."""
+    largest = max((float(np.nanmax(np.abs(part), initial=0.0)) for part in values), default=0.0)
+    for factor, prefix in _PREFIXES:
+        if largest >= factor:
+            return factor, prefix + unit
+    return 1.0, unit
+
+
+@styled
+def motion(responses: Sequence[Response] | Response, labels: Sequence[str] = ()) -> Figure:
+    """Displacement of the first DOF over time, and where the energy went, for one response or several."""
+    runs = [responses] if isinstance(responses, Response) else list(responses)
+    figure = new_figure(4.6)
+    if not runs or not len(runs[0].dofs):
+        empty_note(figure.subplots(), "no motion")
+        return figure
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+    factor, unit = _scaled([np.asarray(run.displacements[0]) for run in runs], "m")
+    for number, run in enumerate(runs):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        name = labels[number] if number < len(labels) else run.name
+        upper.plot(run.times, run.displacements[0] / factor, color=colour, lw=1.0, label=name,
+                   rasterized=len(run.times) > 5000)  # fmt: skip
+        start = float(run.energy.total[0]) or float(np.max(run.energy.total)) or 1.0
+        lower.plot(run.times, 100 * run.energy.total / start, color=colour, ls=style, label=name)
+    upper.set_ylabel(f"Displacement of {runs[0].dofs[0]} [{unit}]")
+    lower.set_ylabel("Energy left [%]")
+    lower.set_ylim(bottom=0)
+    lower.set_xlabel("Time [s]")
+    if len(runs) > 1 or labels:
+        upper.legend(loc="upper right", ncols=4)
+    return figure
+
+
+@styled
+def contact_loops(response: Response, most: int = 4) -> Figure:
+    """Friction force over relative displacement at some contacts, and the energy that every contact dissipated."""
+    figure = new_figure(3.4)
+    count = len(response.slips)
+    if not count:
+        empty_note(figure.subplots(), "no contact")
+        return figure
+    loops, shares = figure.subplots(1, 2, width_ratios=[3, 2])
+    chosen = np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
+    factor, unit = _scaled([np.asarray(response.slips[k]) for k in chosen], "m")
+    for number, place in enumerate(chosen):
+        colour = SERIES[number % len(SERIES)][0]
+        loops.plot(response.slips[place] / factor, response.forces[place], color=colour, lw=0.7, label=f"{place + 1}",
+                   rasterized=response.slips.shape[1] > 5000)  # fmt: skip
+        shares.bar(place + 1, response.dissipated[place], color=colour, width=0.8, zorder=3)
+    others = [place for place in range(count) if place not in chosen]
+    shares.bar(np.array(others) + 1, response.dissipated[others], color=FAINT, width=0.8)
+    loops.set_xlabel(f"Relative displacement [{unit}]")
+    loops.set_ylabel("Friction force [N]")
+    figure.legend(title="contact", loc="outside right upper")
+    shares.set_xlabel("Contact")
+    shares.set_ylabel("Energy dissipated [J]")
+    return figure
+
+
+@styled
+def steady_states(responses: Sequence[HarmonicResponse] | HarmonicResponse, labels: Sequence[str] = ()) -> Figure:
+    """First harmonic of the first DOF per newton over frequency, and the strongest higher harmonic relative to it."""
+    runs = [responses] if isinstance(responses, HarmonicResponse) else list(responses)
+    figure = new_figure(4.8)
+    if not runs or not len(runs[0].frequencies) or not len(runs[0].dofs):
+        empty_note(figure.subplots(), "no steady state")
+        return figure
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
+    gains = [np.abs(_order(run, 1)) / run.force for run in runs]
+    for number, (run, gain) in enumerate(zip(runs, gains, strict=True)):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        name = labels[number] if number < len(labels) else f"{run.force:g} N"
+        upper.plot(run.frequencies, gain, color=colour, ls=style, label=name)
+        rest = [np.abs(_order(run, int(k))) for k in run.orders if k > 1]
+        share = np.max(rest, axis=0) / (gain * run.force) if rest else 0 * gain
+        lower.plot(run.frequencies, 100 * share, color=colour, ls=style)
+    upper.set_yscale("log")
+    upper.set_ylabel(f"|X({runs[0].dofs[0]})| / F [m/N]")
+    upper.legend(title="force level", loc="upper right")
+    lower.set_ylabel("Harmonics [%]")
+    lower.set_ylim(bottom=0)
+    lower.set_xlabel("Frequency [Hz]")
+    lower.margins(x=0)
+    return figure
+
+
+def _order(run: HarmonicResponse, order: int) -> np.ndarray:
+    """Amplitudes of one harmonic of the first DOF."""
+    return np.asarray(run.values[:, 0, list(run.orders).index(order)])
+
+
+@styled
+def hysteresis(loops: Sequence[Loop] | Loop, labels: Sequence[str] = ()) -> Figure:
+    """Force over relative displacement of one loop or several, with the energy per cycle of each."""
+    held = [loops] if isinstance(loops, Loop) else list(loops)
+    figure = new_figure(3.8, 6.5)
+    axes = figure.subplots()
+    if not held:
+        empty_note(axes, "no loop")
+        return figure
+    factor, unit = _scaled([np.asarray(loop.displacements) for loop in held], "m")
+    for number, loop in enumerate(held):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        name = labels[number] if number < len(labels) else loop.name
+        area = _energy(loop.area)
+        told = f"{name}: {area}".lstrip(": ")
+        axes.plot(loop.displacements / factor, loop.forces, color=colour, ls=style, lw=1.1, label=told)
+    axes.set_xlabel(f"Relative displacement [{unit}]")
+    axes.set_ylabel("Force [N]")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="energy per cycle")
+    return figure
+
+
+def _energy(joule: float) -> str:
+    factor, unit = _scaled([np.array([joule])], "J")
+    return f"{joule / factor:.3g} {unit}" if joule > 1e-12 else "none"
+
+
+@styled
+def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = ()) -> Figure:
+    """Frequency and damping over the amplitude of one ring-down or several, and the amplitude over time."""
+    held = [decays] if isinstance(decays, Decay) else list(decays)
+    figure = new_figure(5.2)
+    if not held:
+        empty_note(figure.subplots(), "no ring-down")
+        return figure
+    first, second, third = figure.subplots(3, 1)
+    for number, decay in enumerate(held):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        name = labels[number] if number < len(labels) else decay.name
+        first.semilogy(decay.times, decay.amplitudes, color=colour, ls=style, label=name)
+        if np.isfinite(decay.knee):
+            first.axvline(decay.knee, color=VERMILION if colour == BLUE else colour, lw=0.8, ls=(0, (2, 2)))
+        inside = _readable(decay)
+        second.semilogx(decay.amplitudes[inside], decay.frequencies[inside], color=colour, ls=style)
+        third.loglog(decay.amplitudes[inside], 100 * decay.damping_ratios[inside], color=colour, ls=style)
+    if any(np.isfinite(decay.knee) for decay in held):
+        first.annotate("dotted: sliding gives way to sticking", (1, 1), xycoords="axes fraction", ha="right",
+                       va="bottom", fontsize=7.5, color=GREY)  # fmt: skip
+    first.set_xlabel("Time [s]")
+    first.set_ylabel("Amplitude")
+    second.set_ylabel("Frequency [Hz]")
+    third.set_ylabel("Damping ratio [%]")
+    third.set_xlabel("Amplitude")
+    _legend(first, held, labels)
+    return figure
+
+
+def _readable(decay: Decay) -> np.ndarray:
+    """Where frequency and damping are functions of the amplitude: at amplitudes that do not come again (not in a beat),
+    and not within a period of the knee, where both jump."""
+    new = decay.amplitudes >= np.maximum.accumulate(decay.amplitudes[::-1])[::-1]
+    far = ~(np.abs(decay.times - decay.knee) <= 1 / decay.frequencies)
+    return np.asarray(new & far & (decay.damping_ratios > 0))
+
+
+def _legend(axes: Axes, held: Sequence[Decay], labels: Sequence[str]) -> None:
+    if len(held) > 1 or labels:
+        axes.legend(loc="upper right", ncols=3)

@@ -1,0 +1,157 @@
+"""`ema simulate` as a shell sees it: table, pictures, store, status; the nouns it stores come back as they were."""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import acquisition
+from ema import store
+from ema.cli.app import app
+from ema.data import BeamModel, Decay, HarmonicResponse, Loop, ModalMap, Response
+from ema.simulate import frf
+
+DATASETS = Path(__file__).parents[2] / "datasets"
+
+SMALL = """
+[model]
+name = "small"
+[structure]
+kind = "double beam"
+elements = 4
+[[joints]]
+normal_force = "200 N"
+[law]
+name = "masing"
+friction_coefficient = 0.3
+contact_stiffness = "1e9 N/m"
+[damping]
+ratio = "0.3 %"
+[snapback]
+load = "20 N"
+at = "beam 2:4:+Z"
+duration = "0.8 s"
+[frf]
+force = ["2 N", "4 N"]
+at = "beam 2:4:+Z"
+band = ["12 Hz", "22 Hz"]
+lines = 25
+[map]
+force = ["2 N", "4 N"]
+normal_force = ["50 N", "100 N"]
+at = "beam 2:4:+Z"
+band = ["14 Hz", "22 Hz"]
+[loop]
+amplitude = ["1 um", "3 um"]
+"""
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "model.toml").write_text(SMALL)
+    return folder
+
+
+def ema(*arguments):
+    return CliRunner().invoke(app, ["simulate", *map(str, arguments)])
+
+
+def told(*arguments):
+    done = ema(*arguments, "--json")
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
+def test_snapback_writes_response_ring_down_and_pictures(model, tmp_path):
+    found = told("snapback", model, "--out", tmp_path, "--normal-force", 100, "--normal-force", 400)
+    assert [row["F_N"] for row in found["rows"]] == ["100 N", "400 N"]
+    assert found["rows"][0]["f [Hz]"] == pytest.approx(16.7, abs=0.3)
+    assert all(row["energy balance"] < 1e-6 for row in found["rows"])
+    assert {Path(name).name for name in found["written"]} >= {
+        "snapback.h5",
+        "motion.png",
+        "motion.svg",
+        "contacts_100N.png",
+    }
+    held = store.load(tmp_path / "snapback.h5")
+    assert isinstance(held["model"], BeamModel) and isinstance(held["response 100 N"], Response)
+    assert isinstance(held["decay 100 N"], Decay)
+    assert held["response 100 N"].displacements[0, 0] == pytest.approx(1e-3 * found["rows"][0]["x0 [mm]"])
+    assert (tmp_path / "motion.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_frf_map_and_loop(model, tmp_path):
+    rows = told("frf", model, "--out", tmp_path)["rows"]
+    assert [row["F_E [N]"] for row in rows] == [2.0, 4.0] and all(row["solved"] == "25 of 25" for row in rows)
+    steady = store.load(tmp_path / "frf.h5")["steady states 2 N, F_N 200 N"]
+    assert isinstance(steady, HarmonicResponse) and steady.frequencies[-1] == 22.0
+    rows = told("map", model, "--out", tmp_path)["rows"]
+    chart = store.load(tmp_path / "map.h5")["map"]
+    assert isinstance(chart, ModalMap) and rows[1]["zeta at 100 N [%]"] == pytest.approx(100 * chart.damping[1, 1])
+    rows = told("loop", model, "--out", tmp_path)["rows"]
+    assert rows[1]["energy per cycle [J]"] == pytest.approx(4 * 60.0 * (3e-6 - 60.0 / 1e9), rel=1e-3)
+    loop = store.load(tmp_path / "loop.h5")["loop 3 µm, F_N 200 N"]
+    assert isinstance(loop, Loop) and loop.area == rows[1]["energy per cycle [J]"]
+
+
+def test_the_table_is_for_people(model, tmp_path):
+    done = ema("loop", model, "--out", tmp_path, "--amplitude", 2e-6, "--normal-force", 150)
+    assert done.exit_code == 0 and "energy per cycle" in done.output and "Written:" in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["snapback", "{empty}"], "there is no model here"),
+        (["snapback", "{table}"], "the model file has no [snapback]"),
+        (["loop", "{model}", "--amplitude", "-1"], "not an amplitude; got -1.0 m"),
+        (["snapback", "{model}", "--normal-force", "-5"], "not a normal force; got -5.0 N"),
+        (["frf", "{model}", "--force", "0"], "force = 0.0"),
+        (["snapback", "{model}", "--load", "nan"], "not a load"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_status_2(model, tmp_path, arguments, words):
+    (tmp_path / "empty").mkdir()
+    places = {"empty": tmp_path / "empty", "model": model, "table": DATASETS / "table_with_beam"}
+    done = ema(*(argument.format(**places) for argument in arguments), "--out", tmp_path / "out")
+    assert done.exit_code == 2 and words in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a file where a folder is wanted, told by POSIX systems")
+def test_a_place_that_cannot_be_written_is_told_before_the_work(model, tmp_path):
+    (tmp_path / "file").write_text("")
+    done = ema("loop", model, "--out", tmp_path / "file" / "out")
+    assert done.exit_code == 3 and "cannot be written here" in done.stderr
+
+
+def test_findings_decide_the_status(model, tmp_path):
+    """Slips far beyond the spacing of the pairs: a warning."""
+    arguments = ["snapback", model, "--out", tmp_path, "--load", 400_000]
+    assert ema(*arguments).exit_code == 0
+    assert ema(*arguments, "--limit", "warning").exit_code == 1
+
+
+def test_models_and_results_come_back_from_the_store(tmp_path):
+    for name in ("double_beam", "table_with_beam"):
+        opened = acquisition.open_model(DATASETS / name)
+        store.save(tmp_path / "model.h5", opened)
+        held = store.load(tmp_path / "model.h5")
+        assert isinstance(held, BeamModel)
+        for part in ("host", "beam"):
+            one, two = getattr(opened, part), getattr(held, part)
+            assert np.array_equal(one.mass, two.mass) and np.array_equal(one.stiffness, two.stiffness)
+            assert one.dofs == two.dofs
+        for one, two in zip(opened.joints, held.joints, strict=True):
+            assert replace(one, area_shares=None) == replace(two, area_shares=None)
+        assert (held.damping, held.name, held.provenance) == (opened.damping, opened.name, opened.provenance)
+    steady = frf(opened, np.array([470.0, 480.0]), 5.0, "table:0:+Z", ["table:0:+Z"])
+    store.save(tmp_path / "steady.h5", steady)
+    back = store.load(tmp_path / "steady.h5")
+    for field in ("frequencies", "orders", "values", "slips", "input_power", "converged"):
+        assert np.array_equal(getattr(steady, field), getattr(back, field))
+    assert (back.driven, back.dofs, back.force) == (steady.driven, steady.dofs, steady.force)
