@@ -54,6 +54,13 @@ def test_harwell_boeing_gives_the_full_matrix(tmp_path, kind, layout, right):
     np.testing.assert_allclose(matrices.read_matrix(tmp_path / "k.matrix"), BEAM.stiffness, rtol=1e-14)
 
 
+def test_a_file_that_announces_one_triangle_and_holds_both(tmp_path):
+    write_harwell_boeing(tmp_path / "k.matrix", BEAM.stiffness, "RUA")
+    path = tmp_path / "k.matrix"
+    path.write_text(path.read_text().replace("RUA", "RSA"))
+    np.testing.assert_allclose(matrices.read_matrix(path), BEAM.stiffness, rtol=1e-14)
+
+
 @pytest.mark.parametrize("symmetry", ["symmetric", "general"])
 def test_matrix_market_gives_the_full_matrix(tmp_path, symmetry):
     scipy.io.mmwrite(tmp_path / "k.mtx", csc_matrix(BEAM.stiffness), symmetry=symmetry)
