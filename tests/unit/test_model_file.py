@@ -26,6 +26,7 @@ from ema.simulate import (
     beam,
     double_beam,
     frf,
+    snapback,
 )  # fmt: skip
 
 EXAMPLE = Path(__file__).parents[2] / "datasets" / "double_beam"
@@ -88,6 +89,14 @@ def test_a_beam_on_a_beam(tmp_path):
     assert found.damping == Damping(0.001, 0.3) and found.pair_spacing == pytest.approx(0.05)
     steady = frf(found, np.array([30.0, 33.0]), 1.0, "10:+Z", ["10:+Z", "beam:2:+Z"])
     assert steady.converged.all()
+    released = snapback(found, 200.0, "10:+Z", 0.05)
+    assert released.energy.error <= 1e-6 and released.energy.friction[-1] > 0
+
+
+def test_a_table_that_floats_cannot_be_released():
+    table = acquisition.open_model(EXAMPLE.parent / "table_with_beam")
+    with pytest.raises(InputError, match="the structure is not held"):
+        snapback(table, 20.0, "table:0:+Z", 0.05)
 
 
 def test_sections_are_put_in_line(tmp_path):
