@@ -12,6 +12,7 @@ from ema.errors import InputError
 
 if TYPE_CHECKING:
     from ema.data import Finding, Geometry, ModalModel
+    from ema.fit.opinion import SecondOpinion
     from ema.study.recipe import FitTable
 
 app = typer.Typer(
@@ -109,14 +110,18 @@ def fit(
     order: Annotated[int | None, typer.Option(help="Highest model order.", min=2)] = None,
     band: Annotated[tuple[float, float] | None, typer.Option(help="Lowest and highest frequency in Hz.")] = None,
     write: Annotated[Path | None, typer.Option(help="Write the modes to this file (.uff, .unv or .h5).")] = None,
+    second: Annotated[
+        bool, typer.Option("--second-opinion", help="Compare with ERA, an estimator in the time domain.")
+    ] = False,
     json: Json = False,
 ) -> int:
     """Fit the modes of one run or file and print them."""
+    from ema import fit as fitting
     from ema.cli import screen
     from ema.estimate import without_dead
     from ema.study import Study, chain
     from ema.study.measured import frfs_of
-    from ema.study.plain import modes
+    from ema.study.plain import modes, opinion
 
     study = Study.load(measurement)
     told: dict[str, Any] = study.recipe.fit.given()
@@ -126,21 +131,31 @@ def fit(
         told = {name: value for name, value in told.items() if name != "index"} | {"near": near}
     settings = _settings(told)
     models: dict[str, ModalModel] = {}
+    opinions: dict[str, SecondOpinion] = {}
     with screen.Bars() as bars:
         opened = study.open(bars)
         for one in [opened[name] for name in run] if run else opened.runs:
             frfs, hits = frfs_of(one, study.recipe.estimate, bars)
             inside = without_dead(frfs.band(*(settings.band or chain.default_band(frfs, hits))))
             models[one.id] = chain.fitted(inside, settings, bars)[1]
+            if second:
+                opinions[one.id] = fitting.second_opinion(models[one.id], inside, bars)
     if write is not None:
         _write_modes(write, models, opened.geometry)
     if json:
-        screen.as_json({name: modes(model) for name, model in models.items()})
+        told_of = {name: modes(model) for name, model in models.items()}
+        screen.as_json(
+            {name: {"modes": told_of[name], "second opinion": opinion(opinions[name])} for name in told_of}
+            if second else told_of
+        )  # fmt: skip
     else:
         out = screen.console()
         for name, model in models.items():
             out.print(screen.mode_table(model, name))
             screen.show_findings(out, model.findings)
+            if second:
+                out.print(screen.opinion_table(opinions[name], name))
+                screen.show_findings(out, opinions[name].findings)
     return FINE
 
 

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ema.data import Finding, ModalModel, RunResult, StudyResult
+from ema.fit.opinion import SecondOpinion
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "dim"}
 _PLAIN_WIDTH = 160
@@ -98,6 +99,25 @@ def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -
         table.add_column(name, justify="right", no_wrap=True)
     for row in zip(*columns.values(), strict=True):
         table.add_row(*row)
+    return table
+
+
+def opinion_table(opinion: SecondOpinion, title: str) -> Table:
+    """Two estimators side by side; differences in combined standard deviations."""
+    table = Table(
+        title=f"{title}: second opinion (ERA), differences in combined standard deviations s, limit "
+        f"{opinion.limit:.1f}", title_justify="left", title_style="bold",
+    )  # fmt: skip
+    formats = {
+        "f [Hz]": ".3f", "f second [Hz]": ".3f", "df / s": "+.1f", "zeta [%]": ".4f", "zeta second [%]": ".4f",
+        "dzeta / s": "+.1f", "MAC": ".3f",
+    }  # fmt: skip
+    rows = opinion.table()
+    for name in ("mode", *formats, "agrees"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for mode, row in rows.iterrows():
+        cells = [format(row[name], digits) if np.isfinite(row[name]) else "none" for name, digits in formats.items()]
+        table.add_row(str(mode), *cells, "yes" if row["agrees"] else "no")
     return table
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ema.data import Finding, JointForce, ModalModel, RunResult, StudyResult
+from ema.fit.opinion import SecondOpinion
 
 
 def summary(result: StudyResult) -> dict[str, Any]:
@@ -50,6 +51,20 @@ def modes(model: ModalModel, collinearity: "np.ndarray | None" = None) -> list[d
             row["modal_phase_collinearity"] = number(collinearity[mode])
         rows.append(row)
     return rows
+
+
+def opinion(found: SecondOpinion) -> dict[str, Any]:
+    """Two estimators side by side: differences in combined standard deviations, and what these cannot explain."""
+    table = found.table()
+    rows = [
+        {
+            "natural_frequency": number(row["f [Hz]"]), "second_natural_frequency": number(row["f second [Hz]"]),
+            "frequency_difference": number(row["df / s"]), "damping_ratio": number(row["zeta [%]"] / 100),
+            "second_damping_ratio": number(row["zeta second [%]"] / 100),
+            "damping_difference": number(row["dzeta / s"]), "mac": number(row["MAC"]), "agrees": bool(row["agrees"]),
+        } for _, row in table.iterrows()
+    ]  # fmt: skip
+    return {"limit": found.limit, "modes": rows, "findings": [finding(one) for one in found.findings]}
 
 
 def joint(one: JointForce) -> dict[str, Any]:
