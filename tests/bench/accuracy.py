@@ -21,13 +21,14 @@ import ema.fit
 from ema.data import FrfSet
 from tests.bench import draws, halves
 from tests.bench.cases import Case, case_160, case_small
-from tests.bench.environments import CACHE, NAMES
+from tests.bench.environments import CACHE
 from tests.bench.fit import OURS, ROWS, compare, random_line, random_outcome
 from tests.bench.machine import description
 from tests.bench.scoring import Bound, cramer_rao, residue_bound, score
 
 RESULT = Path(__file__).parent / "results" / "accuracy.json"
 NOISES = (0.001, 0.01, 0.05)
+PEERS = ("sdypy_ema", "pyfbs", "pyyeti", "pyoma2", "pydvma")
 SECTIONS = ("case", "small", "random", "residues", "cost", "halves", "peers")
 
 
@@ -263,7 +264,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--resume", action="store_true", help="go on with the draws of the last run")
     parser.add_argument("--noise", help="noise levels instead of 0.001,0.01,0.05")
     parser.add_argument("--knowledge", default="unknown,known", help="of unknown, known, from 5 averages")
-    parser.add_argument("--peers", default=",".join(NAMES), help="peers to run")
+    parser.add_argument("--peers", default=",".join(PEERS), help="peers to run")
     parser.add_argument("--cache", type=Path, default=CACHE, help="folder of the environments and of the draws kept")
     parser.add_argument("--timeout", type=float, default=900.0, help="seconds after which a peer is given up")
     sizes = ",".join(f"{name}={size}" for name, size in vars(Sizes()).items())

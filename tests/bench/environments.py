@@ -7,7 +7,15 @@ import venv
 from pathlib import Path
 
 PEERS = Path(__file__).parent / "peers"
-NAMES = {"sdypy_ema": "sdypy-EMA", "pyfbs": "pyFBS", "pyyeti": "pyYeti (ERA)", "pyoma2": "pyOMA2"}
+NAMES = {
+    "sdypy_ema": "sdypy-EMA",
+    "pyfbs": "pyFBS",
+    "pyyeti": "pyYeti (ERA)",
+    "pyoma2": "pyOMA2",
+    "pydvma": "pydvma",
+    "opensees": "OpenSeesPy",
+    "pyharm": "pyHarm",
+}
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "friction-ema-bench"
 
 

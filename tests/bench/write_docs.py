@@ -16,7 +16,7 @@ from tests.bench.uff import RESULT as UFF
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TOLD = {
     OURS: "nothing", "sdypy_ema": "the true frequencies", "pyfbs": "the true frequencies", "pyyeti": "nothing",
-    "pyoma2": "the true frequencies",
+    "pyoma2": "the true frequencies", "pydvma": "the true frequencies",
 }  # fmt: skip
 
 SPEED = """# Speed
