@@ -191,7 +191,7 @@ def _joint(model: tables.ModelFile, number: int, reader: _Reader, plain: Joint |
             table.name or (plain.name if plain else f"J{number + 1}"), pairs or (plain.pairs if plain else ()),
             (heights[0], heights[1]), law_of(_law(model, table)), table.normal_force, normal,
             None if table.force_shares is None else np.array(table.force_shares), tuple(table.directions), areas,
-            _contact(table.normal_contact), table.area,
+            _contact(table.normal_contact), table.area, table.tangential_loss, table.normal_loss, table.normal_exponent,
         )  # fmt: skip
 
 

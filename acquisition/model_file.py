@@ -252,6 +252,9 @@ class JointTable(Table):
     area_shares: list[Annotated[float, Field(ge=0)]] | None = None
     area: Annotated[float, _in_si("area"), Field(gt=0)] | None = None
     normal_contact: ContactTable = ContactTable()
+    tangential_loss: Ratio = 0.0
+    normal_loss: Ratio = 0.0
+    normal_exponent: float = Field(default=0.0, ge=0)
     law: LawTable | None = None
 
     @model_validator(mode="after")

@@ -74,6 +74,9 @@ class Joint:
         by default.
     normal_contact : the law in the normal direction; by default a linear spring that also carries tension.
     area : of the whole contact in m^2, where known.
+    tangential_loss, normal_loss : loss factors of the sticking contact in the two directions.
+    normal_exponent : of a linear normal contact, k_N(F_N) = k_N (F_N / reference)^exponent with the law's reference
+        force.
     """
 
     name: str
@@ -87,6 +90,9 @@ class Joint:
     area_shares: Float[np.ndarray, "pair"] | None = None
     normal_contact: NormalContact = NormalContact()
     area: float | None = None
+    tangential_loss: float = 0.0
+    normal_loss: float = 0.0
+    normal_exponent: float = 0.0
 
     def __post_init__(self) -> None:
         freeze(self, force_shares=np.float64, area_shares=np.float64)

@@ -44,7 +44,8 @@ def model_at(
         Joint(
             f"J{number + 1}", ((FIRST_NODE + number, first + number * ELEMENTS),),
             (joint.surface_height, 0.5 * beam.height), law, float(normal_force),
-            float(normal_stiffness(joint, forces)[0]),
+            float(normal_stiffness(joint, forces)[0]), tangential_loss=joint.tangential_loss,
+            normal_loss=joint.normal_loss,
         )
         for number in range(beam.joints)
     )  # fmt: skip

@@ -117,6 +117,13 @@ class NormalPairs:
         return np.flatnonzero(~self.elastic)
 
 
+def growth(joint: Joint, forces: float | Float[np.ndarray, "pair"]) -> Any:
+    """Normal stiffness of a linear contact pressed with ``forces`` N over that at the law's reference force."""
+    if joint.normal_exponent == 0:
+        return 1.0
+    return np.maximum(forces / joint.law.reference_force, 1e-6) ** joint.normal_exponent
+
+
 def normal_pairs(
     joints: Sequence[Joint], gaps: Float[np.ndarray, "pair n"], areas: Float[np.ndarray, "pair"],
     preloads: Float[np.ndarray, "pair"],
@@ -132,6 +139,8 @@ def normal_pairs(
         contact, part = joint.normal_contact, slice(row, row + len(joint.pairs))
         check_normal_contact(contact, f"joint {joint.name}")
         stiffness[part] = joint.normal_stiffness * areas[part]
+        if contact.name == LINEAR:
+            stiffness[part] *= growth(joint, preloads[part] / areas[part])
         elastic[part] = contact.name == LINEAR
         names += [joint.name] * len(joint.pairs)
         if joint.area is not None:

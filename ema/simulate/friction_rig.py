@@ -13,6 +13,7 @@ from jaxtyping import Float
 from ema.data import BeamModel, HarmonicResponse, Joint
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.simulate.contact import growth
 from ema.simulate.harmonic import frf
 from ema.simulate.inputs import SnapBack, SteppedSine
 from ema.simulate.reduction import modal_base
@@ -213,4 +214,4 @@ def _normal_stiffness(joint: Joint) -> float:
         depths, forces = np.array(contact.points).T
         place = int(np.clip(np.searchsorted(forces, joint.normal_force), 1, len(forces) - 1))
         return float((forces[place] - forces[place - 1]) / (depths[place] - depths[place - 1]))
-    return joint.normal_stiffness
+    return float(joint.normal_stiffness * growth(joint, joint.normal_force))

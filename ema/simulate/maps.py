@@ -178,7 +178,10 @@ def backbone(
 def homogeneous(model: BeamModel) -> bool:
     """Whether x(c F_E, c F_N) = c x(F_E, F_N): constant k_T and no velocity scale in any law."""
     return all(
-        joint.law.stiffness_exponent == 0 and joint.law.name in HOMOGENEOUS and joint.normal_contact == NormalContact()
+        joint.law.stiffness_exponent == 0
+        and joint.normal_exponent == 0
+        and joint.law.name in HOMOGENEOUS
+        and joint.normal_contact == NormalContact()
         for joint in model.joints
     )
 

@@ -76,6 +76,10 @@ def modal_base(
     if system.decay is not None:
         # the part of the host's damping that couples the modes is of second order for light damping
         decay = decay + np.einsum("nr,n,nr->r", shapes, system.decay * np.diag(system.mass), shapes)
+    if system.loss is not None:
+        # 2 zeta w of a mode that loses the share eta of the energy stored in its contacts
+        energy = np.einsum("nr,nm,mr->r", shapes, system.loss, shapes)
+        decay = decay + np.divide(energy, frequencies, out=np.zeros_like(energy), where=frequencies > 0)
     return ModalBase(frequencies, decay, slip, shapes, seen > _UNCOUPLED * seen.max())
 
 

@@ -53,7 +53,8 @@ class System:
 
     The coordinates are the DOFs, or modes of a measured host followed by the DOFs of the beam: ``reach`` (dof,
     coordinate) leads from them to the DOFs, ``None`` where they are the same. ``decay`` (coordinate,) in 1/s is the
-    damping a measured host brings. ``spacing`` is the distance of neighbouring node pairs in m, infinite where unknown.
+    damping a measured host brings; ``loss`` (coordinate, coordinate) in N/m holds the stiffnesses of sticking joints
+    times their loss factors. ``spacing`` is the distance of neighbouring node pairs in m, infinite where unknown.
     ``normals`` are the node pairs in the normal direction, at rest under their preload.
     """
 
@@ -68,6 +69,7 @@ class System:
     name: str = ""
     reach: Float[np.ndarray, "dof n"] | None = None
     decay: Float[np.ndarray, "n"] | None = None
+    loss: Float[np.ndarray, "n n"] | None = None
 
     def row(self, dof: Dof | str) -> Float[np.ndarray, "n"]:
         """Row of a DOF in the coordinates.
@@ -128,6 +130,9 @@ def _check_joint(joint: Joint) -> None:
                     "pressing is positive; a joint that is open has 0 N")  # fmt: skip
     if not (np.isfinite(joint.normal_stiffness) and joint.normal_stiffness > 0):
         raise wrong("not a normal stiffness", f"{joint.normal_stiffness} N/m", "a positive number")
+    for name in ("tangential_loss", "normal_loss"):
+        if not 0 <= getattr(joint, name) < 1:
+            raise wrong("not a loss factor", f"{name} = {getattr(joint, name)}", "0 or more, below 1")
     if not (np.isfinite(law.friction_coefficient) and law.friction_coefficient >= 0):
         raise wrong("not a friction coefficient", law.friction_coefficient, "mu of 0 or more",
                     "the direction of friction follows from the motion, mu has no sign")  # fmt: skip
@@ -208,6 +213,7 @@ def assemble(model: BeamModel) -> System:
     return System(
         mass, stiffness, dofs, held, model.damping, normals, _spacing(model),
         (*findings, *findings_of_host, *resting(normals, model.name).findings), model.name, reach, decay,
+        _loss(model, held, normals),
     )  # fmt: skip
 
 
@@ -263,6 +269,17 @@ def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals
         (*laws, *[_SPRING] * count), np.append(shares, np.full(count, np.inf)), count,
         (*map(int, pressed_by), *[-1] * count),
     )  # fmt: skip
+
+
+def _loss(model: BeamModel, contacts: Contacts, normals: NormalPairs) -> Float[np.ndarray, "n n"] | None:
+    """Stiffness of every contact at rest times its loss factor; ``None`` where no joint has one."""
+    if not any(joint.tangential_loss or joint.normal_loss for joint in model.joints):
+        return None
+    tangential = np.array([model.joints[number].tangential_loss for number in contacts.joint[: contacts.tangential]])
+    slip, springs = contacts.slip[: contacts.tangential], contacts.stiffness[: contacts.tangential]
+    normal = np.repeat([joint.normal_loss for joint in model.joints], [len(joint.pairs) for joint in model.joints])
+    rows, pressed = normals.rows, normals.stiffness
+    return np.asarray(slip.T @ ((tangential * springs)[:, None] * slip) + rows.T @ ((normal * pressed)[:, None] * rows))
 
 
 def pair_counts(model: BeamModel, system: System) -> list[int]:
