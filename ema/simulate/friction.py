@@ -247,7 +247,7 @@ def iwan_springs(
 
 def virgin_rate(y: Float[np.ndarray, "*shape"], exponent: float) -> Float[np.ndarray, "*shape"]:
     """dx/dy of the virgin curve of Eq. (5), dphi/dx = 1 - phi^m, with phi = 1 - exp(-y): smooth up to full slip."""
-    rest = np.exp(-y)
+    rest = np.maximum(np.exp(-y), 1e-300)
     with np.errstate(divide="ignore"):
         return np.asarray(rest / -np.expm1(exponent * np.log1p(-rest)))
 

@@ -55,7 +55,7 @@ def test_rigid_limit_is_the_rectangle():
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1, 2, 3, 8, 8.5, 30])
-@pytest.mark.parametrize("ratio", [0.7, 1.0, 2.0, 5.0])
+@pytest.mark.parametrize("ratio", [0.7, 1.0, 2.0, 5.0, 60.0])
 def test_regularised(exponent, ratio):
     """Odd exponents too: the rule needs \\|F/F_C\\|^m, with the bare power an odd m diverges on one side."""
     found = loop(RegularisedMasing(MU, K, exponent), FN, ratio * XC, samples=20000)
@@ -105,8 +105,8 @@ def test_lugre_without_rate_effects_is_dahl_and_with_them_is_converged():
     same = loop(LuGre(MU, K), FN, 2 * XC, samples=30000).area
     assert same == pytest.approx(dahl_area(K, FC, 2 * XC), rel=1e-6)
     law = LuGre(MU, K, bristle_damping=30.0, viscous=0.0, static_ratio=1.3, stribeck_velocity=1e-3)
-    areas = [loop(law, FN, 2 * XC, samples=n, frequency=10.0).area for n in (20000, 80000)]
-    assert areas[0] == pytest.approx(areas[1], rel=2e-6)
+    areas = [loop(law, FN, 2 * XC, samples=n, frequency=10.0).area for n in (40000, 80000)]
+    assert areas[0] == pytest.approx(areas[1], rel=1e-6)
     slow = loop(law, FN, 2 * XC, samples=20000, frequency=0.1).area
     assert slow > 1.03 * areas[0]
 
@@ -141,7 +141,7 @@ def test_dahl_of_any_shape_against_a_quadrature(shape):
     """Shapes other than 1 have no closed form."""
     found = loop(Dahl(MU, K, shape), FN, 2 * XC, samples=40000).area
     expected = quadrature(lambda f, way: K * max(1 - way * f / FC, 0.0) ** shape, 2 * XC)
-    assert found == pytest.approx(expected, rel=2e-6)
+    assert found == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 3.0, 8.0])
@@ -175,9 +175,10 @@ def test_lugre_with_rate_effects_against_an_independent_integration():
             z = solution.y[0, -1]
             work = solution.y[1, -1] + (work if quarter else 0.0)
     law = LuGre(MU, K, damping, viscous, ratio, stribeck)
-    found = [loop(law, FN, amplitude, samples=n, frequency=10.0).area for n in (20000, 40000)]
-    assert found[1] == pytest.approx(work, rel=1e-5)
-    assert found[1] + (found[1] - found[0]) / 3 == pytest.approx(work, rel=2e-6)
+    found = [loop(law, FN, amplitude, samples=n, frequency=10.0).area for n in (20000, 40000, 160000)]
+    assert found[2] == pytest.approx(work, rel=1e-6)
+    # of second order in the step
+    assert found[1] - work == pytest.approx((found[0] - work) / 4, rel=0.05)
 
 
 def clip(force, du, k, limit, p0, p1, p2, p3):

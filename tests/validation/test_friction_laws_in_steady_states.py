@@ -1,0 +1,150 @@
+"""Every friction law in the frequency solver: its loss per cycle against closed forms and quadrature, and its power.
+
+Laws as in Gaul, Roseira and Becker, Shock and Vibration 15 (2008), Eqs. (4) and (5); Segalman (2005), Dahl (1968), LuGre
+(Canudas de Wit et al. 1995). With one harmonic kept the contact moves harmonically, so that what a steady state says it
+loses must be the area of the law's loop at the amplitude found.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ema.data import BeamModel, Damping, Joint, Matrices
+from ema.dof import Dof
+from ema.simulate import (
+    Coulomb,
+    Dahl,
+    Iwan,
+    LuGre,
+    Masing,
+    ParallelMasing,
+    RegularisedMasing,
+    double_beam,
+    frf,
+    register_law,
+)
+from ema.simulate.friction import iwan_springs
+from ema.simulate.loops import dahl_area, masing_area, regularised_area
+
+K, FC = 4e5, 30.0
+SHARES = ([0.5, 0.3, 0.2], [0.2, 0.3, 0.5])
+
+
+def springs(shares_k, shares_f, amplitude):
+    return sum(masing_area(K * k, FC * f, amplitude) for k, f in zip(shares_k, shares_f, strict=True))
+
+
+def rate_independent(rate, amplitude, cycles=20):
+    """Loss per stabilised cycle of dF/du = rate(F in the direction of motion), by DOP853."""
+    force, lost = 0.0, 0.0
+    for n in range(2 * cycles):
+        way = 1 if n % 2 == 0 else -1
+        length = amplitude if n == 0 else 2 * amplitude
+        done = solve_ivp(lambda _, y, w=way: [w * rate(w * y[0]), y[0] * w], (0, length), [force, 0.0], "DOP853",
+                         rtol=1e-11, atol=1e-13 * FC)  # fmt: skip
+        force, work = done.y[:, -1]
+        lost += work if n >= 2 * cycles - 2 else 0.0
+    return lost
+
+
+DAMPING, VISCOUS, RATIO, STRIBECK = 30.0, 5.0, 1.3, 1e-3
+
+
+def lugre_area(amplitude, frequency):
+    """Loss per cycle of LuGre with all its rate effects, by DOP853 between the reversals."""
+    omega = 2 * np.pi * frequency
+
+    def rate(t, y):
+        v = amplitude * omega * np.cos(omega * t)
+        top = FC * (1 + (RATIO - 1) * np.exp(-((v / STRIBECK) ** 2)))
+        change = v - K * abs(v) / top * y[0]
+        return [change, (K * y[0] + DAMPING * change + VISCOUS * v) * v]
+
+    work, z = 0.0, 0.0
+    for quarter in range(4 * 6):
+        start = quarter / (4 * frequency)
+        done = solve_ivp(rate, (start, start + 0.25 / frequency), [z, 0.0], "DOP853", rtol=1e-11, atol=1e-16)
+        z = done.y[0, -1]
+        work = done.y[1, -1] + (work if quarter % 4 else 0.0)
+    return work
+
+
+def clip(force, du, k, limit, p0, p1, p2, p3):
+    return min(max(force + k * du, -limit), limit)
+
+
+def oscillator(law):
+    """1 kg at 100 Hz that rubs on a wall with 30 N."""
+    host = Matrices(np.diag([1.0, 1.0]), np.diag([(200 * np.pi) ** 2, 1e9]), (Dof(1, "+X"), Dof(1, "+Z")))
+    wall = Matrices(np.diag([1e6, 1e6]), np.diag([1e16, 1e16]), (Dof(1, "+X", "wall"), Dof(1, "+Z", "wall")))
+    joint = Joint("contact", ((1, 1),), (0.0, 0.0), law, 30.0, 1.0)
+    return BeamModel(host, wall, (joint,), Damping(ratio=0.003), "oscillator")
+
+
+LAWS = [
+    (Masing(1.0, K), lambda a, f: masing_area(K, FC, a)),
+    (Coulomb(1.0, 100 * K), lambda a, f: masing_area(100 * K, FC, a)),
+    (ParallelMasing(1.0, K, *SHARES), lambda a, f: springs(*SHARES, a)),
+    (Iwan(1.0, K), lambda a, f: springs(*iwan_springs(-0.5, 1.0, 60), a)),
+    (Iwan(1.0, K, -0.2, 0.0, 20), lambda a, f: springs(*iwan_springs(-0.2, 0.0, 20), a)),
+    (RegularisedMasing(1.0, K, 8), lambda a, f: regularised_area(K, FC, a, 8.0)),
+    (RegularisedMasing(1.0, K, 1), lambda a, f: regularised_area(K, FC, a, 1.0)),
+    (RegularisedMasing(1.0, K, 0.5), lambda a, f: regularised_area(K, FC, a, 0.5)),
+    (Dahl(1.0, K), lambda a, f: dahl_area(K, FC, a)),
+    (Dahl(1.0, K, 0.5), lambda a, f: rate_independent(lambda y: K * max(1 - y / FC, 0.0) ** 0.5, a)),
+    (Dahl(1.0, K, 2.0), lambda a, f: rate_independent(lambda y: K * max(1 - y / FC, 0.0) ** 2, a)),
+    (LuGre(1.0, K), lambda a, f: dahl_area(K, FC, a)),
+    (LuGre(1.0, K, DAMPING, VISCOUS, RATIO, STRIBECK), lugre_area),
+]
+
+
+def found_and_expected(law, area, force=60.0):
+    """Loss per cycle as the solver books it, and the area of the loop at the amplitude of the slip it found."""
+    frequencies = np.array([95.0, 101.0, 108.0])
+    found = frf(oscillator(law), frequencies, force, "1:+X", ["1:+X", "wall:1:+X"], harmonics=1)
+    assert found.converged.all()
+    slips = np.abs(found.values[:, 0, 0] - found.values[:, 1, 0])
+    return found.friction_power / frequencies, np.array([area(*pair) for pair in zip(slips, frequencies, strict=True)])
+
+
+@pytest.mark.parametrize(("law", "area"), LAWS, ids=[f"{law.name} {law.parameters[:1]}" for law, _ in LAWS])
+def test_the_loss_is_the_area_of_the_loop(law, area):
+    """To a millionth, without a number that the user would have to set."""
+    np.testing.assert_allclose(*found_and_expected(law, area), rtol=1e-6)
+
+
+def test_the_loss_of_a_law_of_ones_own():
+    """It has corners that the quadrature cannot know of: some millionths."""
+    law = register_law("clip for steady states", clip)(1.0, K)
+    np.testing.assert_allclose(*found_and_expected(law, lambda a, f: masing_area(K, FC, a)), rtol=5e-6)
+
+
+@pytest.mark.parametrize("slip", [0.5, 0.9])
+def test_no_loss_while_eq_4_sticks_and_a_small_one_of_eq_5(slip):
+    force = slip * FC * 0.012
+    stuck, _ = found_and_expected(Masing(1.0, K), lambda a, f: 0.0, force)
+    assert np.all(stuck == 0.0)
+    micro, expected = found_and_expected(
+        RegularisedMasing(1.0, K, 3), lambda a, f: regularised_area(K, FC, a, 3), force
+    )
+    assert np.all(micro > 0)
+    np.testing.assert_allclose(micro, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Masing(0.3, 1e9), ParallelMasing(0.3, 1e9, [0.5, 0.5], [0.2, 0.8]), Iwan(0.3, 1e9), Dahl(0.3, 1e9),
+        Dahl(0.3, 1e9, 2.0), RegularisedMasing(0.3, 1e9, 8), RegularisedMasing(0.3, 1e9, 1),
+        LuGre(0.3, 1e9, 1e3, 10.0, 1.3, 1e-3),
+    ],
+    ids=lambda law: f"{law.name} {law.parameters[:1]}",
+)  # fmt: skip
+@pytest.mark.parametrize("force", [1000.0, 3000.0])
+def test_power_balance_of_every_law(law, force):
+    """Input = friction + damping within 1e-4 of the input, in every steady state of the double beam."""
+    model = double_beam(law, force, elements=6, damping=Damping(ratio=0.003))
+    found = frf(model, np.linspace(14, 34, 9), 1.0, "beam 2:6:+Z", ["beam 2:6:+Z"])
+    assert found.converged.all()
+    assert found.power_error <= 1e-4
+    assert np.all(found.friction_power >= 0) and found.friction_power.max() > 0.1 * found.input_power.min()
