@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ema.simulate.harmonic import frf
     from ema.simulate.hysteresis import measured_loop
     from ema.simulate.identification import identify
-    from ema.simulate.inputs import Blow, Fault, RandomShakers, RovingHammer, SnapBack, SteppedSine, SweptShaker
+    from ema.simulate.inputs import Blow, Fault, RandomShakers, RovingHammer, Shaker, SnapBack, SteppedSine, SweptShaker
     from ema.simulate.loops import loop
     from ema.simulate.maps import backbone, damping_map, resonance
     from ema.simulate.rig import RingCell
@@ -47,6 +47,7 @@ _NAMES = {
     "RegularisedMasing": "friction",
     "RingCell": "rig",
     "RovingHammer": "inputs",
+    "Shaker": "inputs",
     "SnapBack": "inputs",
     "SteppedSine": "inputs",
     "SweptShaker": "inputs",
@@ -77,10 +78,11 @@ _NAMES = {
 
 __all__ = [
     "Blow", "ContactCurve", "Coulomb", "Dahl", "Fault", "FrictionRig", "Iwan", "LuGre", "Masing", "ParallelMasing",
-    "PowerContact", "RandomShakers", "RegularisedMasing", "RingCell", "RovingHammer", "SnapBack", "SteppedSine",
-    "SweptShaker", "Unilateral", "VirtualRig", "assemble", "backbone", "beam", "controlled_snapback", "damping_map",
-    "double_beam", "frf", "hammer_pulse", "identify", "loop", "measured_loop", "own_contact", "plate_matrices",
-    "preload", "register_law", "resonance", "respond", "snapback", "snapback_reference", "stepped_sine", "swept_sine",
+    "PowerContact", "RandomShakers", "RegularisedMasing", "RingCell", "RovingHammer", "Shaker", "SnapBack",
+    "SteppedSine", "SweptShaker", "Unilateral", "VirtualRig", "assemble", "backbone", "beam", "controlled_snapback",
+    "damping_map", "double_beam", "frf", "hammer_pulse", "identify", "loop", "measured_loop", "own_contact",
+    "plate_matrices", "preload", "register_law", "resonance", "respond", "snapback", "snapback_reference",
+    "stepped_sine", "swept_sine",
 ]  # fmt: skip
 
 

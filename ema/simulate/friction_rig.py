@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, HarmonicResponse, Joint
+from ema.data import BeamModel, Joint
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.contact import growth
-from ema.simulate.harmonic import frf
-from ema.simulate.inputs import SnapBack, SteppedSine
+from ema.simulate.harmonic import Branch, condense
+from ema.simulate.inputs import Shaker, SnapBack, SteppedSine
 from ema.simulate.reduction import modal_base
 from ema.simulate.rig import DERIVATIVES, Rig, anti_alias
 from ema.simulate.structure import assemble, pair_areas
@@ -26,6 +26,10 @@ FINER = 2
 
 MARGIN = 256
 """Samples over which signals are led down to zero before and behind a record, so that filtering does not wrap round."""
+
+
+_ROUNDS, _COIL = 6, 2e-3
+"""Rounds in which the force on the structure is sought, and how near the force of the coil is to come."""
 
 
 @dataclass(frozen=True)
@@ -126,33 +130,56 @@ class FrictionRig(Rig):
     def _steady(self, number: int, rng: np.random.Generator) -> Float[np.ndarray, "channel sample"]:
         """A record of the steady state at one frequency."""
         assert isinstance(self.drive, SteppedSine)
-        held = self._harmonics
-        if not held.converged[number]:
-            raise InputError("no steady state was found", where=self.name, got=f"{held.frequencies[number]:g} Hz",
-                             advice="give settle, to find it in time")  # fmt: skip
+        force, orders, values = self._steady_states[number]
+        frequency = self.drive.frequencies[number]
         times = np.arange(self.samples) / self.sampling_rate
-        omega = 2 * np.pi * held.frequencies[number]
-        waves = np.exp(1j * omega * np.outer(held.orders, times))
-        filtered = anti_alias(held.orders * held.frequencies[number], self.sampling_rate)
-        rows = [self.drive.level * np.cos(omega * times) * anti_alias(held.frequencies[number : number + 1],
-                                                                      self.sampling_rate)]  # fmt: skip
+        rates = 2j * np.pi * frequency * orders
+        waves = np.exp(np.outer(rates, times))
+        filtered = anti_alias(orders * frequency, self.sampling_rate)
+        pushed = np.where(orders == 1, force, 0.0) * filtered
+        if self.drive.shaker is not None:
+            moved = values[self._outputs.index(self.drive.point)]
+            pushed = pushed + self.drive.shaker.mount_mass * rates**2 * moved * filtered
+        rows = [np.real(pushed @ waves)]
         for channel in self.responses:
             assert channel.dof is not None
             power = DERIVATIVES[channel.quantity]
-            amplitude = held.values[number, self._outputs.index(channel.dof)] * filtered
-            rows.append(np.real((amplitude * (1j * omega * held.orders) ** power) @ waves))
+            amplitude = values[self._outputs.index(channel.dof)] * filtered
+            rows.append(np.real((amplitude * rates**power) @ waves))
         for ring in self.rings:
-            rows.append(np.real((self._gap(ring.joint) @ held.values[number] * filtered) @ waves))
+            rows.append(np.real((self._gap(ring.joint) @ values * filtered) @ waves))
         return self._with_rings(np.array(rows), 1 + len(self.responses), rng)
 
     @cached_property
-    def _harmonics(self) -> HarmonicResponse:
-        """All steady states of a stepped sine."""
-        assert isinstance(self.drive, SteppedSine)
-        return frf(
-            self.model, np.array(self.drive.frequencies), self.drive.level, self.drive.point, self._outputs,
-            max(self.tolerance, 1e-4), self._modes,
-        )  # fmt: skip
+    def _steady_states(self) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """For every frequency of a stepped sine the force in N, the orders, and the amplitudes (output, order)."""
+        drive = self.drive
+        assert isinstance(drive, SteppedSine)
+        shaker = drive.shaker or Shaker()
+        outputs = self._outputs
+        condensed = condense(self.model, drive.level, drive.point, outputs, max(self.tolerance, 1e-4), self._modes)
+        rows = np.array([condensed.problem.base.row(condensed.problem.system, dof) for dof in outputs])
+        branch, states = Branch(condensed.tolerance), []
+        force = drive.level
+        for frequency in drive.frequencies:
+            taken, start = shaker.taken(frequency), branch.start(frequency)
+            for _ in range(_ROUNDS):
+                held = condensed.at(force, condensed.limits)
+                point = held.solve(frequency, start)
+                if point is None:
+                    raise InputError("no steady state was found", where=self.name, got=f"{frequency:g} Hz",
+                                     advice="give settle, to find it in time")  # fmt: skip
+                values, start = held.outputs(point, rows), point.amplitudes
+                if not taken:
+                    break
+                moved = values[outputs.index(drive.point), 0 if condensed.odd else 1]
+                coil = abs(force + taken * moved)
+                if abs(coil / drive.level - 1) < _COIL:
+                    break
+                force *= drive.level / coil
+            branch.add(point)
+            states.append((force, condensed.orders(point.count), values))
+        return states
 
     @cached_property
     def _modes(self) -> int | None:
@@ -169,6 +196,8 @@ class FrictionRig(Rig):
         for ring in self.rings:
             for pair in self._joint(ring.joint).pairs:
                 wanted += list(self._ends(pair))
+        if isinstance(self.drive, SteppedSine) and self.drive.shaker is not None:
+            wanted.append(self.drive.point)
         return list(dict.fromkeys(wanted))
 
     def _joint(self, name: str) -> Joint:

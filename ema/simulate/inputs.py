@@ -208,11 +208,30 @@ class SweptShaker:
 
 
 @dataclass(frozen=True)
+class Shaker:
+    """What a shaker takes of the force that its current makes, and what sits below the load cell.
+
+    ``damping`` N s/m by the back-EMF of the coil ((B l)^2 / R), ``moving_mass`` kg of armature and stinger,
+    ``mount_mass`` kg between load cell and structure.
+    """
+
+    damping: float = 0.0
+    moving_mass: float = 0.0
+    mount_mass: float = 0.0
+
+    def taken(self, frequency: float) -> complex:
+        """Force in N per m of motion at the drive point that does not reach the structure."""
+        omega = 2 * np.pi * frequency
+        return complex(1j * omega * self.damping - omega**2 * (self.moving_mass + self.mount_mass))
+
+
+@dataclass(frozen=True)
 class SteppedSine:
     """One shaker that stays at each of ``frequencies`` Hz with ``level`` N (amplitude): one record for each of them.
 
     A record holds ``duration`` s of the steady state. With ``settle`` of None it is found by harmonic balance; else
-    every record begins that many s after the force was switched on.
+    every record begins that many s after the force was switched on. With a ``shaker``, ``level`` is the force of its
+    coil: what reaches the structure drops at resonance, and the load cell also drives the mass below it.
     """
 
     point: Dof
@@ -220,6 +239,7 @@ class SteppedSine:
     frequencies: tuple[float, ...]
     duration: float = 0.5
     settle: float | None = None
+    shaker: Shaker | None = None
 
     @property
     def takes(self) -> int:
