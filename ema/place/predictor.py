@@ -11,11 +11,13 @@ from ema.data.placement import BoltedJoint, Candidates, FrictionBeam, Prediction
 from ema.data.provenance import Provenance
 from ema.dof import Dof, match
 from ema.errors import InputError
-from ema.place.describing import START, STEP, secant_table
+from ema.place.describing import secant_table
 from ema.shapes import Surface
 
 ELEMENTS = 4
 """Beam elements between two joints."""
+FAR = 5.0
+"""Modes of the free beam above this multiple of the highest target frequency only yield statically."""
 
 
 def predict(
@@ -58,14 +60,13 @@ def predict(
     omega, zeta = np.abs(bare.poles[chosen]), bare.damping_ratios[chosen]
     phi, lever = motions(surface, candidates, joint, chosen)
     driver = np.abs(_driver(bare, at)[chosen])
-    beams = [_free(beam) for beam in candidates.catalogue]
+    beams = _free(candidates.catalogue, float(omega.max()))
     count = len(candidates.catalogue[0].places)
-    packed = [np.ascontiguousarray(np.stack(part)) for part in zip(*beams)]
     result = kernels.all_places(
         omega, zeta, driver, levels[order], phi, lever, candidates.beams,
-        normal_stiffness(joint, forces) * (1 + 1j * joint.normal_loss), *packed,
+        normal_stiffness(joint, forces) * (1 + 1j * joint.normal_loss), *beams,
         contact_stiffness(joint, forces), joint.law.friction_coefficient * forces, joint.tangential_loss,
-        secant_table(joint.law.name, joint.law.parameters), START, STEP,
+        secant_table(joint.law.name, joint.law.parameters),
     )  # fmt: skip
     back = np.argsort(order)
     result = result[:, :, :, back, :]
@@ -165,10 +166,25 @@ def beam_matrices(
     return mass, stiffness, tangential, normal
 
 
-def _free(beam: FrictionBeam) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Modes of the free beam: squares of its angular frequencies, tangential and normal motion at the joints."""
+def _free(catalogue: Sequence[FrictionBeam], omega: float) -> tuple[np.ndarray, ...]:
+    """Modes of every free beam: squares of its angular frequencies, tangential and normal motion at the joints.
+
+    Those far above ``omega`` are put together: the last array, shape (beam, 2, 3, joint, joint), holds their part of
+    the receptances (tangential, mixed, normal) at rest and the factor of omega^2.
+    """
     from scipy.linalg import eigh
 
-    mass, stiffness, tangential, normal = beam_matrices(beam)
-    squares, vectors = eigh(stiffness, mass)
-    return np.where(squares < 1e-9 * squares[-1], 0.0, squares), tangential @ vectors, normal @ vectors
+    modes = []
+    for beam in catalogue:
+        mass, stiffness, tangential, normal = beam_matrices(beam)
+        squares, vectors = eigh(stiffness, mass)
+        modes.append((np.where(squares < 1e-9 * squares[-1], 0.0, squares), tangential @ vectors, normal @ vectors))
+    kept = max(int(np.sum(squares < (FAR * omega) ** 2)) for squares, _, _ in modes)
+    rest = np.zeros((len(catalogue), 2, 3, catalogue[0].joints, catalogue[0].joints))
+    for row, (squares, tangential, normal) in enumerate(modes):
+        for power in (1, 2):
+            weight = squares[kept:] ** -float(power)
+            pairs = ((tangential, tangential), (tangential, normal), (normal, normal))
+            rest[row, power - 1] = [(left[:, kept:] * weight) @ right[:, kept:].T for left, right in pairs]
+    low = [np.ascontiguousarray(np.stack([part[..., :kept] for part in column])) for column in zip(*modes)]
+    return (*low, rest)

@@ -11,233 +11,316 @@ import math
 import numpy as np
 from numba import njit
 
+from ema.place.describing import START, STEP
+
 
 @njit(cache=True, error_model="numpy")
-def describing(amplitude, table, start, step):
+def describing(amplitude, table):
     """Complex secant stiffness over k_T, and its derivative, at an amplitude in units of the slip limit."""
-    place = (math.log(amplitude) - start) / step if amplitude > 0 else -1.0
+    place = (math.log(amplitude) - START) / STEP if amplitude > 0 else -1.0
     if place <= 0:
         return table[0], 0j
     if place >= len(table) - 1:
-        ratio = math.exp(start + step * (len(table) - 1)) / amplitude
+        ratio = math.exp(START + STEP * (len(table) - 1)) / amplitude
         return table[-1] * ratio, -table[-1] * ratio / amplitude
     cell = int(place)
     slope = table[cell + 1] - table[cell]
-    return table[cell] + (place - cell) * slope, slope / (step * amplitude)
+    return table[cell] + (place - cell) * slope, slope / (STEP * amplitude)
+
+
+FORCE, KAPPA, SLOPE, OLD, DRIVE, PSI, SLIP = range(7)
+"""Rows of the complex vectors ``z`` (row, joint) that are used over and over."""
+COUPLED, ALONE, SPRUNG, HELD = range(4)
+"""The complex matrices ``m`` (matrix, joint, joint); the real ones ``a`` are the receptances tt, tn and nn."""
 
 
 @njit(cache=True, error_model="numpy")
-def receptances(omega, squares, tangential, normal, a_tt, a_tn, a_nn):
-    """Receptances of the free beam between the joints."""
+def receptances(square, squares, tangential, normal, rest, a):
+    """Receptances of the free beam between the joints; ``rest`` are the modes far above, to second order in omega."""
     joints = tangential.shape[0]
-    a_tt[:], a_tn[:], a_nn[:] = 0, 0, 0
+    for i in range(joints):
+        for j in range(joints):
+            for kind in range(3):
+                a[kind, i, j] = rest[0, kind, i, j] + square * rest[1, kind, i, j]
     for k in range(len(squares)):
-        g = 1.0 / (squares[k] - omega * omega)
-        for a in range(joints):
-            ta, na = tangential[a, k] * g, normal[a, k] * g
-            for b in range(joints):
-                a_tt[a, b] += ta * tangential[b, k]
-                a_tn[a, b] += ta * normal[b, k]
-                a_nn[a, b] += na * normal[b, k]
+        g = 1.0 / (squares[k] - square)
+        for i in range(joints):
+            ti, ni = tangential[i, k] * g, normal[i, k] * g
+            for j in range(joints):
+                a[0, i, j] += ti * tangential[j, k]
+                a[1, i, j] += ti * normal[j, k]
+                a[2, i, j] += ni * normal[j, k]
 
 
 @njit(cache=True, error_model="numpy")
-def invert(matrix, inverse):
-    """Inverse of a small matrix by elimination without row exchange: a sum of springs and receptances, never odd."""
-    n = len(matrix)
-    inverse[:] = 0
+def hold(m):
+    """Inverse of ``m[SPRUNG]`` by elimination without row exchange: springs and receptances are never odd."""
+    n = m.shape[1]
     for k in range(n):
-        inverse[k, k] = 1
-    for k in range(n):
-        pivot = matrix[k, k]
         for j in range(n):
-            matrix[k, j] /= pivot
-            inverse[k, j] /= pivot
+            m[HELD, k, j] = 1.0 if j == k else 0.0
+    for k in range(n):
+        pivot = 1 / m[SPRUNG, k, k]
+        for j in range(n):
+            m[SPRUNG, k, j] *= pivot
+            m[HELD, k, j] *= pivot
         for i in range(n):
             if i != k:
-                factor = matrix[i, k]
+                factor = m[SPRUNG, i, k]
                 for j in range(n):
-                    matrix[i, j] -= factor * matrix[k, j]
-                    inverse[i, j] -= factor * inverse[k, j]
+                    m[SPRUNG, i, j] -= factor * m[SPRUNG, k, j]
+                    m[HELD, i, j] -= factor * m[HELD, k, j]
 
 
 @njit(cache=True, error_model="numpy")
-def eliminate(matrix, right):
-    """Solve in place by Gaussian elimination with row exchange: quicker than a library call for a few unknowns."""
-    n = len(right)
+def eliminate(x):
+    """Solve by Gaussian elimination with row exchange: quicker than a library call for a few unknowns.
+
+    Rows of ``x``: the matrix, and the right side, which becomes the solution.
+    """
+    n = x.shape[1]
     for k in range(n):
         pivot = k
         for i in range(k + 1, n):
-            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+            if abs(x[i, k]) > abs(x[pivot, k]):
                 pivot = i
         if pivot != k:
             for j in range(k, n):
-                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
-            right[k], right[pivot] = right[pivot], right[k]
+                x[k, j], x[pivot, j] = x[pivot, j], x[k, j]
+            x[n, k], x[n, pivot] = x[n, pivot], x[n, k]
+        inverse = 1 / x[k, k]
         for i in range(k + 1, n):
-            factor = matrix[i, k] / matrix[k, k]
+            factor = x[i, k] * inverse
             for j in range(k + 1, n):
-                matrix[i, j] -= factor * matrix[k, j]
-            right[i] -= factor * right[k]
+                x[i, j] -= factor * x[k, j]
+            x[n, i] -= factor * x[n, k]
     for k in range(n - 1, -1, -1):
         for j in range(k + 1, n):
-            right[k] -= matrix[k, j] * right[j]
-        right[k] /= matrix[k, k]
+            x[n, k] -= x[k, j] * x[n, j]
+        x[n, k] /= x[k, k]
 
 
 @njit(cache=True, error_model="numpy")
-def unbalanced(psi_q, r_tt, k_t, limit, loss, table, start, step, r, forces, residual):
-    """What is left of r + R f(r) = psi q, as real and imaginary parts; its largest entry."""
-    n = len(psi_q)
+def unbalanced(k_t, limit, loss, table, x, z, m):
+    """What is left of r + R f(r) = psi q, as real and imaginary parts in the last row of ``x``; its largest entry."""
+    n = z.shape[1]
+    per = k_t / limit if limit > 0 else 0.0
     for b in range(n):
-        kappa, _ = describing(abs(r[b]) * k_t / limit if limit > 0 else 1e30, table, start, step)
-        forces[b] = (kappa + 1j * loss * kappa.real) * k_t * r[b]
+        r = z[SLIP, b]
+        amplitude = math.sqrt(r.real * r.real + r.imag * r.imag)
+        kappa, slope = describing(amplitude * per if limit > 0 else 1e30, table)
+        slope *= per
+        z[KAPPA, b] = complex(kappa.real, kappa.imag + loss * kappa.real) * k_t
+        z[SLOPE, b] = complex(slope.real, slope.imag + loss * slope.real) * k_t
+        z[FORCE, b] = z[KAPPA, b] * r
     largest = 0.0
-    for a in range(n):
-        value = psi_q[a] - r[a]
+    for i in range(n):
+        value = z[DRIVE, i] - z[SLIP, i]
         for b in range(n):
-            value -= r_tt[a, b] * forces[b]
-        residual[2 * a], residual[2 * a + 1] = value.real, value.imag
-        largest = max(largest, abs(value))
-    return largest
+            value -= m[COUPLED, i, b] * z[FORCE, b]
+        x[2 * n, 2 * i], x[2 * n, 2 * i + 1] = value.real, value.imag
+        largest = max(largest, value.real * value.real + value.imag * value.imag)
+    return math.sqrt(largest)
 
 
 @njit(cache=True, error_model="numpy")
-def slips(psi_q, r_tt, k_t, limit, loss, table, start, step, r, matrix, forces):
-    """Newton with halved steps for r + R f(r) = psi q from the start in ``r``; what is left, over the size."""
-    n = len(psi_q)
-    residual, old = np.empty(2 * n), np.empty(n, np.complex128)
+def slips(k_t, limit, loss, table, x, z, m):
+    """Newton with halved steps for r + R f(r) = psi q from the start in ``z``; what is left, over the size."""
+    n = z.shape[1]
     size = 1e-300
     for a in range(n):
-        size = max(size, abs(psi_q[a]))
-    left = unbalanced(psi_q, r_tt, k_t, limit, loss, table, start, step, r, forces, residual)
+        size = max(size, abs(z[DRIVE, a]))
+    left = unbalanced(k_t, limit, loss, table, x, z, m)
+    if left > 0.3 * size:
+        # far from the known state: free slip may be nearer
+        for a in range(n):
+            z[OLD, a], z[SLIP, a] = z[SLIP, a], z[DRIVE, a]
+        free = unbalanced(k_t, limit, loss, table, x, z, m)
+        if free < left:
+            left = free
+        else:
+            for a in range(n):
+                z[SLIP, a] = z[OLD, a]
+            left = unbalanced(k_t, limit, loss, table, x, z, m)
     for _ in range(30):
-        if left < 1e-7 * size:
+        if left < 1e-6 * size:
             break
         for b in range(n):
-            amplitude = abs(r[b])
-            kappa, slope = describing(amplitude * k_t / limit if limit > 0 else 1e30, table, start, step)
-            slope *= k_t / limit if limit > 0 else 0.0
-            kappa, slope = (kappa + 1j * loss * kappa.real) * k_t, (slope + 1j * loss * slope.real) * k_t
-            unit = r[b] / amplitude if amplitude > 0 else 0j
+            r, kappa, slope = z[SLIP, b], z[KAPPA, b], z[SLOPE, b]
+            amplitude = math.sqrt(r.real * r.real + r.imag * r.imag)
+            per = 1 / amplitude if amplitude > 0 else 0.0
             # df = kappa dr + slope r Re(conj(unit) dr)
-            to_re, to_im = kappa + slope * r[b] * unit.real, 1j * kappa + slope * r[b] * unit.imag
+            to_re, to_im = kappa + slope * r * (r.real * per), 1j * kappa + slope * r * (r.imag * per)
             for a in range(n):
-                g_re, g_im = r_tt[a, b] * to_re, r_tt[a, b] * to_im
-                matrix[2 * a, 2 * b], matrix[2 * a + 1, 2 * b] = g_re.real, g_re.imag
-                matrix[2 * a, 2 * b + 1], matrix[2 * a + 1, 2 * b + 1] = g_im.real, g_im.imag
-            matrix[2 * b, 2 * b] += 1.0
-            matrix[2 * b + 1, 2 * b + 1] += 1.0
-        eliminate(matrix, residual)
+                g_re, g_im = m[COUPLED, a, b] * to_re, m[COUPLED, a, b] * to_im
+                x[2 * a, 2 * b], x[2 * a + 1, 2 * b] = g_re.real, g_re.imag
+                x[2 * a, 2 * b + 1], x[2 * a + 1, 2 * b + 1] = g_im.real, g_im.imag
+            x[2 * b, 2 * b] += 1.0
+            x[2 * b + 1, 2 * b + 1] += 1.0
+        eliminate(x)
         share, before = 1.0, left
-        old[:] = r
-        change = residual.copy()
-        for _ in range(8):
-            for a in range(n):
-                r[a] = old[a] + share * (change[2 * a] + 1j * change[2 * a + 1])
-            left = unbalanced(psi_q, r_tt, k_t, limit, loss, table, start, step, r, forces, residual)
-            if left < before:
+        for a in range(n):
+            z[OLD, a] = complex(x[2 * n, 2 * a], x[2 * n, 2 * a + 1])
+            z[SLIP, a] += z[OLD, a]
+        for halving in range(8):
+            left = unbalanced(k_t, limit, loss, table, x, z, m)
+            if left < before or halving == 7:
                 break
             share *= 0.5
+            for a in range(n):
+                z[SLIP, a] -= share * z[OLD, a]
     return left / size
 
 
 @njit(cache=True, error_model="numpy")
-def linear_part(omega, beam, work):
-    """psi and R into ``work``; the dynamic stiffness of the mode's beam without friction forces."""
-    phi, lever, k_n, squares, tangential, normal = beam
-    a_tt, a_tn, a_nn, sprung, held, psi, r_tt = work[1], work[2], work[3], work[4], work[5], work[6], work[10]
-    receptances(omega, squares, tangential, normal, a_tt, a_tn, a_nn)
+def linear_part(omega, beam, z, m, a):
+    """psi and R of the beam on its normal springs; the dynamic stiffness it gives the mode without friction forces."""
+    phi, lever, k_n, squares, tangential, normal, rest = beam
     n = len(phi)
-    for a in range(n):
-        for b in range(n):
-            sprung[a, b] = a_nn[a, b] + 0j
-        sprung[a, a] += 1 / k_n
-    invert(sprung, held)  # normal forces per deflection of the host at the joints
+    receptances(omega * omega, squares, tangential, normal, rest, a)
+    for i in range(n):
+        for j in range(n):
+            m[SPRUNG, i, j] = a[2, i, j]
+        m[SPRUNG, i, i] += 1 / k_n
+    hold(m)  # normal forces per deflection of the host at the joints
     added = 0j
-    for a in range(n):
+    for i in range(n):
         carried = 0j
-        for b in range(n):
-            carried += held[a, b] * phi[b]
-        psi[a] = carried
-        added += phi[a] * carried
-    for a in range(n):
-        for b in range(n):
+        for j in range(n):
+            carried += m[HELD, i, j] * phi[j]
+        z[OLD, i] = carried
+        added += phi[i] * carried
+    for i in range(n):
+        for j in range(n):
             total = 0j
-            for c in range(n):
-                total += a_tn[a, c] * held[c, b]
-            sprung[a, b] = total
-    for a in range(n):
-        for b in range(n):
-            r_tt[a, b] = a_tt[a, b] + 0j
-            for c in range(n):
-                r_tt[a, b] -= sprung[a, c] * a_tn[b, c]
-    for a in range(n):
-        sprung[a, 0] = lever[a]
-        for c in range(n):
-            sprung[a, 0] += a_tn[a, c] * psi[c]
-    for a in range(n):
-        psi[a] = sprung[a, 0]
+            for k in range(n):
+                total += a[1, i, k] * m[HELD, k, j]
+            m[SPRUNG, i, j] = total
+    for i in range(n):
+        z[PSI, i] = lever[i]
+        for k in range(n):
+            z[PSI, i] += a[1, i, k] * z[OLD, k]
+        for j in range(n):
+            total = complex(a[0, i, j], 0.0)
+            for k in range(n):
+                total -= m[SPRUNG, i, k] * a[1, j, k]
+            m[ALONE, i, j] = total
     return added
 
 
 @njit(cache=True, error_model="numpy")
-def under_force(stiffness, psi, r_free, load, contact, r, work):
+def under_force(stiffness, load, k_t, limit, loss, table, x, z, m):
     """Complex amplitude q of the mode under a modal force, and what is left of the contact equation.
 
     ``stiffness`` D of the mode with the beam but without friction. With q = (load - psi^T f) / D the slips solve the
     same equation as at a given q, with R + psi psi^T / D for R.
     """
-    r_tt, drive, matrix, forces = work[0], work[7], work[8], work[9]
-    n = len(psi)
+    n, yielding = z.shape[1], 1 / stiffness
     for a in range(n):
-        drive[a] = psi[a] * load / stiffness
+        part = z[PSI, a] * yielding
+        z[DRIVE, a] = part * load
         for b in range(n):
-            r_tt[a, b] = r_free[a, b] + psi[a] * psi[b] / stiffness
-    left = slips(drive, r_tt, *contact, r, matrix, forces)
-    q = load / stiffness
+            m[COUPLED, a, b] = m[ALONE, a, b] + part * z[PSI, b]
+    left = slips(k_t, limit, loss, table, x, z, m)
+    pushed = complex(load, 0.0)
     for a in range(n):
-        q -= psi[a] * forces[a] / stiffness
-    return q, left
+        pushed -= z[PSI, a] * z[FORCE, a]
+    return pushed * yielding, left
 
 
 @njit(cache=True, error_model="numpy")
-def height_at(log_ratio, omega0, zeta0, load, beam, contact, r, work):
+def bare_stiffness(omega, omega0, zeta0):
+    """Dynamic stiffness of the mode without the beam, per modal mass."""
+    return omega0**2 - omega**2 + 2j * zeta0 * omega0 * omega
+
+
+@njit(cache=True, error_model="numpy")
+def height_at(log_ratio, mode, load, beam, contact, x, z, m, a):
     """Amplitude of the mode under a modal force at a frequency; 0 where the contacts were not solved."""
-    omega = omega0 * math.exp(log_ratio)
-    stiffness = omega0**2 - omega**2 + 2j * zeta0 * omega0 * omega + linear_part(omega, beam, work)
-    q, left = under_force(stiffness, work[6], work[10], load, contact, r, work)
+    k_t, limit, loss, table = contact
+    omega = mode[0] * math.exp(log_ratio)
+    stiffness = bare_stiffness(omega, mode[0], mode[1]) + linear_part(omega, beam, z, m, a)
+    q, left = under_force(stiffness, load, k_t, limit, loss, table, x, z, m)
     return q if left < 1e-4 else 0j
 
 
-COARSE, COUNT = 0.014, 8
-"""Spacing and number of the first frequencies to either side of that with the beam's mass, in the logarithm."""
+COARSE, FIRST, NEXT, WIDEST = 0.014, 8, 4, 30
+"""Spacing of the frequencies that are looked at, in the logarithm; how many to either side for the first and for the
+following force levels, and at most."""
 
 
 @njit(cache=True, error_model="numpy")
-def climb(places, heights, top, omega0, zeta0, load, beam, contact, r, work):
-    """Place of the maximum next to ``top`` to 1e-4: one over the squared height is nearly a parabola there."""
-    x, y = places[top - 1 : top + 2].copy(), heights[top - 1 : top + 2].copy()
+def climb(places, heights, top, mode, load, beam, contact, x, z, m, a):
+    """Place and response of the maximum next to ``top`` to 1e-4: 1 / height^2 is nearly a parabola. Slips in ``z``."""
+    at, y = places[top - 1 : top + 2].copy(), heights[top - 1 : top + 2].copy()
+    found, slip = 0j, np.zeros(z.shape[1], np.complex128)
     least = 1e-4
     for _ in range(12):
-        if x[2] - x[0] < 4 * least:
+        if at[2] - at[0] < 4 * least:
             break
-        a, b, c = 1 / max(y[0], 1e-300) ** 2, 1 / y[1] ** 2, 1 / max(y[2], 1e-300) ** 2
-        top_part = (x[1] - x[0]) ** 2 * (b - c) - (x[1] - x[2]) ** 2 * (b - a)
-        bottom = (x[1] - x[0]) * (b - c) - (x[1] - x[2]) * (b - a)
-        new = x[1] - 0.5 * top_part / bottom if bottom != 0 else x[1]
-        if abs(new - x[1]) < least:
-            wide = max(x[2] - x[1], x[1] - x[0])
-            new = x[1] + (least if x[2] - x[1] > x[1] - x[0] else -least) * (1 if wide < 8 * least else 3)
-        new = min(max(new, x[0] + 0.1 * (x[1] - x[0])), x[2] - 0.1 * (x[2] - x[1]))
-        value = abs(height_at(new, omega0, zeta0, load, beam, contact, r, work))
-        side = 0 if new < x[1] else 2
+        left, middle, right = 1 / max(y[0], 1e-300) ** 2, 1 / y[1] ** 2, 1 / max(y[2], 1e-300) ** 2
+        above = (at[1] - at[0]) ** 2 * (middle - right) - (at[1] - at[2]) ** 2 * (middle - left)
+        below = (at[1] - at[0]) * (middle - right) - (at[1] - at[2]) * (middle - left)
+        new = at[1] - 0.5 * above / below if below != 0 else at[1]
+        if abs(new - at[1]) < least:
+            wide = max(at[2] - at[1], at[1] - at[0])
+            new = at[1] + (least if at[2] - at[1] > at[1] - at[0] else -least) * (1 if wide < 8 * least else 3)
+        new = min(max(new, at[0] + 0.1 * (at[1] - at[0])), at[2] - 0.1 * (at[2] - at[1]))
+        q = height_at(new, mode, load, beam, contact, x, z, m, a)
+        value = abs(q)
+        side = 0 if new < at[1] else 2
         if value > y[1]:
-            x[2 - side], y[2 - side] = x[1], y[1]
-            x[1], y[1] = new, value
+            at[2 - side], y[2 - side] = at[1], y[1]
+            at[1], y[1], found = new, value, q
+            slip[:] = z[SLIP]
         else:
-            x[side], y[side] = new, value
-    return x[1]
+            at[side], y[side] = new, value
+    if found == 0:
+        found = height_at(at[1], mode, load, beam, contact, x, z, m, a)
+    else:
+        z[SLIP] = slip
+    return at[1], found
+
+
+@njit(cache=True, error_model="numpy")
+def look(k, scan, mode, load, beam, contact, x, z, m, a):
+    """Height of the response at one frequency of the scan, computed when it is asked for."""
+    places, heights, known, stiffness, psis, frees = scan
+    if heights[k] < 0:
+        k_t, limit, loss, table = contact
+        if not known[k]:
+            omega = mode[0] * math.exp(places[k])
+            stiffness[k] = bare_stiffness(omega, mode[0], mode[1]) + linear_part(omega, beam, z, m, a)
+            psis[k], frees[k], known[k] = z[PSI], m[ALONE], True
+        else:
+            z[PSI], m[ALONE] = psis[k], frees[k]
+        q, left = under_force(stiffness[k], load, k_t, limit, loss, table, x, z, m)
+        heights[k] = abs(q) if left < 1e-4 else 0.0
+    return heights[k]
+
+
+@njit(cache=True, error_model="numpy")
+def highest(middle, reach, scan, mode, load, beam, contact, x, z, m, a):
+    """The highest place of the scan with two lower neighbours; -1 where there is none.
+
+    Every second frequency around the middle first; where the highest is the last one, the scan goes on beyond it.
+    """
+    size = len(scan[0])
+    low, high = max(middle - reach, 0), min(middle + reach, size - 1)
+    top = low
+    for k in range(low, high + 1, 2):
+        if look(k, scan, mode, load, beam, contact, x, z, m, a) > scan[1][top]:
+            top = k
+    for _ in range(size):
+        if scan[1][top] <= 0 or top == 0 or top == size - 1:
+            return -1
+        before = top
+        for k in (before - 1, before + 1):
+            if look(k, scan, mode, load, beam, contact, x, z, m, a) > scan[1][top]:
+                top = k
+        if top == before:
+            return top
+    return -1
 
 
 @njit(cache=True, error_model="numpy")
@@ -247,94 +330,70 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
     The highest response under the force: frequencies around that of the structure carrying the beam first, then up the
     best hill. The damping is that of a single mode of this height and of the local slope of the dynamic stiffness.
     """
-    n = len(beam[0])
-    work = (
-        np.zeros((n, n), np.complex128), np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)),
-        np.zeros((n, n), np.complex128), np.zeros((n, n), np.complex128), np.zeros(n, np.complex128),
-        np.zeros(n, np.complex128), np.zeros((2 * n, 2 * n)), np.zeros(n, np.complex128),
-        np.zeros((n, n), np.complex128),
-    )  # fmt: skip
+    n, size = len(beam[0]), 2 * WIDEST + 1
+    x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
+    m, a = np.zeros((4, n, n), np.complex128), np.zeros((3, n, n))
     result = np.full((3, len(levels)), np.nan)
-    size = 2 * COUNT + 1
-    places, heights = np.empty(size), np.empty(size)
-    bare, psis, frees = (
-        np.empty(size, np.complex128),
-        np.empty((size, n), np.complex128),
-        np.empty((size, n, n), np.complex128),
-    )
-    carried = linear_part(omega0, beam, work).real / omega0**2
-    centre = 0.5 * math.log(max(1 + carried, 0.5)) if carried < 1 else 0.0
-    for k in range(size):
-        places[k] = centre + COARSE * (k - COUNT)
-        omega = omega0 * math.exp(places[k])
-        bare[k] = omega0**2 - omega**2 + 2j * zeta0 * omega0 * omega + linear_part(omega, beam, work)
-        psis[k], frees[k] = work[6], work[10]
+    heights = np.empty(size)
+    scan = (
+        COARSE * (np.arange(size) - WIDEST), heights, np.zeros(size, np.bool_), np.empty(size, np.complex128),
+        np.empty((size, n), np.complex128), np.empty((size, n, n), np.complex128),
+    )  # fmt: skip
+    mode = (omega0, zeta0)
+    carried = linear_part(omega0, beam, z, m, a).real / omega0**2
+    shift = 0.5 * math.log(min(max(1 + carried, 0.5), 2.0))
+    middle, reach = WIDEST + int(round(shift / COARSE)), FIRST
     for row in range(len(levels)):
         load = levels[row] * driver
-        r = np.zeros(n, np.complex128)
+        z[SLIP] = 0
         heights[:] = -1.0
-        for k in range(0, size, 2):
-            q, left = under_force(bare[k], psis[k], frees[k], load, contact, r, work)
-            heights[k] = abs(q) if left < 1e-4 else 0.0
-        first = heights.argmax()
-        for k in range(max(first - 1, 0), min(first + 2, size), 2):
-            if heights[k] < 0:
-                q, left = under_force(bare[k], psis[k], frees[k], load, contact, r, work)
-                heights[k] = abs(q) if left < 1e-4 else 0.0
-        top = heights.argmax()
-        if heights[top] <= 0 or top == 0 or top == size - 1:
+        top = highest(middle, reach, scan, mode, load, beam, contact, x, z, m, a)
+        if top < 0:
             continue
-        for k in (top - 1, top + 1):
-            if heights[k] < 0:
-                q, left = under_force(bare[k], psis[k], frees[k], load, contact, r, work)
-                heights[k] = abs(q) if left < 1e-4 else 0.0
-        best = climb(places, heights, top, omega0, zeta0, load, beam, contact, r, work)
-        q = height_at(best, omega0, zeta0, load, beam, contact, r, work)
+        middle, reach = top, NEXT
+        best, q = climb(scan[0], heights, top, mode, load, beam, contact, x, z, m, a)
         if q == 0:
             continue
         omega, total = omega0 * math.exp(best), load / q
-        ahead = held_ahead(omega, omega0, zeta0, beam, contact, r, work)
-        slope = -ahead.real / (1e-4 * omega)
+        ratio = 0.0
+        for joint in range(n):
+            ratio = max(ratio, abs(z[SLIP, joint]) * contact[0] / contact[1] if contact[1] > 0 else math.inf)
+        slope = -held_ahead(omega, mode, beam, contact, z, m, a) / (1e-4 * omega)
         if not omega < slope < 4 * omega:
             slope = 2 * omega
-        ratio = 0.0
-        for a in range(n):
-            ratio = max(ratio, abs(r[a]) * contact[0] / contact[1] if contact[1] > 0 else math.inf)
         result[0, row], result[1, row], result[2, row] = omega / (2 * math.pi), abs(total) / (omega * slope), ratio
     return result
 
 
 @njit(cache=True, error_model="numpy")
-def held_ahead(omega, omega0, zeta0, beam, contact, r, work):
-    """Change of the total dynamic stiffness over a frequency step of 1e-4 with the contacts' secant stiffness held."""
-    k_t, limit, loss, table, start, step = contact
-    n = len(r)
+def held_ahead(omega, mode, beam, contact, z, m, a):
+    """Change of the real dynamic stiffness over a frequency step of 1e-4 with the contacts' secant stiffness held."""
+    k_t, limit, loss, table = contact
+    n = z.shape[1]
     total = np.zeros(2, np.complex128)
-    kappa = np.zeros(n, np.complex128)
-    for a in range(n):
-        value, _ = describing(abs(r[a]) * k_t / limit if limit > 0 else 1e30, table, start, step)
-        kappa[a] = (value + 1j * loss * value.real) * k_t
-    matrix, inverse = np.zeros((n, n), np.complex128), np.zeros((n, n), np.complex128)
+    kappa, psi = np.zeros(n, np.complex128), np.zeros(n, np.complex128)
+    for i in range(n):
+        value, _ = describing(abs(z[SLIP, i]) * k_t / limit if limit > 0 else 1e30, table)
+        kappa[i] = complex(value.real, value.imag + loss * value.real) * k_t
     for side in range(2):
         here = omega * (1 + 1e-4 * side)
-        total[side] = omega0**2 - here**2 + 2j * zeta0 * omega0 * here + linear_part(here, beam, work)
-        r_tt, psi = work[10], work[6]
-        for a in range(n):
-            for b in range(n):
-                matrix[a, b] = r_tt[a, b] * kappa[b]
-            matrix[a, a] += 1
-        invert(matrix, inverse)
-        for a in range(n):
-            for b in range(n):
-                total[side] += psi[a] * kappa[a] * inverse[a, b] * psi[b]
-    return total[1] - total[0]
+        total[side] = bare_stiffness(here, mode[0], mode[1]) + linear_part(here, beam, z, m, a)
+        psi[:] = z[PSI]
+        for i in range(n):
+            for j in range(n):
+                m[SPRUNG, i, j] = m[ALONE, i, j] * kappa[j]
+            m[SPRUNG, i, i] += 1
+        hold(m)
+        for i in range(n):
+            for j in range(n):
+                total[side] += psi[i] * kappa[i] * m[HELD, i, j] * psi[j]
+    return (total[1] - total[0]).real
 
 
 @njit(cache=True, error_model="numpy")
 def all_places(
-    omega0, zeta0, driver, levels, phi, lever, kind, k_n, squares, tangential, normal, k_t, limits, loss, table,
-    start, step,
-):  # fmt: skip
+    omega0, zeta0, driver, levels, phi, lever, kind, k_n, squares, tangential, normal, rest, k_t, limits, loss, table
+):
     """``one_mode`` for all candidates, modes and normal forces: (candidate, mode, 3, level, force)."""
     candidates, modes, forces = phi.shape[0], phi.shape[2], len(k_t)
     result = np.full((candidates, modes, 3, len(levels), forces), np.nan)
@@ -345,8 +404,9 @@ def all_places(
                 continue
             for f in range(forces):
                 beam = (
-                    phi[c, :, mode].copy(), lever[c, :, mode].copy(), k_n[f], squares[one], tangential[one], normal[one]
+                    phi[c, :, mode].copy(), lever[c, :, mode].copy(), k_n[f], squares[one], tangential[one],
+                    normal[one], rest[one],
                 )  # fmt: skip
-                contact = (k_t[f], limits[f], loss, table, start, step)
+                contact = (k_t[f], limits[f], loss, table)
                 result[c, mode, :, :, f] = one_mode(omega0[mode], zeta0[mode], driver[mode], levels, beam, contact)
     return result
