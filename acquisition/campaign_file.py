@@ -246,6 +246,7 @@ class RunTable(Table):
     beam: bool | None = None
     normal_force: list[NormalForceTable] = []
     repeat: str = ""
+    assembly: str = ""
     comment: str = ""
     reader: Reader = {}
 

@@ -184,7 +184,7 @@ class _Opening:
             )
         return Run(
             run.id, condition, recordings, frfs, self.repairs.of_run(run.id), (*findings, *about_force), run.comment,
-            run.repeat,
+            run.repeat, run.assembly,
         )  # fmt: skip
 
     def _holds_frfs(self, run: RunTable, item: Item, options: dict[str, Any], where: str) -> bool:

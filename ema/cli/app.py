@@ -1,5 +1,6 @@
 """The commands. Each parses, calls, prints; heavy modules are imported when a command needs them."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -86,11 +87,13 @@ def check(
 ) -> int:
     """Say what was measured, under which conditions, and what is wrong with it; no modes."""
     from ema.cli import checking, screen
+    from ema.compare import repeat_findings
     from ema.study import Study
 
     study = Study.load(campaign)
     with screen.Bars() as bars:
         opened = study.open(bars)
+        opened = replace(opened, findings=opened.findings + repeat_findings(opened.runs))
         runs = [opened[name] for name in run] if run else list(opened.runs)
         checked = [checking.checked(one, study.recipe.estimate, bars) for one in runs]
     if json:

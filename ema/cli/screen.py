@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table
 from rich.text import Text
 
-from ema.data import Finding, ModalModel, RunResult, StudyResult
+from ema.data import ConditionDifference, Finding, ModalModel, RepeatGroup, RunResult, StudyResult
 from ema.fit.opinion import SecondOpinion
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "dim"}
@@ -63,6 +63,7 @@ def show_result(out: Console, result: StudyResult, report: Path) -> None:
     """The end of the main job: modes, findings, expectations, and where the report is."""
     for run in result.runs:
         out.print(mode_table(run.modes, run.run.id, run))
+    show_conditions(out, result)
     findings = [*result.findings, *(finding for run in result.runs for finding in run.findings)]
     show_findings(out, [finding for finding in findings if finding.severity != "info"])
     if result.expectations:
@@ -78,7 +79,6 @@ def show_result(out: Console, result: StudyResult, report: Path) -> None:
 
 def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -> Table:
     """Frequencies and damping with their standard deviations, MPC where there is one, normal force per joint."""
-    table = Table(title=f"{title}: {len(model.poles)} modes", title_justify="left", title_style="bold")
     columns: dict[str, Sequence[str]] = {
         "mode": [str(mode + 1) for mode in range(len(model.poles))],
         "f [Hz]": [f"{value:.3f}" for value in model.natural_frequencies],
@@ -95,6 +95,56 @@ def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -
     for joint in model.condition.joints:
         force = f"{joint.mean:.0f}" if joint.known else "unknown"
         columns[f"F_N {joint.joint} [N]"] = [force] * len(model.poles)
+    return _table(f"{title}: {len(model.poles)} modes", columns)
+
+
+def show_conditions(out: Console, result: StudyResult) -> None:
+    """Repeats of each condition, and which changes between conditions they make significant."""
+    for group in result.conditions:
+        if len(group.runs) > 1:
+            out.print(_repeat_table(group))
+    for found in result.differences:
+        if found.pairs and found.known.any():
+            out.print(_difference_table(found))
+        for sentence in found.sentences:
+            out.print(Text(sentence), soft_wrap=True)
+
+
+def _repeat_table(group: RepeatGroup) -> Table:
+    """Means with half their 95 % interval; standard deviations by noise and between assemblies."""
+    title = f"{group.label}: {', '.join(group.runs)}: {group.basis}; noise within a run, scatter between assemblies"
+    columns: dict[str, Sequence[str]] = {
+        "mode": [str(mode + 1) for mode in range(len(group.frequency.mean))],
+        "repeats": [str(number) for number in group.frequency.assemblies],
+    }
+    for name, unit, scale, own, digits in (("f", "Hz", 1, group.frequency, 3), ("zeta", "%", 100, group.damping, 4)):
+        columns |= {
+            f"{name} [{unit}]": [f"{scale * value:.{digits}f}" for value in own.mean],
+            f"+- {name}": _cells(scale * own.half), f"noise {name}": _cells(scale * own.noise),
+            f"between {name}": _cells(scale * own.between),
+        }  # fmt: skip
+    return _table(title, columns)
+
+
+def _difference_table(found: ConditionDifference) -> Table:
+    """Changes of frequency and damping with half their 95 % interval."""
+    columns: dict[str, Sequence[str]] = {
+        "f [Hz]": [f"{value:.3f}" for value in found.frequency[:, 0]],
+        "change of f [Hz]": [f"{value:+.3g}" for value in np.diff(found.frequency, axis=1)[:, 0]],
+        "+- f": _cells(found.frequency_half), "f": found.words("frequency"),
+        "zeta [%]": [f"{100 * value:.4f}" for value in found.damping[:, 0]],
+        "change of zeta [%]": [f"{100 * value:+.3g}" for value in np.diff(found.damping, axis=1)[:, 0]],
+        "+- zeta": _cells(100 * found.damping_half), "zeta": found.words("damping"),
+    }  # fmt: skip
+    return _table(f"{found.second} against {found.first}: 95 % intervals from repeats", columns)
+
+
+def _cells(values: np.ndarray) -> list[str]:
+    return [f"{value:.2g}" if np.isfinite(value) else "unknown" for value in values]
+
+
+def _table(title: str, columns: dict[str, Sequence[str]]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold")
     for name in columns:
         table.add_column(name, justify="right", no_wrap=True)
     for row in zip(*columns.values(), strict=True):

@@ -20,15 +20,17 @@ from ema.data.modal import (
 from ema.data.pressure import ContactPressure
 from ema.data.provenance import Provenance
 from ema.data.recording import Channel, Recording
+from ema.data.repeats import ConditionDifference, RepeatGroup, VarianceComponents
 from ema.data.response import Decay, EnergyBalance, HarmonicResponse, Loop, Response
 from ema.data.results import Expectation, ModeQuality, RunResult, StudyResult
 from ema.data.single import SingleMode
 from ema.data.source import Source
 
 __all__ = [
-    "BeamModel", "Campaign", "Channel", "Condition", "ContactPressure", "Damping", "Decay", "EnergyBalance",
-    "Excitation", "Expectation", "Finding", "FrfSet", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit",
-    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel", "ModalUncertainty",
-    "ModeQuality", "NormalContact", "PoleTable", "Provenance", "Recording", "Repair", "Residuals", "Response", "Run",
-    "RunResult", "SingleMode", "Source", "StudyResult", "damping_ratios", "natural_frequencies", "poles_from",
+    "BeamModel", "Campaign", "Channel", "Condition", "ConditionDifference", "ContactPressure", "Damping", "Decay",
+    "EnergyBalance", "Excitation", "Expectation", "Finding", "FrfSet", "FrictionLaw", "Geometry", "HarmonicResponse",
+    "Hit", "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel",
+    "ModalUncertainty", "ModeQuality", "NormalContact", "PoleTable", "Provenance", "Recording", "Repair", "RepeatGroup",
+    "Residuals", "Response", "Run", "RunResult", "SingleMode", "Source", "StudyResult", "VarianceComponents",
+    "damping_ratios", "natural_frequencies", "poles_from",
 ]  # fmt: skip

@@ -54,7 +54,8 @@ class Repair:
 class Run:
     """Measurements under one condition: raw records, or FRFs that the measuring system has already computed.
 
-    ``repeat`` is the label shared by runs that repeat the same condition (re-torqued, re-mounted, another take).
+    ``repeat`` is the label shared by runs that repeat the same condition (re-torqued, re-mounted, loaded anew).
+    ``assembly`` is shared by those of them between which nothing was loosened; empty for an assembly of its own.
     """
 
     id: str
@@ -65,6 +66,7 @@ class Run:
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     comment: str = ""
     repeat: str = ""
+    assembly: str = ""
 
     @property
     def kind(self) -> str:

@@ -12,6 +12,7 @@ from ema.data.frf import FrfSet
 from ema.data.hits import HitGallery
 from ema.data.modal import ModalModel, PoleTable
 from ema.data.provenance import Provenance
+from ema.data.repeats import ConditionDifference, RepeatGroup
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,10 @@ class Expectation:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """A finished study: the campaign, the result of each run, repairs, findings and provenance."""
+    """A finished study: the campaign, the result of each run, repairs, findings and provenance.
+
+    ``conditions`` gathers the runs by what they repeat; ``differences`` holds each of them against the first one.
+    """
 
     campaign: Campaign
     runs: tuple[RunResult, ...]
@@ -71,3 +75,5 @@ class StudyResult:
     expectations: tuple[Expectation, ...] = ()
     provenance: Provenance = Provenance()
     title: str = ""
+    conditions: tuple[RepeatGroup, ...] = ()
+    differences: tuple[ConditionDifference, ...] = ()

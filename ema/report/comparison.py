@@ -3,10 +3,12 @@
 import numpy as np
 
 from ema.data import RunResult
+from ema.data.repeats import NOISE_ONLY
 from ema.errors import InputError
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.modes import condition_text, interval, standard_deviations
 from ema.report.numbers import MISSING, Value, count, fixed, plain, signed
+from ema.report.repeats import scatter
 from ema.shapes import Comparison, compare
 
 
@@ -22,7 +24,7 @@ def comparisons(runs: list[RunResult], book: Book) -> tuple[list[str], list[Bloc
         return [], []
     base = base_run(runs)
     lines: list[str] = []
-    blocks: list[Block] = [Text(scatter_text(runs))]
+    judged, blocks = scatter(runs, book)
     for other in runs:
         if other is base:
             continue
@@ -33,7 +35,7 @@ def comparisons(runs: list[RunResult], book: Book) -> tuple[list[str], list[Bloc
             continue
         lines.append(_sentence(base, other, found))
         blocks.append(_table(base, other, found, book))
-    return lines, blocks
+    return [*lines, *judged], blocks
 
 
 def _changes(base: RunResult, other: RunResult, found: Comparison) -> tuple[np.ndarray, np.ndarray]:
@@ -53,8 +55,7 @@ def _sentence(base: RunResult, other: RunResult, found: Comparison) -> str:
     return (
         f"{other.run.id} against {base.run.id}, {count(len(found.pairs), 'pair')} of modes: frequency {shift} % "
         f"(median; {low} to {high} %), damping times {plain(float(np.median(damping)), 3)} "
-        f"(median; {plain(float(damping.min()), 3)} to {plain(float(damping.max()), 3)}). Noise only; assembly scatter "
-        + ("see below." if _repeated([base, other]) else "unknown.")
+        f"(median; {plain(float(damping.min()), 3)} to {plain(float(damping.max()), 3)})."
     )
 
 
@@ -85,43 +86,6 @@ def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> 
     rest = f" Modes of {other.run.id} without a partner: {', '.join(str(j + 1) for j in alone)}." if alone else ""
     caption = (
         f"{base.run.id} ({condition_text(base)}) against {other.run.id} ({condition_text(other)}): modes paired by MAC "
-        f"over {len(found.dofs)} common DOFs.{rest}"
+        f"over {len(found.dofs)} common DOFs; intervals: {NOISE_ONLY}.{rest}"
     )
     return book.table(f"comparison_{base.run.id}_{other.run.id}", caption, columns, rows)
-
-
-def _repeated(runs: list[RunResult]) -> bool:
-    return all(run.run.repeat for run in runs)
-
-
-def scatter_text(runs: list[RunResult]) -> str:
-    """What is known about the scatter between assemblies, from runs that share the label of a repeat."""
-    labels: dict[str, list[RunResult]] = {}
-    for run in runs:
-        if run.run.repeat:
-            labels.setdefault(run.run.repeat, []).append(run)
-    told = [text for label, group in labels.items() if len(group) > 1 and (text := _spread(label, group))]
-    if told:
-        return "Assembly scatter: " + "; ".join(told) + ". A smaller change between runs is no change."
-    return (
-        "Intervals: noise only; assembly scatter unknown, because no condition was repeated. No difference between two "
-        "runs is called significant here."
-    )
-
-
-def _spread(label: str, group: list[RunResult]) -> str:
-    """The largest differences between the first run of a group of repeats and the others."""
-    shifts, ratios = [], []
-    for other in group[1:]:
-        try:
-            frequency, damping = _changes(group[0], other, compare(group[0].modes, other.modes))
-        except InputError:
-            continue
-        shifts += list(np.abs(frequency - 1))
-        ratios += list(np.abs(damping - 1))
-    if not shifts:
-        return ""
-    return (
-        f"{len(group)} repeats of {label} differ by up to {plain(100 * max(shifts), 2)} % in frequency and "
-        f"{plain(100 * max(ratios), 2)} % in damping"
-    )

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ema.data import Finding, JointForce, ModalModel, RunResult, StudyResult
+from ema.data import ConditionDifference, Finding, JointForce, ModalModel, RepeatGroup, RunResult, StudyResult
 from ema.fit.opinion import SecondOpinion
 
 
@@ -15,6 +15,8 @@ def summary(result: StudyResult) -> dict[str, Any]:
         "title": result.title,
         "campaign": result.campaign.name,
         "runs": [_run(run) for run in result.runs],
+        "conditions": [_condition(one) for one in result.conditions],
+        "differences": [_difference(one) for one in result.differences],
         "expectations": [
             {
                 "what": one.what, "expected": one.expected, "tolerance": one.tolerance, "found": number(one.found),
@@ -33,6 +35,42 @@ def _run(result: RunResult) -> dict[str, Any]:
         "joints": [joint(one) for one in result.run.condition.joints],
         "findings": [finding(one) for one in result.findings],
     }
+
+
+def _condition(group: RepeatGroup) -> dict[str, Any]:
+    """A condition with its repeats; damping ratios as fractions, ``between`` without noise."""
+    parts = {"natural_frequency": group.frequency, "damping_ratio": group.damping}
+    names = ("mean", "half", "noise", "takes", "between")
+    return {
+        "condition": group.label, "runs": list(group.runs), "repeats": group.count, "basis": group.basis,
+        "modes": [
+            {
+                name: {part: number(getattr(own, part)[mode]) for part in names}
+                | {"between_interval": [number(limit) for limit in own.between_interval[mode]]}
+                for name, own in parts.items()
+            } | {"repeats": int(group.frequency.assemblies[mode])}
+            for mode in range(len(group.frequency.mean))
+        ],
+    }  # fmt: skip
+
+
+def _difference(found: ConditionDifference) -> dict[str, Any]:
+    """One condition against another: changes with half their 95 % interval, and what they mean."""
+    parts = {
+        "natural_frequency": (found.frequency, found.frequency_half, found.frequency_noise, found.words("frequency")),
+        "damping_ratio": (found.damping, found.damping_half, found.damping_noise, found.words("damping")),
+    }
+    return {
+        "first": found.first, "second": found.second, "verdict": list(found.sentences),
+        "modes": [
+            {"mode": i + 1, "second_mode": j + 1, "mac": number(found.mac[pair])} | {
+                name: {
+                    "first": number(values[pair, 0]), "second": number(values[pair, 1]),
+                    "half": number(half[pair]), "half_by_noise": number(noise[pair]), "verdict": words[pair],
+                } for name, (values, half, noise, words) in parts.items()
+            } for pair, (i, j) in enumerate(found.pairs)
+        ],
+    }  # fmt: skip
 
 
 def modes(model: ModalModel, collinearity: "np.ndarray | None" = None) -> list[dict[str, Any]]:

@@ -123,13 +123,17 @@ class Study:
         self, campaign: Campaign, runs: tuple[RunResult, ...], inputs: tuple[tuple[str, str], ...], progress: Progress
     ) -> StudyResult:
         """Expectations, result file and report."""
-        from ema import report
+        from ema import compare, report
 
+        conditions, differences = compare.conditions(runs)
+        findings = campaign.findings + compare.repeat_findings([one.run for one in runs])
+        findings += tuple(finding for one in conditions for finding in one.findings)
         result = StudyResult(
-            campaign=campaign, runs=runs, findings=campaign.findings, title=self.recipe.title or campaign.name,
+            campaign=campaign, runs=runs, findings=findings, title=self.recipe.title or campaign.name,
             repairs=tuple(dict.fromkeys(repair for one in runs for repair in one.run.repairs)),
             expectations=expectations.check(self.recipe.expect, runs),
             provenance=replace(self._made(campaign, inputs), steps=("ema.study",), created=datetime.now(UTC)),
+            conditions=conditions, differences=differences,
         )  # fmt: skip
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))

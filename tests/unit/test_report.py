@@ -372,8 +372,13 @@ def test_repeats_bound_the_assembly_scatter(tmp_path: Path):
         run_result("second", geometry, shift=1.002, factor=1.1, joints=JOINTS, repeat="1kN"),
     )
     words = Page(ema.report.write(study(runs, geometry), tmp_path / "r.html")).words()
-    assert "2 repeats of 1kN differ by up to 0.20 % in frequency and 10 % in damping" in words
-    assert "scatter unknown" not in words
+    assert "Repeats of 1kN (first, second): 2 repeats." in words
+    assert "No difference" not in words
+    rows = Page(tmp_path / "r.html").table("Mode", "Repeats")
+    assert [row["Repeats"] for row in rows] == ["2"] * 4
+    # two values 0.2 % apart: scatter 0.48 / sqrt(2), and Student's 12.7 for the interval
+    assert rows[0]["between f [Hz]"].startswith("0.34 (0.15 to 11")
+    assert rows[0]["f [Hz]"] == "240.2 ± 3.0"
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -1,0 +1,289 @@
+"""Scatter that is not noise: repeats of one condition, and differences between conditions."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ema.compare.components import half_of_difference, variance_components
+from ema.data import Condition, Finding, ModalModel, Run, RunResult
+from ema.data.repeats import NOISE_ONLY, ConditionDifference, RepeatGroup
+from ema.dof import match
+from ema.errors import InputError
+from ema.shapes import mac
+
+ALIKE = 0.5
+"""Smallest MAC of a pair."""
+NEAR, SHIFTED = 0.05, 0.25
+"""Largest relative difference in frequency of a pair: between repeats, and between conditions."""
+UNEVEN, ANOTHER = 0.1, 0.5
+"""Relative spread of the normal force within a group that is worth a warning, and that makes it another condition."""
+
+
+def repeats(
+    models: Sequence[ModalModel], label: str = "", names: Sequence[str] = (), assemblies: Sequence[str] = ()
+) -> RepeatGroup:
+    """Pair the modes of runs that repeat one condition, and separate noise from the scatter between assemblies.
+
+    Parameters
+    ----------
+    models : the modes of each run; frequencies, damping ratios and their covariance by the noise.
+    label : of the condition.
+    names : of the runs; by default those of the models.
+    assemblies : one text per run; runs with the same text are takes between which nothing was loosened. By default, and
+        where the text is empty, every run is an assembly of its own.
+
+    Raises
+    ------
+    InputError : no model, runs without a common DOF, with and without a beam, or with normal forces that are not one
+        condition.
+    """
+    names = tuple(names) or tuple(model.name or f"take {number}" for number, model in enumerate(models, 1))
+    given = tuple(assemblies) or ("",) * len(models)
+    where = f"repeats of {label or 'one condition'}"
+    if not models or len(names) != len(models) or len(given) != len(models):
+        raise InputError(
+            "models, names and assemblies of repeats do not fit each other", where=where,
+            got=f"{len(models)}, {len(names)} and {len(given)}", expected="one of each per run",
+        )  # fmt: skip
+    _refuse_mixed([model.condition for model in models], names, where)
+    own = tuple(text or f"{name} alone" for text, name in zip(given, names, strict=True))
+    first = max(range(len(models)), key=lambda place: (len(models[place].poles), -place))
+    reference = models[first]
+    places = np.full((len(models), len(reference.poles)), -1, dtype=np.int64)
+    findings: list[Finding] = []
+    for row, model in enumerate(models):
+        pairs = (
+            _pairs(reference, model, NEAR, where)[0] if row != first else tuple((i, i) for i in range(places.shape[1]))
+        )
+        places[row, [i for i, _ in pairs]] = [j for _, j in pairs]
+        findings += _unpaired(reference, model, names[first], names[row], pairs, where)
+    values, stds = _table(models, places)
+    return RepeatGroup(
+        label or names[first], names, own, replace(reference, uncertainty=None, findings=()), places,
+        variance_components(values[..., 0], stds[..., 0], own), variance_components(values[..., 1], stds[..., 1], own),
+        reference.condition, tuple(findings),
+    )  # fmt: skip
+
+
+def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
+    """What changed from one condition to another; significant is what the repeats of both cannot explain.
+
+    A change is significant where its 95 % interval, from the scatter between the assemblies of both conditions, does
+    not hold zero. Each statement holds by itself: of twenty modes that did not change, one is called significant.
+
+    Raises
+    ------
+    InputError : the conditions have no DOF in common.
+    """
+    where = f"{second.label} against {first.label}"
+    pairs, values = _pairs(first.reference, second.reference, SHIFTED, where)
+    left, right = [i for i, _ in pairs], [j for _, j in pairs]
+    frequency = np.stack([first.frequency.mean[left], second.frequency.mean[right]], axis=1)
+    damping = np.stack([first.damping.mean[left], second.damping.mean[right]], axis=1)
+    halves = [
+        half_of_difference(*both, pairs)
+        for both in ((first.frequency, second.frequency), (first.damping, second.damping))
+    ]
+    differs = [
+        np.isfinite(half) & (np.abs(own[:, 1] - own[:, 0]) > half)
+        for (half, _), own in zip(halves, (frequency, damping), strict=True)
+    ]
+    found = ConditionDifference(
+        first.label, second.label, pairs, frequency, damping, halves[0][0], halves[1][0], halves[0][1], halves[1][1],
+        differs[0], differs[1], values, (),
+    )  # fmt: skip
+    return replace(found, sentences=_sentences(first, second, found))
+
+
+def conditions(results: Sequence[RunResult]) -> tuple[tuple[RepeatGroup, ...], tuple[ConditionDifference, ...]]:
+    """Gather the runs of a study by their ``repeat`` and hold every condition against the first one without a beam.
+
+    Runs without that label are conditions of their own. Groups that cannot be one condition are not taken as one; the
+    finding of ``repeat_findings`` says so.
+    """
+    fitted = [result for result in results if len(result.modes.poles)]
+    grouped: dict[str, list[RunResult]] = {}
+    for result in fitted:
+        grouped.setdefault(f"repeat {result.run.repeat}" if result.run.repeat else f"run {result.run.id}", []).append(
+            result
+        )
+    groups: list[RepeatGroup] = []
+    for members in grouped.values():
+        try:
+            groups.append(_group(members))
+        except InputError:
+            groups += [_group([member]) for member in members]
+    base = next((group for group in groups if not group.condition.joints), groups[0]) if groups else None
+    differences: list[ConditionDifference] = []
+    for group in groups:
+        if group is base or base is None:
+            continue
+        try:
+            differences.append(difference(base, group))
+        except InputError:  # no common DOF: nothing to compare, and the report's comparison says so
+            continue
+    return tuple(groups), tuple(differences)
+
+
+def repeat_findings(runs: Sequence[Run]) -> tuple[Finding, ...]:
+    """What is wrong with the repeat groups of a campaign: a run alone, or runs under other conditions."""
+    labelled: dict[str, list[Run]] = {}
+    for run in runs:
+        if run.repeat:
+            labelled.setdefault(run.repeat, []).append(run)
+    findings: list[Finding] = []
+    for label, group in labelled.items():
+        where = f"repeats of {label}"
+        if len({run.assembly or f"{run.id} alone" for run in group}) < 2:
+            what = f"only {group[0].id} has this label" if len(group) == 1 else "all runs are takes of one assembly"
+            findings.append(Finding(
+                "warning", "repeat-alone", where, f"Nothing is repeated: {what}; {NOISE_ONLY}.",
+                advice="Loosen and assemble again at least once, better four times, and give each run the same label.",
+            ))  # fmt: skip
+        findings += _uneven(group, where)
+    return tuple(findings)
+
+
+def _group(members: Sequence[RunResult]) -> RepeatGroup:
+    models, runs = [one.modes for one in members], [one.run for one in members]
+    models = [replace(model, condition=run.condition) for model, run in zip(models, runs, strict=True)]
+    label = runs[0].repeat if len(runs) > 1 else runs[0].id
+    return repeats(models, label, [run.id for run in runs], [run.assembly for run in runs])
+
+
+def _refuse_mixed(found: Sequence[Condition], names: Sequence[str], where: str) -> None:
+    beams = {bool(condition.joints) for condition in found}
+    if len(beams) > 1:
+        without = next(name for name, condition in zip(names, found, strict=True) if not condition.joints)
+        raise InputError("runs with and without a beam are no repeats of one condition", where=where,
+                         got=f"{without} has none", advice="give them other labels")  # fmt: skip
+    forces = np.array([condition.normal_force for condition in found])
+    if np.isfinite(forces).sum() > 1 and _spread(forces) > ANOTHER:
+        raise InputError("the normal forces are too far apart to be one condition", where=where,
+                         got=_listed(forces, names), expected=f"a spread below {ANOTHER:.0%} of the mean",
+                         advice="give runs at another normal force another label")  # fmt: skip
+
+
+def _uneven(group: Sequence[Run], where: str) -> list[Finding]:
+    names, found = [run.id for run in group], [run.condition for run in group]
+    try:
+        _refuse_mixed(found, names, where)
+    except InputError as error:
+        return [Finding("error", "repeat-conditions-differ", where, f"Not taken as repeats: {error}.",
+                        advice="The runs are treated as conditions of their own; correct the label.")]  # fmt: skip
+    findings = []
+    forces = np.array([condition.normal_force for condition in found])
+    if np.isfinite(forces).sum() > 1 and (spread := _spread(forces)) > UNEVEN:
+        findings.append(Finding(
+            "warning", "repeat-forces-differ", where,
+            f"The normal force of the repeats spreads over {spread:.0%} of its mean ({_listed(forces, names)}).",
+            value=spread, limit=UNEVEN,
+            advice="Part of the scatter is the normal force: tighten by the load cell, or label the forces apart.",
+        ))  # fmt: skip
+    kinds = dict.fromkeys(run.kind for run in group)
+    if len(kinds) > 1:
+        findings.append(Finding(
+            "warning", "repeat-kinds-differ", where, f"The repeats were excited in different ways: {', '.join(kinds)}.",
+            advice="Friction depends on the amplitude: part of the scatter is the excitation.",
+        ))  # fmt: skip
+    return findings
+
+
+def _spread(forces: Float[np.ndarray, "run"]) -> float:
+    return float((np.nanmax(forces) - np.nanmin(forces)) / max(abs(float(np.nanmean(forces))), 1e-300))
+
+
+def _listed(forces: Float[np.ndarray, "run"], names: Sequence[str]) -> str:
+    return ", ".join(f"{name} {force:.4g} N" for name, force in zip(names, forces, strict=True))
+
+
+def _pairs(
+    first: ModalModel, second: ModalModel, reach: float, where: str
+) -> tuple[tuple[tuple[int, int], ...], Float[np.ndarray, "pair"]]:
+    """Modes with like shapes and near frequencies, the best assignment of all, and their MAC."""
+    from scipy.optimize import linear_sum_assignment
+
+    common = match(first.dofs, second.dofs)
+    if not common:
+        raise InputError(
+            "the runs have no DOF in common", where=where, got=f"{len(first.dofs)} and {len(second.dofs)} DOFs",
+            advice="compare runs measured on the same points",
+        )  # fmt: skip
+    rows, places, signs = (np.array(column) for column in zip(*common, strict=True))
+    alike = np.nan_to_num(mac(first.shapes[rows], second.shapes[places] * signs[:, None]))
+    shift = np.abs(np.log(second.natural_frequencies[None, :] / first.natural_frequencies[:, None]))
+    possible = (alike >= ALIKE) & (shift <= reach)
+    # with few DOFs the shapes cannot tell the modes apart, and the frequencies decide
+    left, right = linear_sum_assignment(np.where(possible, 1 - alike + shift / reach, 1e3))
+    pairs = tuple((int(i), int(j)) for i, j in zip(left, right, strict=True) if possible[i, j])
+    return pairs, np.array([alike[pair] for pair in pairs], dtype=np.float64)
+
+
+def _unpaired(
+    reference: ModalModel, model: ModalModel, first: str, second: str, pairs: tuple[tuple[int, int], ...], where: str
+) -> list[Finding]:
+    findings = []
+    for one, own, other, taken in (
+        (reference, first, second, {i for i, _ in pairs}),
+        (model, second, first, {j for _, j in pairs}),
+    ):
+        for mode in sorted(set(range(len(one.poles))) - taken):
+            frequency = float(one.natural_frequencies[mode])
+            findings.append(Finding(
+                "warning", "repeat-mode-unpaired", f"{where}, {frequency:.6g} Hz",
+                f"The mode of {own} at {frequency:.6g} Hz has no partner in {other}.", value=frequency,
+                advice="Look at both stabilisation diagrams: without the partner its scatter rests on fewer repeats.",
+            ))  # fmt: skip
+    return findings
+
+
+def _table(
+    models: Sequence[ModalModel], places: np.ndarray
+) -> tuple[Float[np.ndarray, "run mode 2"], Float[np.ndarray, "run mode 2"]]:
+    """Natural frequencies and damping ratios of the paired modes, and their standard deviations; NaN where none."""
+    values, stds = np.full((2, *places.shape, 2), np.nan)
+    for row, (model, own) in enumerate(zip(models, places, strict=True)):
+        there = own >= 0
+        values[row, there] = np.stack([model.natural_frequencies, model.damping_ratios], axis=1)[own[there]]
+        if model.covariance is not None:
+            stds[row, there] = np.sqrt(np.maximum(model.covariance[own[there]][:, [0, 1], [0, 1]], 0))
+    return values, stds
+
+
+def _sentences(first: RepeatGroup, second: RepeatGroup, found: ConditionDifference) -> tuple[str, ...]:
+    head = f"{second.label} against {first.label}"
+    if not found.pairs:
+        return (f"{head}: no two modes are alike.",)
+    known = found.known
+    if not known.any():
+        return (f"{head}: {NOISE_ONLY}. No change is called significant.",)
+    said = [
+        f"{head}, {first.count} and {second.count} repeats: {text}"
+        for text in (
+            _change("damping", "%", found, found.damping_differs, 100 * found.damping, 100 * found.damping_half),
+            _change("frequency", "Hz", found, found.frequency_differs, found.frequency, found.frequency_half),
+        )
+    ]
+    if not known.all():
+        said.append(f"{head}: for {int(np.sum(~known))} further modes, {NOISE_ONLY}.")
+    return tuple(said)
+
+
+def _change(
+    name: str, unit: str, found: ConditionDifference, differs: Bool[np.ndarray, "pair"],
+    values: Float[np.ndarray, "pair 2"], half: Float[np.ndarray, "pair"],
+) -> str:  # fmt: skip
+    """One sentence on damping or frequency: how many modes changed significantly, and the clearest of them."""
+    modes = f"{int(found.known.sum())} modes"
+    if not differs.any():
+        return f"{name} shows no significant change in any of {modes}."
+    change = values[:, 1] - values[:, 0]
+    counts = {"higher": int(np.sum(differs & (change > 0))), "lower": int(np.sum(differs & (change < 0)))}
+    told = " and ".join(f"{word} in {number}" for word, number in counts.items() if number)
+    best = int(np.argmax(np.where(differs, np.abs(change) / np.maximum(half, 1e-300), -1.0)))
+    return (
+        f"{name} is significantly {told} of {modes}; most clearly at {found.frequency[best, 0]:.4g} Hz: "
+        f"{values[best, 0]:.6g} to {values[best, 1]:.6g} {unit}, {change[best]:+.2g} ± {half[best]:.2g} {unit} (95 %)."
+    )

@@ -1,0 +1,91 @@
+"""Scatter that is not noise: the repeats of each condition, and which changes they make significant."""
+
+import numpy as np
+
+from ema import compare
+from ema.data import ConditionDifference, RepeatGroup, RunResult, VarianceComponents
+from ema.data.repeats import NOISE_ONLY
+from ema.report.blocks import Block, Book, Cell, Text
+from ema.report.numbers import MISSING, Value, fixed, plain, rounded, with_uncertainty
+
+_SEPARATED = (
+    "Noise is what the fit of one run states; takes is the standard deviation between runs of one assembly; between is "
+    "that from one assembly to the next, without noise, with its 95 % interval. ± of a mean is half its 95 % interval "
+    "over the assemblies."
+)
+
+
+def scatter(runs: list[RunResult], book: Book) -> tuple[list[str], list[Block]]:
+    """What the repeats say, as sentences and as tables; nothing where a study has one condition."""
+    groups, differences = compare.conditions(runs)
+    lines = [sentence for one in differences for sentence in one.sentences]
+    repeated = [group for group in groups if len(group.runs) > 1]
+    if not repeated:
+        told = f"Intervals: {NOISE_ONLY}, because no condition was repeated. No difference is called significant here."
+        return lines, [Text(told)] if differences else []
+    blocks: list[Block] = [Text(_SEPARATED), *(_group(group, book) for group in repeated)]
+    return lines, [*blocks, *(_difference(one, groups, book) for one in differences if one.pairs)]
+
+
+def _group(group: RepeatGroup, book: Book) -> Block:
+    columns = ["Mode", "Repeats"]
+    for name, unit in (("f", "Hz"), ("ζ", "%")):
+        columns += [f"{name} [{unit}]", f"noise {name} [{unit}]", f"takes {name} [{unit}]", f"between {name} [{unit}]"]
+    rows: list[list[Cell]] = []
+    for mode in range(len(group.frequency.mean)):
+        parts = [*_cells(group.frequency, mode, 1.0, 6), *_cells(group.damping, mode, 100.0, 3)]
+        rows.append([mode + 1, int(group.frequency.assemblies[mode]), *parts])
+    caption = f"Repeats of {group.label} ({', '.join(group.runs)}): {group.basis}."
+    return book.table(f"repeats_{group.label}", caption, columns, rows)
+
+
+def _cells(one: VarianceComponents, mode: int, scale: float, digits: int) -> list[Cell]:
+    """Mean with its interval, noise, takes, between with its interval."""
+    half = scale * float(one.half[mode])
+    between, (low, high) = scale * float(one.between[mode]), scale * one.between_interval[mode]
+    told = plain(between, 2)
+    if np.isfinite(between):
+        told = Value(between, f"{told} ({plain(float(low), 2)} to {plain(float(high), 2)})")
+    return [
+        with_uncertainty(scale * float(one.mean[mode]), half, digits),
+        plain(scale * float(one.noise[mode]), 2), plain(scale * float(one.takes[mode]), 2), told,
+    ]  # fmt: skip
+
+
+def _difference(found: ConditionDifference, groups: tuple[RepeatGroup, ...], book: Book) -> Block:
+    basis = {group.label: group for group in groups}
+    columns = ["Mode", f"Mode in {found.second}"]
+    for name, unit in (("f", "Hz"), ("ζ", "%")):
+        columns += [
+            f"{name} [{unit}]",
+            f"{name} in {found.second} [{unit}]",
+            f"Change of {name} [{unit}]",
+            f"Verdict on {name}",
+        ]
+    columns += ["MAC [-]"]
+    rows: list[list[Cell]] = []
+    quantities = (
+        (1.0, 6, found.frequency, found.frequency_half, found.frequency_noise, found.words("frequency")),
+        (100.0, 3, found.damping, found.damping_half, found.damping_noise, found.words("damping")),
+    )
+    for pair, (i, j) in enumerate(found.pairs):
+        row: list[Cell] = [i + 1, j + 1]
+        for scale, digits, values, half, noise, words in quantities:
+            bound = half[pair] if np.isfinite(half[pair]) else noise[pair]
+            row += [_mean(scale * values[pair, k], scale * bound, digits) for k in (0, 1)]
+            row += [_change(scale * (values[pair, 1] - values[pair, 0]), scale * bound), words[pair]]
+        rows.append([*row, fixed(float(found.mac[pair]), 3)])
+    repeats = " and ".join(f"{label} ({basis[label].basis})" for label in (found.first, found.second))
+    caption = f"Change from {repeats}; ± is half the 95 % interval of the change."
+    return book.table(f"change_{found.first}_{found.second}", caption, columns, rows)
+
+
+def _mean(value: float, by: float, digits: int) -> Value:
+    return rounded(float(value), float(by), digits)
+
+
+def _change(value: float, half: float) -> Value:
+    text = with_uncertainty(float(value), float(half), 2)
+    if text.text == MISSING or value <= 0:
+        return text
+    return Value(text.value, f"+{text.text}")
