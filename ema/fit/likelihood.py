@@ -26,6 +26,9 @@ _UNOBSERVED = complex(-0.05, 1.0)
 
 _CHUNK = 512
 
+_FEWEST = 24
+"""Outputs, or directions of outputs, that are always kept: more cost next to nothing against the basis functions."""
+
 NARROWEST = 0.3
 """Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping."""
 
@@ -127,7 +130,7 @@ def observe(
     signals /= noise.outputs[:, None]
     real = signals.view(np.float64)
     weights = 1 / noise.references
-    if rotate and outputs >= 12:
+    if rotate and outputs > _FEWEST:
         real = _rotate(real, weights)
     elif not np.allclose(weights, 1):
         real = real * weights[:, None, None]
@@ -138,12 +141,19 @@ def observe(
 def _rotate(
     signals: Float[np.ndarray, "in out line"], weights: Float[np.ndarray, "in"]
 ) -> Float[np.ndarray, "in q line"]:
-    """Project the outputs on the leading eigenvectors of their correlation (real, so that conjugate terms stay so)."""
+    """Project the outputs on the leading eigenvectors of their correlation (real, so that conjugate terms stay so).
+
+    Directions of noise alone have the energy of the known noise; the smallest and the median energy bound it where it
+    is known badly. With more modes than outputs every direction holds signal, and the median says nothing.
+    """
     references, outputs, samples = signals.shape
     correlation = sum(w**2 * (block @ block.T) for w, block in zip(weights, signals, strict=True))
     energy, directions = np.linalg.eigh(correlation)
-    floor = np.median(energy) * (1 + np.sqrt(outputs / (samples * references))) ** 2
-    kept = int(np.clip(np.count_nonzero(energy > 1.05 * floor) + 2, 8, outputs))
+    # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967).
+    ratio = np.sqrt(min(outputs / (samples * references), 0.25))
+    noise = max(float(samples * references), float(energy[0]) / (1 - ratio) ** 2)
+    floor = min(float(np.median(energy)), noise) * (1 + ratio) ** 2
+    kept = int(np.clip(np.count_nonzero(energy > 1.05 * floor) + 2, _FEWEST, outputs))
     leading = directions[:, -kept:].T
     return np.stack([w * (leading @ block) for w, block in zip(weights, signals, strict=True)])
 

@@ -101,7 +101,8 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
     optimum = refined(band, data, chosen)
     state, scale = optimum.state, optimum.unit
     poles, psi = state.poles * scale, state.shapes * scale
-    outside = np.flatnonzero(~chosen.is_mode)
+    is_mode = chosen.is_mode[optimum.kept]
+    outside = np.flatnonzero(~is_mode)
     unobserved = len(state.rest_poles)
     background = np.einsum("kr,ir->rki", psi[:, outside], state.participation[:, outside])
     residuals = Residuals(
@@ -112,7 +113,7 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
             [background, scale * state.rest[:, :, :unobserved][:, :, state.active[:unobserved]].transpose(2, 0, 1)]
         ),
     )
-    order = np.flatnonzero(chosen.is_mode)
+    order = np.flatnonzero(is_mode)
     order = order[np.argsort(np.abs(poles[order]))]
     shapes, participation = _normalise(psi[:, order], state.participation[:, order])
     model = ModalModel(
@@ -122,7 +123,7 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
         participation=participation,
         inputs=data.references,
         residuals=residuals,
-        confidence=chosen.confidence[order],
+        confidence=chosen.confidence[optimum.kept][order],
         condition=band.condition,
         provenance=band.provenance,
         findings=_findings(band, data, chosen),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float, Int
 
 from ema.data import FrfSet
 from ema.fit import likelihood, noise, weighted
@@ -12,15 +12,17 @@ from ema.fit.search import MISFIT
 from ema.fit.select import Selection
 from ema.fit.weighted import Linearisation, State, Weighted
 
-_ENOUGH = 300_000
+_ENOUGH = 60_000
 """Values from which the structure of the noise and its correlation are estimated."""
+_BEYOND = 3.0
+"""Energy of the residual over that of the known noise from which on the noise is not what limits the fit."""
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
 
 
 @dataclass(frozen=True)
 class Refined:
-    """The optimum in units of ``unit`` rad/s.
+    """The optimum in units of ``unit`` rad/s; ``kept`` (mode,) are the poles of the selection that it has.
 
     ``inflation`` (mode,) is the variance of the pole of each mode over what the weights say, ``inflation_of_shapes``
     that of its shape: residual energy over that of the assumed noise, times the loss by errors that are correlated over
@@ -29,6 +31,7 @@ class Refined:
 
     state: State
     normal: Linearisation
+    kept: Int[np.ndarray, "mode"]
     unit: float
     inflation: Float[np.ndarray, "mode"]
     inflation_of_shapes: Float[np.ndarray, "mode"]
@@ -43,11 +46,29 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     flat = Weighted(s, unit, signals, np.broadcast_to(1.0, signals.shape))
     start = _start(data, chosen, unit)
     known, basis = _known(band, data)
-    flat = replace(flat, weights=_weights(flat, start, data.derivative, known))
-    state, normal = weighted.refine(flat, start, likelihood.narrowest_decay(chosen.data) / unit)
+    misfit = _misfit(flat, start, data.derivative, known)
+    if misfit and known is not None:
+        known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
+    flat = replace(flat, weights=_weights(flat, start, data.derivative, known, misfit))
+    start, kept = weighted.normalised(start), np.arange(len(start.poles))
+    # What is fitted badly asks for poles that noise would not.
+    start, normal, kept = (start, None, kept) if misfit else _pruned(flat, start, chosen)
+    state, normal = weighted.refine(flat, start, likelihood.narrowest_decay(chosen.data) / unit, normal)
     factor = weighted.cost(flat, state) / weighted.freedom(flat, state)
     of_poles, of_shapes = _loss(flat, state)
-    return Refined(state, normal, unit, factor * of_poles, factor * of_shapes, basis)
+    return Refined(state, normal, kept, unit, factor * of_poles, factor * of_shapes, basis)
+
+
+def _pruned(data: Weighted, start: State, chosen: Selection) -> tuple[State, Linearisation, Int[np.ndarray, "mode"]]:
+    """The state without the poles of the background that noise explains, and which poles stay."""
+    kept = np.arange(len(start.poles))
+    while True:
+        normal = weighted.linearise(data, start)
+        background = np.flatnonzero(~chosen.is_mode[kept]).tolist()
+        gone = weighted.needless(data, start, normal, background)
+        if gone is None:
+            return start, normal, kept
+        start, kept = weighted.without_pole(start, gone), np.delete(kept, gone)
 
 
 def _start(data: Prepared, chosen: Selection, unit: float) -> State:
@@ -91,10 +112,28 @@ def _known(band: FrfSet, data: Prepared) -> tuple[Float[np.ndarray, "out in freq
     return np.ascontiguousarray(variance.transpose(1, 2, 0)), f"{source}, scaled to the residuals"
 
 
+def _misfit(data: Weighted, state: State, derivative: int, known: Float[np.ndarray, "out in freq"] | None) -> bool:
+    """Whether the residual is no noise: correlated over lines, and beyond the known variance where there is one."""
+    some = _some(data)
+    residual = data.signals[some] - weighted.model(data, state, some)
+    energy = np.abs(residual) ** 2
+    together = float(np.sum((residual[..., 1:] * residual[..., :-1].conj()).real))
+    if together <= MISFIT * float(np.sum(energy)):
+        return False
+    if known is None:
+        return True
+    # A window correlates noise over lines too, but does not make it larger than its variance.
+    relative = energy * (np.abs(data.s) * data.unit) ** (2 * derivative) / known[some]
+    return float(np.mean(relative)) > _BEYOND
+
+
 def _weights(
-    data: Weighted, state: State, derivative: int, known: Float[np.ndarray, "out in freq"] | None
+    data: Weighted, state: State, derivative: int, known: Float[np.ndarray, "out in freq"] | None, misfit: bool
 ) -> Float[np.ndarray, "out in freq"]:
-    """Weights of all lines of all FRFs from their variances, or from the residual of a state."""
+    """Weights of all lines of all FRFs from their variances, or from the residual of a state.
+
+    A ``misfit`` that is larger than the noise may shape them within narrow limits only.
+    """
     curve = np.abs(data.s) ** (2 * derivative)
 
     def powers(rows: slice) -> tuple[np.ndarray, np.ndarray]:
@@ -106,9 +145,6 @@ def _weights(
         return (residual.real**2 + residual.imag**2) * curve, size
 
     some = _some(data)
-    residual = data.signals[some] - weighted.model(data, state, some)
-    together = float(np.sum((residual[..., 1:] * residual[..., :-1].conj()).real))
-    misfit = known is None and together > MISFIT * float(np.sum(np.abs(residual) ** 2))
     power, size = powers(some)
     found = noise.structure(power, size, plain=misfit)
     if known is None and len(state.poles):
@@ -122,9 +158,7 @@ def _weights(
     return weights
 
 
-def _leverage(
-    data: Weighted, state: State, weights: Float[np.ndarray, "some in freq"]
-) -> Float[np.ndarray, "in freq"]:
+def _leverage(data: Weighted, state: State, weights: Float[np.ndarray, "some in freq"]) -> Float[np.ndarray, "in freq"]:
     """Share of the noise of each line that the modes follow, typical of all outputs.
 
     Where a peak is a few lines wide this is a good part, and the residual alone would make those lines look quiet.
@@ -159,8 +193,8 @@ def _loss(data: Weighted, state: State) -> tuple[Float[np.ndarray, "mode"], Floa
     """
     some, lines = _some(data), len(data.s)
     residual = np.sqrt(data.weights[some]) * (data.signals[some] - weighted.model(data, state, some))
-    rho = _autocorrelation(residual.reshape(-1, lines))
     chance = 2.5 / np.sqrt(residual.size)
+    rho = _autocorrelation(residual.reshape(-1, lines), chance)
     telling = int(np.argmax(np.append(rho, 0.0) < chance))
     ones = np.ones(len(state.poles))
     if telling < 2:
@@ -169,15 +203,17 @@ def _loss(data: Weighted, state: State) -> tuple[Float[np.ndarray, "mode"], Floa
     result = []
     for power in (2, 1):
         sensitivity = typical / (data.s - state.poles[:, None]) ** power
-        reach = np.stack([_autocorrelation(row[None]) for row in sensitivity])[:, :telling]
-        result.append(np.maximum(1, 1 + 2 * reach[:, 1:] @ rho[1:telling]))
+        reach = np.stack([_autocorrelation(row[None])[1:telling] for row in sensitivity])
+        result.append(np.maximum(1, 1 + 2 * reach @ rho[1:telling]))
     return result[0], result[1]
 
 
-def _autocorrelation(signals: np.ndarray) -> Float[np.ndarray, "lag"]:
-    """Real part of the autocorrelation of rows, pooled, from lag 0 on."""
-    lags = min(_LONGEST, signals.shape[1] // 4)
-    energy = max(float(np.vdot(signals, signals).real), np.finfo(float).tiny)
+def _autocorrelation(signals: Complex[np.ndarray, "row line"], least: float = -np.inf) -> Float[np.ndarray, "lag"]:
+    """Real part of the autocorrelation of rows, pooled, from lag 0 to where it falls below ``least``."""
     count = signals.shape[1]
-    products = [float(np.vdot(signals[:, : count - lag], signals[:, lag:]).real) for lag in range(lags)]
-    return np.array(products) / energy
+    energy = max(float(np.vdot(signals, signals).real), np.finfo(float).tiny)
+    found = [1.0]
+    while len(found) < min(_LONGEST, count // 4) and found[-1] >= least:
+        lag = len(found)
+        found.append(float(np.vdot(signals[:, : count - lag], signals[:, lag:]).real) / energy)
+    return np.array(found)

@@ -23,7 +23,7 @@ _AT_ONCE = 6
 
 _WORTHWHILE = 0.1
 """Progress of a round, in units of what a mode has to gain, that is worth another one."""
-_NARROW, _CAUTION = 3.0, 3.0
+_NARROW, _CAUTION = 3.0, 2.0
 """Bandwidth in lines below which a pole on another one's peak must explain more, and how much more."""
 _FAILURES = 2
 """Places where a mode seems to gain but replaces another one; after so many, the search ends."""
@@ -81,7 +81,7 @@ def complete(data: Observations, fit: ModalFit, band: tuple[float, float], round
         trials = np.concatenate([_trials(band, _peaks(data, np.sqrt(noise.power.mean(axis=1)))), _around(fit, band)])
         trials = trials[np.all(np.abs(trials[:, None] - tried) > np.abs(trials.real)[:, None], axis=1)]
         gain, vectors = mode_gains(data, fit, trials)
-        chosen = _apart(trials, gain / noise.explains(data, fit, trials, vectors), most)
+        chosen = _apart(trials, gain / noise.explains(data, trials, vectors, fit, gain), most)
         if not chosen:
             break
         larger = fit
@@ -104,31 +104,34 @@ def complete(data: Observations, fit: ModalFit, band: tuple[float, float], round
 @dataclass(frozen=True)
 class Noise:
     """What the residual of a fit says of its noise: the energy that a mode fitted to noise takes off nowhere in the
-    band but with the false-alarm probability, and the noise of each bin and reference over the mean.
+    band but with the false-alarm probability, its mean square, and that of each bin and reference over the mean.
     """
 
     required: float
+    scale: float
     power: Float[np.ndarray, "bin in"]
 
     @classmethod
     def of(cls, data: Observations, fit: ModalFit) -> "Noise":
-        """The noise that a fit leaves, and the power a mode needs to stand out of it."""
         """The noise that the residual of ``fit`` shows."""
         references, outputs, _ = data.signals.shape
         limit = float(scipy.stats.chi2.isf(FALSE_ALARM / len(data.s), 2 * outputs + 2 * references))
         power = likelihood.power_by_reference(data, fit)
-        factor = max(likelihood.variance_factor(data, fit), 1e-300)
-        return cls(limit * factor, power / max(power.mean(), 1e-300))
+        factor, scale = likelihood.variance_factor(data, fit), max(float(power.mean()), 1e-300)
+        return cls(limit * max(factor, 1e-300), scale, power / scale)
 
     def explains(
         self,
         data: Observations,
-        fit: ModalFit,
         poles: Complex[np.ndarray, "pole"],
         vectors: Complex[np.ndarray, "pole in"],
+        fit: ModalFit,
+        gain: Float[np.ndarray, "pole"] | None = None,
     ) -> Float[np.ndarray, "pole"]:
         """Energy that a mode has to exceed at each pole: noise that grows with the FRF is largest at its peaks, and
         there in the references with the largest ones, which a participation vector can single out.
+
+        The ``gain`` of modes that the residual still holds is no noise.
         """
         line = float(np.min(np.diff(data.s.imag)))
         width = np.maximum(np.abs(poles.real), 3 * line)
@@ -137,17 +140,24 @@ class Noise:
         level = np.empty(len(poles))
         for first in range(0, len(poles), 128):
             rows = slice(first, first + 128)
-            near = 1 / ((data.s.imag[None, :] - poles.imag[rows, None]) ** 2 + width[rows, None] ** 2)
-            level[rows] = np.einsum("pi,pi->p", near @ self.power, shares[rows]) / near.sum(axis=1)
-        on_peak = _on_peak(fit, poles) & (-2 * poles.real < _NARROW * line)
+            distance = (data.s.imag[None, :] - poles.imag[rows, None]) ** 2
+            near = 1 / (distance + width[rows, None] ** 2)
+            level[rows] = np.einsum("pi,pi->p", near @ self.power, shares[rows])
+            if gain is not None:
+                own = 1 / (distance + np.maximum(poles.real[rows, None] ** 2, 0.01 * line**2))
+                held = np.einsum("pk,pk->p", own, near) / own.sum(axis=1) * np.sum(shares[rows] ** 2, axis=1)
+                level[rows] -= held * gain[rows] / (2 * data.signals.shape[1] * self.scale)
+            level[rows] /= near.sum(axis=1)
+        on_peak = _on_peak(fit, poles, line) & (-2 * poles.real < _NARROW * line)
         return self.required * np.maximum(level, 1) * np.where(on_peak, _CAUTION, 1)
 
 
-def _on_peak(fit: ModalFit, poles: Complex[np.ndarray, "pole"]) -> Bool[np.ndarray, "pole"]:
-    """Poles that sit on the peak of another one."""
-    distance = np.abs(poles[:, None] - fit.poles[None, :])
+def _on_peak(fit: ModalFit, poles: Complex[np.ndarray, "pole"], line: float) -> Bool[np.ndarray, "pole"]:
+    """Poles that sit on the narrow peak of another one."""
+    peaks = fit.poles[-2 * fit.poles.real < 10 * line]
+    distance = np.abs(poles[:, None] - peaks[None, :])
     distance[distance == 0] = np.inf
-    return np.any(distance < 3 * np.abs(fit.poles.real), axis=1)
+    return np.any(distance < 3 * np.abs(peaks.real), axis=1)
 
 
 def _settled(data: Observations, fit: ModalFit, required: float) -> ModalFit:
@@ -166,7 +176,7 @@ def prune(
     """Take out, the weakest first, the poles that noise explains once the others have adapted."""
     while len(fit.poles):
         gain = likelihood.gains(fit)
-        needed = noise.explains(data, fit, fit.poles, fit.participation.T)
+        needed = noise.explains(data, fit.poles, fit.participation.T, fit)
         reasons = {
             int(k): f"it explains {gain[k] / needed[k]:.2g} times what noise would"
             for k in np.flatnonzero(gain <= needed)

@@ -341,22 +341,45 @@ def freedom(data: Weighted, state: State) -> int:
 
 
 def refine(
-    data: Weighted, start: State, floor: float, iterations: int = 10, tolerance: float = 0.02
+    data: Weighted,
+    start: State,
+    floor: float,
+    normal: Linearisation | None = None,
+    iterations: int = 10,
+    tolerance: float = 0.02,
 ) -> tuple[State, Linearisation]:
     """Gauss-Newton to the optimum; terms of the rest that noise explains are left out on the way.
 
-    The cost never exceeds that of ``start`` with its linear unknowns adapted.
+    The cost never exceeds that of ``start`` with its linear unknowns adapted by more than noise gives to the terms left
+    out.
 
     Parameters
     ----------
+    start : with participation vectors whose largest entry is 1; ``normal`` are its normal equations where known.
     floor : smallest decay rate of a mode, in units of ``data.unit``.
-    tolerance : stop when the quadratic form foretold the cost to this part of what one standard deviation costs.
+    tolerance : stop when the quadratic form foretold the cost to this part of what one standard deviation of every
+        shared unknown costs.
     """
-    start = normalised(start)
-    normal = linearise(data, start)
-    start, normal = spared(data, start, normal)
-    state = moved(start, normal, np.zeros(len(normal.gradient)))
-    reached = normal.cost - normal.gain
+    normal = linearise(data, start) if normal is None else normal
+    fewer, reduced = spared(data, start, normal)
+    state, found, reached = _descent(data, fewer, reduced, floor, iterations, tolerance)
+    gone = normal.offset.size - reduced.offset.size
+    # The loss was foretold by a quadratic form, which errs where unknowns nearly coincide or the poles have far to go.
+    if gone and reached > _adapted(data, start, normal)[1] * (1 + _chance(gone) / freedom(data, start)):
+        state, found, _ = _descent(data, start, normal, floor, iterations, tolerance)
+    return state, found
+
+
+def _chance(count: int) -> float:
+    """Energy that noise of unit variance may give to as many unknowns."""
+    return count + _DOUBT * float(np.sqrt(2 * count))
+
+
+def _descent(
+    data: Weighted, start: State, normal: Linearisation, floor: float, iterations: int, tolerance: float
+) -> tuple[State, Linearisation, float]:
+    """Gauss-Newton steps from a start with its normal equations; also the cost reached."""
+    state, reached = _adapted(data, start, normal)
     for _ in range(iterations):
         step, share = _step(start, normal), 1.0
         for _ in range(6):
@@ -364,7 +387,7 @@ def refine(
             value = cost(data, trial)
             if value > reached:
                 # Products of shapes and steps of poles bend the surface: the linear unknowns have to follow exactly.
-                trial, value = _adapted(data, trial)
+                trial, value = _adapted(data, trial, linearise(data, trial))
             if value <= reached:
                 break
             share *= 0.2
@@ -373,18 +396,27 @@ def refine(
         expected = reached - share * float((2 * normal.gradient - share * normal.information @ step) @ step)
         gained, state, reached = reached - value, trial, value
         # The quadratic form was right to a small part of a standard deviation: there is nothing left to gain.
-        exact = share == 1 and abs(value - expected) < tolerance * value / freedom(data, state)
+        allowed = tolerance * len(step) * value / freedom(data, state)
+        exact = share == 1 and abs(value - expected) < allowed
         if exact or gained < 1e-9 * value:
             break
         start = state = normalised(state)
         normal = linearise(data, start)
-    return state, normal
+    return state, normal, reached
 
 
-def _adapted(data: Weighted, state: State) -> tuple[State, float]:
-    """The state with the best linear unknowns for its poles and participation, and its cost."""
-    normal = linearise(data, state)
-    return moved(state, normal, np.zeros(len(normal.gradient))), normal.cost - normal.gain
+def _adapted(data: Weighted, state: State, normal: Linearisation) -> tuple[State, float]:
+    """The state with the best linear unknowns for its poles and participation, and its cost.
+
+    Data without noise are fitted beyond what the normal equations resolve; then the state itself is the better one.
+    """
+    trial = moved(state, normal, np.zeros(len(normal.gradient)))
+    value = cost(data, trial)
+    if value > normal.cost:
+        unchanged = cost(data, state)
+        if unchanged < value:
+            return state, unchanged
+    return trial, value
 
 
 def _step(state: State, normal: Linearisation) -> Float[np.ndarray, "unknown"]:
@@ -444,7 +476,30 @@ def _loss(state: State, normal: Linearisation, terms: list[int], factor: float) 
     before = float(normal.gradient @ inverse(normal.information) @ normal.gradient)
     after = float(gradient @ inverse(information) @ gradient)
     lost = float(np.einsum("oa,oab,ob->", estimate, stiffness, estimate)) + before - after
-    return lost / factor - estimate.size - _DOUBT * float(np.sqrt(2 * estimate.size))
+    return lost / factor - _chance(estimate.size)
+
+
+def needless(data: Weighted, state: State, normal: Linearisation, poles: list[int]) -> int | None:
+    """The pole among the given ones that noise explains best, if noise explains any."""
+    factor = (normal.cost - normal.gain) / freedom(data, state)
+    place = np.cumsum(state.determined) - 1
+    half = len(state.determined) // 2
+    losses = {}
+    for pole in poles:
+        estimate, stiffness, _ = _tied(state, normal, place[[pole, half + pole]])
+        count = estimate.size + 2 * len(state.participation)
+        gain = float(np.einsum("oa,oab,ob->", estimate, stiffness, estimate)) / factor
+        losses[pole] = gain - _chance(count)
+    best = min(losses, key=losses.__getitem__, default=None)
+    return best if best is not None and losses[best] <= 0 else None
+
+
+def without_pole(state: State, pole: int) -> State:
+    """The state without one of its poles."""
+    keep = np.arange(len(state.poles)) != pole
+    return replace(
+        state, poles=state.poles[keep], participation=state.participation[:, keep], shapes=state.shapes[:, keep]
+    )
 
 
 def _rows(state: State, terms: list[int]) -> np.ndarray:
@@ -458,8 +513,9 @@ def _rows(state: State, terms: list[int]) -> np.ndarray:
 
 
 def _tied(state: State, normal: Linearisation, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Estimate and information of linear unknowns when the other linear unknowns adapt and the shared ones stay, and the
-    change of the estimate with the shared ones.
+    """Estimate and information of linear unknowns when the other linear ones adapt and the shared ones stay.
+
+    Also the change of the estimate with the shared ones.
     """
     linear = np.concatenate([state.shapes, state.rest.reshape(len(state.rest), -1)], axis=1)
     own = np.concatenate([linear.real, linear.imag], axis=1)[:, state.determined]
