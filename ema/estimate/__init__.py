@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from ema.estimate.live import check_hit
     from ema.estimate.nonlinearity import Homogeneity, causality, homogeneity
     from ema.estimate.random_excitation import shaker
-    from ema.estimate.shaker_force import ForceLevel, control_level, force_at_resonance, without_mount_mass
+    from ema.estimate.shaker_force import ForceLevel, control_level, force_at_resonance, sweep_rate, without_mount_mass
+    from ema.estimate.stepped_sine import Steps, stepped, stepped_test
     from ema.estimate.swept_sine import sweep
 
 _NAMES = {
@@ -21,6 +22,7 @@ _NAMES = {
     "ForceLevel": "shaker_force",
     "Homogeneity": "nonlinearity",
     "Phase": "decay",
+    "Steps": "stepped_sine",
     "causality": "nonlinearity",
     "check_hit": "live",
     "control_level": "shaker_force",
@@ -35,16 +37,20 @@ _NAMES = {
     "quality": "frf_checks",
     "ring_down": "decay",
     "shaker": "random_excitation",
+    "stepped": "stepped_sine",
+    "stepped_test": "stepped_sine",
     "sweep": "swept_sine",
+    "sweep_rate": "shaker_force",
     "to_quantity": "integrate",
     "without_dead": "frf_checks",
     "without_mount_mass": "shaker_force",
 }
 
 __all__ = [
-    "Calibration", "ForceLevel", "Homogeneity", "Phase", "causality", "check_hit", "control_level",
-    "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated", "known_mass", "level_bins", "phases",
-    "quality", "ring_down", "shaker", "sweep", "to_quantity", "without_dead", "without_mount_mass",
+    "Calibration", "ForceLevel", "Homogeneity", "Phase", "Steps", "causality", "check_hit", "control_level",
+    "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated", "known_mass", "level_bins",
+    "phases", "quality", "ring_down", "shaker", "stepped", "stepped_test", "sweep", "sweep_rate", "to_quantity",
+    "without_dead", "without_mount_mass",
 ]  # fmt: skip
 
 

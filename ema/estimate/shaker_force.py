@@ -75,6 +75,64 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
     return ForceLevel(level, float(np.std(amplitude[inside])), dropout, findings)
 
 
+def sweep_rate(
+    recording: Recording, frequency: float, damping: float, friction: bool, periodic: bool = False
+) -> tuple[float, float, tuple[Finding, ...]]:
+    """How fast a sweep passes a resonance, in Hz/s, and the fastest that keeps its response steady.
+
+    A linear structure whose decay is recorded, or that is swept periodically, has no bias by the rate in its FRF; a
+    response that is tracked has. A friction joint never reaches a steady amplitude in a fast sweep, whatever the
+    analysis, and the error of the damping may have either sign.
+
+    Parameters
+    ----------
+    frequency, damping : Hz and ratio of the mode.
+    friction : whether there is a joint that may slip.
+    periodic : whether the sweep repeats without a pause.
+
+    Raises
+    ------
+    InputError : no force channel or several, a mode that was not passed.
+
+    Source: limit of 216 f^2 zeta^2 Hz/min for linear sweeps (Ewins 2000, after ISO 7626-2).
+    """
+    where = recording.name or "recording"
+    rows = recording.with_role("reference")
+    if len(rows) != 1:
+        raise InputError("a sine test has one force channel", where=where, got=f"{len(rows)}", expected="1")
+    force = np.asarray(recording.signals[rows[0]], dtype=np.float64)
+    at, _ = _passage(force - force.mean(), recording.sampling_rate)
+    limit = 216 * (frequency * damping) ** 2 / 60
+    reach = 2 * damping * frequency
+    inside = np.flatnonzero(np.abs(at - frequency) <= reach)
+    runs = np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1)
+    longest = max(runs, key=len)
+    if len(longest) < 8:
+        raise InputError("the sweep does not pass the mode", where=f"{where}, {frequency:g} Hz",
+                         got=f"{len(longest)} samples near it", expected="a sine through the resonance")  # fmt: skip
+    slope = np.polyfit(longest / recording.sampling_rate, at[longest], 1)[0]
+    rate = float(abs(slope))
+    if rate <= limit:
+        return rate, limit, ()
+    if friction:
+        found = Finding(
+            "warning", "sweep-rate", where, f"the sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s: the joint is "
+            "not at a steady amplitude, and the sign of the error in the damping is unknown.", rate, limit,
+            "Sweep slower, or step the sine.",
+        )  # fmt: skip
+    elif periodic:
+        found = Finding(
+            "info", "sweep-rate", where, f"the periodic sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s; FRFs of "
+            "a linear structure have no error by it.", rate, limit,
+        )  # fmt: skip
+    else:
+        found = Finding(
+            "info", "sweep-rate", where, f"the sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s: a tracked "
+            "response is too low there; FRFs are right where the whole decay is recorded.", rate, limit,
+        )  # fmt: skip
+    return rate, limit, (found,)
+
+
 def _passage(force: Float[np.ndarray, "sample"], rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Momentary frequency in Hz and amplitude of a sine whose frequency moves, smoothed over a few periods."""
     analytic = scipy.signal.hilbert(force, scipy.fft.next_fast_len(len(force)))[: len(force)]

@@ -24,10 +24,12 @@ def sweep(
     band: tuple[float, float] | None = None,
     block: int | None = None,
     progress: Progress = silent,
+    period: float | None = None,
 ) -> FrfSet:
     """FRFs of swept-sine takes: one whole sweep per block, averaged over the takes.
 
-    No window: a sweep that begins and ends at rest within its record has no leakage.
+    No window: a sweep that begins and ends at rest within its record has no leakage. Of a periodic sweep, whose
+    ``period`` is stated, the first period is dropped while the structure settles, and the others are averaged.
 
     Parameters
     ----------
@@ -35,13 +37,17 @@ def sweep(
     band : lines in Hz to return; by default those that the sweep excited (force power within 20 dB of its median in
         the band that holds 98 % of it).
     block : samples of each record to use; by default all of the shortest one.
+    period : s after which a periodic sweep begins anew.
 
     Raises
     ------
-    InputError : a record cannot be used, the records differ in rate or responses, or the force is zero.
+    InputError : a record cannot be used, the records differ in rate or responses, the force is zero, or a periodic
+        record does not hold two periods.
     """
     records = channels.recordings_of(run)
     length = block or min(record.signals.shape[1] for record in records)
+    if period is not None:
+        length = _period(run, period)
     sums: dict[Dof, Sums] = {}
     first, layout = None, None
     left = 0.0
@@ -52,19 +58,40 @@ def sweep(
         if first is None or layout is None:
             first, layout = record, this
         _check(first.sampling_rate, record.sampling_rate, layout, this, record.signals.shape[1], length, where)
-        signals = record.signals[[*this.references, *this.responses], :length]
-        signals = signals - signals.mean(axis=1, keepdims=True)
-        left = max(left, _left_over(signals[1:]))
-        lines = scipy.fft.rfft(signals, axis=1)
-        part = single_input.summed(lines[0], lines[1:])
-        force = this.inputs[0]
-        sums[force] = sums[force] + part if force in sums else part
+        begins = (0,) if period is None else range(length, record.signals.shape[1] - length + 1, length)
+        for begin in begins:
+            signals = record.signals[[*this.references, *this.responses], begin : begin + length]
+            signals = signals - signals.mean(axis=1, keepdims=True)
+            left = max(left, _left_over(signals[1:]) if period is None else 0.0)
+            lines = scipy.fft.rfft(signals, axis=1)
+            part = single_input.summed(lines[0], lines[1:])
+            force = this.inputs[0]
+            sums[force] = sums[force] + part if force in sums else part
         advance(progress, "transforming sweeps", place + 1, len(records))
     assert first is not None
     assert layout is not None
     frequencies = scipy.fft.rfftfreq(length, 1 / first.sampling_rate)
     keep = _lines(frequencies, reduce(add, sums.values()), band, channels.describe(run))
     return _frfs(run, sums, layout.outputs, frequencies[keep], keep, estimator, left)
+
+
+def _period(run: Run, period: float) -> int:
+    """Samples of a period.
+
+    Raises
+    ------
+    InputError : it is no whole number of samples, or a record holds fewer than two.
+    """
+    for record in run.recordings:
+        exact = period * record.sampling_rate
+        where = channels.describe(run, record)
+        if not exact >= 16 or abs(exact - round(exact)) > 1e-6 * exact:
+            raise InputError("not a period of a sweep", where=where, got=f"{period} s, {exact:g} samples",
+                             expected="a whole number of samples, 16 or more")  # fmt: skip
+        if record.signals.shape[1] < 2 * round(exact):
+            raise InputError("a periodic sweep needs two periods", where=where, got=f"{record.duration:g} s",
+                             expected=f"{2 * period:g} s or more: the first one is dropped")  # fmt: skip
+    return round(exact)
 
 
 def _check(

@@ -17,7 +17,7 @@ from ema.data import Channel, ModalModel
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate import Fault, RovingHammer, VirtualRig
-from ema.study import table
+from ema.study import table, work_table, work_table_hammer, work_table_shaker
 
 VERSION = 1
 """Raised when a generator changes what it writes; files of an older version are written anew."""
@@ -111,7 +111,35 @@ def _in_threads(work: Callable[[int], None], count: int) -> Iterator[None]:
         pool.shutdown(cancel_futures=True)
 
 
-GENERATORS: dict[str, Callable[[Path, Progress], None]] = {"virtual_table_hammer": table_hammer}
+def work_table_hammer_campaign(folder: Path, progress: Progress = silent) -> None:
+    """Raw signals of the work table of the paper: bare, and with a friction beam at 1, 5 and 10 kN."""
+    _told(folder, "work_table_hammer", work_table_hammer.generate(folder, progress, _in_threads))
+
+
+def _shaker_campaign(
+    name: str, setting: work_table.Setting, modes: tuple[int, ...]
+) -> Callable[[Path, Progress], None]:
+    """Generator of a shaker campaign of the work table."""
+    write = work_table_shaker.generate(setting, modes, chirps=1 in modes)
+
+    def campaign(folder: Path, progress: Progress = silent) -> None:
+        _told(folder, name, write(folder, progress))
+
+    return campaign
+
+
+def _told(folder: Path, name: str, truth: str) -> None:
+    head = f'# What the signals were made from.\ngenerator = "{name}"\nversion = {VERSION}\n'
+    (folder / TRUTH).write_text(head + truth, encoding="utf-8")
+
+
+GENERATORS: dict[str, Callable[[Path, Progress], None]] = {
+    "virtual_table_hammer": table_hammer,
+    "work_table_hammer": work_table_hammer_campaign,
+    "work_table_absorber": _shaker_campaign("work_table_absorber", work_table.ABSORBER, (1, 3)),
+    "work_table_bending": _shaker_campaign("work_table_bending", work_table.BENDING, (1, 3)),
+    "work_table_rough": _shaker_campaign("work_table_rough", work_table.ROUGH, (3,)),
+}
 
 
 def _rig(run: str, model: ModalModel, fault: Fault, reversed_sensors: tuple[str, ...], seed: int) -> VirtualRig:

@@ -1,0 +1,192 @@
+"""FRFs of a stepped sine: one record for each frequency, read by least squares of a sine and its harmonics."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from ema.data import Finding, FrfSet, Provenance, Recording, Run
+from ema.errors import InputError
+from ema.estimate import channels, hammer_findings
+from ema.progress import Progress, advance, silent
+
+HARMONICS = 5
+"""Highest harmonic that is told apart from noise."""
+UNSTEADY = 0.02
+"""Change of a response between the halves of a record above which it was not settled."""
+_FEWEST_CYCLES = 4.0
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What a stepped sine showed beside its FRFs.
+
+    ``frequencies`` (freq,) Hz; ``force`` (freq,) N, amplitude of the force's first harmonic; ``responses`` (freq, out,
+    order) amplitudes of the orders 1, 2, ... of every response in SI; ``distortion`` (freq, out) rms of the higher
+    orders over the first.
+    """
+
+    frequencies: Float[np.ndarray, "freq"]
+    force: Float[np.ndarray, "freq"]
+    responses: Complex[np.ndarray, "freq out order"]
+
+    @property
+    def distortion(self) -> Float[np.ndarray, "freq out"]:
+        """Rms of the higher orders over the first."""
+        power = np.sum(np.abs(self.responses[..., 1:]) ** 2, axis=-1)
+        return np.asarray(np.sqrt(power) / np.maximum(np.abs(self.responses[..., 0]), 1e-300))
+
+    def force_at(self, frequency: float) -> float:
+        """Force amplitude in N at a frequency in Hz, between its lines."""
+        return float(np.interp(frequency, self.frequencies, self.force))
+
+
+def stepped(run: Run, discard: float = 0.0, progress: Progress = silent) -> FrfSet:
+    """FRFs of a stepped sine at its own frequencies; see :func:`stepped_test`."""
+    return stepped_test(run, discard, progress)[0]
+
+
+def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) -> tuple[FrfSet, Steps]:
+    """FRFs of a stepped sine, its force at every frequency and the harmonics of the responses.
+
+    Each record holds one frequency, which is read from its force. Two records at one frequency are averaged.
+
+    Parameters
+    ----------
+    discard : s at the start of every record that are left out, while the structure settles.
+
+    Raises
+    ------
+    InputError : a record without a sine, too short, with other responses, or with several forces.
+    """
+    records = channels.recordings_of(run)
+    found: list[tuple[float, np.ndarray, np.ndarray]] = []
+    layout, first, unsteady = None, None, 0.0
+    for place, record in enumerate(records):
+        where = channels.describe(run, record)
+        this = channels.layout(record, where)
+        channels.finite(record, this, where)
+        if layout is None:
+            layout, first = this, record
+        if this.outputs != layout.outputs or this.inputs != layout.inputs or len(this.inputs) != 1:
+            raise InputError("the records of a stepped sine differ in their channels", where=where,
+                             got=", ".join(map(str, (*this.inputs, *this.outputs))),
+                             expected="one force, and the responses of the first record")  # fmt: skip
+        signals = _settled(record, [*this.references, *this.responses], discard, where)
+        frequency = _frequency(signals[0], record.sampling_rate, where)
+        amplitudes, noise = _orders(signals, frequency, record.sampling_rate)
+        unsteady = max(unsteady, _change(signals, frequency, record.sampling_rate))
+        found.append((frequency, amplitudes, noise))
+        advance(progress, "reading steps", place + 1, len(records))
+    assert layout is not None and first is not None
+    return _joined(run, first, layout, found, unsteady)
+
+
+def _settled(record: Recording, rows: list[int], discard: float, where: str) -> Float[np.ndarray, "channel sample"]:
+    start = round(discard * record.sampling_rate)
+    signals = np.asarray(record.signals[rows, start:], dtype=np.float64)
+    if signals.shape[1] < 16:
+        raise InputError("nothing is left of the record", where=where, got=f"{signals.shape[1]} samples behind "
+                         f"{discard:g} s", expected="16 or more", advice="discard less")  # fmt: skip
+    return signals - signals.mean(axis=1, keepdims=True)
+
+
+def _frequency(force: Float[np.ndarray, "sample"], rate: float, where: str) -> float:
+    """Frequency of a sine in Hz: the peak of its spectrum, refined by least squares."""
+    if not force.any():
+        raise InputError("the force is zero or constant", where=where, advice="check the force channel")
+    size = 4 * len(force)
+    window = np.hanning(len(force))
+    spectrum = np.abs(np.fft.rfft(force * window, size))
+    top = int(spectrum[1:].argmax()) + 1
+    frequency = top * rate / size
+    time = (np.arange(len(force)) - 0.5 * len(force)) / rate
+    for _ in range(4):
+        angle = 2 * np.pi * frequency * time
+        basis = np.stack([np.cos(angle), np.sin(angle), -time * np.sin(angle), time * np.cos(angle)], axis=1)
+        a, b, c, d = np.linalg.lstsq(basis, force, rcond=None)[0]
+        frequency += float((a * c + b * d) / (a**2 + b**2)) / (2 * np.pi)
+    angle = 2 * np.pi * frequency * time
+    basis = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    rest = force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]
+    if not 0 < frequency < rate / 2 or rest @ rest > 0.25 * force @ force:
+        raise InputError("the force is no sine", where=where, got=f"{100 * (rest @ rest) / (force @ force):.0f} % of "
+                         "its power lie elsewhere", expected="one frequency for each record",
+                         advice="a sweep is kind = \"sweep\"")  # fmt: skip
+    if frequency * len(force) / rate < _FEWEST_CYCLES:
+        raise InputError("too few cycles in the record", where=where, got=f"{frequency * len(force) / rate:.1f}",
+                         expected=f"{_FEWEST_CYCLES:g} or more")  # fmt: skip
+    return frequency
+
+
+def _orders(
+    signals: Float[np.ndarray, "channel sample"], frequency: float, rate: float
+) -> tuple[Complex[np.ndarray, "channel order"], Float[np.ndarray, "channel"]]:
+    """Complex amplitudes of the first orders, and the variance of the first of them by what is left over."""
+    count = max(min(HARMONICS, int(0.45 * rate / frequency)), 1)
+    angle = 2 * np.pi * frequency * np.arange(signals.shape[1]) / rate
+    orders = np.arange(1, count + 1)[:, None]
+    basis = np.concatenate([np.cos(orders * angle), np.sin(orders * angle), np.ones((1, len(angle)))]).T
+    solved, *_ = np.linalg.lstsq(basis, signals.T, rcond=None)
+    rest = signals.T - basis @ solved
+    noise = np.sum(rest**2, axis=0) / max(len(angle) - 2 * count - 1, 1)
+    amplitudes = np.zeros((len(signals), HARMONICS), complex)
+    amplitudes[:, :count] = (solved[:count] - 1j * solved[count : 2 * count]).T
+    return amplitudes, 4 * noise / len(angle)
+
+
+def _change(signals: Float[np.ndarray, "channel sample"], frequency: float, rate: float) -> float:
+    """Largest relative change of the amplitude of a response from the first to the second half of a record."""
+    half = signals.shape[1] // 2
+    if frequency * half / rate < _FEWEST_CYCLES / 2:
+        return 0.0
+    before, noise = _orders(signals[1:, :half], frequency, rate)
+    after, _ = _orders(signals[1:, half:], frequency, rate)
+    size, change = np.abs(before[:, 0]), np.abs(np.abs(after[:, 0]) - np.abs(before[:, 0]))
+    clear = size > 20 * np.sqrt(noise)
+    return float(np.max(change[clear] / size[clear])) if clear.any() else 0.0
+
+
+def _joined(
+    run: Run, first: Recording, layout: channels.Layout, found: list[tuple[float, np.ndarray, np.ndarray]],
+    unsteady: float,
+) -> tuple[FrfSet, Steps]:  # fmt: skip
+    """All steps in the order of their frequencies; those at one frequency averaged over the force."""
+    where = channels.describe(run)
+    found = sorted(found, key=lambda step: step[0])
+    groups: list[list[tuple[float, np.ndarray, np.ndarray]]] = []
+    for step in found:
+        if groups and abs(step[0] / groups[-1][0][0] - 1) < 1e-5:
+            groups[-1].append(step)
+        else:
+            groups.append([step])
+    frequencies = np.array([np.mean([step[0] for step in group]) for group in groups])
+    values, variance, force, responses = [], [], [], []
+    for group in groups:
+        ratios = np.array([step[1][1:, 0] / step[1][0, 0] for step in group])
+        powers = [
+            (step[2][1:] + np.abs(ratio) ** 2 * step[2][0]) / np.abs(step[1][0, 0]) ** 2
+            for step, ratio in zip(group, ratios, strict=True)
+        ]
+        values.append(ratios.mean(axis=0))
+        variance.append(np.mean(powers, axis=0) / len(group))
+        force.append(np.mean([np.abs(step[1][0, 0]) for step in group]))
+        responses.append(group[0][1][1:])
+    quantity, unit = channels.frf_quantity(
+        [first.channels[row] for row in first.with_role("response")],
+        [first.channels[row] for row in first.with_role("reference")], where,
+    )  # fmt: skip
+    findings = list(hammer_findings.about_units(unit, where))
+    if unsteady > UNSTEADY:
+        findings.append(Finding(
+            "warning", "unsteady", where, f"a response changes by {100 * unsteady:.0f} % within a record: the "
+            "structure had not settled, and a joint was not at a steady amplitude.", unsteady, UNSTEADY,
+            "Wait longer before recording, or discard the start of the records.",
+        ))  # fmt: skip
+    frfs = FrfSet(
+        frequencies=frequencies, values=np.array(values)[:, :, None], outputs=layout.outputs, inputs=layout.inputs,
+        quantity=quantity, unit=unit, variance=np.array(variance)[:, :, None], estimator="sine fit",
+        condition=run.condition, name=run.id, findings=tuple(findings),
+        provenance=Provenance(steps=("estimate.stepped",)),
+    )  # fmt: skip
+    return frfs, Steps(frequencies, np.array(force), np.array(responses))
