@@ -29,6 +29,7 @@ Limit = Annotated[
     Literal["warning", "error", "never"] | None,
     typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
 ]
+Formats = Annotated[str, typer.Option("--format", help="Of the report: html, pdf, docx, separated by commas.")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")]
 Measurement = Annotated[
     Path,
@@ -58,16 +59,21 @@ def run(
     recipe: Measurement,
     output: Output = None,
     resume: Annotated[bool, typer.Option("--resume", help="Keep runs finished before with the same inputs.")] = False,
+    formats: Formats = "html",
     limit: Limit = None,
     json: Json = False,
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
     from ema.cli import screen
+    from ema.report.writing import checked_formats, write
     from ema.study import Study, summary
 
+    others = [name for name in checked_formats(formats.split(",")) if name != "html"]
     study = Study.load(recipe, output)
     with screen.Bars() as bars:
         result = study.run(progress=bars, resume=resume)
+        if others:
+            write(result, study.report, others)
     if json:
         screen.as_json(summary(result) | {"report": str(study.report), "result": str(study.result)})
     else:
@@ -166,7 +172,8 @@ def fit(
 @ends_well
 def report(
     result: Annotated[Path, typer.Argument(help="The result file (.h5) of `ema run`.", show_default=False)],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="The HTML file to write.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
+    formats: Formats = "",
     json: Json = False,
 ) -> int:
     """Write the report of a finished study again."""
@@ -183,7 +190,8 @@ def report(
             got=type(held).__name__,
             advice="give the .h5 file that `ema run` wrote",
         )
-    path = write(held, output or result.with_suffix(".html"))
+    wanted = formats.split(",") if formats else []
+    path = write(held, output or result.with_suffix(".html"), wanted)
     if json:
         screen.as_json({"report": str(path)})
     else:

@@ -1,4 +1,4 @@
-"""Results -> sections -> HTML."""
+"""Results -> sections -> HTML, PDF, Word."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ __all__ = ["write"]
 
 def __getattr__(name: str) -> Any:
     if name == "write":
-        from ema.report.html import write
+        from ema.report.writing import write
 
         return write
     raise AttributeError(f"module 'ema.report' has no attribute {name!r}")

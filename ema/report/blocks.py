@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from matplotlib.figure import Figure
 
 from ema.report.numbers import Value
-from ema.report.pictures import data_uri
+from ema.report.pictures import Image, drawn
 from ema.show.style import WIDTH
 
 Cell = str | int | Value
@@ -24,17 +24,23 @@ class Text:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as a data URI, with its alternative text and caption; ``width`` in percent of the page.
+    """An image with its alternative text and caption; ``width`` in percent of the page.
 
-    Photographs carry no number.
+    Photographs carry no number. ``png`` is the same picture for programs that take no vectors.
     """
 
     number: int | None
-    source: str
+    image: Image
     alt: str
     caption: str
     width: int
+    png: Image | None = None
     kind: str = "picture"
+
+    @property
+    def source(self) -> str:
+        """The image inside a page."""
+        return self.image.uri
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,17 @@ class Table:
         return not isinstance(cell, str)
 
 
-Block = Text | Picture | Table
+@dataclass(frozen=True)
+class Animation:
+    """Mode shapes that move, for formats that can show it; ``data`` is what the page's script reads."""
+
+    label: str
+    data: str
+    caption: str
+    kind: str = "animation"
+
+
+Block = Text | Picture | Table | Animation
 
 
 @dataclass
@@ -70,9 +86,13 @@ class Section:
 
 
 class Book:
-    """Numbers figures and tables in the order in which they are made, and keeps the tables for their CSV files."""
+    """Numbers figures and tables in the order in which they are made, and keeps the tables for their CSV files.
 
-    def __init__(self) -> None:
+    ``png`` asks for every figure as PNG too.
+    """
+
+    def __init__(self, png: bool = False) -> None:
+        self._png = png
         self.tables: list[Table] = []
         self._pictures = 0
         self._names: set[str] = set()
@@ -81,7 +101,8 @@ class Book:
         """A numbered figure."""
         self._pictures += 1
         width = min(100, round(100 * figure.get_figwidth() / WIDTH))
-        return Picture(self._pictures, data_uri(figure), alt, caption, width)
+        image, png = drawn(figure, self._png)
+        return Picture(self._pictures, image, alt, caption, width, png)
 
     def table(
         self, name: str, caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]], shown: int | None = None

@@ -12,8 +12,8 @@ from ema.report.blocks import Cell, Table
 from ema.report.numbers import Value
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write ``text`` so that a reader sees the old file or the new one, never a part.
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write ``content`` so that a reader sees the old file or the new one, never a part.
 
     Raises
     ------
@@ -22,11 +22,9 @@ def write_text(path: Path, text: str) -> None:
     temporary = ""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", newline="", dir=path.parent, prefix=f".{path.name}.", delete=False
-        ) as target:
+        with tempfile.NamedTemporaryFile("wb", dir=path.parent, prefix=f".{path.name}.", delete=False) as target:
             temporary = target.name
-            target.write(text)
+            target.write(content)
             target.flush()
             os.fsync(target.fileno())
         os.chmod(temporary, 0o666 & ~_umask())

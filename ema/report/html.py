@@ -1,65 +1,61 @@
-"""A study as one self-contained HTML file, with its tables as CSV beside it."""
+"""The report as one HTML page, for the screen or for paper."""
 
-from pathlib import Path
-from urllib.parse import quote
+import re
+from base64 import b64encode
+from hashlib import sha256
+from importlib.resources import files
+from typing import Any
 
-from ema.data import StudyResult
-from ema.errors import FailureError
-from ema.report.blocks import Book
-from ema.report.files import as_csv, write_text
-from ema.report.front import front
-from ema.report.photos import photos
-from ema.report.records import provenance, repairs
-from ema.report.runs import run_sections
+from ema.report.blocks import Animation
+from ema.report.document import Document
+
+_NO_LETTERS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
-def write(result: StudyResult, path: str | Path) -> Path:
-    """Write the report of a study.
+def printable(text: object) -> str:
+    """Text without the characters that neither XML nor UTF-8 can hold."""
+    return _NO_LETTERS.sub("\ufffd", str(text))
 
-    The tables go to ``<report>_tables`` beside it, one CSV file each, with their numbers in full.
+
+def page(document: Document, tables: str, printed: bool = False) -> str:
+    """The page; nothing in it is fetched from elsewhere, and no script but its own can run.
 
     Parameters
     ----------
-    path : the HTML file; its folder is made where it does not exist.
-
-    Returns
-    -------
-    The path written.
-
-    Raises
-    ------
-    FailureError : the file cannot be written.
+    tables : name of the folder of CSV files beside the page.
+    printed : whether the page goes on paper, where nothing moves, opens or leads to a file.
     """
-    path = Path(path)
-    if path.is_dir():
-        raise FailureError("the report cannot be written: a folder has its name", where=str(path))
-    book = Book()
-    tables = path.with_name(f"{path.stem}_tables")
-    text = _render(result, book, tables.name)
-    for table in book.tables:
-        write_text(tables / f"{table.name}.csv", as_csv(table))
-    write_text(path, text)
-    return path
-
-
-def _render(result: StudyResult, book: Book, tables: str) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
 
     environment = Environment(
         loader=PackageLoader("ema.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, finalize=_finished,
     )  # fmt: skip
-    geometry = result.campaign.geometry
-    head = front(result, book)
-    repaired = repairs(result, book)
-    runs = [(run, run_sections(run, geometry, number, book)) for number, run in enumerate(result.runs, 1)]
+    environment.filters["json_block"] = lambda text: Markup(text.replace("<", "\\u003c"))
+    script = _template("motion.js") if not printed and _has_motion(document) else ""
     return environment.get_template("report.html").render(
-        result=result,
-        campaign=result.campaign,
-        photos=photos(result.campaign),
-        head=head,
-        runs=runs,
-        repairs=repaired,
-        provenance=provenance(result, book),
-        tables=quote(tables),
-    )
+        document=document, tables=tables, printed=printed, policy=_policy(script), script=Markup(script),
+        style=Markup(_template("report.css")),
+    )  # fmt: skip
+
+
+def _finished(value: Any) -> Any:
+    return printable(value) if type(value) is str else value
+
+
+def _has_motion(document: Document) -> bool:
+    return any(
+        isinstance(block, Animation)
+        for chapter in document.chapters for section in chapter.sections for block in section.blocks
+    )  # fmt: skip
+
+
+def _template(name: str) -> str:
+    return (files("ema.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _policy(script: str) -> str:
+    """What a browser may do with the page: show its own images and style, and run this script alone."""
+    allowed = f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" if script else "'none'"
+    return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"

@@ -6,6 +6,7 @@ from ema import show
 from ema.data import Geometry, RunResult
 from ema.fit import cmif
 from ema.report.blocks import Block, Book, Text
+from ema.report.motion import animation
 from ema.report.numbers import plain, short
 from ema.shapes import auto_mac as auto_mac_of
 from ema.shapes import expand
@@ -124,6 +125,8 @@ def shapes(run: RunResult, geometry: Geometry | None, book: Book) -> list[Block]
         blocks += _missing(
             "The campaign has no geometry, so shapes cannot be drawn in space; they stand over the DOFs."
         )
+    if geometry is not None and (moving := animation(modes, geometry, name)):
+        blocks.append(moving)
     unmeasured = ""
     if geometry is not None and not expand(modes, geometry).measured.all():
         unmeasured = " Points that were not measured follow their neighbours."

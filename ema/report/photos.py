@@ -1,10 +1,10 @@
 """Photographs of the test, inside the report."""
 
-from base64 import b64encode
 from pathlib import Path
 
 from ema.data import Campaign
 from ema.report.blocks import Block, Picture, Text
+from ema.report.pictures import Image
 
 _LARGEST = 3_000_000
 _SIGNATURES = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png", b"GIF8": "image/gif"}
@@ -26,5 +26,6 @@ def _photo(folder: Path, name: str) -> Block:
     if len(content) > _LARGEST:
         told = f"The photograph {name} is not shown: {len(content) / 1e6:.1f} MB, limit {_LARGEST / 1e6:.0f} MB."
         return Text(told, missing=True)
-    source = f"data:{mime};base64,{b64encode(content).decode('ascii')}"
-    return Picture(None, source, f"Photograph of the test: {Path(name).name}", Path(name).stem.replace("_", " "), 60)
+    image = Image(content, mime)
+    alt = f"Photograph of the test: {Path(name).name}"
+    return Picture(None, image, alt, Path(name).stem.replace("_", " "), 60, png=image)

@@ -1,6 +1,7 @@
-"""Figures as data URIs."""
+"""Figures as images."""
 
 from base64 import b64encode
+from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
 
@@ -13,16 +14,30 @@ _ALWAYS_SVG = 50_000
 """Bytes below which no image of a figure is smaller."""
 
 
-def data_uri(figure: Figure) -> str:
-    """The figure as SVG or PNG, whichever is smaller; the same figure gives the same text."""
+@dataclass(frozen=True)
+class Image:
+    """An encoded image and its media type."""
+
+    content: bytes
+    mime: str
+
+    @property
+    def uri(self) -> str:
+        """The image inside a page."""
+        return f"data:{self.mime};base64,{b64encode(self.content).decode('ascii')}"
+
+
+def drawn(figure: Figure, png: bool = False) -> tuple[Image, Image | None]:
+    """The figure as SVG or PNG, whichever is smaller, and with ``png`` also as PNG; the same figure, the same bytes."""
     with matplotlib.rc_context(_SVG):
-        content, mime = _saved(figure, "svg", {"Date": None, "Creator": None}), "image/svg+xml"
-    if len(content) > _ALWAYS_SVG:
-        # the layout of the first drawing stays, and need not be computed again
-        figure.set_layout_engine("none")
-        image = _saved(figure, "png", {"Software": None})
-        content, mime = min((content, mime), (image, "image/png"), key=lambda form: len(form[0]))
-    return f"data:{mime};base64,{b64encode(content).decode('ascii')}"
+        vector = Image(_saved(figure, "svg", {"Date": None, "Creator": None}), "image/svg+xml")
+    if len(vector.content) <= _ALWAYS_SVG and not png:
+        return vector, None
+    # the layout of the first drawing stays, and need not be computed again
+    figure.set_layout_engine("none")
+    image = Image(_saved(figure, "png", {"Software": None}), "image/png")
+    smaller = vector if len(vector.content) <= max(_ALWAYS_SVG, len(image.content)) else image
+    return smaller, image if png else None
 
 
 def _saved(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:

@@ -3,10 +3,14 @@
 import base64
 import csv
 import errno
+import hashlib
+import html
+import json
 import os
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from html.parser import HTMLParser
+from importlib.resources import files
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -35,8 +39,10 @@ from ema.data import (
 )  # fmt: skip
 from ema.dof import Dof
 from ema.errors import FailureError
+from ema.report.pictures import Image
 from ema.synthesis import frfs as synthesise
 
+BLANK = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
 EVIL = "<script>alert('x')</script> & <b>"
 
 
@@ -131,6 +137,7 @@ class Page(HTMLParser):
     tables: list[list[list[str]]] = field(default_factory=list)
     _cell: bool = False
     _mute: bool = False
+    scripts: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         super().__init__()
@@ -140,7 +147,9 @@ class Page(HTMLParser):
     def handle_starttag(self, tag, attributes):
         found = dict(attributes)
         self.tags.append(tag)
-        self._mute = tag == "style"
+        self._mute = tag in ("style", "script")
+        if tag == "script":
+            self.scripts.append("")
         if tag == "img":
             self.images.append(found)
         if "href" in found:
@@ -158,6 +167,8 @@ class Page(HTMLParser):
         self._cell = self._cell and tag not in ("td", "th")
 
     def handle_data(self, data):
+        if self._mute and self.lasttag == "script":
+            self.scripts[-1] += data
         if not self._mute:
             self.text += data
             if self._cell:
@@ -175,7 +186,8 @@ class Page(HTMLParser):
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made and not rendered, for tests that read words."""
-    monkeypatch.setattr("ema.report.blocks.data_uri", lambda figure: "data:image/png;base64,AAAA")
+    blank = Image(base64.b64decode(BLANK), "image/png")
+    monkeypatch.setattr("ema.report.blocks.drawn", lambda figure, png: (blank, blank if png else None))
 
 
 JOINTS = (
@@ -268,8 +280,15 @@ def test_figures_and_tables_are_numbered_in_order(page: Page):
         assert f"{kind} {count + 1}." not in words
 
 
-def test_nothing_is_fetched_and_nothing_runs(page: Page):
-    assert "script" not in page.tags and "link" not in page.tags and "iframe" not in page.tags
+def test_nothing_is_fetched_and_only_our_script_runs(page: Page):
+    assert "link" not in page.tags and "iframe" not in page.tags
+    *data, script = page.scripts
+    assert [len(json.loads(each)["shapes"]) for each in data] == [4, 4]
+    assert script == (files("ema.report") / "templates" / "motion.js").read_text(encoding="utf-8")
+    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{allowed}'" in (
+        html.unescape(page.source)
+    )
     assert all(
         image["src"].startswith(("data:image/png;base64,", "data:image/svg+xml;base64,")) for image in page.images
     )
@@ -280,7 +299,7 @@ def test_nothing_is_fetched_and_nothing_runs(page: Page):
 
 
 def test_text_from_files_stays_text(page: Page):
-    assert "<script" not in page.source
+    assert "<script>alert" not in page.source
     assert page.words().count("<script>alert('x')</script> & <b>") >= 3
 
 

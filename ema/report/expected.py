@@ -1,0 +1,33 @@
+"""The numbers that a recipe expects, on the front page."""
+
+from ema.data import StudyResult
+from ema.report.blocks import Book, Table
+from ema.report.numbers import Value, count, plain, rounded, short
+
+
+def counted_expectations(result: StudyResult) -> list[str]:
+    """How many of the expected numbers were met, where there are some."""
+    if not result.expectations:
+        return []
+    met = sum(expectation.met for expectation in result.expectations)
+    return [f"{met} of {count(len(result.expectations), 'expected number')} met."]
+
+
+def expectation_table(result: StudyResult, book: Book) -> Table | None:
+    """Expected and found, the missed ones first."""
+    if not result.expectations:
+        return None
+    rows = [
+        (
+            e.what, _held(e.expected, e.tolerance), plain(e.tolerance, 2), _held(e.found, e.tolerance),
+            "met" if e.met else "missed",
+        )
+        for e in sorted(result.expectations, key=lambda e: e.met)
+    ]  # fmt: skip
+    columns = ("What", "Expected", "Tolerance", "Found", "Result")
+    return book.table("expectations", "Numbers that the recipe expects.", columns, rows)
+
+
+def _held(value: float, tolerance: float) -> Value:
+    """Rounded by the tolerance; a number that has to be met exactly, such as a count, as it is."""
+    return rounded(value, tolerance) if tolerance > 0 else Value(value, short(value))

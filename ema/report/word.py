@@ -1,0 +1,246 @@
+"""The report as a Word file, to be edited and handed on."""
+
+from datetime import UTC, datetime
+from io import BytesIO
+from typing import Any
+
+from ema.errors import require
+from ema.report.blocks import Animation, Block, Picture, Section, Table
+from ema.report.document import Document
+from ema.report.html import printable
+from ema.report.worries import Group
+
+_TEXT_WIDTH = 17.0
+"""Centimetres between the margins."""
+_SOFT, _ACCENT = "5B6875", "0B5A93"
+_COLOURS = {"error": "A4262C", "warning": "8A5A00", "info": _ACCENT}
+_UNDATED = datetime(2000, 1, 1, tzinfo=UTC)
+
+
+def word(document: Document, tables: str) -> bytes:
+    """The report as the bytes of a .docx file.
+
+    Raises
+    ------
+    MissingExtraError : python-docx is not installed.
+    """
+    require("docx", "office")
+    writer = _Writer(document.title, tables)
+    writer.front(document)
+    for chapter in document.chapters:
+        writer.heading(chapter.title, 1, new_page=bool(chapter.sections))
+        writer.blocks(chapter.blocks)
+        for section in chapter.sections:
+            writer.section(section, 2)
+    return writer.content()
+
+
+def _widths(table: Table) -> list[int]:
+    """Widths of the columns in the units of Word: as the longest text needs, so that long ones are broken first."""
+    from docx.shared import Cm
+
+    columns = list(zip(table.columns, *(row for row in table.rows), strict=False))[: table.shown]
+    weights = [
+        min(40, max(6, *(len(str(cell)) for cell in column[1:]), len(str(column[0])) // 2)) for column in columns
+    ]
+    return [int(Cm(_TEXT_WIDTH * weight / sum(weights))) for weight in weights]
+
+
+class _Writer:
+    """Puts the parts of a document into a Word file."""
+
+    def __init__(self, title: str, tables: str) -> None:
+        from docx import Document as new_file
+        from docx.shared import Cm, Pt
+
+        self._file: Any = new_file()
+        self._tables = tables
+        section = self._file.sections[0]
+        section.page_width, section.page_height = Cm(21.0), Cm(29.7)
+        section.left_margin = section.right_margin = Cm(2.0)
+        section.top_margin = section.bottom_margin = Cm(2.0)
+        style = self._file.styles["Normal"]
+        style.font.name, style.font.size = "Calibri", Pt(10)
+        style.paragraph_format.space_after = Pt(4)
+        about = self._file.core_properties
+        # without a date of its own, equal results give equal files
+        about.title, about.author, about.created, about.modified = (
+            printable(title)[:255],
+            "friction-ema",
+            _UNDATED,
+            _UNDATED,
+        )
+        about.comments = ""
+        self._page_numbers(section.footer.paragraphs[0], title)
+
+    def content(self) -> bytes:
+        target = BytesIO()
+        self._file.save(target)
+        return target.getvalue()
+
+    def front(self, document: Document) -> None:
+        self.paragraph("EXPERIMENTAL MODAL ANALYSIS", size=8, colour=_ACCENT, bold=True)
+        self._file.add_heading(printable(document.title), 0)
+        self._facts(document.facts)
+        if document.comment:
+            self.paragraph(document.comment, colour=_SOFT)
+        self.blocks(document.photos)
+        self.heading("In short", 1)
+        for line in document.summary:
+            self._file.add_paragraph(printable(line), style="List Bullet")
+        for section in document.answers:
+            self.section(section, 1)
+        self.heading("What to worry about", 1)
+        for group in document.worries:
+            self._worry(group)
+        if not document.worries:
+            self.paragraph("Nothing was noticed.")
+        if document.findings:
+            self._table(document.findings)
+        if document.expectations:
+            self.heading("Expected and found", 1)
+            self._table(document.expectations)
+
+    def heading(self, text: str, level: int, new_page: bool = False) -> None:
+        heading = self._file.add_heading(printable(text), level)
+        heading.paragraph_format.page_break_before = new_page
+
+    def section(self, section: Section, level: int) -> None:
+        self.heading(section.title, level)
+        self.blocks(section.blocks)
+
+    def blocks(self, blocks: list[Block]) -> None:
+        for block in blocks:
+            if isinstance(block, Table):
+                self._table(block)
+            elif isinstance(block, Picture):
+                self._picture(block)
+            elif not isinstance(block, Animation):
+                self.paragraph(block.text, italic=block.missing, colour=_SOFT if block.missing else "")
+
+    def paragraph(self, text: str, size: float = 0, colour: str = "", bold: bool = False, italic: bool = False) -> Any:
+        paragraph = self._file.add_paragraph()
+        self._run(paragraph, text, size, colour, bold, italic)
+        return paragraph
+
+    @staticmethod
+    def _run(
+        paragraph: Any, text: str, size: float = 0, colour: str = "", bold: bool = False, italic: bool = False
+    ) -> None:
+        from docx.shared import Pt, RGBColor
+
+        run = paragraph.add_run(printable(text))
+        run.bold, run.italic = bold or None, italic or None
+        if size:
+            run.font.size = Pt(size)
+        if colour:
+            run.font.color.rgb = RGBColor.from_string(colour)
+
+    def _facts(self, facts: list[tuple[str, str]]) -> None:
+        from docx.shared import Cm
+
+        table = self._file.add_table(0, 2)
+        for label, value in facts:
+            cells = table.add_row().cells
+            cells[0].width, cells[1].width = Cm(3.0), Cm(_TEXT_WIDTH - 3.0)
+            self._run(cells[0].paragraphs[0], label, colour=_SOFT)
+            self._run(cells[1].paragraphs[0], value, bold=True)
+        self._file.add_paragraph()
+
+    def _worry(self, group: Group) -> None:
+        paragraph = self.paragraph(f"{group.name.upper()}  ", bold=True, colour=_COLOURS[group.severity])
+        times = f"  {len(group.findings)} times" if len(group.findings) > 1 else ""
+        self._run(paragraph, group.code, bold=True)
+        self._run(paragraph, times, colour=_SOFT)
+        paragraph.paragraph_format.keep_with_next = True
+        for place, finding in enumerate(group.listed):
+            line = self._file.add_paragraph(style=None if place == 0 else "List Bullet")
+            self._run(line, f"{finding.where}: ", colour=_SOFT)
+            self._run(line, finding.message)
+            if place == 0 and group.advice:
+                self.paragraph(f"→ {group.advice}", colour=_ACCENT)
+        if len(group.findings) > len(group.listed):
+            more = len(group.findings) - len(group.listed)
+            self.paragraph(f"{more} more in the table beside this report", colour=_SOFT)
+
+    def _picture(self, picture: Picture) -> None:
+        from docx.enum.text import WD_ALIGN_PARAGRAPH
+        from docx.image.exceptions import UnrecognizedImageError
+        from docx.shared import Cm
+
+        image = picture.png or picture.image
+        try:
+            shape = self._file.add_picture(BytesIO(image.content), width=Cm(_TEXT_WIDTH * picture.width / 100))
+        except (UnrecognizedImageError, OSError, ValueError, KeyError):
+            self.paragraph(f"{picture.alt}: this image cannot be shown in a Word file.", italic=True, colour=_SOFT)
+            return
+        shape._inline.docPr.set("descr", printable(picture.alt))
+        paragraph = self._file.paragraphs[-1]
+        paragraph.paragraph_format.keep_with_next = True
+        paragraph.alignment = WD_ALIGN_PARAGRAPH.LEFT
+        self._caption("" if picture.number is None else f"Figure {picture.number}.", picture.caption)
+
+    def _caption(self, number: str, text: str) -> Any:
+        paragraph = self._file.add_paragraph()
+        self._run(paragraph, f"{number} " if number else "", bold=True, size=9)
+        self._run(paragraph, text, colour=_SOFT, size=9)
+        return paragraph
+
+    def _table(self, table: Table) -> None:
+        caption = self._caption(f"Table {table.number}.", f"{table.caption} ({self._tables}/{table.name}.csv)")
+        if not table.shown:
+            return
+        caption.paragraph_format.keep_with_next = True
+        columns = table.columns[: table.shown]
+        size = 9.0 if len(columns) <= 6 else 8.0 if len(columns) <= 8 else 6.5
+        grid = self._file.add_table(1, len(columns), style="Light List Accent 1")
+        grid.autofit = False
+        self._row(grid.rows[0], columns, size, bold=True)
+        self._repeated(grid.rows[0])
+        for row in table.rows:
+            self._row(grid.add_row(), row[: table.shown], size)
+        for column, width in zip(grid.columns, _widths(table), strict=True):
+            column.width = width
+            for cell in column.cells:
+                cell.width = width
+        self._file.add_paragraph().paragraph_format.space_after = 0
+
+    def _row(self, row: Any, cells: Any, size: float, bold: bool = False) -> None:
+        from docx.shared import Pt
+
+        for place, (target, cell) in enumerate(zip(row.cells, cells, strict=True)):
+            paragraph = target.paragraphs[0]
+            paragraph.paragraph_format.space_after = Pt(0)
+            paragraph.add_run(printable(cell)).font.size = Pt(size)
+            # the style of the table prints its first column in bold
+            paragraph.runs[0].bold = bold or (False if place == 0 else None)
+        self._whole(row)
+
+    @staticmethod
+    def _repeated(row: Any) -> None:
+        """The row comes again on every page."""
+        from docx.oxml import OxmlElement
+
+        row._tr.get_or_add_trPr().append(OxmlElement("w:tblHeader"))
+
+    @staticmethod
+    def _whole(row: Any) -> None:
+        """The row is not broken over pages."""
+        from docx.oxml import OxmlElement
+
+        row._tr.get_or_add_trPr().append(OxmlElement("w:cantSplit"))
+
+    def _page_numbers(self, paragraph: Any, title: str) -> None:
+        from docx.oxml import OxmlElement
+        from docx.oxml.ns import qn
+
+        self._run(paragraph, f"{title[:90]}   ", size=8, colour=_SOFT)
+        for kind, code in (("begin", ""), ("", "PAGE"), ("end", "")):
+            run = paragraph.add_run()
+            if kind:
+                mark = OxmlElement("w:fldChar")
+                mark.set(qn("w:fldCharType"), kind)
+            else:
+                mark = OxmlElement("w:instrText")
+                mark.text = code
+            run._r.append(mark)

@@ -1,0 +1,92 @@
+"""A study as a report in one format or several, with its tables as CSV beside it."""
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from ema.data import StudyResult
+from ema.errors import FailureError, InputError, require
+from ema.report.blocks import Book
+from ema.report.document import Document, compose
+from ema.report.files import as_csv, write_bytes
+
+FORMATS = ("html", "pdf", "docx")
+"""A page for the browser with moving shapes, a page for paper, and a text to be edited."""
+
+_NEEDS = {"pdf": ("weasyprint", "report"), "docx": ("docx", "office")}
+
+
+def write(result: StudyResult, path: str | Path, formats: Sequence[str] = ()) -> Path:
+    """Write the report of a study.
+
+    All formats are made of the same sentences, tables and figures. The tables go to ``<report>_tables`` beside it, one
+    CSV file each, with their numbers in full.
+
+    Parameters
+    ----------
+    path : the file; its folder is made where it does not exist.
+    formats : ``html``, ``pdf``, ``docx``, one file each beside ``path``; by default the one that ``path`` ends with,
+        or HTML.
+
+    Returns
+    -------
+    The path of the first format written.
+
+    Raises
+    ------
+    InputError : there is no such format.
+    MissingExtraError : a format needs an optional package.
+    FailureError : a file cannot be written.
+    """
+    path = Path(path)
+    wanted = checked_formats(formats or _of_suffix(path))
+    base = path.with_suffix("") if path.suffix.lower().lstrip(".") in FORMATS else path
+    paths = [base.with_name(f"{base.name}.{name}") for name in wanted] if formats else [path]
+    for each in (path, *paths):
+        if each.is_dir():
+            raise FailureError("the report cannot be written: a folder has its name", where=str(each))
+    book = Book(png="docx" in wanted)
+    tables = base.with_name(f"{base.name}_tables")
+    document = compose(result, book)
+    contents = [_rendered(document, name, tables.name) for name in wanted]
+    for table in book.tables:
+        write_bytes(tables / f"{table.name}.csv", as_csv(table).encode())
+    for each, content in zip(paths, contents, strict=True):
+        write_bytes(each, content)
+    return paths[0]
+
+
+def checked_formats(formats: Sequence[str]) -> tuple[str, ...]:
+    """Each format once; told before the work that a format cannot be written.
+
+    Raises
+    ------
+    InputError : there is no such format.
+    MissingExtraError : the package that a format needs is not installed.
+    """
+    wanted = tuple(dict.fromkeys(name.strip().lower().lstrip(".") for name in formats))
+    for name in wanted:
+        if name not in FORMATS:
+            raise InputError("no such format of a report", got=name, expected=", ".join(FORMATS))
+        if name in _NEEDS and find_spec(_NEEDS[name][0]) is None:
+            require(*_NEEDS[name])
+    return wanted
+
+
+def _of_suffix(path: Path) -> tuple[str, ...]:
+    suffix = path.suffix.lower().lstrip(".")
+    return (suffix,) if suffix in FORMATS else ("html",)
+
+
+def _rendered(document: Document, name: str, tables: str) -> bytes:
+    from ema.report.html import page
+
+    if name == "html":
+        return page(document, tables).encode()
+    if name == "pdf":
+        from ema.report.pdf import pdf
+
+        return pdf(page(document, tables, printed=True))
+    from ema.report.word import word
+
+    return word(document, tables)
