@@ -131,10 +131,10 @@ def _difference_table(found: ConditionDifference) -> Table:
     columns: dict[str, Sequence[str]] = {
         "f [Hz]": [f"{value:.3f}" for value in found.frequency[:, 0]],
         "change of f [Hz]": [f"{value:+.3g}" for value in np.diff(found.frequency, axis=1)[:, 0]],
-        "+- f": _cells(found.frequency_half), "f": found.words("frequency"),
+        "+- f": _cells(found.frequency_half), "verdict on f": found.words("frequency"),
         "zeta [%]": [f"{100 * value:.4f}" for value in found.damping[:, 0]],
         "change of zeta [%]": [f"{100 * value:+.3g}" for value in np.diff(found.damping, axis=1)[:, 0]],
-        "+- zeta": _cells(100 * found.damping_half), "zeta": found.words("damping"),
+        "+- zeta": _cells(100 * found.damping_half), "verdict on zeta": found.words("damping"),
     }  # fmt: skip
     return _table(f"{found.second} against {found.first}: 95 % intervals from repeats", columns)
 

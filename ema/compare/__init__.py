@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {"maps": "ema.compare.maps", "modes": "ema.compare.modes", "signals": "ema.compare.signals"}
-_HOME |= dict.fromkeys(("conditions", "difference", "repeat_findings", "repeats"), "ema.compare.repeats")
+_HOME |= dict.fromkeys(("conditions", "difference", "repeat_findings", "repeats"), "ema.compare.scatter")
 _HOME["variance_components"] = "ema.compare.components"
 
 __all__ = list(_HOME)

@@ -25,6 +25,7 @@ def comparisons(runs: list[RunResult], book: Book) -> tuple[list[str], list[Bloc
     base = base_run(runs)
     lines: list[str] = []
     judged, blocks = scatter(runs, book)
+    labels = [run.run.repeat for run in runs if run.run.repeat]
     for other in runs:
         if other is base:
             continue
@@ -33,7 +34,8 @@ def comparisons(runs: list[RunResult], book: Book) -> tuple[list[str], list[Bloc
         except InputError as error:
             blocks.append(Text(f"{base.run.id} against {other.run.id}: {error}.", missing=True))
             continue
-        lines.append(_sentence(base, other, found))
+        if labels.count(other.run.repeat) < 2:  # of repeats, the sentence on their condition says more
+            lines.append(_sentence(base, other, found))
         blocks.append(_table(base, other, found, book))
     return [*lines, *judged], blocks
 

@@ -285,5 +285,5 @@ def _change(
     best = int(np.argmax(np.where(differs, np.abs(change) / np.maximum(half, 1e-300), -1.0)))
     return (
         f"{name} is significantly {told} of {modes}; most clearly at {found.frequency[best, 0]:.4g} Hz: "
-        f"{values[best, 0]:.6g} to {values[best, 1]:.6g} {unit}, {change[best]:+.2g} ± {half[best]:.2g} {unit} (95 %)."
+        f"{values[best, 0]:.5g} to {values[best, 1]:.5g} {unit}, {change[best]:+.2g} ± {half[best]:.2g} {unit} (95 %)."
     )
