@@ -240,6 +240,7 @@ class RunTable(Table):
     level: Force | None = None
     level_std: Force | None = None
     band: Annotated[list[Frequency], Field(min_length=2, max_length=2)] | None = None
+    period: Seconds | None = None
     estimator: str = ""
     averages: int | None = Field(default=None, ge=1)
     temperature: Temperature | None = None

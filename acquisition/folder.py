@@ -274,8 +274,9 @@ def _condition(run: RunTable, joints: tuple[JointForce, ...]) -> Condition:
         return float("nan") if text is None else units.measure(text, "force")[0]
 
     band = None if run.band is None else tuple(units.measure(text, "frequency")[0] for text in run.band)
+    period = float("nan") if run.period is None else units.measure(run.period, "time")[0]
     return Condition(
-        Excitation(run.kind, force(run.level), force(run.level_std), band),  # type: ignore[arg-type]
+        Excitation(run.kind, force(run.level), force(run.level_std), band, period),  # type: ignore[arg-type]
         joints,
         None if run.temperature is None else units.measure(run.temperature, "temperature")[0],
     )

@@ -17,13 +17,15 @@ class Excitation:
     """How the structure was driven.
 
     ``level`` and ``std`` are the force level (peak of a blow, force at resonance of a shaker) and its scatter in N;
-    NaN where unknown. ``band`` in Hz.
+    NaN where unknown. ``band`` in Hz. ``period`` in s is that of a periodic sweep, or the time that a stepped sine
+    stays at each frequency; NaN where a record holds one sweep, or one frequency.
     """
 
     kind: ExcitationKind = "unknown"
     level: float = float("nan")
     std: float = float("nan")
     band: tuple[float, float] | None = None
+    period: float = float("nan")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
-"""FRFs of a stepped sine: one record for each frequency, read by least squares of a sine and its harmonics."""
+"""FRFs of a stepped sine: frequency after frequency, read by least squares of a sine and its harmonics."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -49,11 +50,12 @@ def stepped(run: Run, discard: float = 0.0, progress: Progress = silent) -> FrfS
 def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) -> tuple[FrfSet, Steps]:
     """FRFs of a stepped sine, its force at every frequency and the harmonics of the responses.
 
-    Each record holds one frequency, which is read from its force. Two records at one frequency are averaged.
+    Each record holds one frequency, or one after the other where the condition states the ``period`` it stays at each;
+    it is read from the force. What was measured twice at one frequency is averaged.
 
     Parameters
     ----------
-    discard : s at the start of every record that are left out, while the structure settles.
+    discard : s at the start of every frequency that are left out, while the structure settles.
 
     Raises
     ------
@@ -72,23 +74,40 @@ def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) ->
             raise InputError("the records of a stepped sine differ in their channels", where=where,
                              got=", ".join(map(str, (*this.inputs, *this.outputs))),
                              expected="one force, and the responses of the first record")  # fmt: skip
-        signals = _settled(record, [*this.references, *this.responses], discard, where)
-        frequency = _frequency(signals[0], record.sampling_rate, where)
-        amplitudes, noise = _orders(signals, frequency, record.sampling_rate)
-        unsteady = max(unsteady, _change(signals, frequency, record.sampling_rate))
-        found.append((frequency, amplitudes, noise))
+        rate = record.sampling_rate
+        for signals in _stays(record, [*this.references, *this.responses], run.condition.excitation.period, where):
+            signals = _settled(signals, round(discard * rate), where)
+            frequency = _frequency(signals[0], rate, where)
+            amplitudes, noise = _orders(signals, frequency, rate)
+            unsteady = max(unsteady, _change(signals, frequency, rate))
+            found.append((frequency, amplitudes, noise))
         advance(progress, "reading steps", place + 1, len(records))
     assert layout is not None and first is not None
     return _joined(run, first, layout, found, unsteady)
 
 
-def _settled(record: Recording, rows: list[int], discard: float, where: str) -> Float[np.ndarray, "channel sample"]:
-    start = round(discard * record.sampling_rate)
-    signals = np.asarray(record.signals[rows, start:], dtype=np.float64)
-    if signals.shape[1] < 16:
-        raise InputError("nothing is left of the record", where=where, got=f"{signals.shape[1]} samples behind "
-                         f"{discard:g} s", expected="16 or more", advice="discard less")  # fmt: skip
-    return signals - signals.mean(axis=1, keepdims=True)
+def _stays(record: Recording, rows: list[int], period: float, where: str) -> list[Float[np.ndarray, "channel sample"]]:
+    """The stretches of one frequency each."""
+    signals = np.asarray(record.signals[rows], dtype=np.float64)
+    if not np.isfinite(period):
+        return [signals]
+    length = period * record.sampling_rate
+    count = int(signals.shape[1] / length + 1e-6)
+    if count < 1:
+        raise InputError("the record is shorter than the stay at one frequency", where=where,
+                         got=f"{record.duration:g} s", expected=f"{period:g} s or more")  # fmt: skip
+    edges = np.round(np.arange(count + 1) * length).astype(int)
+    return [signals[:, a:b] for a, b in pairwise(edges)]
+
+
+def _settled(
+    signals: Float[np.ndarray, "channel sample"], start: int, where: str
+) -> Float[np.ndarray, "channel sample"]:
+    kept = signals[:, start:]
+    if kept.shape[1] < 16:
+        raise InputError("nothing is left of the record", where=where, got=f"{kept.shape[1]} samples behind the first "
+                         f"{start}", expected="16 or more", advice="discard less")  # fmt: skip
+    return np.asarray(kept - kept.mean(axis=1, keepdims=True))
 
 
 def _frequency(force: Float[np.ndarray, "sample"], rate: float, where: str) -> float:

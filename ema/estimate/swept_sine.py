@@ -24,12 +24,11 @@ def sweep(
     band: tuple[float, float] | None = None,
     block: int | None = None,
     progress: Progress = silent,
-    period: float | None = None,
 ) -> FrfSet:
     """FRFs of swept-sine takes: one whole sweep per block, averaged over the takes.
 
     No window: a sweep that begins and ends at rest within its record has no leakage. Of a periodic sweep, whose
-    ``period`` is stated, the first period is dropped while the structure settles, and the others are averaged.
+    ``period`` the condition states, the first is dropped while the structure settles, and the others are averaged.
 
     Parameters
     ----------
@@ -37,7 +36,6 @@ def sweep(
     band : lines in Hz to return; by default those that the sweep excited (force power within 20 dB of its median in
         the band that holds 98 % of it).
     block : samples of each record to use; by default all of the shortest one.
-    period : s after which a periodic sweep begins anew.
 
     Raises
     ------
@@ -46,7 +44,9 @@ def sweep(
     """
     records = channels.recordings_of(run)
     length = block or min(record.signals.shape[1] for record in records)
-    if period is not None:
+    period = run.condition.excitation.period
+    periodic = bool(np.isfinite(period))
+    if periodic:
         length = _period(run, period)
     sums: dict[Dof, Sums] = {}
     first, layout = None, None
@@ -58,11 +58,11 @@ def sweep(
         if first is None or layout is None:
             first, layout = record, this
         _check(first.sampling_rate, record.sampling_rate, layout, this, record.signals.shape[1], length, where)
-        begins = (0,) if period is None else range(length, record.signals.shape[1] - length + 1, length)
+        begins = range(length, record.signals.shape[1] - length + 1, length) if periodic else (0,)
         for begin in begins:
             signals = record.signals[[*this.references, *this.responses], begin : begin + length]
             signals = signals - signals.mean(axis=1, keepdims=True)
-            left = max(left, _left_over(signals[1:]) if period is None else 0.0)
+            left = max(left, 0.0 if periodic else _left_over(signals[1:]))
             lines = scipy.fft.rfft(signals, axis=1)
             part = single_input.summed(lines[0], lines[1:])
             force = this.inputs[0]

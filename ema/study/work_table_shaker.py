@@ -28,8 +28,10 @@ CHIRPS = ((1.0, 4), (16.0, 2))
 CHIRP_LEVEL, CHIRP_FORCE = 30.0, 100.0
 BAND = (200.0, 1350.0)
 
-_DWELL, _STEP, _PAUSE, _REFIT = 0.1, 0.5, 20.0, 300.0
-_RING_STEP, _RING_NOISE = 5.0, 0.1
+STAY = 400 / SAMPLING_RATE
+"""Time in s at each frequency."""
+_PAUSE, _REFIT = 20.0, 300.0
+_RING_STEP, _RING_NOISE = 0.5, 0.05
 _UNEVEN = (0.02, -0.02)
 _WEAR = 1.1
 """Contact stiffness after the joints have seen their highest normal force, over that before."""
@@ -61,7 +63,7 @@ def plan(modes: tuple[int, ...] = (1, 3)) -> tuple[Condition, ...]:
     def measured(mode: int, level: float, force: float, sequence: str, fitted: float) -> None:
         nonlocal clock
         lines = MODE_1 if mode == 1 else MODE_3
-        ends = clock + len(lines) * _STEP
+        ends = clock + len(lines) * STAY
         listed.append(Condition(mode, level, force, sequence, clock, ends, fitted))
         clock = ends + _PAUSE
 
@@ -81,10 +83,10 @@ def plan(modes: tuple[int, ...] = (1, 3)) -> tuple[Condition, ...]:
 def pressed(condition: Condition, times: "np.ndarray | float") -> np.ndarray:
     """What presses both joints at times in s: uneven by 2 %, and settling after the bolts were set; (joint, time).
 
-    The lowest force, held by soft springs, settles by a fifth; the others by a fiftieth.
+    The lowest force settles by a quarter within a minute, the others by a fiftieth within minutes.
     """
-    loss = 0.20 if condition.force < 10 else 0.02
-    settled = 1 + loss * (0.5 - (1 - np.exp(-(np.atleast_1d(times) - condition.fitted) / 120.0)))
+    loss, time = (0.25, 30.0) if condition.force < 10 else (0.02, 120.0)
+    settled = 1 + loss * (0.5 - (1 - np.exp(-(np.atleast_1d(times) - condition.fitted) / time)))
     return np.array([condition.force * (1 + part) * settled for part in _UNEVEN])
 
 
@@ -99,8 +101,7 @@ def generate(setting: table.Setting, modes: tuple[int, ...], chirps: bool) -> Ca
         for number, condition in enumerate(listed):
             advance(progress, "measuring the virtual table", number, len(listed))
             held = _model(setting, condition)
-            records = _stepped(held, condition, seed=100 + number)
-            store.save(folder / f"{condition.run}.h5", records)
+            store.save(folder / f"{condition.run}.h5", _stepped(held, condition, seed=100 + number))
         if chirps:
             held = table.with_beam(setting, CHIRP_FORCE)
             for place, (period, count) in enumerate(CHIRPS):
@@ -137,16 +138,14 @@ def _sensors() -> tuple[Channel, ...]:
 _FRONT_END = {"noise": {"acceleration": 0.02, "force": 0.02}, "bits": 24, "force_range": 200.0}
 
 
-def _stepped(model: BeamModel, condition: Condition, seed: int) -> list[Recording]:
-    """One record for each frequency, taken when the structure has settled."""
+def _stepped(model: BeamModel, condition: Condition, seed: int) -> Recording:
+    """Steady states, one frequency after the other: the controller records when the structure has settled."""
     lines = MODE_1 if condition.mode == 1 else MODE_3
-    drive = SteppedSine(Dof(table.DRIVE_NODE, "+Z"), condition.level, lines, _DWELL, shaker=SHAKER)
+    drive = SteppedSine(Dof(table.DRIVE_NODE, "+Z"), condition.level, lines, STAY, shaker=SHAKER)
     rig = FrictionRig(model, drive, _sensors(), SAMPLING_RATE, seed=seed, name=condition.run, **_FRONT_END)  # type: ignore[arg-type]
-    start = START + timedelta(seconds=condition.begins)
-    return [
-        _written(record, start + timedelta(seconds=number * _STEP), f"{lines[number]:g} Hz")
-        for number, record in enumerate(rig.takes())
-    ]
+    takes = list(rig.takes())
+    whole = replace(takes[0], signals=np.hstack([take.signals for take in takes]))
+    return _written(whole, START + timedelta(seconds=condition.begins), condition.run)
 
 
 def _written(record: Recording, start: datetime, name: str) -> Recording:
