@@ -5,7 +5,7 @@ steps stable at any length. The step is halved until the difference to the run b
 that a result carries its error.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,9 @@ from ema.simulate.joined import Joined, joined, kept_at_rest, pressure, refuse_j
 from ema.simulate.reduction import ModalBase, modal_base
 from ema.simulate.statics import ramp
 from ema.simulate.structure import System, assemble, pair_counts
+
+NormalForces = Callable[[float], float | Sequence[float] | np.ndarray] | Float[np.ndarray, "joint instant"]
+"""Normal forces over time in N: an array, or a function of the time in s that returns one for all joints or each."""
 
 ENERGY_LIMIT = 1e-6
 _FIRST_STEP = 1e-4
@@ -267,11 +270,7 @@ def solve(
     ------
     InputError : duration, rate or tolerance is not positive.
     """
-    for name, value in (("duration", duration), ("sampling_rate", sampling_rate), ("tolerance", tolerance)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(
-                "not a positive number", where=problem.system.name, got=f"{name} = {value}", expected="above 0"
-            )
+    check_positive(problem, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
     samples = max(round(duration * sampling_rate), 1)
     interval = 1 / sampling_rate
     every = max(int(np.ceil(interval / (_FIRST_STEP if tolerance > 3e-3 else 0.5 * _FIRST_STEP))), 1)
@@ -341,6 +340,7 @@ def displacement_findings(system: System, slips: Float[np.ndarray, "sample conta
 def snapback(
     model: BeamModel, load: float, at: Dof | str, duration: float, outputs: Sequence[Dof | str] | None = None,
     sampling_rate: float = 5000.0, tolerance: float = 1e-3, modes: int | None = None, progress: Progress = silent,
+    normal_forces: NormalForces | None = None,
 ) -> Response:  # fmt: skip
     """Raise a load slowly at one DOF, let go, and follow the free vibration (Gaul, Roseira and Becker 2008, Sec. 1).
 
@@ -351,31 +351,39 @@ def snapback(
     outputs : DOFs whose motion is kept; the loaded one by default.
     tolerance : error of the displacements over the largest one.
     modes : number of modes kept besides the static corrections; all by default.
+    normal_forces : of every joint over time in N, as a function of time or with a sample at every multiple of
+        1 / ``sampling_rate``, linear in between; those of the model by default. The load is raised under the first
+        ones. k_T stays that of the model.
 
     Raises
     ------
     InputError : the model or a number is not physical, the structure is not held.
     """
     dof = Dof.parse(at)
-    problem = prepare(model, outputs or [dof], modes, [dof], plane=True, normal=True)
+    problem = prepare(model, outputs or [dof], modes, [dof], plane=True, normal=normal_forces is None)
     if not np.isfinite(load):
         raise InputError("not a load", where=model.name, got=f"{load} N", expected="a finite force")
-    return solve(
-        problem, released(problem, load, dof), Drive(np.zeros(1)), duration, sampling_rate, tolerance, progress
-    )
+    check_positive(problem, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
+    drive, limits = Drive(np.zeros(1)), None
+    if normal_forces is not None:
+        times = np.arange(max(round(duration * sampling_rate), 1) + 1) / sampling_rate
+        drive = Drive(times, normal_forces=sampled_normal_forces(model, normal_forces, times))
+        limits = drive.limits(problem, 1.0, 1)[0]
+    state = released(problem, load, dof, limits)
+    return solve(problem, state, drive, duration, sampling_rate, tolerance, progress)
 
 
-def released(problem: Problem, load: float, dof: Dof) -> _State:
-    """State of a structure at the moment a slowly raised load is let go."""
+def released(problem: Problem, load: float, dof: Dof, limits: Float[np.ndarray, "contact"] | None = None) -> _State:
+    """State of a structure at the moment a slowly raised load is let go; ``limits`` N are its slip forces till then."""
     system = problem.system
-    state = ramp(system, problem.laws, load * system.row(dof), joined=problem.joined)
+    state = ramp(system, problem.laws, load * system.row(dof), limits=limits, joined=problem.joined)
     q = problem.base.shapes.T @ (system.mass @ state.displacements)
     return _State(q, np.zeros_like(q), problem.base.slip @ q, state.forces, state.memory)
 
 
 def respond(
     model: BeamModel, forces: Float[np.ndarray, "load sample"], at: Sequence[Dof | str], sampling_rate: float,
-    outputs: Sequence[Dof | str], normal_forces: Float[np.ndarray, "joint sample"] | None = None,
+    outputs: Sequence[Dof | str], normal_forces: NormalForces | None = None,
     tolerance: float = 1e-3, modes: int | None = None, progress: Progress = silent,
 ) -> Response:  # fmt: skip
     """Motion from rest under arbitrary forces, linear between their samples.
@@ -383,7 +391,8 @@ def respond(
     Parameters
     ----------
     forces : N; ``at`` their DOFs; ``sampling_rate`` Hz of forces and response.
-    normal_forces : of every joint over time in N; those of the model by default. k_T stays that of the model.
+    normal_forces : of every joint over time in N, sampled like ``forces`` or a function of time; those of the model by
+        default. k_T stays that of the model.
     tolerance : error of the displacements over the largest one.
 
     Raises
@@ -394,25 +403,50 @@ def respond(
     if len(dofs) != len(forces) or forces.shape[1] < 2 or not np.all(np.isfinite(forces)):
         raise InputError("the forces do not fit", where=model.name, got=f"{forces.shape} for {len(dofs)} DOFs",
                          expected="one finite row of two or more samples for every DOF")  # fmt: skip
-    if normal_forces is not None:
-        check_normal_forces(model, normal_forces, forces.shape[1])
     problem = prepare(model, outputs, modes, dofs, plane=True, normal=normal_forces is None)
+    check_positive(problem, sampling_rate=sampling_rate, tolerance=tolerance)
     times = np.arange(forces.shape[1]) / sampling_rate
-    drive = Drive(times, dofs, forces, normal_forces)
+    pressing = None if normal_forces is None else sampled_normal_forces(model, normal_forces, times)
+    drive = Drive(times, dofs, forces, pressing)
     return solve(problem, problem.rest(), drive, float(times[-1]), sampling_rate, tolerance, progress)
 
 
-def check_normal_forces(model: BeamModel, forces: Float[np.ndarray, "joint sample"], samples: int) -> None:
-    """Refuse normal forces that are negative, not finite, or of the wrong shape.
+def check_positive(problem: Problem, **numbers: float) -> None:
+    """Refuse numbers that are not positive.
 
     Raises
     ------
     InputError : as said.
     """
-    if forces.shape != (len(model.joints), samples):
-        raise InputError("the normal forces do not fit", where=model.name, got=forces.shape,
-                         expected=f"({len(model.joints)} joints, {samples} samples)")  # fmt: skip
-    if not np.all(np.isfinite(forces)) or forces.min() < 0:
-        raise InputError(
-            "not a normal force", where=model.name, got=f"{np.nanmin(forces)} N", expected="0 N or more, no NaN"
-        )
+    for name, value in numbers.items():
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(
+                "not a positive number", where=problem.system.name, got=f"{name} = {value}", expected="above 0"
+            )
+
+
+def sampled_normal_forces(
+    model: BeamModel, forces: NormalForces, times: Float[np.ndarray, "time"]
+) -> Float[np.ndarray, "joint time"]:
+    """Normal forces of every joint at ``times`` s.
+
+    Raises
+    ------
+    InputError : they are negative, not finite, or of the wrong shape.
+    """
+    joints = len(model.joints)
+    if callable(forces):
+        answers = [np.atleast_1d(np.asarray(forces(float(t)), dtype=np.float64)) for t in times]
+        if any(answer.shape not in ((1,), (joints,)) for answer in answers):
+            raise InputError("the normal forces do not fit", where=model.name, got=answers[0].shape,
+                             expected=f"one number, or {joints} of them")  # fmt: skip
+        table = np.array([np.broadcast_to(answer, (joints,)) for answer in answers]).T
+    else:
+        table = np.asarray(forces, dtype=np.float64)
+    if table.shape != (joints, len(times)):
+        raise InputError("the normal forces do not fit", where=model.name, got=table.shape,
+                         expected=f"({joints} joints, {len(times)} samples)")  # fmt: skip
+    wrong = table[~(np.isfinite(table) & (table >= 0))]
+    if wrong.size:
+        raise InputError("not a normal force", where=model.name, got=f"{wrong[0]} N", expected="0 N or more, no NaN")
+    return table

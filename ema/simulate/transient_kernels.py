@@ -211,7 +211,7 @@ def advance(
             )
         else:
             rounds, residual = sweep_contacts(
-                gains, free, stiffness, limit, laws, u, f, h, z, z1, a, b, 1e-10, 1000, u1, f1, change
+                gains, free, stiffness, limit, laws, u, f, h, z, z1, a, b, 1e-12, 1000, u1, f1, change
             )
         most, worst = max(most, rounds), max(worst, residual)
         if rounds > 0:

@@ -17,11 +17,13 @@ from ema.simulate.transient import prepare, released
 TIP = "beam 2:20:+Z"
 
 
+FORCES = (200.0, 1000.0, 4000.0, 6000.0, 8000.0, 12000.0)
+
+
 @pytest.fixture(scope="module")
 def exact():
     return {
-        force: snapback_reference(double_beam(Masing(0.3, 1e9), force), 20.0, TIP, 0.06, check=True)
-        for force in (1000.0, 8000.0)
+        force: snapback_reference(double_beam(Masing(0.3, 1e9), force), 20.0, TIP, 0.06, check=True) for force in FORCES
     }
 
 
@@ -30,17 +32,84 @@ def test_reference_mode_converges_to_a_millionth_and_balances_its_energy(exact):
         assert run.error_estimate <= 1e-6
         assert run.energy.error <= 1e-6
         assert np.diff(run.energy.total).max() <= 1e-9 * run.energy.total[0]
-        assert np.abs(run.forces).max() <= 0.3 * 8000 / 19.5 * (1 + 1e-9)
+    for force, run in exact.items():
+        assert np.abs(run.forces).max() <= 0.3 * force / 19.5 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("force", [1000.0, 8000.0])
-@pytest.mark.parametrize("tolerance", [1e-3, 3e-4])
+@pytest.mark.parametrize("force", [200.0, 1000.0, 4000.0, 8000.0])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 3e-4])
 def test_fast_mode_keeps_its_stated_error(exact, force, tolerance):
     fast = snapback(double_beam(Masing(0.3, 1e9), force), 20.0, TIP, 0.06, tolerance=tolerance)
     true = np.abs(fast.displacements - exact[force].displacements).max() / np.abs(fast.displacements).max()
     assert true <= tolerance
     assert true <= 2 * fast.error_estimate
     np.testing.assert_allclose(fast.dissipated.sum(), exact[force].dissipated.sum(), rtol=0.02, atol=1e-6)
+
+
+def masing_by_events(model, start, tip, times):
+    """Tip motion by DOP853 on M x'' + K x + B^T f = 0, restarted wherever a Masing spring sticks or slips."""
+    system = assemble(model)
+    slip, k, top = system.contacts.slip, system.contacts.stiffness, system.contacts.limits
+    inverse, n, sliding = np.linalg.inv(system.mass), len(system.dofs), np.zeros(len(system.contacts.limits))
+    state, now = np.concatenate([start[0], np.zeros(n), start[1]]), 0.0
+    motion = np.empty(len(times))
+    while now < times[-1]:
+
+        def rate(_, y, sliding=sliding):
+            x, v, f = y[:n], y[n : 2 * n], y[2 * n :]
+            change = np.where(sliding == 0, k * (slip @ v), 0.0)
+            return np.concatenate([v, -inverse @ (system.stiffness @ x + slip.T @ f), change])
+
+        def changes(i, sliding=sliding):
+            def event(_, y):
+                if sliding[i]:
+                    return -sliding[i] * (slip[i] @ y[n : 2 * n])
+                return abs(y[2 * n + i]) - top[i]
+
+            event.terminal, event.direction = True, 1.0
+            return event
+
+        done = solve_ivp(rate, (now, times[-1]), state, "DOP853", dense_output=True, rtol=1e-11, atol=1e-15,
+                         events=[changes(i) for i in range(len(k))])  # fmt: skip
+        inside = (times >= now) & (times <= done.t[-1])
+        if inside.any():
+            motion[inside] = system.row(tip) @ done.sol(times[inside])[:n]
+        now, state, sliding = done.t[-1], done.y[:, -1], sliding.copy()
+        for i, found in enumerate(done.t_events):
+            if len(found):
+                sliding[i] = 0.0 if sliding[i] else np.sign(state[2 * n + i])
+                # a hair inside, so that the same event is not found again
+                state[2 * n + i] = np.sign(state[2 * n + i]) * top[i] * (1 - 1e-14 * (sliding[i] == 0))
+    return motion
+
+
+def test_reference_mode_against_an_independent_high_order_solver():
+    """Eq. (4), three elements: the tip agrees within a millionth of the initial deflection."""
+    model = double_beam(Masing(0.3, 2e7), 400.0, elements=3, normal_stiffness=1e6)
+    tip = "beam 2:3:+Z"
+    run = snapback_reference(model, 20.0, tip, 0.03, sampling_rate=5000.0)
+    problem = prepare(model, [tip])
+    start = released(problem, 20.0, problem.outputs[0])
+    expected = masing_by_events(model, (problem.base.shapes @ start.q, start.f), tip, run.times)
+    assert np.abs(run.displacements[0] - expected).max() <= 1e-6 * abs(expected[0])
+    assert int(run.method.split()[1]) > 10
+
+
+def test_modes_after_a_spring_changes_are_those_of_the_whole_matrix():
+    from ema.simulate import phase_kernels
+
+    random = np.random.default_rng(3)
+    squares = np.sort(random.uniform(1, 10, 60) ** 12)
+    row = random.normal(size=60) * np.sqrt(squares)
+    row[[5, 40]] = 0.0, 1e-30
+    for stiffness in (1.0, 1e-9, -0.5 / (row**2 / squares).sum(), -0.99 / (row**2 / squares).sum()):
+        rotation = np.empty((60, 60))
+        found, done = phase_kernels.updated_modes(squares, row, stiffness, rotation)
+        whole = np.diag(squares) + stiffness * np.outer(row, row)
+        assert done
+        np.testing.assert_allclose(np.sort(found), np.linalg.eigvalsh(whole), atol=1e-14 * np.abs(whole).max())
+        np.testing.assert_allclose(rotation.T @ rotation, np.eye(60), atol=1e-13)
+        np.testing.assert_allclose(whole @ rotation, rotation * found, atol=1e-13 * np.abs(whole).max())
 
 
 def test_iwan_springs_in_both_modes():

@@ -10,7 +10,19 @@ import pytest
 from scipy.linalg import eigh
 
 from ema.data import Damping
-from ema.simulate import Masing, RegularisedMasing, double_beam, respond, snapback
+from ema.errors import InputError
+from ema.simulate import (
+    Coulomb,
+    Dahl,
+    Iwan,
+    LuGre,
+    Masing,
+    ParallelMasing,
+    RegularisedMasing,
+    double_beam,
+    respond,
+    snapback,
+)
 from ema.simulate.reduction import modal_base
 from ema.simulate.statics import ramp
 from ema.simulate.structure import assemble
@@ -234,3 +246,58 @@ def test_a_falling_normal_force_pumps_no_energy_in():
     assert np.diff(run.energy.total[after]).max() <= 1e-9 * run.energy.total.max()
     assert run.energy.error <= 1e-6
     assert np.abs(run.forces).max() <= MU * 3000.0 / 19.5 * (1 + 1e-9)
+
+
+def pressing(t):
+    """Normal force that swings between 400 N and 2800 N."""
+    return 1600.0 + 1200.0 * np.sin(300.0 * t)
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    return snapback(double(1600.0), LOAD, TIP, 0.1, normal_forces=pressing)
+
+
+def test_normal_force_over_time_is_followed_and_its_energy_booked(swinging):
+    run = swinging
+    assert run.energy.error <= 1e-6
+    assert run.error_estimate <= 1e-3
+    assert run.energy.projection[-1] > 1e-3 * run.energy.total[0]
+    np.testing.assert_allclose(run.normal_forces[0], pressing(run.times))
+    shares = AREAS / AREAS.sum()
+    assert np.all(np.abs(run.forces) <= MU * shares[:, None] * run.normal_forces[0] * (1 + 1e-2) + 1e-9)
+
+
+def test_normal_force_as_array_and_as_function_are_the_same(swinging):
+    times = np.arange(501) / 5000.0
+    run = snapback(double(1600.0), LOAD, TIP, 0.1, normal_forces=pressing(times)[None])
+    np.testing.assert_array_equal(run.displacements, swinging.displacements)
+    constant = snapback(double(3000.0), LOAD, TIP, 0.05, normal_forces=lambda t: 1600.0)
+    np.testing.assert_allclose(
+        constant.displacements, snapback(double(1600.0), LOAD, TIP, 0.05).displacements, rtol=0, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    "forces", [lambda t: -1.0, lambda t: float("nan"), lambda t: [1.0, 2.0], np.ones((1, 7)), np.full((1, 51), np.nan)]
+)
+def test_normal_forces_that_are_none(forces):
+    with pytest.raises(InputError, match="normal force"):
+        snapback(double(1600.0), LOAD, TIP, 0.01, normal_forces=forces)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Masing(MU, 1e9), Coulomb(MU), ParallelMasing(MU, 1e9, [0.6, 0.4], [0.3, 0.7]), Iwan(MU, 1e9, springs=12),
+        RegularisedMasing(MU, 1e9, 8.0), Dahl(MU, 1e9), LuGre(MU, 1e9),
+    ],
+    ids=lambda law: law.name,
+)  # fmt: skip
+def test_energy_balance_of_every_law(law):
+    """With a normal force that rises and falls, so that the books of friction and projection are both needed."""
+    run = snapback(
+        double_beam(law, 1500.0, elements=5), LOAD, "beam 2:5:+Z", 0.05, tolerance=0.1, normal_forces=pressing
+    )
+    assert run.energy.error <= 1e-6
+    assert run.energy.friction[-1] > 0.05 * run.energy.total[0]

@@ -1,0 +1,163 @@
+"""The simulator of friction beams against its peers, in the same run: OpenSeesPy in time, pyHarm in frequency.
+
+``python -m tests.bench.simulate`` (``--quick``: one normal force, a short run) writes ``results/simulate.json``. One
+thread; processor time per simulated second, best of a few repeats for runs below 5 s. The truth of every error is the
+reference mode at half its spacing; errors are the largest over the run, divided by the initial deflection.
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from datetime import date
+from importlib.util import find_spec
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from ema.simulate import Masing, double_beam, snapback, snapback_reference
+from tests.bench import machine
+from tests.bench.environments import interpreter
+
+RESULT = Path(__file__).parent / "results" / "simulate.json"
+PEER = Path(__file__).parent / "peers" / "opensees" / "run.py"
+FORCES = (200.0, 1000.0, 4000.0, 6000.0, 8000.0, 12000.0)
+STEPS = (4e-5, 2e-5, 1e-5, 5e-6)
+"""s, tried on the peer from the coarsest until its error is small enough."""
+ALLOWED = 1e-3
+TIP, LOAD, RATE, MU, STIFFNESS = "beam 2:20:+Z", 20.0, 5000.0, 0.3, 1e9
+SHARES = np.append(np.ones(19), 0.5) / 19.5
+LONG = 5.0
+
+FIRST_CALLS = {
+    "double_beam and snapback": "s.snapback(model, 20.0, tip, 0.01)",
+    "double_beam and snapback_reference": "s.snapback_reference(model, 20.0, tip, 0.01)",
+    "double_beam and frf": "s.frf(model, np.array([30.0, 31.0]), 5.0, tip, [tip])",
+}
+SCRIPT = """
+import numpy as np
+import ema.simulate as s
+tip = "beam 2:20:+Z"
+model = s.double_beam(s.Masing(0.3, 1e9), 1000.0)
+{call}
+import time
+print(time.process_time())
+"""
+
+
+def timed(action: Callable[[], Any]) -> tuple[float, Any]:
+    """Processor time in s, best of three where it is short, and the result."""
+    times: list[float] = []
+    result = None
+    while len(times) < 3 and (not times or times[0] < LONG):
+        start = process_time()
+        result = action()
+        times.append(process_time() - start)
+    return min(times), result
+
+
+def deviation(motion: Any, truth: Any) -> float:
+    """Largest difference over the initial deflection."""
+    return float(np.abs(np.asarray(motion) - truth).max() / abs(truth[0]))
+
+
+def peer_case(force: float, duration: float, step: float) -> dict:
+    """The same double beam in numbers."""
+    return {
+        "elements": 20, "length": 0.5, "width": 0.04, "height": 0.005, "youngs_modulus": 210e9, "density": 7850.0,
+        "contact_stiffness": STIFFNESS, "normal_stiffness": 1e9, "slip_force": MU * force, "shares": SHARES.tolist(),
+        "load": LOAD, "sampling_rate": RATE, "duration": duration, "step": step,
+    }  # fmt: skip
+
+
+def peer_run(force: float, duration: float, step: float) -> dict:
+    """One run of OpenSeesPy in its own process and environment."""
+    with tempfile.TemporaryDirectory() as folder:
+        case, result = Path(folder) / "case.json", Path(folder) / "result.json"
+        case.write_text(json.dumps(peer_case(force, duration, step)))
+        done = subprocess.run([interpreter("opensees"), "-P", str(PEER), str(case), str(result)], capture_output=True,
+                              text=True, check=False)  # fmt: skip
+        if done.returncode != 0:
+            hint = "; install the system packages libblas3 and liblapack3" if "libblas" in done.stderr else ""
+            return {"error": done.stderr.strip().splitlines()[-1] + hint}
+        return dict(json.loads(result.read_text()))
+
+
+def peer_rows(force: float, duration: float, truth: np.ndarray) -> list[dict]:
+    """The peer at finer and finer steps until its error is allowed."""
+    rows: list[dict] = []
+    for step in STEPS:
+        run = peer_run(force, duration, step)
+        if "error" in run:
+            return [*rows, {"step": step, "error": run["error"]}]
+        wrong = deviation(run["displacements"], truth)
+        rows.append({"step": step, "cpu": run["cpu"] / duration, "deviation": wrong, "version": run["version"]})
+        print(f"  OpenSeesPy, {1e6 * step:g} us: {rows[-1]['cpu']:.2f} s, error {wrong:.1e}", flush=True)
+        if wrong <= ALLOWED:
+            break
+    return rows
+
+
+def snapbacks(force: float, duration: float) -> dict:
+    """Both modes and the peer at one normal force."""
+    model = double_beam(Masing(MU, STIFFNESS), force)
+    cpu_reference, reference = timed(lambda: snapback_reference(model, LOAD, TIP, duration))
+    truth = snapback_reference(model, LOAD, TIP, duration, spacing=0.5 * reference.step).displacements[0]
+    cpu_fast, fast = timed(lambda: snapback(model, LOAD, TIP, duration, tolerance=ALLOWED))
+    row = {
+        "force": force, "duration": duration,
+        "fast": {
+            "cpu": cpu_fast / duration, "deviation": deviation(fast.displacements[0], truth),
+            "stated": fast.error_estimate, "step": fast.step, "energy": fast.energy.error,
+        },
+        "reference": {
+            "cpu": cpu_reference / duration, "deviation": deviation(reference.displacements[0], truth),
+            "method": reference.method, "energy": reference.energy.error,
+        },
+    }  # fmt: skip
+    print(f"{force:g} N: fast {row['fast']}, reference {row['reference']}", flush=True)
+    row["opensees"] = peer_rows(force, duration, truth)
+    return row
+
+
+def first_call(call: str) -> float:
+    """Processor time in s of a fresh process that has to compile everything."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run([sys.executable, "-c", SCRIPT.format(call=call)], capture_output=True, text=True,
+                              check=True, env=os.environ | {"NUMBA_CACHE_DIR": folder})  # fmt: skip
+    return float(done.stdout.split()[-1])
+
+
+def main() -> None:
+    """Run and write the result."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--out", type=Path, default=RESULT)
+    quick = parser.parse_args()
+    # compiled, or read from the cache, before anything is timed
+    for solver in (snapback, snapback_reference):
+        solver(double_beam(Masing(MU, STIFFNESS), 1000.0), LOAD, TIP, 0.01)
+    forces, duration = ((1000.0,), 0.1) if quick.quick else (FORCES, 1.0)
+    result: dict[str, Any] = {"date": date.today().isoformat(), "machine": machine.description()}
+    result["first calls"] = {name: first_call(call) for name, call in FIRST_CALLS.items()}
+    print(result["first calls"], flush=True)
+    result["snap-back"] = [snapbacks(force, duration) for force in forces]
+    if find_spec("tests.bench.simulate_frequency") is not None:
+        from importlib import import_module
+
+        result["frequency"] = import_module("tests.bench.simulate_frequency").run(quick.quick)
+    quick.out.parent.mkdir(exist_ok=True)
+    quick.out.write_text(json.dumps(result, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
