@@ -122,6 +122,7 @@ def fit(
     second: Annotated[
         bool, typer.Option("--second-opinion", help="Compare with ERA, an estimator in the time domain.")
     ] = False,
+    limit: Limit = None,
     json: Json = False,
 ) -> int:
     """Fit the modes of one run or file and print them."""
@@ -148,7 +149,8 @@ def fit(
             inside = without_dead(frfs.band(*(settings.band or chain.default_band(frfs, hits))))
             models[one.id] = chain.fitted(inside, settings, bars)[1]
             if second:
-                opinions[one.id] = fitting.second_opinion(models[one.id], inside, bars)
+                opinions[one.id] = found = fitting.second_opinion(models[one.id], inside, bars)
+                models[one.id] = replace(models[one.id], findings=models[one.id].findings + found.findings)
     if write is not None:
         _write_modes(write, models, opened.geometry)
     if json:
@@ -161,11 +163,10 @@ def fit(
         out = screen.console()
         for name, model in models.items():
             out.print(screen.mode_table(model, name))
-            screen.show_findings(out, model.findings)
             if second:
                 out.print(screen.opinion_table(opinions[name], name))
-                screen.show_findings(out, opinions[name].findings)
-    return FINE
+            screen.show_findings(out, model.findings)
+    return _status([finding for model in models.values() for finding in model.findings], limit or "never")
 
 
 @app.command()
