@@ -17,6 +17,17 @@ from ema.data.modal import (
     natural_frequencies,
     poles_from,
 )
+from ema.data.placement import (
+    BoltedJoint,
+    Candidates,
+    ControlLine,
+    ControlStudy,
+    FrictionBeam,
+    Place,
+    Placement,
+    Prediction,
+    Ranking,
+)
 from ema.data.pressure import ContactPressure
 from ema.data.provenance import Provenance
 from ema.data.recording import Channel, Recording
@@ -27,10 +38,11 @@ from ema.data.single import SingleMode
 from ema.data.source import Source
 
 __all__ = [
-    "BeamModel", "Campaign", "Channel", "Condition", "ConditionDifference", "ContactPressure", "Damping", "Decay",
-    "EnergyBalance", "Excitation", "Expectation", "Finding", "FrfSet", "FrictionLaw", "Geometry", "HarmonicResponse",
-    "Hit", "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel",
-    "ModalUncertainty", "ModeQuality", "NormalContact", "PoleTable", "Provenance", "Recording", "Repair", "RepeatGroup",
-    "Residuals", "Response", "Run", "RunResult", "SingleMode", "Source", "StudyResult", "VarianceComponents",
-    "damping_ratios", "natural_frequencies", "poles_from",
+    "BeamModel", "BoltedJoint", "Campaign", "Candidates", "Channel", "Condition", "ConditionDifference",
+    "ContactPressure", "ControlLine", "ControlStudy", "Damping", "Decay", "EnergyBalance", "Excitation",
+    "Expectation", "Finding", "FrfSet", "FrictionBeam", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit",
+    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel", "ModalUncertainty",
+    "ModeQuality", "NormalContact", "Place", "Placement", "PoleTable", "Prediction", "Provenance", "Ranking",
+    "Recording", "Repair", "RepeatGroup", "Residuals", "Response", "Run", "RunResult", "SingleMode", "Source",
+    "StudyResult", "VarianceComponents", "damping_ratios", "natural_frequencies", "poles_from",
 ]  # fmt: skip

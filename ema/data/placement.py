@@ -106,8 +106,10 @@ class Prediction:
 
     ``bare_frequencies`` Hz and ``bare_damping`` of the target modes (mode,); ``force_levels`` (level,) and
     ``normal_forces`` (force,) per joint in N; ``frequency`` Hz and ``damping`` (candidate, mode, level, force);
-    ``slip`` (candidate, mode, level, force): largest relative displacement over that at which sliding begins, above 1
-    where a joint slides.
+    ``stiffness`` (candidate, mode, level, force): modal force over modal amplitude at the resonance, 1/s^2 (unit modal
+    mass); ``slip`` (candidate, mode, level, force): largest relative displacement over that at which sliding begins,
+    above 1 where a joint slides (NaN where nobody asked). ``driver``, ``output`` (mode,): mass-normalised shapes at the
+    excited DOF and at that whose response counts. ``method``: ``one mode`` at a time, or ``all modes`` together.
     """
 
     candidates: Candidates
@@ -118,13 +120,18 @@ class Prediction:
     normal_forces: Float[np.ndarray, "force"]
     frequency: Float[np.ndarray, "candidate mode level force"]
     damping: Float[np.ndarray, "candidate mode level force"]
+    stiffness: Float[np.ndarray, "candidate mode level force"]
     slip: Float[np.ndarray, "candidate mode level force"]
+    driver: Float[np.ndarray, "mode"]
+    output: Float[np.ndarray, "mode"]
+    method: str = "one mode"
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     provenance: Provenance = field(default=Provenance(), compare=False)
 
     def __post_init__(self) -> None:
         names = (
-            "bare_frequencies", "bare_damping", "force_levels", "normal_forces", "frequency", "damping", "slip",
+            "bare_frequencies", "bare_damping", "force_levels", "normal_forces", "frequency", "damping",
+            "stiffness", "slip", "driver", "output",
         )  # fmt: skip
         freeze(self, **dict.fromkeys(names, np.float64))
 
@@ -143,6 +150,8 @@ class Place:
     mass_shift, stiffness_shift : parts of the frequency shift of each mode with all joints stuck at ``normal_force``,
         Hz, shape (mode,).
     findings : what speaks against the place.
+    method : ``one mode`` at a time, or ``all modes`` together; ``one_mode_damping`` (mode, level) at ``normal_force``
+        is kept beside the latter.
     """
 
     candidate: int
@@ -161,23 +170,32 @@ class Place:
     mass_shift: Float[np.ndarray, "mode"]
     stiffness_shift: Float[np.ndarray, "mode"]
     findings: tuple[Finding, ...] = field(default=(), compare=False)
+    method: str = "one mode"
+    one_mode_damping: Float[np.ndarray, "mode level"] | None = None
 
     def __post_init__(self) -> None:
         names = (
             "normal_forces", "frequency", "damping", "damping_low", "damping_high", "mass_shift", "stiffness_shift",
+            "one_mode_damping",
         )  # fmt: skip
         freeze(self, **dict.fromkeys(names, np.float64))
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Places in the order of an objective: ``scores`` (candidate,) of all, ``places`` the best of them."""
+    """Places in the order of an objective.
+
+    ``scores`` (candidate,) of all by the one-mode predictor, ``places`` the best. ``checked`` holds the shortlist with
+    all modes together, its places in the order of ``shortlist``, rows of the candidates of ``prediction``.
+    """
 
     objective: str
     prediction: Prediction
     scores: Float[np.ndarray, "candidate"]
     places: tuple[Place, ...]
     findings: tuple[Finding, ...] = field(default=(), compare=False)
+    shortlist: tuple[int, ...] = ()
+    checked: Prediction | None = None
 
     def __post_init__(self) -> None:
         freeze(self, scores=np.float64)
@@ -195,12 +213,91 @@ class Ranking:
         for number, place in enumerate(self.places, start=1):
             row: dict[str, object] = {
                 "rank": number, "x [m]": place.centre[0], "y [m]": place.centre[1],
-                "angle [deg]": np.degrees(place.angle), "beam": place.beam, "F_N [N]": place.normal_force,
+                "angle [deg]": np.degrees(place.angle), "beam": place.beam, "score": place.score,
+                "F_N [N]": place.normal_force,
             }  # fmt: skip
             for m, mode in enumerate(self.prediction.modes):
-                least = int(np.argmin(place.damping[m]))
+                least = int(np.nanargmin(place.damping[m]))
+                row[f"mode {mode + 1} f [Hz]"] = place.frequency[m, least]
                 row[f"mode {mode + 1} zeta [%]"] = 100 * place.damping[m, least]
                 row[f"mode {mode + 1} zeta low [%]"] = 100 * place.damping_low[m, least]
                 row[f"mode {mode + 1} zeta high [%]"] = 100 * place.damping_high[m, least]
             rows.append(row | {"flags": ", ".join(sorted({finding.code for finding in place.findings}))})
         return pd.DataFrame(rows).set_index("rank")
+
+
+@dataclass(frozen=True)
+class ControlLine:
+    """One law of the normal force after a release: ``energy`` s, the integral of E/E0 over time.
+
+    ``to_five``, ``to_two`` s until the amplitude stays below 5 % and 2 % of that at the start; ``nan`` where it does
+    not within the run. ``force`` N, that of the law; ``times`` s and ``energies`` E/E0 for the picture.
+    """
+
+    law: str
+    force: float
+    energy: float
+    to_five: float
+    to_two: float
+    times: Float[np.ndarray, "sample"]
+    energies: Float[np.ndarray, "sample"]
+
+    def __post_init__(self) -> None:
+        freeze(self, times=np.float64, energies=np.float64)
+
+
+@dataclass(frozen=True)
+class ControlStudy:
+    """What a controlled normal force adds to the best constant one, for one place.
+
+    ``lines`` of the ring-downs: the best constant force first, then the best of every law. ``force_levels``,
+    ``constant_damping`` and ``scheduled_damping`` (level,): the steady damping under one normal force for all levels,
+    and under that recommended for each. ``verdict``: in sentences.
+    """
+
+    place: int
+    mode: int
+    load: float
+    lines: tuple[ControlLine, ...]
+    force_levels: Float[np.ndarray, "level"]
+    constant_damping: Float[np.ndarray, "level"]
+    scheduled_damping: Float[np.ndarray, "level"]
+    verdict: str
+
+    def __post_init__(self) -> None:
+        freeze(self, force_levels=np.float64, constant_damping=np.float64, scheduled_damping=np.float64)
+
+    def table(self) -> "pd.DataFrame":
+        """One row per law: force [N], energy integral [ms], times to 5 % and 2 % of the amplitude [ms]."""
+        import pandas as pd
+
+        return pd.DataFrame({
+            "law": [line.law for line in self.lines], "F_N [N]": [line.force for line in self.lines],
+            "J [ms]": [1e3 * line.energy for line in self.lines],
+            "t 5 % [ms]": [1e3 * line.to_five for line in self.lines],
+            "t 2 % [ms]": [1e3 * line.to_two for line in self.lines],
+        }).set_index("law")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Placement:
+    """The answer to a placement task: the ranking, where the plane of its coordinates lies, and how far to trust it.
+
+    ``origin`` (3,) m and ``axes`` (3, 3) of the plane, ``extent`` (2, 2) m of the measured rectangle, ``keep_out``
+    polygons (corner, 2) m; ``warning`` is the first line of every report, empty where the model agrees.
+    """
+
+    title: str
+    ranking: Ranking
+    origin: Float[np.ndarray, "3"]
+    axes: Float[np.ndarray, "3 3"]
+    extent: Float[np.ndarray, "2 2"]
+    points: Float[np.ndarray, "point 2"]
+    keep_out: tuple[np.ndarray, ...] = ()
+    warning: str = ""
+    control: ControlStudy | None = None
+    findings: tuple[Finding, ...] = field(default=(), compare=False)
+    provenance: Provenance = field(default=Provenance(), compare=False)
+
+    def __post_init__(self) -> None:
+        freeze(self, origin=np.float64, axes=np.float64, extent=np.float64, points=np.float64)

@@ -5,24 +5,39 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ema.place.candidates import grid
+    from ema.place.control import control_study
     from ema.place.model import model_at
-    from ema.place.objective import Objective
+    from ema.place.objective import Objective, recommended_forces
     from ema.place.predictor import predict
-    from ema.place.search import Task, rank
+    from ema.place.recommend import distribute
+    from ema.place.search import rank, search
+    from ema.place.task import Task
+    from ema.place.verify import verify
 
 _NAMES = {
     "Objective": "objective",
-    "Task": "search",
+    "Task": "task",
+    "control_study": "control",
+    "distribute": "recommend",
     "grid": "candidates",
     "model_at": "model",
     "predict": "predictor",
     "rank": "search",
+    "recommended_forces": "objective",
+    "search": "search",
+    "verify": "verify",
 }
 
-__all__ = ["Objective", "Task", "grid", "model_at", "predict", "rank"]
+__all__ = [
+    "Objective", "Task", "control_study", "distribute", "grid", "model_at", "predict", "rank", "recommended_forces",
+    "search", "verify",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
     if name in _NAMES:
-        return getattr(import_module(f"ema.place.{_NAMES[name]}"), name)
+        value = getattr(import_module(f"ema.place.{_NAMES[name]}"), name)
+        # verbs share their names with modules, which the import has just put here
+        globals()[name] = value
+        return value
     raise AttributeError(f"module 'ema.place' has no attribute {name!r}")

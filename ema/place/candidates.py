@@ -58,7 +58,10 @@ def grid(
             kinds.append(np.full(good.sum(), kind))
     found = Candidates(np.concatenate(centres), np.concatenate(turned), np.concatenate(kinds), tuple(catalogue))
     if not len(found):
-        raise InputError("no place for the beam", where="placement", got="0 candidates", expected="one or more",
+        sides = surface.extent[:, 1] - surface.extent[:, 0]
+        lengths = ", ".join(f"{beam.length:.3g} m" for beam in catalogue)
+        raise InputError("no place for the beam", where="placement", got=f"beams of {lengths}",
+                         expected=f"beams that fit on {sides[0]:.3g} m x {sides[1]:.3g} m beside what is kept out",
                          advice="shorter beams, smaller keep-out areas, or a finer step")  # fmt: skip
     return found
 

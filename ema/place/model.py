@@ -1,11 +1,14 @@
 """The full model of a measured structure with a friction beam at one place: what the shortlist is checked with."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from jaxtyping import Float
 
 from ema.data import BeamModel, Damping, Joint, Matrices, ModalModel
 from ema.data.placement import BoltedJoint, Candidates
 from ema.dof import Dof
-from ema.place.predictor import ELEMENTS, beam_matrices, normal_stiffness
+from ema.place.predictor import ELEMENTS, beam_matrices
 from ema.shapes import Surface
 
 PART = "friction beam"
@@ -14,9 +17,10 @@ FIRST_NODE = 900_001
 
 
 def model_at(
-    bare: ModalModel, surface: Surface, candidates: Candidates, place: int, joint: BoltedJoint, normal_force: float
-) -> BeamModel:
-    """A measured host with the beam of one candidate, every joint pressed with ``normal_force`` N.
+    bare: ModalModel, surface: Surface, candidates: Candidates, place: int, joint: BoltedJoint,
+    normal_force: float | Sequence[float] | Float[np.ndarray, "joint"],
+) -> BeamModel:  # fmt: skip
+    """A measured host with the beam of one candidate, pressed with ``normal_force`` N (of every joint, or of each).
 
     The host keeps its measured DOFs; the joints are nodes 900001, 900002, ... with axes along the beam, whose shapes
     come from the surface. Residual terms of the host are left out: they are not known at the joints.
@@ -38,16 +42,14 @@ def model_at(
     count = len(mass) // 3
     beam_dofs = tuple(Dof(node, direction, PART) for node in range(count) for direction in ("+X", "+Z", "-RY"))
     first = 1 if beam.overhang > 0 else 0
-    forces = np.array([normal_force])
-    law = joint.law
+    forces = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), (beam.joints,))
     joints = tuple(
         Joint(
             f"J{number + 1}", ((FIRST_NODE + number, first + number * ELEMENTS),),
-            (joint.surface_height, 0.5 * beam.height), law, float(normal_force),
-            float(normal_stiffness(joint, forces)[0]), tangential_loss=joint.tangential_loss,
-            normal_loss=joint.normal_loss,
+            (joint.surface_height, 0.5 * beam.height), joint.law, float(force), joint.normal_stiffness,
+            tangential_loss=joint.tangential_loss, normal_loss=joint.normal_loss, normal_exponent=joint.normal_exponent,
         )
-        for number in range(beam.joints)
+        for number, force in enumerate(forces)
     )  # fmt: skip
     return BeamModel(
         host, Matrices(mass, stiffness, beam_dofs), joints, Damping(), name=f"place {place}", pair_spacing=None

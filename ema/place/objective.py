@@ -1,13 +1,15 @@
 """What a good place is: one number per place and normal force."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ema.data.placement import Prediction
 from ema.errors import InputError
+
+AIMS = ("damping", "least damping", "geometric mean", "peak reduction", "chatter")
 
 
 @dataclass(frozen=True)
@@ -16,9 +18,10 @@ class Objective:
 
     Parameters
     ----------
-    aim : ``damping`` (weighted mean over the target modes), ``least damping`` (the worst of the modes),
-        ``geometric mean`` (over the modes), or ``peak reduction`` (dB by which the worst resonance peak of the force
-        response, and with it the most negative real part that sets the chatter limit, comes down).
+    aim : ``damping`` (weighted mean over the target modes), ``least damping`` (the worst of the modes), ``geometric
+        mean`` (over the modes), ``peak reduction`` (dB by which the highest of the target modes' peaks of the response
+        comes down) or ``chatter`` (dB by which the most negative real part of the receptance at the excited point, a
+        tool, comes up: it sets the stable depth of cut).
     over_levels : ``least`` (the worst force level: robust) or ``mean`` of the levels.
     mode_weights : of ``damping``, one per target mode; equal by default.
     """
@@ -31,40 +34,86 @@ class Objective:
         return f"{self.aim}, {self.over_levels} over the force levels"
 
 
-def scores(
-    prediction: Prediction,
-    objective: Objective,
-    damping: Float[np.ndarray, "*draw candidate mode level force"] | None = None,
-) -> Float[np.ndarray, "*draw candidate force"]:
+def scores(prediction: Prediction, objective: Objective) -> Float[np.ndarray, "candidate force"]:
     """Value of the objective at every place and normal force; -inf where a mode was not found.
-
-    ``damping`` replaces that of the prediction (draws for intervals, the few of a shortlist).
 
     Raises
     ------
     InputError : an unknown aim, or weights that do not fit the modes.
     """
-    values = np.asarray(prediction.damping if damping is None else damping)
+    values = np.asarray(prediction.damping)
     if objective.aim == "damping":
-        joined = np.einsum("...mlf,m->...lf", values, _weights(objective, len(prediction.modes)))
+        joined = np.einsum("cmlf,m->clf", values, _weights(objective, len(prediction.modes)))
     elif objective.aim == "least damping":
-        joined = values.min(axis=-3)
+        joined = values.min(axis=1)
     elif objective.aim == "geometric mean":
-        joined = np.exp(np.mean(np.log(np.maximum(values, 1e-12)), axis=-3))
-    elif objective.aim == "peak reduction":
-        joined = 20 * np.log10(values / prediction.bare_damping[:, None, None]).min(axis=-3)
+        joined = np.exp(np.mean(np.log(np.maximum(values, 1e-12)), axis=1))
+    elif objective.aim in ("peak reduction", "chatter"):
+        joined = _decibels(prediction, objective.aim == "chatter")
     else:
         raise InputError("not an aim of a placement", where="objective", got=objective.aim,
-                         expected="damping, least damping, geometric mean or peak reduction")  # fmt: skip
-    over = joined.min(axis=-2) if objective.over_levels == "least" else joined.mean(axis=-2)
+                         expected=", ".join(AIMS))  # fmt: skip
+    over = joined.min(axis=1) if objective.over_levels == "least" else joined.mean(axis=1)
     return np.where(np.isfinite(over), over, -np.inf)
 
 
-def best_forces(prediction: Prediction, objective: Objective, candidate: int) -> Int[np.ndarray, "level"]:
-    """For every force level, which of the normal forces serves the modes best there."""
-    one = prediction.damping[candidate : candidate + 1]
-    picks = [scores(prediction, objective, one[:, :, row : row + 1])[0].argmax() for row in range(one.shape[2])]
-    return np.array(picks, dtype=np.int64)
+def _decibels(prediction: Prediction, chatter: bool) -> Float[np.ndarray, "candidate level force"]:
+    """Reduction in dB of the highest peak, or of the most negative real part at the excited point.
+
+    Of a mode alone the latter is the peak over 2 (1 + zeta) (Tlusty).
+    """
+    weight = np.abs(prediction.driver * (prediction.driver if chatter else prediction.output))[:, None, None]
+    omega, zeta = 2 * np.pi * prediction.bare_frequencies, prediction.bare_damping
+
+    def worst(stiffness: np.ndarray, damping: np.ndarray) -> np.ndarray:
+        return np.asarray((weight / (stiffness * (1 + damping if chatter else 1))).max(axis=-3))
+
+    bare = worst((2 * zeta * omega**2)[:, None, None], zeta[:, None, None])
+    return np.asarray(20 * np.log10(bare / worst(prediction.stiffness, prediction.damping)))
+
+
+def of_rows(prediction: Prediction, rows: Sequence[int] | Int[np.ndarray, "row"]) -> Prediction:
+    """The prediction of some of its candidates."""
+    picked, held = np.asarray(rows, dtype=np.int64), prediction.candidates
+    few = replace(held, centres=held.centres[picked], angles=held.angles[picked], beams=held.beams[picked])
+    return replace(
+        prediction, candidates=few, frequency=prediction.frequency[picked], damping=prediction.damping[picked],
+        stiffness=prediction.stiffness[picked], slip=prediction.slip[picked],
+    )  # fmt: skip
+
+
+def at_level(prediction: Prediction, row: int) -> Prediction:
+    """The prediction at one force level."""
+    part = slice(row, row + 1)
+    return replace(
+        prediction, force_levels=prediction.force_levels[part], frequency=prediction.frequency[:, :, part],
+        damping=prediction.damping[:, :, part], stiffness=prediction.stiffness[:, :, part],
+        slip=prediction.slip[:, :, part],
+    )  # fmt: skip
+
+
+def recommended_forces(prediction: Prediction, objective: Objective, candidate: int) -> Float[np.ndarray, "level"]:
+    """For every force level the normal force in N that serves the modes best there.
+
+    Between the normal forces of the prediction by a parabola in their logarithm; an end of their range where the best
+    is there, NaN where nothing was found.
+    """
+    one = of_rows(prediction, [candidate])
+    forces = np.log(prediction.normal_forces)
+    result = np.full(len(prediction.force_levels), np.nan)
+    for row in range(len(result)):
+        values = scores(at_level(one, row), objective)[0]
+        top = int(values.argmax())
+        if not np.isfinite(values[top]):
+            continue
+        result[row] = np.exp(forces[top])
+        if 0 < top < len(forces) - 1 and np.all(np.isfinite(values[top - 1 : top + 2])):
+            left, right = forces[top - 1] - forces[top], forces[top + 1] - forces[top]
+            below, above = (values[top - 1] - values[top]) / left, (values[top + 1] - values[top]) / right
+            bend = (above - below) / (right - left)
+            shift = -(below - bend * left) / (2 * bend) if bend < 0 else 0.0
+            result[row] = np.exp(forces[top] + np.clip(shift, left, right))
+    return result
 
 
 def _weights(objective: Objective, modes: int) -> Float[np.ndarray, "mode"]:

@@ -29,6 +29,7 @@ def predict(
     force_levels: Sequence[float] | Float[np.ndarray, "level"],
     normal_forces: Sequence[float] | Float[np.ndarray, "force"],
     modes: Sequence[int],
+    output: Dof | str | None = None,
 ) -> Prediction:
     """Frequency and damping of chosen modes with the beam at every candidate place, over (F_E, F_N).
 
@@ -43,6 +44,7 @@ def predict(
     at : DOF that is excited, one of those of ``bare``.
     force_levels, normal_forces : F_E, and F_N per joint, in N.
     modes : rows of ``bare``, from 0.
+    output : DOF whose response counts in the objectives on responses; the excited one by default.
 
     Raises
     ------
@@ -59,11 +61,12 @@ def predict(
     order = np.argsort(levels)
     omega, zeta = np.abs(bare.poles[chosen]), bare.damping_ratios[chosen]
     phi, lever = motions(surface, candidates, joint, chosen)
-    driver = np.abs(_driver(bare, at)[chosen])
+    driver = shapes_at(bare, at)[chosen]
+    seen = driver if output is None else shapes_at(bare, output)[chosen]
     beams = _free(candidates.catalogue, float(omega.max()))
     count = len(candidates.catalogue[0].places)
     result = kernels.all_places(
-        omega, zeta, driver, levels[order], phi, lever, candidates.beams,
+        omega, zeta, np.abs(driver), levels[order], phi, lever, candidates.beams,
         normal_stiffness(joint, forces) * (1 + 1j * joint.normal_loss), *beams,
         contact_stiffness(joint, forces), joint.law.friction_coefficient * forces, joint.tangential_loss,
         secant_table(joint.law.name, joint.law.parameters),
@@ -72,7 +75,7 @@ def predict(
     result = result[:, :, :, back, :]
     return Prediction(
         candidates, tuple(int(mode) for mode in chosen), omega / (2 * np.pi), zeta, levels, forces,
-        result[:, :, 0], result[:, :, 1], result[:, :, 2],
+        result[:, :, 0], result[:, :, 1], result[:, :, 3], result[:, :, 2], driver, seen,
         provenance=Provenance(steps=("place.predict",), options=(("joints", str(count)), ("law", joint.law.name))),
     )  # fmt: skip
 
@@ -104,11 +107,17 @@ def _check(
     return chosen
 
 
-def _driver(bare: ModalModel, at: Dof | str) -> Float[np.ndarray, "mode"]:
+def shapes_at(bare: ModalModel, at: Dof | str) -> Float[np.ndarray, "mode"]:
+    """Shapes of all modes at a measured DOF.
+
+    Raises
+    ------
+    InputError : it was not measured.
+    """
     wanted = Dof.parse(at)
     found = match([wanted], bare.dofs)
     if not found:
-        raise InputError("the excited DOF was not measured", where=bare.name, got=str(wanted),
+        raise InputError("the DOF was not measured", where=bare.name, got=str(wanted),
                          expected=f"one of {len(bare.dofs)} DOFs such as {bare.dofs[0]}")  # fmt: skip
     return np.asarray(np.real(bare.shapes[found[0][1]]) * found[0][2])
 

@@ -325,7 +325,7 @@ def highest(middle, reach, scan, mode, load, beam, contact, x, z, m, a):
 
 @njit(cache=True, error_model="numpy")
 def one_mode(omega0, zeta0, driver, levels, beam, contact):
-    """Frequency, damping and slip ratio of a mode at every force level (ascending); NaN where nothing was found.
+    """Frequency, damping, slip ratio and dynamic stiffness of a mode at every force level (ascending), or NaN.
 
     The highest response under the force: frequencies around that of the structure carrying the beam first, then up the
     best hill. The damping is that of a single mode of this height and of the local slope of the dynamic stiffness.
@@ -333,7 +333,7 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
     n, size = len(beam[0]), 2 * WIDEST + 1
     x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
     m, a = np.zeros((4, n, n), np.complex128), np.zeros((3, n, n))
-    result = np.full((3, len(levels)), np.nan)
+    result = np.full((4, len(levels)), np.nan)
     heights = np.empty(size)
     scan = (
         COARSE * (np.arange(size) - WIDEST), heights, np.zeros(size, np.bool_), np.empty(size, np.complex128),
@@ -342,7 +342,7 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
     mode = (omega0, zeta0)
     carried = linear_part(omega0, beam, z, m, a).real / omega0**2
     shift = 0.5 * math.log(min(max(1 + carried, 0.5), 2.0))
-    middle, reach = WIDEST + int(round(shift / COARSE)), FIRST
+    middle, reach = WIDEST + round(shift / COARSE), FIRST
     for row in range(len(levels)):
         load = levels[row] * driver
         z[SLIP] = 0
@@ -361,7 +361,8 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
         slope = -held_ahead(omega, mode, beam, contact, z, m, a) / (1e-4 * omega)
         if not omega < slope < 4 * omega:
             slope = 2 * omega
-        result[0, row], result[1, row], result[2, row] = omega / (2 * math.pi), abs(total) / (omega * slope), ratio
+        result[0, row], result[1, row] = omega / (2 * math.pi), abs(total) / (omega * slope)
+        result[2, row], result[3, row] = ratio, abs(total)
     return result
 
 
@@ -394,9 +395,9 @@ def held_ahead(omega, mode, beam, contact, z, m, a):
 def all_places(
     omega0, zeta0, driver, levels, phi, lever, kind, k_n, squares, tangential, normal, rest, k_t, limits, loss, table
 ):
-    """``one_mode`` for all candidates, modes and normal forces: (candidate, mode, 3, level, force)."""
+    """``one_mode`` for all candidates, modes and normal forces: (candidate, mode, 4, level, force)."""
     candidates, modes, forces = phi.shape[0], phi.shape[2], len(k_t)
-    result = np.full((candidates, modes, 3, len(levels), forces), np.nan)
+    result = np.full((candidates, modes, 4, len(levels), forces), np.nan)
     for c in range(candidates):
         one = kind[c]
         for mode in range(modes):

@@ -1,0 +1,277 @@
+"""`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.errors import FailureError, InputError, require
+
+if TYPE_CHECKING:
+    from ema.data import Finding, Geometry, ModalModel
+    from ema.data.comparison import Verdict
+    from ema.data.placement import Placement
+    from ema.place.recipe import PlaceRecipe
+    from ema.progress import Progress
+
+WAIT = 20.0
+"""Seconds that a cluster has to answer and to show its first worker."""
+
+
+@ends_well
+def place(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A placement recipe; or a campaign, a file with modes, or a model.toml.", show_default=False
+        ),
+    ],
+    recipe: Annotated[Path | None, typer.Option("--recipe", help="The recipe, where SOURCE is none.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")] = None,
+    cluster: Annotated[
+        str | None, typer.Option("--cluster", help="Address of a Dask scheduler, such as tcp://127.0.0.1:8786.")
+    ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes on this machine.")] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Keep places finished before.")] = False,
+    anyway: Annotated[bool, typer.Option("--anyway", help="Place although the joint model does not agree.")] = False,
+    limit: Annotated[
+        Literal["warning", "error", "never"],
+        typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
+    ] = "error",
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+) -> int:
+    """Where a friction beam goes, and how hard to press it."""
+    from ema.cli import screen
+    from ema.place.job import place as placed
+    from ema.place.sources import bare_of_model
+    from ema.study.study import make_folder
+
+    read, origin, model = _read(source, recipe)
+    folder = output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement"
+    make_folder(folder)
+    verdict = _verdict(read, origin)
+    with screen.Bars() as bars:
+        bare, geometry = bare_of_model(model) if model is not None else _bare(read, origin, bars)
+        with _workers(cluster, jobs) as executor:
+            found = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
+    written = _write(found, folder)
+    if json:
+        screen.as_json(_as_mapping(found, written))
+    else:
+        _show(found, written)
+    grave = {"warning": ("warning", "error"), "error": ("error",), "never": ()}[limit]
+    return FINDINGS if any(finding.severity in grave for finding in _findings(found)) else FINE
+
+
+def _stem(path: Path) -> str:
+    return path.resolve().name if path.is_dir() else path.stem
+
+
+def _read(source: Path, recipe: Path | None) -> "tuple[PlaceRecipe, Path, Path | None]":
+    """The recipe, the folder its paths are relative to, and the model file where there is one."""
+    from acquisition import model_file
+    from ema.place import recipe as recipes
+    from ema.place.sources import recipe_of_model
+
+    if not source.exists():
+        raise InputError("there is no such file or folder", where=str(source),
+                         expected="a placement recipe, a campaign, a file with modes, or a model.toml")  # fmt: skip
+    if (source / model_file.FILE_NAME).is_file() or source.name == model_file.FILE_NAME:
+        read = recipes.load(recipe) if recipe is not None else recipe_of_model(source)
+        return read, (recipe or source).parent, model_file.locate(source)
+    is_campaign = source.is_dir() or source.name == "campaign.toml"
+    if not is_campaign and source.suffix.lower() == ".toml":
+        return recipes.load(source), source.parent, None
+    if recipe is None:
+        raise InputError("nothing is known about the joint and the beam", where=str(source),
+                         expected="a joint law with normal forces F_N, a beam, and the range of F_E",
+                         advice="write them in a recipe (docs/placement.md) and give it with --recipe")  # fmt: skip
+    told = {"campaign": str(source.resolve()), "modes": ""} if is_campaign else {"modes": str(source.resolve()),
+                                                                                 "campaign": ""}  # fmt: skip
+    return recipes.load(recipe).model_copy(update=told), recipe.parent, None
+
+
+def _bare(recipe: "PlaceRecipe", origin: Path, progress: "Progress") -> "tuple[ModalModel, Geometry]":
+    """Modes of the structure without the beam, and where its points are."""
+    if recipe.modes:
+        return _of_file(origin / recipe.modes)
+    if not recipe.campaign:
+        raise InputError("the recipe names no structure", expected="campaign, or modes (a file)",
+                         advice="add one, or give a campaign as SOURCE and the recipe with --recipe")  # fmt: skip
+    from ema.estimate import without_dead
+    from ema.study import Study, chain
+    from ema.study.measured import frfs_of
+    from ema.study.recipe import FitTable
+
+    study = Study.load(origin / recipe.campaign)
+    campaign = study.open(progress)
+    runs = [run for run in campaign.runs if not run.condition.joints]
+    if recipe.run:
+        run = campaign[recipe.run]
+    elif runs:
+        run = runs[0]
+    else:
+        raise InputError("the campaign has no run without the friction beam", where=campaign.name,
+                         got=", ".join(run.id for run in campaign.runs), expected="a bare run",
+                         advice="measure the structure without the beam")  # fmt: skip
+    if run.condition.joints:
+        raise InputError("this run was measured with a friction beam", where=f"run {run.id}",
+                         got=", ".join(joint.joint for joint in run.condition.joints),
+                         expected="the structure without the beam", advice="name the bare run")  # fmt: skip
+    if campaign.geometry is None:
+        raise InputError("the campaign has no geometry", where=campaign.name,
+                         advice="add [geometry] to campaign.toml: places come from it")  # fmt: skip
+    frfs, hits = frfs_of(run, study.recipe.estimate, progress)
+    band = (recipe.band[0], recipe.band[1]) if recipe.band else chain.default_band(frfs, hits)
+    return chain.fitted(without_dead(frfs.band(*band)), FitTable(), progress)[1], campaign.geometry
+
+
+def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
+    """Modes and geometry of a file in our own or a foreign format."""
+    from ema import store
+    from ema.data import Geometry, ModalModel
+
+    if not path.exists():
+        raise InputError("there is no such file with modes", where=str(path))
+    if path.suffix.lower() == ".h5" and store.is_store(path):
+        held = store.load(path)
+        nouns = list(held.values()) if isinstance(held, dict) else [held]
+    else:
+        import acquisition
+
+        contents = acquisition.read(path)
+        nouns = [*contents.modes, *([contents.geometry] if contents.geometry is not None else [])]
+    models = [noun for noun in nouns if isinstance(noun, ModalModel)]
+    shapes = [noun for noun in nouns if isinstance(noun, Geometry)]
+    if not models or not shapes:
+        raise InputError("the file lacks modes or geometry", where=str(path),
+                         got=", ".join(type(noun).__name__ for noun in nouns) or "nothing",
+                         expected="one modal model and its geometry")  # fmt: skip
+    return models[0], shapes[0]
+
+
+def _verdict(recipe: "PlaceRecipe", origin: Path) -> "Verdict | None":
+    """The verdict of a stored comparison."""
+    if not recipe.agreement:
+        return None
+    from ema import store
+    from ema.data.comparison import Verdict
+
+    path = origin / recipe.agreement
+    held = store.load(path)
+    for noun in [held, *(held.values() if isinstance(held, dict) else [])]:
+        found = noun if isinstance(noun, Verdict) else getattr(noun, "verdict", None)
+        if isinstance(found, Verdict):
+            return found
+    raise InputError("the file holds no verdict", where=str(path), got=type(held).__name__,
+                     expected="a comparison of the joint model with a measurement")  # fmt: skip
+
+
+@contextmanager
+def _workers(cluster: str | None, jobs: int) -> Iterator[Executor | None]:
+    """Where the checks run: a cluster, processes, or here."""
+    if cluster is not None:
+        with _cluster(cluster) as executor:
+            yield executor
+    elif jobs > 1:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        # a fresh interpreter: forking one whose compiled code holds threads may hang
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            yield pool
+    else:
+        yield None
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    from importlib.util import find_spec
+
+    if find_spec("distributed") is None:
+        require("distributed", "cluster")
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=WAIT)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError("no cluster answers", where=address, got=str(error).splitlines()[0] if str(error) else "",
+                         expected="the address of a running scheduler",
+                         advice="start `dask scheduler` and `dask worker ADDRESS`") from error  # fmt: skip
+    try:
+        try:
+            client.wait_for_workers(1, timeout=WAIT)
+        except TimeoutError as error:
+            raise FailureError("the cluster has no worker", where=address, got=f"none within {WAIT:g} s",
+                               advice=f"start one with `dask worker {address}`") from error  # fmt: skip
+        yield client.get_executor(pure=False, retries=3)
+    finally:
+        client.close(timeout=WAIT)
+
+
+def _write(found: "Placement", folder: Path) -> list[Path]:
+    """Store, pictures and report."""
+    from ema import show, store
+    from ema.report import placement as report
+
+    written = [folder / "placement.h5"]
+    store.save(written[0], found)
+    pictures = {"placement_map": show.placement_map(found), "recommended_force": show.recommended_force(found)}
+    if found.control is not None:
+        pictures["control"] = show.control_gain(found.control)
+    for title, figure in pictures.items():
+        for suffix in ("png", "svg"):
+            path = folder / f"{title}.{suffix}"
+            with store.replacing(path) as target:
+                figure.savefig(target, format=suffix, dpi=150)
+            written.append(path)
+    return [*written, report.write(found, folder / "placement.html")]
+
+
+def _findings(found: "Placement") -> "list[Finding]":
+    return list(dict.fromkeys([*found.findings, *found.ranking.best.findings]))
+
+
+def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
+    from ema.report.placement import answer
+    from ema.study.plain import finding
+
+    rows = [
+        {key: None if isinstance(value, float) and value != value else value for key, value in row.items()}
+        for row in found.ranking.table().reset_index().to_dict("records")
+    ]
+    return {
+        "warning": found.warning, "answer": answer(found), "candidates": len(found.ranking.scores),
+        "checked": len(found.ranking.shortlist), "places": rows,
+        "normal_forces": found.ranking.best.normal_forces.tolist(),
+        "control": None if found.control is None else found.control.verdict,
+        "findings": [finding(one) for one in _findings(found)], "written": [str(path) for path in written],
+    }  # fmt: skip
+
+
+def _show(found: "Placement", written: list[Path]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from ema.cli import screen
+    from ema.report.placement import answer
+
+    out = screen.console()
+    if found.warning:
+        out.print(Text(found.warning, style="bold red"), soft_wrap=True)
+    frame = found.ranking.table().reset_index()
+    table = Table(title=f"{found.title}: {found.ranking.objective}", title_justify="left", title_style="bold")
+    for column in frame.columns:
+        table.add_column(Text(str(column)), justify="right")
+    for row in frame.itertuples(index=False):
+        table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in row))
+    out.print(table)
+    out.print(Text(answer(found)), soft_wrap=True)
+    if found.control is not None:
+        out.print(Text(found.control.verdict), soft_wrap=True)
+    screen.show_findings(out, _findings(found))
+    out.print(Text("Written: " + ", ".join(str(path) for path in written)), soft_wrap=True)

@@ -1,0 +1,143 @@
+"""What a controlled normal force adds to the best constant one, for one placed beam."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import BeamModel, Response
+from ema.data.placement import Candidates, ControlLine, ControlStudy
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.place.model import model_at
+from ema.place.objective import Objective, at_level, scores
+from ema.place.task import Task, only, predicted
+from ema.progress import Progress, advance, silent
+from ema.simulate import controlled_snapback
+from ema.simulate.control import Actuator, AmplitudeScheduled, ControlLaw, ReleasePulse, constant
+
+PERIODS = 60.0
+"""Length of a ring-down in periods of the mode."""
+SAMPLES_PER_PERIOD = 40
+_STEPS_PER_PERIOD = 320
+FACTORS = (0.1, 0.2, 0.4, 0.7, 1.2, 2.2, 4.0, 8.0)
+"""Forces that are tried, over the given one."""
+
+
+def control_study(
+    task: Task, candidates: Candidates, place: int, normal_force: float, load: float, mode: int | None = None,
+    lag: float | None = None, objective: Objective | None = None, progress: Progress = silent,
+) -> ControlStudy:  # fmt: skip
+    """Ring-downs of one place under constant, scheduled and pulsed normal force, and steady states under either.
+
+    The structure is bent by ``load`` N at the excited DOF and let go. Every law is tried at eight forces about
+    ``normal_force`` and shown with the one whose energy is gone first (least integral of E/E0). The scheduled force
+    follows the amplitude at the last turning point; the pulse releases the joints for a twelfth of a period there.
+
+    Parameters
+    ----------
+    place : row in ``candidates``; ``normal_force`` N per joint about which forces are tried.
+    mode : row of the bare modes that sets the time scale; the first target mode by default.
+    lag : s from measuring to acting; a twentieth of the period by default.
+
+    Raises
+    ------
+    InputError : a load, force or lag that is not positive.
+
+    Source: amplitude schedule "just below sticking" after Gaul, Roseira and Becker (2008); release pulse after Dupont,
+    Kasturi and Stokes, J. Sound Vib. 202 (1997).
+    """
+    for name, value in (("load", load), ("normal force", normal_force)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"not a {name}", where=f"place {place}", got=f"{value} N", expected="above 0 N")
+    chosen = task.modes[0] if mode is None else mode
+    period = float(2 * np.pi / np.abs(task.bare.poles[chosen]))
+    actuator = Actuator(period / SAMPLES_PER_PERIOD, period / 20 if lag is None else lag)
+    model, at = model_at(task.bare, task.surface, candidates, place, task.joint, normal_force), Dof.parse(task.at)
+    start = _amplitude(model, load, at, period, actuator)
+    kinds: dict[str, Callable[[float], ControlLaw]] = {
+        "constant": constant,
+        "scheduled with the amplitude": lambda force: AmplitudeScheduled(force, start, shortest=period / 4),
+        "released at turning points": lambda force: ReleasePulse(force, period / 12, shortest=period / 4),
+    }
+    lines = []
+    for number, (name, law) in enumerate(kinds.items()):
+        found = []
+        for count, factor in enumerate(FACTORS):
+            advance(progress, "control study", number * len(FACTORS) + count, len(kinds) * len(FACTORS))
+            force = factor * normal_force
+            run = _released(model, law(force), load, at, period, actuator, normal_force)
+            found.append(_line(name, force, run, period))
+        lines.append(min(found, key=lambda line: line.energy))
+    levels, steady, scheduled = _steady(task, candidates, place, objective or Objective())
+    return ControlStudy(
+        place, chosen, load, tuple(lines), levels, steady, scheduled, _verdict(lines, levels, steady, scheduled)
+    )
+
+
+def _released(
+    model: BeamModel, law: ControlLaw, load: float, at: Dof, period: float, actuator: Actuator, force: float,
+    periods: float = PERIODS,
+) -> Response:  # fmt: skip
+    return controlled_snapback(
+        model, law, load, at, periods * period, actuator, step=period / _STEPS_PER_PERIOD, start_force=force
+    )
+
+
+def _amplitude(model: BeamModel, load: float, at: Dof, period: float, actuator: Actuator) -> float:
+    """Displacement of the excited DOF half a period after the release: the static part of other modes is gone."""
+    force = model.joints[0].normal_force
+    run = _released(model, constant(force), load, at, period, actuator, force, 2.0)
+    return float(np.abs(run.displacements[0, SAMPLES_PER_PERIOD // 4 :]).max())
+
+
+def _line(name: str, force: float, run: Response, period: float) -> ControlLine:
+    """Energy integral and times of a ring-down; the amplitude is the root of the largest energy still to come."""
+    times, energy = np.asarray(run.times), np.asarray(run.energy.total / run.energy.total[0])
+    ahead = np.sqrt(np.maximum.accumulate(energy[::-1])[::-1])
+
+    def below(share: float) -> float:
+        under = np.flatnonzero(ahead < share)
+        return float(times[under[0]]) if len(under) else float("nan")
+
+    thin = slice(None, None, SAMPLES_PER_PERIOD // 4)
+    return ControlLine(
+        name, force, float(np.trapezoid(energy, times)), below(0.05), below(0.02), times[thin], energy[thin]
+    )
+
+
+def _steady(
+    task: Task, candidates: Candidates, place: int, objective: Objective
+) -> tuple[Float[np.ndarray, "level"], Float[np.ndarray, "level"], Float[np.ndarray, "level"]]:
+    """Least damping of the target modes at every level, with one normal force for all and with the best of each."""
+    prediction = predicted(task, only(candidates, [place]))
+    least = prediction.damping[0].min(axis=0)
+    common = int(scores(prediction, objective)[0].argmax())
+    each = [
+        int(scores(at_level(prediction, row), objective)[0].argmax()) for row in range(len(prediction.force_levels))
+    ]
+    return np.asarray(prediction.force_levels), least[:, common], least[np.arange(len(each)), each]
+
+
+def _verdict(lines: list[ControlLine], levels: np.ndarray, steady: np.ndarray, scheduled: np.ndarray) -> str:
+    best = min(lines[1:], key=lambda line: line.energy)
+    gain = 1 - best.energy / lines[0].energy
+    if gain > 0.1:
+        told = (
+            f"After a release, a normal force {best.law} (up to {best.force:.3g} N) removes the vibration energy with "
+            f"{gain:.0%} less of its integral over time than the best constant force of {lines[0].force:.3g} N"
+        )
+    else:
+        told = (
+            f"After a release, no controlled force removes the energy by more than 10 % sooner than the best constant "
+            f"one of {lines[0].force:.3g} N"
+        )
+    if np.isfinite(best.to_two):
+        waited = f"{1e3 * lines[0].to_two:.3g} ms" if np.isfinite(lines[0].to_two) else "longer than the run"
+        told += f"; to 2 % of the amplitude it takes {1e3 * best.to_two:.3g} ms instead of {waited}"
+    mean, least = np.nanmean(scheduled) / np.nanmean(steady) - 1, np.nanmin(scheduled) / np.nanmin(steady) - 1
+    return (
+        f"{told}. In steady vibration at {levels.min():.3g} to {levels.max():.3g} N, a normal force set for each level "
+        f"changes the mean damping by {100 * mean:+.0f} % and the least by {100 * least:+.0f} % against one force for "
+        "all levels."
+    )

@@ -1,0 +1,114 @@
+"""A whole placement: modes of the bare structure and a recipe -> ranking, control study, warning."""
+
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ema.data import Finding, Geometry, ModalModel, Provenance
+from ema.data.comparison import Verdict
+from ema.data.placement import Placement
+from ema.errors import InputError
+from ema.place.candidates import grid
+from ema.place.control import control_study
+from ema.place.recipe import PlaceRecipe
+from ema.place.search import search
+from ema.place.task import Task
+from ema.progress import Progress, silent
+from ema.shapes import smooth
+
+_FAR = 0.05
+
+
+def place(
+    recipe: PlaceRecipe, bare: ModalModel, geometry: Geometry, verdict: Verdict | None = None, anyway: bool = False,
+    executor: Executor | None = None, folder: str | Path | None = None, resume: bool = False,
+    progress: Progress = silent,
+) -> Placement:  # fmt: skip
+    """Answer a recipe for a structure of which ``bare`` are the modes without the beam.
+
+    Parameters
+    ----------
+    verdict : of the joint model against a measurement, where there is one.
+    anyway : place with a model that does not agree; the placement then carries a warning for the first line.
+    executor, folder, resume : see ``ema.place.search``.
+
+    Raises
+    ------
+    InputError : the model does not agree, the modes were measured with a beam, no such target mode; and what
+        ``ema.place.search`` raises.
+    """
+    where = bare.name or "bare structure"
+    if verdict is not None and not verdict.agrees and not anyway:
+        raise InputError("the joint model does not agree with the measurement", where=where,
+                         got=" ".join(verdict.sentences), expected="a model that agrees",
+                         advice="update the model, or place with --anyway")  # fmt: skip
+    if bare.condition.joints:
+        names = ", ".join(joint.joint for joint in bare.condition.joints)
+        raise InputError("these modes were measured with a friction beam", where=where, got=f"joints {names}",
+                         expected="the structure without the beam", advice="choose the bare run")  # fmt: skip
+    bare = _elastic(bare)
+    modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
+    if len(set(modes)) < len(modes):
+        raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
+    surface = smooth(bare, geometry)
+    task = Task(
+        bare, surface, recipe.bolted_joint(), recipe.at, np.array(recipe.force), np.unique(recipe.normal_force), modes,
+        recipe.output,
+    )  # fmt: skip
+    effort, wanted = recipe.search, recipe.wanted()
+    candidates = grid(
+        surface, recipe.catalogue(), effort.step, np.radians(effort.angles).tolist(), recipe.keep_out(), effort.margin
+    )
+    ranking = search(
+        task, candidates, wanted, effort.shortlist, effort.keep, effort.draws, effort.seed, executor, folder, resume,
+        progress,
+    )  # fmt: skip
+    if not ranking.places:
+        raise InputError("no place was found", where=where, got=f"{len(candidates)} candidates without a resonance",
+                         advice="other normal forces, or another beam")  # fmt: skip
+    study = None
+    if recipe.control is not None:
+        best = ranking.best
+        study = control_study(
+            task, candidates, best.candidate, best.normal_force, recipe.control.load, lag=recipe.control.lag,
+            objective=wanted, progress=progress,
+        )  # fmt: skip
+    return Placement(
+        recipe.title or f"Friction beam on {where}", ranking, surface.origin, surface.axes, surface.extent,
+        surface.points, recipe.keep_out(), _warning(verdict), study, (*ranking.findings, *_about_verdict(verdict)),
+        Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
+    )  # fmt: skip
+
+
+def _elastic(bare: ModalModel) -> ModalModel:
+    """Modes with real shapes; those far from proportional damping are made real."""
+    from ema.shapes import realise
+
+    lost = float(np.linalg.norm(np.imag(bare.shapes))) / max(float(np.linalg.norm(bare.shapes)), 1e-300)
+    return bare if lost < 1e-9 else replace(bare, shapes=realise(bare.shapes).astype(complex))
+
+
+def _near(bare: ModalModel, frequency: float, where: str) -> int:
+    known = bare.natural_frequencies
+    row = int(np.argmin(np.abs(known - frequency)))
+    if abs(known[row] - frequency) > _FAR * frequency:
+        raise InputError("no mode near this frequency", where=where, got=f"{frequency:g} Hz",
+                         expected="one of " + ", ".join(f"{one:.1f}" for one in known) + " Hz")  # fmt: skip
+    return row
+
+
+def _warning(verdict: Verdict | None) -> str:
+    if verdict is None or verdict.agrees:
+        return ""
+    return "THE JOINT MODEL DOES NOT AGREE WITH THE MEASUREMENT; this placement was asked for anyway. " + " ".join(
+        verdict.sentences
+    )
+
+
+def _about_verdict(verdict: Verdict | None) -> tuple[Finding, ...]:
+    if verdict is not None:
+        return ()
+    return (Finding("info", "not-compared", "joint", "the joint model was not held against a measurement.", None, None,
+                    "Compare it with a measured map, and name the result as agreement."),)  # fmt: skip

@@ -1,0 +1,177 @@
+"""What a placement recipe may say: a TOML file, every key checked before anything is computed."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, Field, model_validator
+
+from acquisition.model_file import (
+    Density,
+    Force,
+    Forces,
+    Frequency,
+    HalfHeight,
+    LawTable,
+    Length,
+    Modulus,
+    Place,
+    Ratio,
+    Seconds,
+    Stiffness,
+    Table,
+    read_text,
+)
+from acquisition.toml_tables import validated
+from ema.data import FrictionLaw
+from ema.data.placement import BoltedJoint, FrictionBeam
+from ema.errors import InputError
+from ema.place.objective import Objective
+
+Near = Annotated[
+    list[Frequency], BeforeValidator(lambda value: value if isinstance(value, list) else [value]), Field(min_length=1)
+]
+Corner = Annotated[list[HalfHeight], Field(min_length=2, max_length=2)]
+
+
+class ObjectiveTable(Table):
+    """``[objective]``: what makes a place good (``ema.place.Objective``)."""
+
+    aim: Literal["damping", "least damping", "geometric mean", "peak reduction", "chatter"] = "damping"
+    over_levels: Literal["least", "mean"] = "least"
+    mode_weights: list[Annotated[float, Field(ge=0)]] | None = None
+
+
+class BeamTable(Table):
+    """``[[beams]]``: one beam of the catalogue."""
+
+    name: str = ""
+    spacing: Length
+    width: Length
+    height: Length
+    overhang: HalfHeight = 0.0
+    joints: int = Field(default=2, ge=2)
+    youngs_modulus: Modulus = 210e9
+    density: Density = 7850.0
+
+
+class PlacedJointTable(Table):
+    """``[joint]``: one joint, its friction law in ``[joint.law]``, and how well it is known."""
+
+    law: LawTable
+    surface_height: HalfHeight
+    normal_stiffness: Stiffness
+    normal_exponent: float = Field(default=0.0, ge=0)
+    tangential_loss: Ratio = 0.0
+    normal_loss: Ratio = 0.0
+    friction_std: Ratio = 0.0
+    stiffness_std: Ratio = 0.0
+
+
+class SearchTable(Table):
+    """``[search]``: grid of the candidates, areas kept free (corners in the plane of the surface), effort."""
+
+    step: Length = 0.05
+    angles: list[float] = Field(default=[0.0, 90.0], min_length=1)
+    margin: HalfHeight = 0.0
+    keep_out: list[Annotated[list[Corner], Field(min_length=3)]] = Field(default=[])
+    shortlist: int = Field(default=20, ge=1)
+    keep: int = Field(default=10, ge=1)
+    draws: int = Field(default=200, ge=0)
+    seed: int = 0
+
+
+class ControlTable(Table):
+    """``[control]``: ring-downs under constant and controlled normal force at the best place."""
+
+    load: Annotated[Force, Field(gt=0)]
+    lag: Seconds | None = None
+
+
+class PlaceRecipe(Table):
+    """The whole recipe. ``campaign`` (with ``run``) or ``modes`` (a file) gives the structure without the beam.
+
+    ``near`` Hz picks the target modes; ``at`` is the excited DOF, ``output`` the one whose response counts;
+    ``force`` and ``normal_force`` (per joint) span the range of use. ``agreement`` is a store file whose verdict tells
+    whether the joint model agrees with a measurement.
+    """
+
+    title: str = ""
+    campaign: str = ""
+    run: str = ""
+    modes: str = ""
+    near: Near
+    at: Place
+    output: Place | None = None
+    force: Forces
+    normal_force: Forces
+    agreement: str = ""
+    band: Annotated[list[Frequency], Field(min_length=2, max_length=2)] | None = None
+    objective: ObjectiveTable = ObjectiveTable()
+    beams: Annotated[list[BeamTable], Field(min_length=1)]
+    joint: PlacedJointTable
+    search: SearchTable = SearchTable()
+    control: ControlTable | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> "PlaceRecipe":
+        if self.campaign and self.modes:
+            raise ValueError("the bare structure comes from a campaign or from a file with modes, not both")
+        if self.joint.law.name not in LAWS:
+            raise ValueError(f"no placement with the law {self.joint.law.name!r}; use one of " + ", ".join(LAWS))
+        weights = self.objective.mode_weights
+        if weights is not None and len(weights) != len(self.near):
+            raise ValueError(f"{len(weights)} mode_weights for {len(self.near)} modes")
+        return self
+
+    def bolted_joint(self) -> BoltedJoint:
+        """The joint as a noun."""
+        table = self.joint
+        told = table.law.model_dump(exclude_none=True)
+        general = {key: told.pop(key) for key in ("friction_coefficient", "contact_stiffness", "stiffness_exponent",
+                                                  "reference_force", "stiffness_cap")}  # fmt: skip
+        name = told.pop("name")
+        told.pop("isotropic", None)
+        parameters = tuple((key, float(value)) for key, value in told.items())
+        return BoltedJoint(
+            FrictionLaw(name, parameters=parameters, **general), table.normal_stiffness, table.surface_height,
+            table.normal_exponent, table.tangential_loss, table.normal_loss, table.friction_std, table.stiffness_std,
+        )  # fmt: skip
+
+    def catalogue(self) -> tuple[FrictionBeam, ...]:
+        """The beams as nouns."""
+        return tuple(
+            FrictionBeam(one.spacing, one.width, one.height, one.youngs_modulus, one.density, one.overhang, one.joints,
+                         one.name or f"beam {number}")
+            for number, one in enumerate(self.beams, 1)
+        )  # fmt: skip
+
+    def keep_out(self) -> tuple[np.ndarray, ...]:
+        """Corners of the areas kept free."""
+        return tuple(np.array(area, dtype=np.float64) for area in self.search.keep_out)
+
+    def wanted(self) -> Objective:
+        """The objective as a noun."""
+        weights = self.objective.mode_weights
+        return Objective(self.objective.aim, self.objective.over_levels, None if weights is None else tuple(weights))
+
+
+LAWS = ("masing", "iwan", "regularised masing", "dahl")
+"""Laws with a describing function whose parameters are plain numbers."""
+TABLES: dict[str, type[BaseModel]] = {
+    "": PlaceRecipe, "objective": ObjectiveTable, "beams": BeamTable, "joint": PlacedJointTable, "joint.law": LawTable,
+    "search": SearchTable, "control": ControlTable,
+}  # fmt: skip
+
+
+def load(path: Path) -> PlaceRecipe:
+    """Read a recipe.
+
+    Raises
+    ------
+    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    """
+    if not path.is_file():
+        raise InputError("there is no such recipe", where=str(path), expected="a TOML file",
+                         advice="docs/placement.md shows one")  # fmt: skip
+    return validated(PlaceRecipe, read_text(path), str(path), TABLES)

@@ -1,0 +1,46 @@
+"""What a placement is asked."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import ModalModel
+from ema.data.placement import BoltedJoint, Candidates, Prediction
+from ema.dof import Dof
+from ema.place.predictor import predict
+from ema.shapes import Surface
+
+
+class Task(NamedTuple):
+    """The measured structure, the joint, the range of forces, and the target modes (rows of ``bare``, from 0).
+
+    ``at`` is the excited DOF, ``output`` the one whose response counts (the excited one where ``None``).
+    """
+
+    bare: ModalModel
+    surface: Surface
+    joint: BoltedJoint
+    at: Dof | str
+    force_levels: Float[np.ndarray, "level"]
+    normal_forces: Float[np.ndarray, "force"]
+    modes: tuple[int, ...]
+    output: Dof | str | None = None
+
+
+def predicted(task: Task, candidates: Candidates) -> Prediction:
+    """The one-mode prediction of a task (``ema.place.predict``)."""
+    return predict(
+        task.bare, task.surface, candidates, task.joint, task.at, task.force_levels, task.normal_forces, task.modes,
+        task.output,
+    )  # fmt: skip
+
+
+def only(candidates: Candidates, rows: Sequence[int] | np.ndarray) -> Candidates:
+    """Some of the candidates."""
+    picked = np.asarray(rows, dtype=np.int64)
+    return replace(
+        candidates, centres=candidates.centres[picked], angles=candidates.angles[picked], beams=candidates.beams[picked]
+    )

@@ -1,0 +1,196 @@
+"""The shortlist with all modes together: harmonic balance of the full model at every place."""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import BeamModel, Finding
+from ema.data.placement import Prediction
+from ema.dof import Dof
+from ema.errors import EmaError, FailureError, InputError
+from ema.place.model import model_at
+from ema.place.objective import of_rows
+from ema.place.task import Task
+from ema.progress import Progress, advance, silent
+
+TOLERANCE = 1e-2
+_WIDER = 0.05
+_IN_FLIGHT = 32
+
+
+class Question(NamedTuple):
+    """What a worker is asked: resonances of one model in one band per mode, over force levels and normal forces."""
+
+    model: BeamModel
+    at: Dof
+    force_levels: Float[np.ndarray, "level"]
+    normal_forces: Float[np.ndarray, "force"]
+    bands: tuple[tuple[float, float], ...]
+
+
+def answer(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
+    """Frequency Hz, damping ratio and height |X| in m at the excited DOF of every resonance; NaN where none was found.
+
+    The height follows from the balance of power, F |X| pi = 2 pi zeta w^2 a^2 of the modal amplitude a.
+    """
+    from ema.simulate import damping_map
+
+    levels, forces = np.asarray(question.force_levels), np.asarray(question.normal_forces)
+    result = np.full((len(question.bands), 3, len(levels), len(forces)), np.nan)
+    for row, band in enumerate(question.bands):
+        try:
+            chart = damping_map(question.model, levels, forces, question.at, question.at, band, TOLERANCE)
+        except InputError:
+            continue
+        assert chart.modal_amplitude is not None
+        lost = 2 * chart.damping * (2 * np.pi * chart.frequency * chart.modal_amplitude) ** 2
+        result[row] = chart.frequency, chart.damping, lost / levels[:, None]
+    return result
+
+
+def verify(
+    task: Task, prediction: Prediction, rows: Sequence[int] | np.ndarray, executor: Executor | None = None,
+    folder: str | Path | None = None, resume: bool = False, progress: Progress = silent,
+) -> Prediction:  # fmt: skip
+    """Some places of a prediction with all modes together, ``method`` "all modes", in the order of ``rows``.
+
+    Parameters
+    ----------
+    executor : where the places are computed; here and now by default. Anything with ``submit`` of
+        ``concurrent.futures`` will do.
+    folder : where every finished place is kept under the fingerprint of its question; with ``resume`` such places are
+        not computed again.
+
+    Raises
+    ------
+    FailureError : a worker died, or the folder cannot be used; what is finished is kept.
+    """
+    picked = np.asarray(rows, dtype=np.int64)
+    questions = [_question(task, prediction, int(row)) for row in picked]
+    kept = None if folder is None else Path(folder)
+    answers: dict[int, np.ndarray] = {}
+    for number, question in enumerate(questions):
+        known = _known(_file(kept, question)) if kept is not None and resume else None
+        if known is not None:
+            answers[number] = known
+    wanted = [number for number in range(len(questions)) if number not in answers]
+    for number, found in _answered(questions, wanted, executor, kept):
+        answers[number] = found
+        if kept is not None:
+            _keep(_file(kept, questions[number]), found)
+        advance(progress, "all modes together", len(answers), len(questions))
+    return _joined(of_rows(prediction, picked), picked, answers)
+
+
+def _joined(few: Prediction, rows: np.ndarray, answers: dict[int, np.ndarray]) -> Prediction:
+    """The answers as a prediction."""
+    values = np.stack([answers[number] for number in range(len(rows))]) if len(rows) else np.empty((0, 1, 3, 1, 1))
+    if not len(rows):
+        return replace(few, method="all modes")
+    drive = few.driver[:, None, None] ** 2 * few.force_levels[:, None]
+    lost = [int(row) for row, value in zip(rows, values, strict=True) if np.isnan(value).any()]
+    findings = (
+        (Finding("warning", "unsolved", "shortlist", f"{len(lost)} of {len(rows)} places have no steady state for a "
+                 f"mode within {_WIDER:.0%} of its predicted frequencies.", float(len(lost)), 0.0,
+                 "They count as unsuitable."),)
+        if lost else ()
+    )  # fmt: skip
+    return replace(
+        few, frequency=values[:, :, 0], damping=values[:, :, 1], stiffness=drive / values[:, :, 2],
+        slip=np.full(few.slip.shape, np.nan), method="all modes", findings=findings,
+    )  # fmt: skip
+
+
+def _question(task: Task, prediction: Prediction, row: int) -> Question:
+    """The model of one place, and for every mode the band of its predicted frequencies, a little wider."""
+    bands = []
+    for m, bare in enumerate(prediction.bare_frequencies):
+        found = prediction.frequency[row, m]
+        found = found[np.isfinite(found)] if np.isfinite(found).any() else np.array([0.9 * bare, 1.1 * bare])
+        bands.append((float((1 - _WIDER) * found.min()), float((1 + _WIDER) * found.max())))
+    model = model_at(
+        task.bare, task.surface, prediction.candidates, row, task.joint, float(prediction.normal_forces[0])
+    )
+    return Question(
+        model, Dof.parse(task.at), np.asarray(prediction.force_levels), np.asarray(prediction.normal_forces),
+        tuple(bands),
+    )  # fmt: skip
+
+
+def _answered(
+    questions: list[Question], wanted: list[int], executor: Executor | None, kept: Path | None
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Answers as they come, with few questions under way at a time."""
+    if executor is None:
+        for number in wanted:
+            yield number, answer(questions[number])
+        return
+    waiting, running = list(wanted), dict[Future[Any], int]()
+    try:
+        while waiting or running:
+            while waiting and len(running) < _IN_FLIGHT:
+                number = waiting.pop(0)
+                running[executor.submit(answer, questions[number])] = number
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield running.pop(future), np.asarray(future.result())
+    except EmaError:
+        raise
+    except Exception as error:
+        where = "what is finished is lost" if kept is None else f"what is finished is kept in {kept}"
+        raise FailureError(
+            "a worker failed", got=f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}",
+            advice=f"{where}; look after the workers and start again",
+        ) from error  # fmt: skip
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _file(kept: Path, question: Question) -> Path:
+    digest = hashlib.sha256(str(TOLERANCE).encode())
+    _stir(digest, question)
+    return kept / f"{digest.hexdigest()[:24]}.npy"
+
+
+def _stir(digest: Any, value: Any) -> None:
+    """All that a value consists of, into the fingerprint."""
+    if is_dataclass(value) and not isinstance(value, type):
+        for member in fields(value):
+            # findings and origins do not change an answer
+            if member.compare:
+                _stir(digest, getattr(value, member.name))
+    elif isinstance(value, np.ndarray):
+        digest.update(repr((value.shape, value.dtype.str)).encode() + np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, tuple | list):
+        digest.update(f"{len(value)}:".encode())
+        for item in value:
+            _stir(digest, item)
+    else:
+        digest.update(repr(value).encode())
+
+
+def _known(path: Path) -> np.ndarray | None:
+    """An answer kept before; a damaged file counts as none."""
+    try:
+        return np.asarray(np.load(path, allow_pickle=False))
+    except (OSError, ValueError, EOFError):
+        return None
+
+
+def _keep(path: Path, found: np.ndarray) -> None:
+    from ema import store
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with store.replacing(path) as target, open(target, "wb") as file:
+            np.save(file, found)
+    except OSError as error:
+        raise FailureError("the finished places cannot be kept", where=str(path.parent),
+                           got=error.strerror or str(error)) from error  # fmt: skip

@@ -1,0 +1,116 @@
+"""Where a friction beam goes: places on the measured surface, recommended normal forces, controlled ring-downs."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ema.data.placement import ControlStudy, Place, Placement
+from ema.show.style import BLACK, COLOUR_MAP, FAINT, GREY, SERIES, VERMILION, empty_note, new_figure, styled
+
+
+@styled
+def placement_map(placement: Placement, shown: int = 3) -> Figure:
+    """All candidates on the measured surface by their score, keep-out areas, and the best places with their joints."""
+    ranking, candidates = placement.ranking, placement.ranking.prediction.candidates
+    (x0, x1), (y0, y1) = placement.extent
+    angles = np.unique(np.round(candidates.angles, 6))[:4]
+    rows = len(angles)
+    height = min(3.2, 7.0 * (y1 - y0) / max(x1 - x0, 1e-9)) + 0.8
+    figure = new_figure(height * rows)
+    panels = figure.subplots(rows, 1, squeeze=False)[:, 0]
+    finite = np.isfinite(ranking.scores)
+    if not finite.any():
+        empty_note(panels[0], "no place was found")
+        return figure
+    decibels = ranking.objective.startswith(("peak", "chatter"))
+    scale = 1.0 if decibels else 100.0
+    limits = scale * float(ranking.scores[finite].min()), scale * float(ranking.scores[finite].max())
+    for axes, angle in zip(panels, angles):
+        here = np.isclose(candidates.angles, angle, atol=1e-5)
+        _ground(axes, placement)
+        mesh = axes.scatter(
+            *candidates.centres[here & finite].T, c=scale * ranking.scores[here & finite], cmap=COLOUR_MAP, s=26,
+            vmin=limits[0], vmax=limits[1], edgecolors="none",
+        )  # fmt: skip
+        axes.scatter(*candidates.centres[here & ~finite].T, marker="x", color=GREY, s=16, lw=0.8)
+        for number, place in enumerate(ranking.places[:shown], 1):
+            if np.isclose(place.angle, angle, atol=1e-5):
+                _beam(axes, placement, place, number)
+        axes.set_title(f"Beam at {np.degrees(angle):.0f}° (dots: middle of the beam)")
+        axes.set_aspect("equal")
+        axes.set_ylabel("y [m]")
+        axes.grid(visible=False)
+    panels[-1].set_xlabel("x [m]")
+    figure.colorbar(mesh, ax=list(panels), label="Objective, one mode [dB]" if decibels else "Objective, one mode [%]")
+    return figure
+
+
+def _ground(axes: Axes, placement: Placement) -> None:
+    """Edge of the measured rectangle, measured points, areas kept free."""
+    (x0, x1), (y0, y1) = placement.extent
+    axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=GREY, lw=1.0)
+    axes.plot(*placement.points.T, ls="none", marker="+", ms=4, color=FAINT, mew=0.8)
+    for corners in placement.keep_out:
+        axes.fill(*np.asarray(corners).T, facecolor="none", edgecolor=VERMILION, hatch="///", lw=0.8)
+
+
+def _beam(axes: Axes, placement: Placement, place: Place, number: int) -> None:
+    """Axis of the beam with its joints, and the rank."""
+    joints = placement.ranking.prediction.candidates.joints(place.candidate)
+    first = number == 1
+    axes.plot(*joints.T, color=VERMILION if first else BLACK, lw=3 if first else 1.2, marker="o", ms=6 if first else 4,
+              mfc="white", zorder=5 if first else 4)  # fmt: skip
+    axes.annotate(str(number), joints[-1], xytext=(5, 4), textcoords="offset points", fontsize=8, zorder=6,
+                  color=VERMILION if first else BLACK, fontweight="bold" if first else "normal")  # fmt: skip
+
+
+@styled
+def recommended_force(placement: Placement, rank: int = 1) -> Figure:
+    """Normal force per joint over excitation of one place, and the damping with the common normal force."""
+    place, prediction = placement.ranking.places[rank - 1], placement.ranking.prediction
+    levels = np.asarray(prediction.force_levels)
+    order = np.argsort(levels)
+    figure = new_figure(3.4)
+    left, right = figure.subplots(1, 2)
+    left.plot(levels[order], place.normal_forces[order], marker="o", color=SERIES[0][0], label="best for each level")
+    left.axhline(place.normal_force, color=GREY, ls="--", lw=1.0, label="common to all levels")
+    left.set(xlabel="Excitation force F_E [N]", ylabel="Normal force per joint F_N [N]", xlim=(0, None), ylim=(0, None))
+    left.legend()
+    left.set_title("Recommended normal force")
+    for m, mode in enumerate(prediction.modes):
+        colour, line, marker = SERIES[m % len(SERIES)]
+        right.plot(levels[order], 100 * place.damping[m, order], color=colour, ls=line, marker=marker,
+                   label=f"mode {mode + 1}")  # fmt: skip
+        if np.isfinite(place.damping_low[m]).all():
+            right.fill_between(levels[order], 100 * place.damping_low[m, order], 100 * place.damping_high[m, order],
+                               color=colour, alpha=0.2, lw=0)  # fmt: skip
+        right.axhline(100 * prediction.bare_damping[m], color=colour, ls=":", lw=0.9)
+    right.set(xlabel="Excitation force F_E [N]", ylabel="Damping ratio [%]", xlim=(0, None), ylim=(0, None))
+    right.set_title(f"Damping at F_N = {place.normal_force:.3g} N (dotted: bare; band: 95 %)")
+    right.legend()
+    return figure
+
+
+@styled
+def control_gain(study: ControlStudy) -> Figure:
+    """Energy after a release under every law, and steady damping with one normal force and with one for each level."""
+    figure = new_figure(3.6)
+    left, right = figure.subplots(1, 2, width_ratios=(1.4, 1))
+    for number, line in enumerate(study.lines):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        left.semilogy(1e3 * line.times, np.maximum(line.energies, 1e-12), color=colour, ls=style,
+                      label=f"{line.law}, {line.force:.3g} N")  # fmt: skip
+    left.set(xlabel="Time after the release [ms]", ylabel="Energy over that at the start [-]", ylim=(1e-5, 1.5))
+    left.legend(loc="lower left")
+    left.set_title("Free vibration")
+    order = np.argsort(study.force_levels)
+    for values, label, (colour, style, marker) in (
+        (study.constant_damping, "one for all levels", SERIES[0]), (study.scheduled_damping, "one for each", SERIES[1]),
+    ):  # fmt: skip
+        right.plot(study.force_levels[order], 100 * values[order], color=colour, ls=style, marker=marker, label=label)
+    right.set(
+        xlabel="Excitation force F_E [N]", ylabel="Least damping of the modes [%]", xlim=(0, None), ylim=(0, None)
+    )
+    right.legend()
+    right.set_title("Steady vibration")
+    return figure
