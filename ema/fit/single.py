@@ -5,7 +5,7 @@ at the peak. What a linear mode leaves unexplained measures the nonlinearity, an
 damping, which holds at resonance whatever the shape of the flanks.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float, Inexact, Int
@@ -22,7 +22,7 @@ _MISFIT = 0.05
 @dataclass(frozen=True)
 class _Fit:
     """State of the least squares: ``cost`` is the residual energy, ``normal`` and ``gradient`` belong to real and
-    imaginary part of the pole.
+    imaginary part of the pole; ``scatter`` is the covariance of ``gradient``, by the residual of each FRF.
     """
 
     pole: complex
@@ -30,6 +30,7 @@ class _Fit:
     cost: float
     normal: Float[np.ndarray, "2 2"]
     gradient: Float[np.ndarray, "2"]
+    scatter: Float[np.ndarray, "2 2"]
 
 
 def local_fit(
@@ -62,7 +63,7 @@ def local_fit(
     peak = find_peak(frequencies, np.sum(np.abs(values) ** 2, axis=(1, 2)), near, where)
     fit, rows, energy, enough = _settle(frfs, _first_pole(peak, frequencies), bandwidths)
     natural, damping = without_decay(fit.pole, frfs.added_decay)
-    std = _deviations(fit, frfs.added_decay, 2 * len(rows) * len(fit.residues) - 6 * len(fit.residues) - 2)
+    std = _deviations(fit, frfs.added_decay)
     residual = float(np.sqrt(fit.cost / energy))
     quadrature = float("nan")
     if modal_constants is not None:
@@ -97,7 +98,7 @@ def _settle(frfs: FrfSet, pole: complex, bandwidths: float) -> tuple[_Fit, Int[n
             break
         rows, pole = again, fit.pole
     fitted = _refine(2j * np.pi * frequencies[rows], flat[rows], DERIVATIVE_ORDER[frfs.quantity], fit.pole)
-    fitted = _Fit(fitted.pole, fitted.residues / _weights(frfs), fitted.cost, fitted.normal, fitted.gradient)
+    fitted = replace(fitted, residues=fitted.residues / _weights(frfs))
     return fitted, rows, float(np.sum(np.abs(flat[rows]) ** 2)), enough
 
 
@@ -167,21 +168,28 @@ def _evaluate(
         change = np.outer(direct / (s - pole), turn * residues)
         change += np.outer(mirrored / (s - np.conj(pole)), np.conj(turn * residues))
         slope = _real(change)
-        slopes.append((slope - orthogonal @ (orthogonal.T @ slope)).ravel())
+        slopes.append(slope - orthogonal @ (orthogonal.T @ slope))
     jacobian = np.stack(slopes)
-    cost = float(np.vdot(rest, rest))
-    return _Fit(pole, residues, cost, jacobian @ jacobian.T, jacobian @ rest.ravel())
+    by_frf = np.einsum("alf,blf->fab", jacobian, jacobian)
+    energy = np.sum(rest**2, axis=0)
+    # FRFs differ in their noise, so each is judged by its own residual (White 1980)
+    freedom = max(len(data) - len(basis) - 2 / len(energy), 1.0)
+    return _Fit(
+        pole, residues, float(energy.sum()), by_frf.sum(axis=0), np.einsum("alf,lf->a", jacobian, rest),
+        np.einsum("fab,f->ab", by_frf, energy / freedom),
+    )  # fmt: skip
 
 
 def _real(columns: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row column"]:
     return np.concatenate([columns.real, columns.imag])
 
 
-def _deviations(fit: _Fit, added_decay: float, freedom: int) -> tuple[float, float]:
+def _deviations(fit: _Fit, added_decay: float) -> tuple[float, float]:
     """Standard deviations of natural frequency (Hz) and damping ratio from the residual."""
     pole = fit.pole + added_decay
     size = abs(pole)
-    covariance = np.linalg.pinv(fit.normal, hermitian=True) * fit.cost / max(freedom, 1)
+    inverse = np.linalg.pinv(fit.normal, hermitian=True)
+    covariance = inverse @ fit.scatter @ inverse
     to_frequency = np.array([pole.real, pole.imag]) / (2 * np.pi * size)
     to_damping = np.array([-(pole.imag**2), pole.real * pole.imag]) / size**3
     frequency, damping = (float(np.sqrt(slope @ covariance @ slope)) for slope in (to_frequency, to_damping))

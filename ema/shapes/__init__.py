@@ -1,5 +1,6 @@
 """Mode shapes: how alike, how complex, and where in space."""
 
+from ema.shapes.certainty import MacUncertainty, mac_uncertainty
 from ema.shapes.complexity import (
     mean_phase,
     mean_phase_deviation,
@@ -12,6 +13,6 @@ from ema.shapes.expansion import Expansion, expand
 from ema.shapes.surface import Surface, smooth
 
 __all__ = [
-    "Comparison", "Expansion", "Surface", "auto_mac", "co_mac", "compare", "expand", "frac", "mac", "mean_phase",
-    "mean_phase_deviation", "modal_phase_collinearity", "quality", "realise", "smooth",
+    "Comparison", "Expansion", "MacUncertainty", "Surface", "auto_mac", "co_mac", "compare", "expand", "frac", "mac",
+    "mac_uncertainty", "mean_phase", "mean_phase_deviation", "modal_phase_collinearity", "quality", "realise", "smooth",
 ]  # fmt: skip
