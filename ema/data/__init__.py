@@ -33,7 +33,7 @@ from ema.data.provenance import Provenance
 from ema.data.recording import Channel, Recording
 from ema.data.repeats import ConditionDifference, RepeatGroup, VarianceComponents
 from ema.data.response import Decay, EnergyBalance, HarmonicResponse, Loop, Response
-from ema.data.results import Expectation, ModeQuality, RunResult, StudyResult
+from ema.data.results import Expectation, MapResult, ModeQuality, RunResult, Statement, StudyResult
 from ema.data.single import SingleMode
 from ema.data.source import Source
 
@@ -41,8 +41,9 @@ __all__ = [
     "BeamModel", "BoltedJoint", "Campaign", "Candidates", "Channel", "Condition", "ConditionDifference",
     "ContactPressure", "ControlLine", "ControlStudy", "Damping", "Decay", "EnergyBalance", "Excitation",
     "Expectation", "Finding", "FrfSet", "FrictionBeam", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit",
-    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "Matrices", "ModalMap", "ModalModel", "ModalUncertainty",
-    "ModeQuality", "NormalContact", "Place", "Placement", "PoleTable", "Prediction", "Provenance", "Ranking",
-    "Recording", "Repair", "RepeatGroup", "Residuals", "Response", "Run", "RunResult", "SingleMode", "Source",
-    "StudyResult", "VarianceComponents", "damping_ratios", "natural_frequencies", "poles_from",
+    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "MapResult", "Matrices", "ModalMap", "ModalModel",
+    "ModalUncertainty", "ModeQuality", "NormalContact", "Place", "Placement", "PoleTable", "Prediction",
+    "Provenance", "Ranking", "Recording", "Repair", "RepeatGroup", "Residuals", "Response", "Run", "RunResult",
+    "SingleMode", "Source", "Statement", "StudyResult", "VarianceComponents", "damping_ratios",
+    "natural_frequencies", "poles_from",
 ]  # fmt: skip

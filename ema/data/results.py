@@ -1,6 +1,7 @@
 """What a study hands on to reports and pages."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +11,7 @@ from ema.data.campaign import Campaign, Repair, Run
 from ema.data.findings import Finding
 from ema.data.frf import FrfSet
 from ema.data.hits import HitGallery
+from ema.data.maps import ModalMap
 from ema.data.modal import ModalModel, PoleTable
 from ema.data.provenance import Provenance
 from ema.data.repeats import ConditionDifference, RepeatGroup
@@ -62,10 +64,62 @@ class Expectation:
 
 
 @dataclass(frozen=True)
+class MapResult:
+    """A map of one mode measured over (F_E, F_N), and whether one linear model holds between its levels.
+
+    ``pairs`` (pair, 3): normal force and the lower and the higher force level in N that were compared;
+    ``homogeneity`` (pair,) the change of the FRFs from one to the other, relative, and ``peak_ratio`` (pair,) that of
+    their peaks: above 1 the joint slips, below 1 it sticks. ``dropout`` (level, force): force at resonance over that
+    beside it. ``name`` tells maps of one study apart; ``runs`` are the runs it was made from.
+    """
+
+    name: str
+    chart: ModalMap
+    pairs: Float[np.ndarray, "pair 3"]
+    homogeneity: Float[np.ndarray, "pair"]
+    peak_ratio: Float[np.ndarray, "pair"]
+    dropout: Float[np.ndarray, "level force"]
+    runs: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        freeze(self, pairs=np.float64, homogeneity=np.float64, peak_ratio=np.float64, dropout=np.float64)
+
+
+Verdict = Literal["matched", "not matched", "matched with an implausible parameter"]
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A statement of a publication, and whether the measurement bears it out.
+
+    ``text`` in the recipe's words, ``source`` where it stands, ``quantity`` what was looked at; ``low`` and ``high``
+    bound the values with which it holds; ``found`` the value, and ``reason`` why the verdict is what it is. ``stated``
+    is the verdict that the recipe expects.
+    """
+
+    text: str
+    source: str
+    quantity: str
+    low: float
+    high: float
+    found: float
+    verdict: Verdict
+    stated: Verdict
+    reason: str = ""
+
+    @property
+    def met(self) -> bool:
+        """Whether the verdict is the one that the recipe states."""
+        return self.verdict == self.stated
+
+
+@dataclass(frozen=True)
 class StudyResult:
     """A finished study: the campaign, the result of each run, repairs, findings and provenance.
 
     ``conditions`` gathers the runs by what they repeat; ``differences`` holds each of them against the first one.
+    ``maps`` follow a mode over force level and normal force; ``statements`` are those of a publication.
     """
 
     campaign: Campaign
@@ -77,3 +131,5 @@ class StudyResult:
     title: str = ""
     conditions: tuple[RepeatGroup, ...] = ()
     differences: tuple[ConditionDifference, ...] = ()
+    maps: tuple[MapResult, ...] = ()
+    statements: tuple[Statement, ...] = ()

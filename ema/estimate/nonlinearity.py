@@ -17,6 +17,8 @@ NEITHER = 0.02
 _BANDWIDTHS = 10.0
 _SIGNIFICANT = 3.0
 _SMEAR = 16
+_SAME_LINE = 0.02
+"""Distance of two lines over the step of the lines, up to which they count as one: steps are read from a force."""
 
 Side = Literal["slip", "stick", "undecided"]
 
@@ -114,7 +116,8 @@ def causality(frfs: FrfSet, near: float | None = None) -> Float[np.ndarray, "out
 
 
 def _same(low: FrfSet, high: FrfSet, where: str) -> None:
-    if low.values.shape != high.values.shape or not np.allclose(low.frequencies, high.frequencies, rtol=1e-9):
+    unequal = low.values.shape != high.values.shape
+    if unequal or np.abs(low.frequencies - high.frequencies).max() > _SAME_LINE * low.frequency_step:
         raise InputError("FRFs on different lines", where=where, got=f"{low.values.shape} and {high.values.shape}",
                          expected="the same lines in both", advice="cut both to one band and resolution")  # fmt: skip
     if low.outputs != high.outputs or low.inputs != high.inputs or low.quantity != high.quantity:

@@ -15,7 +15,7 @@ HARMONICS = 5
 """Highest harmonic that is told apart from noise."""
 UNSTEADY = 0.02
 """Change of a response between the halves of a record above which it was not settled."""
-_FEWEST_CYCLES = 4.0
+_FEWEST_CYCLES, _CLEAR = 4.0, 300.0
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def _change(signals: Float[np.ndarray, "channel sample"], frequency: float, rate
     before, noise = _orders(signals[1:, :half], frequency, rate)
     after, _ = _orders(signals[1:, half:], frequency, rate)
     size, change = np.abs(before[:, 0]), np.abs(np.abs(after[:, 0]) - np.abs(before[:, 0]))
-    clear = size > 20 * np.sqrt(noise)
+    clear = size > _CLEAR * np.sqrt(noise)
     return float(np.max(change[clear] / size[clear])) if clear.any() else 0.0
 
 

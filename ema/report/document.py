@@ -6,6 +6,7 @@ from ema.data import StudyResult
 from ema.report.blocks import Block, Book, Section, Table
 from ema.report.comparison import comparisons
 from ema.report.expected import counted_expectations, expectation_table
+from ema.report.maps import map_lines, map_sections, statement_lines, statements
 from ema.report.modes import mode_table, run_sentence
 from ema.report.photos import photos
 from ema.report.records import provenance, repairs
@@ -52,6 +53,7 @@ def compose(result: StudyResult, book: Book) -> Document:
         "Structure": campaign.structure, "Campaign": campaign.name, "Operator": campaign.operator,
         "Date": campaign.date,
     }  # fmt: skip
+    answers += statements(result, book) + map_sections(result, book)
     # tables and figures are numbered in the order in which they are made, so the order of these lines is the reader's
     findings, expectations = finding_table(worries, book), expectation_table(result, book)
     repaired = repairs(result, book)
@@ -67,7 +69,8 @@ def compose(result: StudyResult, book: Book) -> Document:
         comment=campaign.comment,
         photos=photos(campaign),
         summary=[
-            *([run_sentence(run) for run in runs] or ["No run was analysed."]), *told, counted(worries),
+            *([run_sentence(run) for run in runs] or ["No run was analysed."]), *told, *map_lines(result),
+            *statement_lines(result), counted(worries),
             *counted_expectations(result),
         ],
         answers=answers, worries=worries, findings=findings, expectations=expectations, chapters=chapters,

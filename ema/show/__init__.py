@@ -8,6 +8,7 @@ _WHERE = {
     "complexity": "ema.show.polar",
     "contact_loops": "ema.show.simulated",
     "control_gain": "ema.show.placement",
+    "damping_curves": "ema.show.maps",
     "damping_map": "ema.show.maps",
     "error_map": "ema.show.matrices",
     "force_spectrum": "ema.show.blows",

@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ema.data import ModalMap
-from ema.show.style import COLOUR_MAP, GREY, VERMILION, empty_note, new_figure, styled
+from ema.show.style import COLOUR_MAP, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
 _HOLE: dict[str, Any] = {"fill": False, "hatch": "////", "ec": GREY, "lw": 0}
 
@@ -81,3 +82,39 @@ def _edges(nominal: Float[np.ndarray, "n"], geometric: bool) -> Float[np.ndarray
         middle = (centres[1:] + centres[:-1]) / 2
         edges = np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
     return np.exp(edges) if geometric else edges
+
+
+@styled
+def damping_curves(chart: ModalMap) -> Figure:
+    """Damping ratio in percent at every normal force: over the excitation force, and over the modal amplitude.
+
+    Bars hold 95 % by the fit; dashed lines are the damping told by the height of the peak, where it is known.
+    """
+    amplitude = chart.modal_amplitude
+    figure = new_figure(3.9)
+    panels = figure.subplots(1, 1 if amplitude is None else 2, squeeze=False, sharey=True)[0]
+    if not np.isfinite(chart.damping).any():
+        empty_note(panels[0], "the map has no point")
+        return figure
+    levels = np.broadcast_to(np.asarray(chart.force_levels)[:, None], chart.damping.shape)
+    forces = levels if chart.force_at_resonance is None else np.asarray(chart.force_at_resonance)
+    axes_of = [(panels[0], forces, "Force at resonance [N]")]
+    if amplitude is not None:
+        axes_of.append((panels[1], 1e6 * np.asarray(amplitude), "Modal amplitude [µm √kg]"))
+    colours = colormaps[COLOUR_MAP](np.linspace(0, 0.92, len(chart.normal_forces)))
+    std = np.zeros(chart.damping.shape) if chart.damping_std is None else np.nan_to_num(chart.damping_std)
+    for axes, across, label in axes_of:
+        for column, force in enumerate(chart.normal_forces):
+            style: dict[str, Any] = {"color": colours[column], "marker": SERIES[column % len(SERIES)][2], "ms": 4}
+            axes.errorbar(
+                across[:, column], 100 * chart.damping[:, column], 196 * std[:, column], lw=1.3, elinewidth=0.8,
+                capsize=2, label=f"{force:.4g} N" if axes is panels[0] else None, **style,
+            )  # fmt: skip
+            if chart.quadrature_damping is not None:
+                axes.plot(across[:, column], 100 * chart.quadrature_damping[:, column], "--", lw=0.9,
+                          color=colours[column])  # fmt: skip
+        axes.set_xlabel(label)
+        axes.set_ylim(bottom=0)
+    panels[0].set_ylabel("Damping ratio [%]")
+    figure.legend(loc="outside lower center", ncols=min(len(chart.normal_forces), 8), title="Normal force F_N")
+    return figure

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ema.data import Expectation, RunResult
+from ema.data import Expectation, RunResult, Statement
 from ema.errors import InputError
 from ema.study.recipe import ExpectTable
 
@@ -26,6 +26,14 @@ def check(tables: list[ExpectTable], runs: tuple[RunResult, ...]) -> tuple[Expec
         compared += _others(table, results[table.run])
         compared += _findings(table, results[table.run])
     return tuple(compared)
+
+
+def of_verdicts(statements: tuple[Statement, ...]) -> tuple[Expectation, ...]:
+    """Whether every statement got the verdict that the recipe states: 1 where it did."""
+    return tuple(
+        Expectation(f"{one.source}, verdict {one.stated!r}: {one.text}", 1.0, 0.0, float(one.met), one.met)
+        for one in statements
+    )
 
 
 def _frequencies(table: ExpectTable, result: RunResult) -> list[Expectation]:

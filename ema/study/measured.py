@@ -15,6 +15,7 @@ _OPTIONS = {
     "hammer": ("estimator", "block", "trigger", "level", "decay", "window_force"),
     "random": ("estimator", "method", "block", "overlap"),
     "sweep": ("estimator", "block"),
+    "stepped sine": ("discard",),
 }
 """The settings of ``[estimate]`` that each kind of excitation has."""
 
@@ -28,6 +29,8 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
     ------
     InputError : the run holds neither, nothing is known about its excitation, or a verb refuses its input.
     """
+    from ema import estimate
+
     if run.frfs:
         sets = tuple(run.frfs)
         return sets[0] if len(sets) == 1 else merge([Part(one) for one in sets], name=run.id), None
@@ -36,13 +39,17 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
     if run.kind not in _OPTIONS:
         raise InputError(
             "nothing is known to be done with this excitation", where=f"run {run.id}", got=run.kind,
-            expected="hammer, random or sweep", advice='state kind = "hammer" (or another) of the run in campaign.toml',
+            expected="hammer, random, sweep or stepped sine",
+            advice='state kind = "hammer" (or another) of the run in campaign.toml',
         )  # fmt: skip
     given = settings.given()
     options = {name: given[name] for name in _OPTIONS[run.kind] if name in given}
     setups = _setups(run)
     if len(setups) == 1:
-        return _estimated(run, options, progress)
+        frfs, hits = _estimated(run, options, progress)
+        if settings.mount_mass > 0 and run.kind != "hammer":
+            frfs = estimate.without_mount_mass(frfs, settings.mount_mass, frfs.inputs[0])
+        return frfs, hits
     found = [_estimated(one, options, progress) for one in setups.values()]
     lengths = [_block(frfs, one) for (frfs, _), one in zip(found, setups.values(), strict=True)]
     if len(set(lengths)) > 1 and "block" not in options:
@@ -56,6 +63,8 @@ def _estimated(run: Run, options: dict[str, Any], progress: Progress) -> tuple[F
 
     if run.kind == "hammer":
         return estimate.hammer_test(run, **options, progress=progress)
+    if run.kind == "stepped sine":
+        return estimate.stepped(run, **options, progress=progress), None
     verb = estimate.shaker if run.kind == "random" else estimate.sweep
     return verb(run, **options, progress=progress), None
 

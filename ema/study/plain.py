@@ -5,7 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from ema.data import ConditionDifference, Finding, JointForce, ModalModel, RepeatGroup, RunResult, StudyResult
+from ema.data import (
+    ConditionDifference,
+    Finding,
+    JointForce,
+    MapResult,
+    ModalModel,
+    RepeatGroup,
+    RunResult,
+    StudyResult,
+)
 from ema.fit.opinion import SecondOpinion
 
 
@@ -22,6 +31,13 @@ def summary(result: StudyResult) -> dict[str, Any]:
                 "what": one.what, "expected": one.expected, "tolerance": one.tolerance, "found": number(one.found),
                 "met": one.met,
             } for one in result.expectations
+        ],
+        "maps": [chart(one) for one in result.maps],
+        "statements": [
+            {
+                "text": one.text, "source": one.source, "quantity": one.quantity, "low": number(one.low),
+                "high": number(one.high), "found": number(one.found), "verdict": one.verdict, "reason": one.reason,
+            } for one in result.statements
         ],
         "repairs": [vars(repair) for repair in result.repairs],
         "findings": [finding(one) for one in result.findings],
@@ -71,6 +87,32 @@ def _difference(found: ConditionDifference) -> dict[str, Any]:
             } for pair, (i, j) in enumerate(found.pairs)
         ],
     }  # fmt: skip
+
+
+def chart(result: MapResult) -> dict[str, Any]:
+    """A map as one entry per condition, and its findings."""
+    rows = [{name: number(value) for name, value in row.items()} for row in points(result)]
+    return {"map": result.name, "points": rows, "findings": [finding(one) for one in result.findings]}
+
+
+def points(result: MapResult) -> list[dict[str, float]]:
+    """One row per condition: nominal and measured forces in N, frequency in Hz, damping ratios and their deviations."""
+    held = result.chart
+    names = {
+        "force_at_resonance": held.force_at_resonance, "frequency": held.frequency,
+        "frequency_std": held.frequency_std, "damping": held.damping, "damping_std": held.damping_std,
+        "quadrature_damping": held.quadrature_damping, "misfit": held.misfit, "modal_amplitude": held.modal_amplitude,
+        "dropout": result.dropout,
+    }  # fmt: skip
+    rows = []
+    for i, level in enumerate(held.force_levels):
+        for j, force in enumerate(held.normal_forces):
+            row = {"force_level": float(level), "normal_force": float(force)}
+            if held.joint_forces is not None:
+                row |= {f"F_N {name}": float(held.joint_forces[i, j, k]) for k, name in enumerate(held.joints)}
+            row |= {name: float("nan") if values is None else float(values[i, j]) for name, values in names.items()}
+            rows.append(row)
+    return rows
 
 
 def modes(model: ModalModel, collinearity: "np.ndarray | None" = None) -> list[dict[str, Any]]:

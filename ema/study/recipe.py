@@ -24,7 +24,10 @@ class Table(BaseModel):
 
 
 class EstimateTable(Table):
-    """``[estimate]``: settings of ``ema.estimate``; those of another kind of excitation do not disturb."""
+    """``[estimate]``: settings of ``ema.estimate``; those of another kind of excitation do not disturb.
+
+    ``discard`` s at the start of every frequency of a stepped sine, ``mount_mass`` kg between load cell and structure.
+    """
 
     estimator: Literal["H1", "H2", "Hv"] = "H1"
     block: int | None = Field(default=None, ge=8)
@@ -34,6 +37,8 @@ class EstimateTable(Table):
     window_force: bool = True
     method: Literal["local", "welch"] = "local"
     overlap: float = Field(default=0.75, ge=0, lt=1)
+    discard: float = Field(default=0.0, ge=0)
+    mount_mass: float = Field(default=0.0, ge=0)
 
 
 class FitTable(Table):
@@ -83,6 +88,70 @@ class ExpectTable(Table):
         return self
 
 
+class MapTable(Table):
+    """``[[map]]``: one mode over (F_E, F_N).
+
+    ``near`` Hz; ``runs`` ids or patterns such as ``mode1_*`` (all stepped sines and sweeps with a beam by default);
+    ``reference`` the run without a beam that gives the modal constants; ``force_levels`` and ``normal_forces`` the
+    nominal axes in N; ``bandwidths`` of the local fit.
+    """
+
+    near: float = Field(gt=0)
+    name: str = ""
+    runs: list[str] = []
+    reference: str = ""
+    force_levels: list[float] | None = None
+    normal_forces: list[float] | None = None
+    bandwidths: float = Field(default=1.5, gt=0)
+
+    @property
+    def title(self) -> str:
+        """Its name, or the frequency."""
+        return self.name or f"mode near {self.near:g} Hz"
+
+
+Quantity = Literal[
+    "damping", "frequency", "highest damping", "best normal force", "best force level", "damping over the highest",
+    "fall of frequency", "effect of the level", "ridge rises", "normal force over that of map", "run frequency",
+    "run damping", "run misfit", "run damping over run",
+]  # fmt: skip
+
+
+class StatementTable(Table):
+    """``[[statements]]``: what a publication says, as a number between ``low`` and ``high``, and the verdict expected.
+
+    Of a ``map``: ``level`` and ``force`` in N name a point (the nearest one), ``forces`` a range of normal forces, and
+    ``other`` another map. Of a ``run``: ``near`` Hz, and ``other`` another run. Damping in percent, misfit and ratios
+    as they are. ``implausible`` says which parameter of a match cannot be believed.
+    """
+
+    text: str
+    source: str
+    quantity: Quantity
+    verdict: Literal["matched", "not matched", "matched with an implausible parameter"]
+    map: str = ""
+    run: str = ""
+    other: str = ""
+    near: float | None = None
+    level: float | None = None
+    force: float | None = None
+    forces: tuple[float, float] | None = None
+    low: float = float("-inf")
+    high: float = float("inf")
+    implausible: str = ""
+    reason: str = ""
+
+    @model_validator(mode="after")
+    def _sound(self) -> "StatementTable":
+        if bool(self.map) == bool(self.run):
+            raise ValueError("a statement is about a map or about a run; name one of the two")
+        if self.run and self.near is None:
+            raise ValueError("a statement about a run needs near, the frequency of the mode in Hz")
+        if self.low == float("-inf") and self.high == float("inf"):
+            raise ValueError("a statement that holds for every number says nothing; give low, high or both")
+        return self
+
+
 class Recipe(Table):
     """The whole recipe. ``campaign`` is a folder or file, ``report`` and ``result`` are written; all relative to the
     recipe. ``finding_limit`` is the severity from which a finding makes the command end with status 1."""
@@ -95,9 +164,14 @@ class Recipe(Table):
     estimate: EstimateTable = EstimateTable()
     fit: FitTable = FitTable()
     expect: list[ExpectTable] = []
+    map: list[MapTable] = []
+    statements: list[StatementTable] = []
 
 
-_TABLES: dict[str, type[Table]] = {"": Recipe, "estimate": EstimateTable, "fit": FitTable, "expect": ExpectTable}
+_TABLES: dict[str, type[Table]] = {
+    "": Recipe, "estimate": EstimateTable, "fit": FitTable, "expect": ExpectTable, "map": MapTable,
+    "statements": StatementTable,
+}  # fmt: skip
 
 
 def load(path: Path) -> Recipe:

@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import ema
 from ema import store
-from ema.data import Campaign, Provenance, Run, RunResult, StudyResult
+from ema.data import Campaign, MapResult, Provenance, Run, RunResult, StudyResult
 from ema.errors import CancelledError, EmaError, FailureError, InputError
 from ema.progress import Progress, advance, silent
-from ema.study import chain, expectations, recipe
-from ema.study.recipe import Recipe
+from ema.study import chain, expectations, mapping, recipe, statements
+from ema.study.recipe import MapTable, Recipe
 from ema.study.sources import data_of, fingerprint, opened
 
 _PACKAGES = ("numpy", "scipy", "h5py")
@@ -104,11 +105,32 @@ class Study:
                 advance(progress, "runs", number, len(runs))
                 finished.append(self._one(run, self._made(campaign, data[run.id]), progress, resume))
             advance(progress, "runs", len(runs), len(runs))
-            inputs = tuple(print_ for run in runs for print_ in data[run.id])
-            return self._conclude(campaign, tuple(finished), inputs, progress)
+            maps = tuple(self._map(campaign, table, data, progress, resume) for table in self.recipe.map)
+            used = dict.fromkeys([*(run.id for run in runs), *(name for one in maps for name in one.runs)])
+            inputs = tuple(print_ for name in used for print_ in data[name])
+            return self._conclude(campaign, tuple(finished), maps, inputs, progress)
 
     def _runs(self, campaign: Campaign) -> tuple[Run, ...]:
-        return tuple(campaign[name] for name in self.recipe.runs) if self.recipe.runs else campaign.runs
+        """The runs that are fitted one by one: those named, or all that belong to no map."""
+        if self.recipe.runs:
+            return tuple(campaign[name] for name in self.recipe.runs)
+        mapped = {run.id for table in self.recipe.map for run in mapping.chosen(campaign, table)}
+        return tuple(run for run in campaign.runs if run.id not in mapped)
+
+    def _map(
+        self, campaign: Campaign, table: MapTable, data: dict[str, tuple[tuple[str, str], ...]], progress: Progress,
+        resume: bool,
+    ) -> MapResult:  # fmt: skip
+        """One map, computed or, where it was made in the same way before, taken from its file."""
+        runs = mapping.chosen(campaign, table)
+        made = self._made(campaign, tuple(print_ for run in runs for print_ in data[run.id]))
+        made = replace(made, options=(*made.options, ("map", str(table.model_dump()))))
+        path = self.kept / f"{_file_name('map ' + table.title)}.h5"
+        if resume and (known := _kept(path, made)) is not None:
+            return known
+        result = mapping.mapped(campaign, table, self.recipe.estimate, progress)
+        store.save(path, {"made": made, "result": result})
+        return result
 
     def _one(self, run: Run, made: Provenance, progress: Progress, resume: bool) -> RunResult:
         """One run, computed or, where it was made in the same way before, taken from its file."""
@@ -120,20 +142,23 @@ class Study:
         return result
 
     def _conclude(
-        self, campaign: Campaign, runs: tuple[RunResult, ...], inputs: tuple[tuple[str, str], ...], progress: Progress
-    ) -> StudyResult:
+        self, campaign: Campaign, runs: tuple[RunResult, ...], maps: tuple[MapResult, ...],
+        inputs: tuple[tuple[str, str], ...], progress: Progress,
+    ) -> StudyResult:  # fmt: skip
         """Expectations, result file and report."""
         from ema import compare, report
 
         conditions, differences = compare.conditions(runs)
         findings = campaign.findings + compare.repeat_findings([one.run for one in runs])
         findings += tuple(finding for one in conditions for finding in one.findings)
+        findings += tuple(finding for one in maps for finding in one.findings)
+        judged = statements.judge(self.recipe.statements, maps, runs)
         result = StudyResult(
             campaign=campaign, runs=runs, findings=findings, title=self.recipe.title or campaign.name,
             repairs=tuple(dict.fromkeys(repair for one in runs for repair in one.run.repairs)),
-            expectations=expectations.check(self.recipe.expect, runs),
+            expectations=(*expectations.check(self.recipe.expect, runs), *expectations.of_verdicts(judged)),
             provenance=replace(self._made(campaign, inputs), steps=("ema.study",), created=datetime.now(UTC)),
-            conditions=conditions, differences=differences,
+            conditions=conditions, differences=differences, maps=maps, statements=judged,
         )  # fmt: skip
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))
@@ -187,8 +212,8 @@ def _file_name(run: str) -> str:
     return re.sub(r"[^\w.-]", "_", run)
 
 
-def _kept(path: Path, made: Provenance) -> RunResult | None:
-    """The result of a run finished earlier, if it was made in the same way; a damaged file counts as none."""
+def _kept(path: Path, made: Provenance) -> Any:
+    """The result of a run or map finished earlier, if it was made in the same way; a damaged file counts as none."""
     if not path.is_file():
         return None
     try:

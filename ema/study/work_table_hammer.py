@@ -36,20 +36,21 @@ def generate(
     rigs: dict[str, Rig] = {"bare": _rig("bare", None)}
     rigs |= {run_name(force): _rig(run_name(force), force) for force in FORCES}
     done, points = 0, len(table.grid())
+    duration = RovingHammer((Dof(1, "-Z"),), hits=HITS, spacing=SPACING).duration
     for number, (name, rig) in enumerate(rigs.items()):
         stem, begins = folder / name, START + timedelta(seconds=number * _HOUR)
 
         def save(take: int, rig: Rig = rig, stem: Path = stem, begins: datetime = begins) -> None:
             record = rig.take(take)
             channels = tuple(replace(channel, dof=None) for channel in record.channels)
-            start = begins + timedelta(seconds=take * (rig.drive.duration + 15))
+            start = begins + timedelta(seconds=take * (duration + 15))
             record = replace(record, signals=record.signals.astype(np.float32), channels=channels, start=start)
             store.save(stem.with_name(f"{stem.name}_{take + 1:02d}.h5"), record)
 
         for _ in in_threads(save, points):
             done += 1
             advance(progress, "measuring the virtual table", done, len(rigs) * points)
-    _rings(folder / "rings.csv", points * (rigs["bare"].drive.duration + 15))
+    _rings(folder / "rings.csv", points * (duration + 15))
     return (
         f'setting = "{table.CENTRE.name}"\nbeam_mass = {table.CENTRE.mass:.4f}  # kg\n'
         f"natural_frequencies = {list(table.FREQUENCIES)}  # Hz, of the bare table\ndamping = {table.DAMPING}\n"

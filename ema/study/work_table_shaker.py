@@ -30,7 +30,7 @@ BAND = (200.0, 1350.0)
 
 STAY = 400 / SAMPLING_RATE
 """Time in s at each frequency."""
-_PAUSE, _REFIT = 20.0, 300.0
+_PAUSE, _REFIT, _WAIT = 20.0, 300.0, 5.0
 _RING_STEP, _RING_NOISE = 0.5, 0.05
 _UNEVEN = (0.02, -0.02)
 _WEAR = 1.1
@@ -70,13 +70,13 @@ def plan(modes: tuple[int, ...] = (1, 3)) -> tuple[Condition, ...]:
     for mode in modes:
         for force in FORCES_1 if mode == 1 else FORCES_3:
             clock += _REFIT
-            fitted = clock - _PAUSE
+            fitted = clock - _WAIT
             for level in LEVELS_1 if mode == 1 else LEVELS_3:
                 measured(mode, level, force, "up", fitted)
         if mode == 1:
             for level, force in AGAIN:
                 clock += _REFIT
-                measured(1, level, force, "down", clock - _PAUSE)
+                measured(1, level, force, "down", clock - _WAIT)
     return tuple(listed)
 
 
@@ -85,7 +85,7 @@ def pressed(condition: Condition, times: "np.ndarray | float") -> np.ndarray:
 
     The lowest force settles by a quarter within a minute, the others by a fiftieth within minutes.
     """
-    loss, time = (0.25, 30.0) if condition.force < 10 else (0.02, 120.0)
+    loss, time = (0.25, 15.0) if condition.force < 10 else (0.02, 120.0)
     settled = 1 + loss * (0.5 - (1 - np.exp(-(np.atleast_1d(times) - condition.fitted) / time)))
     return np.array([condition.force * (1 + part) * settled for part in _UNEVEN])
 

@@ -1,0 +1,128 @@
+"""`ema map`: from a shaker campaign to the map of a mode over excitation and normal force."""
+
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.errors import InputError
+
+if TYPE_CHECKING:
+    from ema.data import MapResult
+    from ema.study import Study
+    from ema.study.recipe import MapTable
+
+
+@ends_well
+def make_map(
+    campaign: Annotated[Path, typer.Argument(help="A campaign's folder or a recipe with [[map]].", show_default=False)],
+    near: Annotated[list[float] | None, typer.Option(help="Frequency of a mode in Hz (may be repeated).")] = None,
+    run: Annotated[list[str] | None, typer.Option("--run", help="Runs, or patterns such as 'mode1_*'.")] = None,
+    reference: Annotated[str, typer.Option(help="Run without a beam, for the damping by height.")] = "",
+    mount_mass: Annotated[float | None, typer.Option(help="kg between load cell and structure.", min=0)] = None,
+    force: Annotated[list[float] | None, typer.Option(help="Nominal normal force in N (repeat).")] = None,
+    level: Annotated[list[float] | None, typer.Option(help="Nominal force level in N (repeat).")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for what is written [maps/NAME].")] = None,
+    limit: Annotated[
+        Literal["warning", "error", "never"],
+        typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
+    ] = "error",
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+) -> int:
+    """Follow a mode over excitation and normal force: table, CSV, pictures and a store."""
+    from ema.cli import screen
+    from ema.study import Study, mapping
+    from ema.study.plain import chart
+
+    study = Study.load(campaign)
+    told: dict[str, Any] = {"reference": reference} if reference else {}
+    told |= {"runs": run} if run else {}
+    told |= {"force_levels": sorted(level)} if level else {}
+    told |= {"normal_forces": sorted(force)} if force else {}
+    tables = _tables(study, near, told)
+    estimate = study.recipe.estimate
+    if mount_mass is not None:
+        estimate = estimate.model_copy(update={"mount_mass": mount_mass})
+    folder = out or Path("maps") / campaign.resolve().stem
+    from ema.study.study import make_folder
+
+    make_folder(folder)
+    with screen.Bars() as bars:
+        opened = study.open(bars)
+        results = [mapping.mapped(opened, table, estimate, bars) for table in tables]
+    written = [path for result in results for path in _write(folder, result)]
+    findings = [finding for result in results for finding in result.findings]
+    if json:
+        screen.as_json({"maps": [chart(result) for result in results], "written": [str(path) for path in written]})
+    else:
+        for result in results:
+            _print(result)
+        screen.console().print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
+    grave = {"warning": ("warning", "error"), "error": ("error",), "never": ()}[limit]
+    return FINDINGS if any(finding.severity in grave for finding in findings) else FINE
+
+
+def _tables(study: "Study", near: list[float] | None, told: dict[str, Any]) -> "list[MapTable]":
+    """The maps of a recipe, or those asked for."""
+    from ema.study.recipe import MapTable
+
+    if near:
+        return [MapTable(near=one, **told) for one in near]
+    if not study.recipe.map:
+        raise InputError("which mode is to be mapped?", where=str(study.source), expected="its frequency in Hz",
+                         advice="give --near 500, or a recipe with [[map]]")  # fmt: skip
+    return [table.model_copy(update=told) for table in study.recipe.map]
+
+
+def _write(folder: Path, result: "MapResult") -> list[Path]:
+    """Store, CSV and pictures of one map."""
+    from ema import show, store
+
+    stem = "".join(c if c.isalnum() else "_" for c in result.name)
+    written = [folder / f"{stem}.h5", folder / f"{stem}.csv"]
+    store.save(written[0], result)
+    with store.replacing(written[1]) as target:
+        target.write_text(_csv(result), encoding="utf-8", newline="")
+    pictures = {
+        "damping": show.damping_map(result.chart), "frequency": show.frequency_map(result.chart),
+        "curves": show.damping_curves(result.chart),
+    }  # fmt: skip
+    for name, figure in pictures.items():
+        for suffix in ("png", "svg"):
+            path = folder / f"{stem}_{name}.{suffix}"
+            with store.replacing(path) as target:
+                figure.savefig(target, format=suffix, dpi=150)
+            written.append(path)
+    return written
+
+
+def _csv(result: "MapResult") -> str:
+    """One line per condition, SI and fractions; a hole is empty."""
+    from ema.study.plain import points
+
+    rows, text = points(result), io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(rows[0])
+    writer.writerows([["" if value != value else repr(value) for value in row.values()] for row in rows])
+    return text.getvalue()
+
+
+def _print(result: "MapResult") -> None:
+    """Damping over normal force (across) and excitation (down), and what was noticed."""
+    from rich.table import Table
+
+    from ema.cli import screen
+
+    out, chart = screen.console(), result.chart
+    for values, title, digits in ((100 * chart.damping, "damping [%]", 2), (chart.frequency, "frequency [Hz]", 1)):
+        table = Table(title=f"{result.name}: {title}", title_justify="left", title_style="bold")
+        table.add_column("F_E [N]", justify="right")
+        for force in chart.normal_forces:
+            table.add_column(f"F_N {force:.4g} N", justify="right")
+        for level, row in zip(chart.force_levels, values, strict=True):
+            table.add_row(f"{level:.3g}", *("-" if one != one else f"{one:.{digits}f}" for one in row))
+        out.print(table)
+    screen.show_findings(out, result.findings)

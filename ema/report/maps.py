@@ -1,0 +1,132 @@
+"""Maps of a mode over excitation and normal force, and statements of a publication beside them."""
+
+import numpy as np
+
+from ema import show
+from ema.data import MapResult, StudyResult
+from ema.report.blocks import Block, Book, Cell, Section, Text
+from ema.report.numbers import MISSING, count, fixed, plain, short
+
+
+def statements(result: StudyResult, book: Book) -> list[Section]:
+    """What the publication says, what was found, and the verdict with its reason."""
+    if not result.statements:
+        return []
+    rows = [
+        (
+            one.source, one.text, _bounds(one.low, one.high), plain(one.found, 4), one.verdict,
+            one.reason or MISSING, one.quantity,
+        ) for one in result.statements
+    ]  # fmt: skip
+    columns = ("Where", "Statement", "Holds for", "Found", "Verdict", "Reason", "Quantity")
+    caption = "Statements of the publication, and whether these measurements bear them out."
+    return [
+        Section("The publication's statements", "statements", [book.table("statements", caption, columns, rows, 6)])
+    ]
+
+
+def statement_lines(result: StudyResult) -> list[str]:
+    """How many statements got which verdict."""
+    if not result.statements:
+        return []
+    verdicts = ("matched", "matched with an implausible parameter", "not matched")
+    counts = {verdict: sum(one.verdict == verdict for one in result.statements) for verdict in verdicts}
+    told = ", ".join(f"{number} {verdict}" for verdict, number in counts.items() if number)
+    return [f"{count(len(result.statements), 'statement')} of the publication: {told}."]
+
+
+def map_sections(result: StudyResult, book: Book) -> list[Section]:
+    """Every map with its pictures, the homogeneity of its levels, and its table."""
+    return [
+        Section(f"Map of {one.name}", f"map-{number}", _blocks(one, book)) for number, one in enumerate(result.maps, 1)
+    ]
+
+
+def map_lines(result: StudyResult) -> list[str]:
+    """The answer of every map in a sentence."""
+    return [line for one in result.maps if (line := _sentence(one))]
+
+
+def _sentence(one: MapResult) -> str:
+    damping = np.asarray(one.chart.damping)
+    if not np.isfinite(damping).any():
+        return f"{one.name}: no mode was found in any condition."
+    row, column = np.unravel_index(int(np.nanargmax(damping)), damping.shape)
+    best = [
+        f"{short(one.chart.normal_forces[int(np.nanargmax(line))])} N at {short(level)} N"
+        for level, line in zip(one.chart.force_levels, damping, strict=True) if np.isfinite(line).any()
+    ]  # fmt: skip
+    return (
+        f"{one.name}: most damping {plain(100 * float(damping[row, column]), 3)} % at F_E "
+        f"{short(one.chart.force_levels[row])} N and F_N {short(one.chart.normal_forces[column])} N; best normal force "
+        f"over the excitation: {', '.join(best)}."
+    )
+
+
+def _blocks(one: MapResult, book: Book) -> list[Block]:
+    chart, name = one.chart, one.name
+    told = _sentence(one)
+    blocks: list[Block] = [
+        Text(told),
+        book.picture(show.damping_map(chart), f"Damping of {name} over F_E and F_N. {told}",
+                     f"Damping ratio of {name} by the linear fit of each condition; the line joins the best F_N."),
+        book.picture(show.frequency_map(chart), f"Natural frequency of {name} over F_E and F_N.",
+                     f"Natural frequency of {name}."),
+        book.picture(show.damping_curves(chart), f"Damping of {name} over the excitation at every normal force.",
+                     f"Damping of {name} at every normal force, with 95 % bars of the fit: over the force at resonance "
+                     "(left) and over the modal amplitude (right), where different drivers agree. Dashed: by the "
+                     "height of the peak."),
+    ]  # fmt: skip
+    if len(one.homogeneity):
+        rows: list[tuple[Cell, ...]] = [
+            (plain(force, 4), plain(low, 3), plain(high, 3), fixed(index, 3), fixed(ratio, 3), _side(index, ratio))
+            for (force, low, high), index, ratio in zip(one.pairs, one.homogeneity, one.peak_ratio, strict=True)
+        ]
+        columns = ("F_N [N]", "F_E [N]", "F_E higher [N]", "Homogeneity", "Peak ratio", "Side")
+        caption = (
+            f"Whether FRFs of {name} depend on the level (0: linear; above 0.05 nonlinear, above 0.3 no linear fit)."
+        )
+        blocks.append(book.table(f"homogeneity_{name}", caption, columns, rows))
+    return [*blocks, _table(one, book)]
+
+
+def _table(one: MapResult, book: Book) -> Block:
+    chart = one.chart
+    columns = [
+        "F_E [N]", "F_N [N]", "f [Hz]", "ζ fit [%]", "ζ height [%]", "Misfit", "F at resonance [N]", "Drop-out",
+        "Amplitude [µm √kg]", "std f [Hz]", "std ζ [%]", *(f"F_N {joint} [N]" for joint in chart.joints),
+    ]  # fmt: skip
+    rows: list[list[Cell]] = []
+    for i, level in enumerate(chart.force_levels):
+        for j, force in enumerate(chart.normal_forces):
+            rows.append([
+                plain(float(level), 3), plain(float(force), 4), fixed(_at(chart.frequency, i, j), 2),
+                fixed(100 * _at(chart.damping, i, j), 3), fixed(100 * _at(chart.quadrature_damping, i, j), 3),
+                fixed(_at(chart.misfit, i, j), 3), fixed(_at(chart.force_at_resonance, i, j), 2),
+                fixed(_at(one.dropout, i, j), 2), plain(1e6 * _at(chart.modal_amplitude, i, j), 3),
+                plain(_at(chart.frequency_std, i, j), 2), plain(100 * _at(chart.damping_std, i, j), 2),
+                *(plain(float(chart.joint_forces[i, j, k]), 4) for k in range(len(chart.joints))
+                  if chart.joint_forces is not None),
+            ])  # fmt: skip
+    caption = f"Every condition of {one.name}: frequency, damping by the fit and by the height of the peak."
+    return book.table(f"map_{one.name}", caption, columns, rows, 9)
+
+
+def _at(values: "np.ndarray | None", i: int, j: int) -> float:
+    return float("nan") if values is None else float(values[i, j])
+
+
+def _side(index: float, ratio: float) -> str:
+    if index <= 0.05:
+        return "linear"
+    if abs(ratio - 1) < 0.02:
+        return "about the most damping"
+    return "slips: press more" if ratio > 1 else "sticks: press less"
+
+
+def _bounds(low: float, high: float) -> str:
+    if not np.isfinite(low):
+        return f"up to {short(high)}"
+    if not np.isfinite(high):
+        return f"{short(low)} or more"
+    return short(low) if low == high else f"{short(low)} to {short(high)}"

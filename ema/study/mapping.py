@@ -1,0 +1,312 @@
+"""From the runs of a shaker campaign to the map of one mode over excitation and normal force."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import Campaign, Finding, FrfSet, MapResult, ModalMap, ModalModel, Run, SingleMode, poles_from
+from ema.errors import InputError
+from ema.estimate import Steps
+from ema.progress import Progress, advance, silent
+from ema.study.measured import frfs_of
+from ema.study.recipe import EstimateTable, MapTable
+
+KINDS = ("stepped sine", "sweep")
+_DOUBLING = (1.5, 3.2)
+"""Ratios of two force levels between which they are compared like a doubling."""
+_EDGES = 0.2
+_GATE = 0.05
+_ABOUT = 0.1
+"""Half width of the band about a mode that is looked at, relative."""
+
+
+@dataclass(frozen=True)
+class _Point:
+    """One run of a map: its FRFs with the force at resonance as level, the nominal level in N, and the drop-out."""
+
+    frfs: FrfSet
+    nominal: float
+    dropout: float
+    sequence: str
+    findings: tuple[Finding, ...] = ()
+
+
+def mapped(campaign: Campaign, table: MapTable, estimate: EstimateTable, progress: Progress = silent) -> MapResult:
+    """Follow one mode through the runs of ``table``: FRFs, force at resonance, homogeneity, and the map.
+
+    Runs on the way down of the normal force are compared with those on the way up, which make the map.
+
+    Raises
+    ------
+    InputError : no such runs, a normal force or level that is not known, joints named differently, no mode near.
+    """
+    runs = chosen(campaign, table)
+    reference = _reference(campaign, table, estimate)
+    points = []
+    for number, run in enumerate(runs):
+        advance(progress, f"runs of {table.title}", number, len(runs))
+        points.append(_point(run, table, estimate))
+    down = [point for point in points if point.sequence == "down"]
+    up = [point for point in points if point.sequence != "down"]
+    if not up:
+        up, down = down, []
+    chart = _tracked(up, table, reference)
+    order = _places(chart, up)
+    pairs, index, ratio = _gate(up, order, chart)
+    findings = [finding for point in points for finding in point.findings]
+    findings += _about_map(chart, table.title)
+    findings += _about_levels(pairs, index, ratio, table.title)
+    findings += _about_sequence(chart, down, table, reference)
+    findings += [finding for run in runs for finding in run.findings]
+    dropout = np.full(chart.damping.shape, np.nan)
+    for place, point in zip(order, up, strict=True):
+        dropout[place] = point.dropout
+    return MapResult(
+        table.title, replace(chart, name=table.title, findings=()), pairs, index, ratio, dropout,
+        tuple(run.id for run in runs), tuple(dict.fromkeys(findings)),
+    )  # fmt: skip
+
+
+def chosen(campaign: Campaign, table: MapTable) -> tuple[Run, ...]:
+    """The runs of a map: those named, or all sine tests with a beam.
+
+    Raises
+    ------
+    InputError : there are none.
+    """
+    patterns = table.runs or ["*"]
+    runs = tuple(
+        run for run in campaign.runs
+        if run.kind in KINDS and run.condition.joints and any(fnmatch(run.id, one) for one in patterns)
+    )  # fmt: skip
+    if not runs:
+        raise InputError(
+            "no run to make a map of", where=f"campaign {campaign.name}, {table.title}",
+            got=", ".join(patterns), expected="stepped sines or sweeps with a normal force",
+            advice="hammer tests have no force level of their own: see `ema run`",
+        )  # fmt: skip
+    return runs
+
+
+def _reference(campaign: Campaign, table: MapTable, estimate: EstimateTable) -> ModalModel | None:
+    """Modal constants of the mode without the beam, from the run named or the first one without joints."""
+    if table.reference:
+        run: Run | None = campaign[table.reference]
+    else:
+        bare = [run for run in campaign.runs if not run.condition.joints and run.kind in (*KINDS, "random")]
+        run = bare[0] if bare else None
+    if run is None:
+        return None
+    return _one_mode(frfs_of(run, estimate)[0], table.near)
+
+
+def _one_mode(frfs: FrfSet, near: float) -> ModalModel | None:
+    """One mode scaled by its drive point, or ``None`` where there is no drive point."""
+    from ema.dof import match
+    from ema.fit import local_fit
+
+    found = local_fit(frfs.band(near * (1 - 2 * _ABOUT), near * (1 + 2 * _ABOUT)), near)
+    driven = match(frfs.inputs, frfs.outputs)
+    if not driven or not frfs.scaled:
+        return None
+    column, row, sign = driven[0]
+    constants = np.real(found.modal_constants[:, column])
+    drive = constants[row] * sign
+    if not drive > 0:
+        return None
+    shape = (constants / np.sqrt(drive)).astype(complex)[:, None]
+    pole = poles_from(np.array([found.natural_frequency]), np.array([found.damping_ratio]))
+    dofs = frfs.outputs
+    return ModalModel(pole, shape, dofs, shape / (2j * pole.imag), dofs, scaling="unit modal mass", name=frfs.name)
+
+
+def _point(run: Run, table: MapTable, estimate: EstimateTable) -> _Point:
+    """FRFs about the mode, with the force at resonance as their level."""
+    from ema.fit import local_fit
+
+    frfs, steps = _estimated(run, estimate)
+    frfs = frfs.band(table.near * (1 - _ABOUT), table.near * (1 + _ABOUT))
+    nominal = run.condition.excitation.level
+    noticed: tuple[Finding, ...] = ()
+    try:
+        found = local_fit(frfs, table.near, table.bandwidths)
+    except InputError:
+        level, dropout = nominal, float("nan")
+    else:
+        level, dropout, noticed = _level(run, frfs, steps, found, estimate.mount_mass)
+    excitation = replace(frfs.condition.excitation, level=level)
+    frfs = replace(frfs, condition=replace(frfs.condition, excitation=excitation))
+    sequence = run.condition.joints[0].sequence
+    return _Point(frfs, nominal if np.isfinite(nominal) else level, dropout, sequence, noticed + frfs.findings)
+
+
+def _estimated(run: Run, estimate: EstimateTable) -> tuple[FrfSet, Steps | None]:
+    """FRFs of a run, and the forces at the frequencies of a stepped sine."""
+    from ema import estimate as verbs
+
+    if run.kind != "stepped sine":
+        return frfs_of(run, estimate)[0], None
+    frfs, steps = verbs.stepped_test(run, estimate.discard)
+    if estimate.mount_mass:
+        frfs = verbs.without_mount_mass(frfs, estimate.mount_mass, frfs.inputs[0])
+    return frfs, steps
+
+
+def _level(
+    run: Run, frfs: FrfSet, steps: Steps | None, found: SingleMode, mount_mass: float
+) -> tuple[float, float, tuple[Finding, ...]]:
+    """Force on the structure in N at resonance, and over that beside it."""
+    from ema import estimate as verbs
+
+    share = _share(frfs, found.natural_frequency, mount_mass)
+    if steps is not None:
+        outer = max(int(_EDGES / 2 * len(steps.force)), 1)
+        beside = float(np.median(np.concatenate([steps.force[:outer], steps.force[-outer:]])))
+        level = steps.force_at(found.natural_frequency)
+        return level * share, level / beside, ()
+    period, record = run.condition.excitation.period, run.recordings[0]
+    periodic = bool(np.isfinite(period))
+    mode = found.natural_frequency, found.damping_ratio
+    held = verbs.force_at_resonance(record, *mode, period if periodic else 0.0)
+    _, _, noticed = verbs.sweep_rate(record, *mode, bool(run.condition.joints), periodic)
+    return held.level * share, held.dropout, held.findings + noticed
+
+
+def _share(frfs: FrfSet, frequency: float, mass: float) -> float:
+    """Force behind the mass below the load cell over that before it: F = F_cell / (1 + m A) with the true A."""
+    from ema.dof import match
+    from ema.synthesis import convert
+
+    if not mass:
+        return 1.0
+    column, row, sign = match(frfs.inputs, frfs.outputs)[0]
+    values = sign * convert(frfs, "accelerance").values[:, row, column]
+    near = complex(
+        np.interp(frequency, frfs.frequencies, values.real), np.interp(frequency, frfs.frequencies, values.imag)
+    )
+    return float(1 / abs(1 + mass * near))
+
+
+def _tracked(points: Sequence[_Point], table: MapTable, reference: ModalModel | None) -> ModalMap:
+    from ema import fit
+
+    levels = table.force_levels
+    if levels is None:
+        levels = sorted({round(point.nominal, 6) for point in points})
+    return fit.track(
+        [point.frfs for point in points], table.near, reference, levels, table.normal_forces, table.bandwidths
+    )  # fmt: skip
+
+
+def _places(chart: ModalMap, points: Sequence[_Point]) -> list[tuple[int, int]]:
+    """Row and column of every run in the map."""
+    placed = []
+    for point in points:
+        row = int(np.abs(chart.force_levels - point.frfs.condition.excitation.level).argmin())
+        column = int(np.abs(chart.normal_forces - point.frfs.condition.normal_force).argmin())
+        placed.append((row, column))
+    return placed
+
+
+def _gate(
+    points: Sequence[_Point], order: list[tuple[int, int]], chart: ModalMap
+) -> tuple[Float[np.ndarray, "pair 3"], Float[np.ndarray, "pair"], Float[np.ndarray, "pair"]]:
+    """Homogeneity between every level and the one nearest to its double, at each normal force."""
+    from ema.estimate import homogeneity
+
+    at = dict(zip(order, points, strict=True))
+    rows = []
+    for column, force in enumerate(chart.normal_forces):
+        for row, level in enumerate(chart.force_levels):
+            ratios = chart.force_levels / level
+            high = int(np.abs(np.log(ratios / 2)).argmin())
+            if not _DOUBLING[0] <= ratios[high] <= _DOUBLING[1] or (row, column) not in at or (high, column) not in at:
+                continue
+            near = chart.frequency[row, column]
+            if not np.isfinite(near):
+                continue
+            try:
+                found = homogeneity(at[row, column].frfs, at[high, column].frfs, float(near))
+            except InputError:
+                continue
+            rows.append((force, level, chart.force_levels[high], found.index, found.peak_ratio))
+    told = np.array(rows, dtype=np.float64).reshape(-1, 5)
+    return told[:, :3], told[:, 3], told[:, 4]
+
+
+def _about_map(chart: ModalMap, where: str) -> list[Finding]:
+    findings = []
+    for values, what, other in (
+        (chart.force_levels, "force level", "the force"), (chart.normal_forces, "normal force", "the normal force")
+    ):  # fmt: skip
+        if len(values) == 1:
+            findings.append(Finding(
+                "warning", "map-with-one-" + what.split()[-1], where, f"the map has one {what}, {values[0]:.4g} N: how "
+                f"the mode depends on {other} cannot be told.", 1.0, 2.0, f"Measure at more than one {what}.",
+            ))  # fmt: skip
+    holes = int(np.sum(~np.isfinite(chart.damping)))
+    if holes:
+        findings.append(Finding(
+            "info", "holes", where, f"{holes} of {chart.damping.size} conditions show no mode or were not measured.",
+            holes, 0.0,
+        ))  # fmt: skip
+    assert chart.misfit is not None
+    bent = np.asarray(chart.misfit)[np.isfinite(chart.misfit)]
+    if len(bent) and bent.max() > _GATE:
+        findings.append(Finding(
+            "warning", "misfit", where, f"a linear mode leaves up to {100 * bent.max():.0f} % of the FRFs unexplained, "
+            f"more than {100 * _GATE:.0f} % in {int(np.sum(bent > _GATE))} of {len(bent)} conditions: damping by the "
+            "fit is biased there.", float(bent.max()), _GATE, "Read the damping by height beside it.",
+        ))  # fmt: skip
+    return findings
+
+
+def _about_levels(pairs: np.ndarray, index: np.ndarray, ratio: np.ndarray, where: str) -> list[Finding]:
+    """One finding for a map that is not homogeneous, with the side of every normal force."""
+    from ema.estimate.nonlinearity import NEITHER, NONLINEAR
+
+    if not len(index) or index.max() <= NONLINEAR:
+        return []
+    sides = []
+    for force in np.unique(pairs[:, 0]):
+        here = (pairs[:, 0] == force) & (index > NONLINEAR)
+        if here.any():
+            change = ratio[here] - 1
+            if np.all(change > NEITHER):
+                sides.append(f"{force:.4g} N slips (press more)")
+            elif np.all(change < -NEITHER):
+                sides.append(f"{force:.4g} N sticks at the lower levels (press less)")
+            else:
+                sides.append(f"{force:.4g} N lies about the most damping")
+    worst = int(index.argmax())
+    return [Finding(
+        "warning", "not-homogeneous", where, f"FRFs differ by up to {index[worst]:.0%} between levels (at "
+        f"F_N {pairs[worst, 0]:.4g} N from {pairs[worst, 1]:.3g} to {pairs[worst, 2]:.3g} N): every condition is "
+        f"fitted on its own, and its values hold for its amplitude. {'; '.join(sides)}.", float(index[worst]),
+        NONLINEAR, "Compare conditions at equal modal amplitude.",
+    )]  # fmt: skip
+
+
+def _about_sequence(
+    chart: ModalMap, down: Sequence[_Point], table: MapTable, reference: ModalModel | None
+) -> list[Finding]:
+    """What the order of the normal forces does: the same condition on the way up and on the way down."""
+    if not down:
+        return []
+    again = _tracked(down, table, reference)
+    findings = []
+    for point, (row, column) in zip(down, _places(again, down), strict=True):
+        r = int(np.abs(chart.force_levels - again.force_levels[row]).argmin())
+        c = int(np.abs(chart.normal_forces - again.normal_forces[column]).argmin())
+        up, after = float(chart.damping[r, c]), float(again.damping[row, column])
+        rise = float(again.frequency[row, column] - chart.frequency[r, c])
+        findings.append(Finding(
+            "info", "sequence", f"{table.title}, {point.frfs.name}",
+            f"on the way down of the normal force the damping is {100 * after:.2f} % and was {100 * up:.2f} % on the "
+            f"way up, at F_E {again.force_levels[row]:.3g} N and F_N {again.normal_forces[column]:.4g} N; the "
+            f"frequency changed by {rise:+.1f} Hz.", after - up, None, "State the sequence with every result.",
+        ))  # fmt: skip
+    return findings
