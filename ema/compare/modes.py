@@ -6,7 +6,7 @@ from jaxtyping import Float
 from ema.data import ModalModel
 from ema.data.comparison import ModeComparison, Verdict
 from ema.dof import match
-from ema.shapes import co_mac, compare
+from ema.shapes import co_mac, compare, mac_uncertainty
 
 CLOSE = 0.05
 """Relative difference in frequency up to which a pair counts as close."""
@@ -37,9 +37,11 @@ def modes(measured: ModalModel, model: ModalModel, threshold: float = 0.5) -> Mo
     by_dof = co_mac(*shared) if left else np.full(len(rows), np.nan)
     values = paired.mac[left, right] if left else np.zeros(0)
     unpaired = tuple(tuple(mode for mode in range(len(one.poles)) if mode not in used) for one, used in both)
+    known = measured.uncertainty is not None or model.uncertainty is not None
     return ModeComparison(
         paired.pairs, frequency, damping, values, _significance(measured, model, left, right, frequency, damping),
         by_dof, paired.dofs, (unpaired[0], unpaired[1]), _verdict(frequency, values, (unpaired[0], unpaired[1])),
+        mac_uncertainty(measured, model, paired.pairs).std if known else None,
     )  # fmt: skip
 
 

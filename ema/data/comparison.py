@@ -32,6 +32,7 @@ class ModeComparison:
     ``pairs`` (mode of a, mode of b), from 0; over the pairs: ``frequency`` (pair, 2) Hz, ``damping`` (pair, 2),
     ``mac`` (pair,) and ``significance`` (pair, 2): the difference of frequency and damping over its standard
     uncertainty, NaN where that is unknown. ``co_mac`` (dof,) over the shared ``dofs``; ``unpaired`` modes of a and b.
+    ``mac_std`` (pair,) is the standard uncertainty of ``mac``, ``None`` where neither model states one for its shapes.
     """
 
     pairs: tuple[tuple[int, int], ...]
@@ -43,9 +44,10 @@ class ModeComparison:
     dofs: tuple[Dof, ...]
     unpaired: tuple[tuple[int, ...], tuple[int, ...]]
     verdict: Verdict
+    mac_std: Float[np.ndarray, "pair"] | None = None
 
     def __post_init__(self) -> None:
-        names = ("frequency", "damping", "mac", "significance", "co_mac")
+        names = ("frequency", "damping", "mac", "significance", "co_mac", "mac_std")
         freeze(self, **dict.fromkeys(names, np.float64))
 
     def table(self) -> "pd.DataFrame":
@@ -53,11 +55,12 @@ class ModeComparison:
         import pandas as pd
 
         f, z = self.frequency, 100 * self.damping
-        return pd.DataFrame({
+        columns = {
             "measured": [i + 1 for i, _ in self.pairs], "model": [j + 1 for _, j in self.pairs],
             "f measured [Hz]": f[:, 0], "f model [Hz]": f[:, 1], "df [%]": 100 * (f[:, 1] / f[:, 0] - 1),
             "zeta measured [%]": z[:, 0], "zeta model [%]": z[:, 1], "MAC": self.mac,
-        })  # fmt: skip
+        }  # fmt: skip
+        return pd.DataFrame(columns if self.mac_std is None else columns | {"std MAC": self.mac_std})
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,9 @@ def test_differences_between_two_tests(fits: list[ModalModel]):
     errors = [compare.modes(one, other).significance for one, other in zip(fits[::2], fits[1::2], strict=True)]
     assert 0.88 <= inside(np.array(errors)) <= 1.0, f"seed {SEED}"
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1, abs=0.2), f"seed {SEED}"
+    against = compare.modes(fits[0], fits[1])
+    stated = shapes.mac_uncertainty(fits[0], fits[1], against.pairs)
+    assert list(against.table()["std MAC"]) == list(stated.std)
     found = compare.difference(compare.repeats(fits[:1], "a"), compare.repeats(fits[1:2], "b"))
     variances = fits[0].covariance[:, 1, 1] + fits[1].covariance[:, 1, 1]
     assert found.damping_noise == pytest.approx(1.96 * np.sqrt(variances), rel=1e-3)
