@@ -187,7 +187,7 @@ def contact_solve(i, free, gain, k, tolerance, limit, laws, u0, f0, h, z0, z1, a
             high = u
         else:
             low = u
-        new = u - rest / max(1.0 + gain * (slope - k), 1e-3)
+        new = u - rest / max(1.0 + gain * (slope - k), 1e-12)
         if not low < new < high:
             new = 0.5 * (low + high) if np.isfinite(low) and np.isfinite(high) else u - rest
         if new == u:
@@ -214,7 +214,9 @@ def sweep_contacts(gains, free, stiffness, limits, laws, u0, f0, h, z0, z1, a, b
             rest = free[i] + gain * (start + change[i])
             for j in range(len(u0)):
                 rest -= gains[i, j] * change[j]
-            u1[i], f1[i] = contact_solve(i, rest, gain, k, loose, limits[i], laws, u0[i], f0[i], h, z0, z1, a, b)
+            # what holds a contact may be much softer than the contact: a small residual is then a long way
+            close = loose * max(1.0 - gain * k, 1e-9)
+            u1[i], f1[i] = contact_solve(i, rest, gain, k, close, limits[i], laws, u0[i], f0[i], h, z0, z1, a, b)
             new = f1[i] - k * u1[i] - start
             moved = max(moved, abs(new - change[i]) * gain)
             change[i] = new
@@ -226,21 +228,11 @@ def sweep_contacts(gains, free, stiffness, limits, laws, u0, f0, h, z0, z1, a, b
 
 
 @nb.njit(cache=True)
-def relax(gains, free, stiffness, limits, laws, u, f, z, sweeps):
-    """Static equilibrium of contacts with any law, u + gains (f - k u) = free, from u, f, z; returns the residual."""
-    z1, a, b = np.zeros_like(z), np.zeros_like(z), np.zeros_like(z)
-    u1, f1, change, ahead = np.empty_like(u), np.empty_like(u), np.zeros_like(u), np.empty_like(u)
-    matvec(gains, f - stiffness * u, ahead)
-    _, residual = sweep_contacts(
-        gains, free - ahead, stiffness, limits, laws, u, f, 1.0, z, z1, a, b, 1e-14, sweeps, u1, f1, change
-    )
-    u[:], f[:], z[:] = u1, f1, z1
-    return residual
-
-
-@nb.njit(cache=True)
 def relax_masing(gains, free, stiffness, limits, u, f, signs, table):
-    """The same where every contact is one Masing spring; ``signs`` are kept. Returns the residual."""
+    """Static equilibrium of Masing springs, u + gains (f - k u) = free, from u and f; ``signs`` are kept.
+
+    Returns the residual.
+    """
     g, ahead, slip, change = f - stiffness * u, np.empty_like(u), np.empty_like(u), np.empty_like(u)
     matvec(gains, g, ahead)
     used = np.zeros(1, np.int64)

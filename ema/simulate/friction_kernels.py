@@ -200,6 +200,18 @@ def step(code, i, stiffness, limit, par, shares_k, shares_f, count, tables, user
 
 
 @nb.njit(cache=True)
+def all_steps(stiffness, limits, laws, u0, u1, h, z0, z1, f1, slopes):
+    """One increment of every contact: forces and their slopes, and the state that belongs to them."""
+    codes, par, shares_k, shares_f, counts, tables, user = laws
+    a, b = np.empty_like(z0), np.empty_like(z0)
+    for i in range(len(u0)):
+        f1[i], slopes[i] = step(
+            codes[i], i, stiffness[i], limits[i], par, shares_k, shares_f, counts[i], tables, user, u0[i], u1[i], h,
+            z0, z1, a, b,
+        )  # fmt: skip
+
+
+@nb.njit(cache=True)
 def stored_energy(i, code, stiffness, shares_k, count, z):
     """Energy that the springs of contact i can give back."""
     if code == PARALLEL:

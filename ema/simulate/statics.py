@@ -12,6 +12,8 @@ from ema.simulate.joined import Joined
 from ema.simulate.reduction import stuck_stiffness
 from ema.simulate.structure import System
 
+_MOST_STEPS = 200
+
 
 @dataclass(frozen=True)
 class StaticState:
@@ -64,7 +66,7 @@ def ramp(
                 gains, level * reach, stiffness, top, laws.arguments, joined.arguments, u, f, z
             )
         else:
-            rest = kernels.relax(gains, level * reach, stiffness, top, laws.arguments, u, f, z, 100_000)
+            rest = _relax(gains, level * reach, stiffness, top, laws, u, f, z)
         if not rest < 1e-9:
             raise FailureError("no static equilibrium", where=system.name,
                                got=f"residual {rest:.1e} at {level:.0%} of the load",
@@ -72,3 +74,42 @@ def ramp(
     if masing:
         z[:, 0] = f
     return StaticState(solved[:, 0] - solved[:, 1:] @ (f - stiffness * u), u, f, z)
+
+
+def _relax(
+    gains: np.ndarray, free: np.ndarray, stiffness: np.ndarray, limits: np.ndarray, laws: PackedLaws, u: np.ndarray,
+    f: np.ndarray, z: np.ndarray,
+) -> float:  # fmt: skip
+    """Equilibrium u + gains g = free with g = f(u) - k u, from u, f and z, which are changed; returns the residual.
+
+    It is the least of an energy whose slope along a step ``way`` of g is -rest @ gains @ way: Newton's method, with
+    steps that are shortened where that slope has changed its sign.
+    """
+    from ema.simulate import friction_kernels
+
+    kernels: Any = friction_kernels
+    count, g = len(u), f - stiffness * u
+    force, slope, memory = f.copy(), np.empty(count), z.copy()
+
+    def missing(load: np.ndarray) -> np.ndarray:
+        place = free - gains @ load
+        kernels.all_steps(stiffness, limits, laws.arguments, u, place, 1.0, z, memory, force, slope)
+        return np.asarray(force - stiffness * place - load)
+
+    rest = missing(g)
+    size = max(float(np.abs(free).max()), float(np.abs(u).max()), 1e-300)
+    for _ in range(_MOST_STEPS):
+        if np.abs(gains @ rest).max() <= 1e-14 * size:
+            break
+        way = np.linalg.solve(np.eye(count) + (slope - stiffness)[:, None] * gains, rest)
+        start, low, high, length = -float(rest @ gains @ way), 0.0, np.inf, 1.0
+        for _ in range(40):
+            rest = missing(g + length * way)
+            now = -float(rest @ gains @ way)
+            if abs(now) <= 0.5 * abs(start) or start >= 0:
+                break
+            low, high = (length, high) if now < 0 else (low, length)
+            length = 0.5 * (low + high) if np.isfinite(high) else 2 * length
+        g = g + length * way
+    u[:], f[:], z[:] = free - gains @ g, force, memory
+    return float(np.abs(gains @ rest).max()) / size
