@@ -64,6 +64,22 @@ def test_a_hammer_test_of_a_stuck_beam_gives_its_modes(truth):
     assert found.damping_ratios == pytest.approx(0.006, rel=1e-3)
 
 
+def test_a_blow_on_a_stuck_beam_has_the_spectra_of_its_modes(truth):
+    """The spectra of a record alone, no estimate and no fit; its end cuts off exp(-zeta omega T) of the first mode."""
+    stuck, length = model(STUCK), 6.0
+    rig = FrictionRig(stuck, RovingHammer((TIP,), hits=1, spacing=length, contact_time=1e-3), (acc(),), 2048.0)
+    force, motion = np.fft.rfft(rig.take(0).signals, axis=1)
+    base, system = modal_base(assemble(stuck)), assemble(stuck)
+    lines = np.fft.rfftfreq(rig.take(0).signals.shape[1], 1 / 2048.0)
+    for frequency in truth[:3]:
+        line = np.abs(lines - frequency).argmin()
+        rate = 2j * np.pi * lines[line]
+        gains = rate**2 / (base.frequencies**2 + rate**2 + rate * base.decay)
+        expected = gains @ (base.row(system, SENSOR) * base.row(system, TIP))
+        cut = np.exp(-0.006 * 2 * np.pi * frequency * length)
+        assert abs(motion[line] / force[line] / expected - 1) < 2e-4 + 1.2 * cut
+
+
 def test_a_sweep_of_a_stuck_beam_gives_its_mode(truth):
     rig = FrictionRig(model(STUCK), SweptShaker(TIP, 10.0, (15.0, 60.0), 8.0, 12.0), (acc(),), 1024.0)
     lines = sweep(measured(rig), band=(15.0, 60.0))
