@@ -121,7 +121,7 @@ def _print(result: "MapResult") -> None:
         table = Table(title=f"{result.name}: {title}", title_justify="left", title_style="bold")
         table.add_column("F_E [N]", justify="right")
         for force in chart.normal_forces:
-            table.add_column(f"F_N {force:.4g} N", justify="right")
+            table.add_column(f"F_N {force:.5g} N", justify="right")
         for level, row in zip(chart.force_levels, values, strict=True):
             table.add_row(f"{level:.3g}", *("-" if one != one else f"{one:.{digits}f}" for one in row))
         out.print(table)

@@ -13,7 +13,15 @@ if TYPE_CHECKING:
     from ema.estimate.live import check_hit
     from ema.estimate.nonlinearity import Homogeneity, causality, homogeneity
     from ema.estimate.random_excitation import shaker
-    from ema.estimate.shaker_force import ForceLevel, control_level, force_at_resonance, sweep_rate, without_mount_mass
+    from ema.estimate.shaker_force import (
+        ForceLevel,
+        PhaseResonance,
+        control_level,
+        force_at_resonance,
+        phase_resonance,
+        sweep_rate,
+        without_mount_mass,
+    )
     from ema.estimate.stepped_sine import Steps, stepped, stepped_test
     from ema.estimate.swept_sine import sweep
 
@@ -22,6 +30,7 @@ _NAMES = {
     "ForceLevel": "shaker_force",
     "Homogeneity": "nonlinearity",
     "Phase": "decay",
+    "PhaseResonance": "shaker_force",
     "Steps": "stepped_sine",
     "causality": "nonlinearity",
     "check_hit": "live",
@@ -33,6 +42,7 @@ _NAMES = {
     "integrated": "integrate",
     "known_mass": "calibrate",
     "level_bins": "levels",
+    "phase_resonance": "shaker_force",
     "phases": "decay",
     "quality": "frf_checks",
     "ring_down": "decay",
@@ -47,10 +57,10 @@ _NAMES = {
 }
 
 __all__ = [
-    "Calibration", "ForceLevel", "Homogeneity", "Phase", "Steps", "causality", "check_hit", "control_level",
-    "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated", "known_mass", "level_bins",
-    "phases", "quality", "ring_down", "shaker", "stepped", "stepped_test", "sweep", "sweep_rate", "to_quantity",
-    "without_dead", "without_mount_mass",
+    "Calibration", "ForceLevel", "Homogeneity", "Phase", "PhaseResonance", "Steps", "causality", "check_hit",
+    "control_level", "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated", "known_mass",
+    "level_bins", "phase_resonance", "phases", "quality", "ring_down", "shaker", "stepped", "stepped_test", "sweep",
+    "sweep_rate", "to_quantity", "without_dead", "without_mount_mass",
 ]  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.signal
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, Recording
 from ema.dof import Dof, match
@@ -73,6 +73,68 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
             "Label the point with the force at resonance; control the level where the map needs it.",
         ),)  # fmt: skip
     return ForceLevel(level, float(np.std(amplitude[inside])), dropout, findings)
+
+
+@dataclass(frozen=True)
+class PhaseResonance:
+    """Where a response lags its force by a quarter of a period: ``frequency`` Hz, ``ratio`` of the amplitudes of
+    response and force there, and ``force`` N there (NaN where unknown)."""
+
+    frequency: float
+    ratio: float
+    force: float
+    findings: tuple[Finding, ...] = ()
+
+
+def phase_resonance(
+    frequencies: Float[np.ndarray, "freq"],
+    values: Complex[np.ndarray, "freq"],
+    force: Float[np.ndarray, "freq"] | None = None,
+    where: str = "stepped sine",
+) -> PhaseResonance:
+    """Phase resonance of one displacement or acceleration over force: the zero of its real part nearest to its top.
+
+    Parameters
+    ----------
+    frequencies : Hz, ascending.
+    values : response over force; a phase of either sign.
+    force : amplitude in N at every frequency; a finding tells where it was not constant.
+
+    Raises
+    ------
+    InputError : lengths that differ, NaN, no quadrature within the lines.
+
+    Source: Scheel, Peter, Leine, Krack (2018), phase-resonant testing of amplitude-dependent modes.
+    """
+    frequencies, values = np.asarray(frequencies, dtype=np.float64), np.asarray(values, dtype=np.complex128)
+    if len(frequencies) != len(values) or len(values) < 3 or not np.all(np.isfinite(values)):
+        raise InputError("no response over frequency", where=where, got=f"{len(frequencies)} frequencies, "
+                         f"{len(values)} values", expected="as many finite values, 3 or more")  # fmt: skip
+    top = int(np.abs(values).argmax())
+    crossings = np.flatnonzero(np.diff(np.signbit(values.real)))
+    if not len(crossings):
+        raise InputError("no phase resonance within the lines", where=where,
+                         got=f"{frequencies[0]:g} to {frequencies[-1]:g} Hz",
+                         expected="a quarter of a period between response and force",
+                         advice="step over the resonance on both sides")  # fmt: skip
+    k = int(crossings[np.abs(crossings + 0.5 - top).argmin()])
+    angle = np.unwrap(np.angle(values[k : k + 2]))
+    quarter = np.pi * (np.floor(angle.min() / np.pi) + 0.5)
+    share = float((quarter - angle[0]) / (angle[1] - angle[0]))
+    sizes = np.abs(values[k : k + 2])
+    ratio, frequency = (float(pair[0] + share * (pair[1] - pair[0])) for pair in (sizes, frequencies[k : k + 2]))
+    if force is None:
+        return PhaseResonance(frequency, ratio, float("nan"))
+    held = np.asarray(force, dtype=np.float64)
+    spread = float(held.max() / held.min() - 1)
+    findings: tuple[Finding, ...] = ()
+    if spread > 1 / DROPOUT - 1:
+        findings = (Finding(
+            "warning", "force-not-constant", where, f"the force runs from {held.min():.3g} to {held.max():.3g} N over "
+            "the lines: the FRF belongs to no one level.", spread, 1 / DROPOUT - 1,
+            "Label it with the force at resonance, or control the force.",
+        ),)  # fmt: skip
+    return PhaseResonance(frequency, ratio, float(np.interp(frequency, frequencies, held)), findings)
 
 
 def sweep_rate(

@@ -108,7 +108,7 @@ def damping_curves(chart: ModalMap) -> Figure:
             style: dict[str, Any] = {"color": colours[column], "marker": SERIES[column % len(SERIES)][2], "ms": 4}
             axes.errorbar(
                 across[:, column], 100 * chart.damping[:, column], 196 * std[:, column], lw=1.3, elinewidth=0.8,
-                capsize=2, label=f"{force:.4g} N" if axes is panels[0] else None, **style,
+                capsize=2, label=f"{force:.5g} N" if axes is panels[0] else None, **style,
             )  # fmt: skip
             if chart.quadrature_damping is not None:
                 axes.plot(across[:, column], 100 * chart.quadrature_damping[:, column], "--", lw=0.9,
