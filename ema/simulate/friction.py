@@ -174,6 +174,12 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
 
 _CODES = {"masing": 0, "coulomb": 0, "parallel masing": 0, "iwan": 0, "regularised masing": 1, "dahl": 2, "lugre": 3}
 
+_PARAMETERS = {
+    "regularised masing": ("exponent",), "iwan": ("chi", "beta", "springs"), "dahl": ("shape",),
+    "lugre": ("bristle damping", "viscous", "static ratio", "stribeck velocity"),
+}  # fmt: skip
+"""Parameters of the laws whose constructors check them, in the order in which the kernels take them."""
+
 
 @dataclass(frozen=True)
 class PackedLaws:
@@ -210,6 +216,23 @@ def check_isotropic(law: FrictionLaw, where: str) -> None:
     if law.isotropic and law.name in _USER:
         raise InputError("a law of the user's own has no isotropic form", where=where, got=f"{law.name}",
                          expected="isotropic=False, or one of " + ", ".join(sorted(_CODES)))  # fmt: skip
+
+
+def check_parameters(law: FrictionLaw) -> None:
+    """Refuse a law that was not made by its constructor, or was changed since.
+
+    Raises
+    ------
+    InputError : a parameter is missing, too many, or no number.
+    """
+    names = tuple(name for name, _ in law.parameters)
+    if law.name in _PARAMETERS and names != _PARAMETERS[law.name]:
+        raise InputError("not the parameters of this law", where=f"law {law.name}", got=", ".join(names) or "none",
+                         expected=", ".join(_PARAMETERS[law.name]),
+                         advice="make it by its constructor in ema.simulate")  # fmt: skip
+    if not all(np.isfinite(value) for _, value in law.parameters):
+        raise InputError("a parameter is no number", where=f"law {law.name}", got=dict(law.parameters),
+                         expected="finite numbers")  # fmt: skip
 
 
 def springs_of(law: FrictionLaw) -> tuple[Float[np.ndarray, "spring"], Float[np.ndarray, "spring"]]:
@@ -287,11 +310,13 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
 
     Raises
     ------
-    InputError : a law is unknown, or more than one law of the user's own is present.
+    InputError : a law is unknown or lacks a parameter, or more than one law of the user's own is present.
     """
     from ema.simulate.friction_kernels import no_user_law
 
     size = len(laws)
+    for law in {id(law): law for law in laws}.values():
+        check_parameters(law)
     springs = {id(law): springs_of(law) for law in laws}
     width = max(3, *(len(shares[0]) for shares in springs.values()))
     codes, counts = np.zeros(size, np.int64), np.ones(size, np.int64)

@@ -68,7 +68,7 @@ def modal_base(
     slip = system.contacts.slip @ shapes
     seen = np.abs(slip).max(axis=0)
     settings = system.damping
-    if settings.ratio < 0 or settings.mass_factor < 0 or settings.ratio >= 1:
+    if not (0 <= settings.ratio < 1 and 0 <= settings.mass_factor < np.inf):
         raise InputError(
             "not a background damping", where=system.name, got=settings, expected="0 <= ratio < 1, factor >= 0"
         )

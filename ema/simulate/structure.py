@@ -139,6 +139,14 @@ def _check_joint(joint: Joint) -> None:
     if not law.contact_stiffness > 0 or (np.isinf(law.contact_stiffness) and law.name != "coulomb"):
         raise wrong("not a tangential contact stiffness", f"{law.contact_stiffness} N/m", "a positive finite number",
                     "for rigid contact use ema.simulate.Coulomb")  # fmt: skip
+    if not (np.isfinite(law.stiffness_exponent) and law.stiffness_exponent >= 0):
+        raise wrong("not an exponent of k_T(F_N)", law.stiffness_exponent, "0 (constant) or more, usually 0.3 to 0.9")
+    if not (np.isfinite(law.reference_force) and law.reference_force > 0):
+        raise wrong("not a reference force of k_T(F_N)", f"{law.reference_force} N", "above 0 N")
+    if not law.stiffness_cap > 0:
+        raise wrong("not a cap of k_T(F_N)", f"{law.stiffness_cap} N/m", "above 0 N/m")
+    if not np.all(np.isfinite(joint.half_heights)):
+        raise wrong("not distances to the interface", f"{joint.half_heights} m", "two finite numbers")
     for name, shares in (("normal force", joint.force_shares), ("area", joint.area_shares)):
         if shares is None:
             continue

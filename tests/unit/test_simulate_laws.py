@@ -97,6 +97,8 @@ def test_iwan_springs_hold_the_stiffness_and_force_of_the_continuous_model():
         (lambda: drive(Masing(MU, K), np.zeros(3), -1.0), "normal force"),
         (lambda: drive(Coulomb(MU), np.zeros(3), 1.0), "stick_stiffness"),
         (lambda: drive(Masing(MU, K).__class__("what", MU, K), np.zeros(3), 1.0), "unknown friction law"),
+        (lambda: drive(Masing(MU, K).__class__("iwan", MU, K), np.zeros(3), 1.0), "not the parameters.*chi, beta"),
+        (lambda: drive(LuGre(MU, K, viscous=float("nan")), np.zeros(3), 1.0), "no number"),
     ],
 )
 def test_bad_laws_get_a_sentence(make, words):

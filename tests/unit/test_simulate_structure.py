@@ -108,6 +108,15 @@ def test_free_beam_has_three_rigid_motions():
         ({"law": FrictionLaw("masing", 0.3, -1e9)}, "tangential contact stiffness"),
         ({"law": FrictionLaw("masing", 0.3, float("nan"))}, "tangential contact stiffness"),
         ({"law": FrictionLaw("masing", 0.3, float("inf"))}, "Coulomb"),
+        ({"law": FrictionLaw("masing", float("nan"), 1e9)}, "not a friction coefficient"),
+        ({"law": FrictionLaw("masing", 0.3, 0.0)}, "tangential contact stiffness"),
+        ({"law": FrictionLaw("masing", 0.3, 1e9, (), float("nan"))}, "not an exponent"),
+        ({"law": FrictionLaw("masing", 0.3, 1e9, (), -0.5)}, "not an exponent"),
+        ({"law": FrictionLaw("masing", 0.3, 1e9, (), 0.5, 0.0)}, "not a reference force"),
+        ({"law": FrictionLaw("masing", 0.3, 1e9, (), 0.5, 1e3, float("nan"))}, "not a cap"),
+        ({"normal_force": float("inf")}, "not a normal force"),
+        ({"normal_stiffness": float("nan")}, "not a normal stiffness"),
+        ({"half_heights": (float("nan"), 0.0)}, "interface"),
         ({"force_shares": np.array([0.5, 0.6])}, "sum 1"),
         ({"force_shares": np.array([1.0])}, "do not fit"),
         ({"pairs": ((1, 1), (9, 9))}, "is missing"),
@@ -142,7 +151,8 @@ def test_bad_beams_and_damping_get_a_sentence():
         beam(0.5, 0.04, -0.005)
     with pytest.raises(InputError, match="needs elements"):
         beam(0.5, 0.04, 0.005, elements=0)
-    with pytest.raises(InputError, match="background damping"):
-        modal_base(assemble(replace(model(), damping=Damping(ratio=-0.1))))
+    for damping in (Damping(ratio=-0.1), Damping(ratio=float("nan")), Damping(mass_factor=float("inf"))):
+        with pytest.raises(InputError, match="background damping"):
+            modal_base(assemble(replace(model(), damping=damping)))
     with pytest.raises(InputError, match="no such DOF"):
         assemble(model()).row(Dof(99, "+Z", "beam 1"))
