@@ -12,7 +12,7 @@ from ema.report.blocks import Cell, Table
 from ema.report.numbers import Value
 
 
-def write_bytes(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes, what: str = "the report") -> None:
     """Write ``content`` so that a reader sees the old file or the new one, never a part.
 
     Raises
@@ -33,7 +33,7 @@ def write_bytes(path: Path, content: bytes) -> None:
         if temporary:
             Path(temporary).unlink(missing_ok=True)
         raise FailureError(
-            f"the report cannot be written: {error.strerror or error}", where=str(path),
+            f"{what} cannot be written: {error.strerror or error}", where=str(path),
             advice="choose a folder that can be written and has space",
         ) from error  # fmt: skip
 

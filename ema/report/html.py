@@ -8,8 +8,13 @@ from typing import Any
 
 from ema.report.blocks import Animation
 from ema.report.document import Document
+from ema.show.motion import script as motion_script
 
 _NO_LETTERS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+
+_START = """for (const viewer of document.querySelectorAll(".motion"))
+  moveShapes(viewer, JSON.parse(viewer.querySelector("script").textContent));
+"""
 
 
 def printable(text: object) -> str:
@@ -33,7 +38,7 @@ def page(document: Document, tables: str, printed: bool = False) -> str:
         lstrip_blocks=True, finalize=_finished,
     )  # fmt: skip
     environment.filters["json_block"] = lambda text: Markup(text.replace("<", "\\u003c"))
-    script = _template("motion.js") if not printed and _has_motion(document) else ""
+    script = f"{motion_script()}{_START}" if not printed and _has_motion(document) else ""
     return environment.get_template("report.html").render(
         document=document, tables=tables, printed=printed, policy=_policy(script), script=Markup(script),
         style=Markup(_template("report.css")),

@@ -12,7 +12,7 @@ HEAVY = (
 )  # fmt: skip
 ROOMS = (
     "ema.data", "ema.store", "ema.synthesis", "ema.shapes", "ema.estimate", "ema.fit", "ema.simulate", "ema.show",
-    "ema.report", "ema.study", "ema.cli", "acquisition.files",
+    "ema.report", "ema.app", "ema.study", "ema.cli", "acquisition.files",
 )  # fmt: skip
 
 PROBE = """

@@ -1,22 +1,9 @@
 "use strict";
-for (const viewer of document.querySelectorAll(".motion")) {
-  const told = JSON.parse(viewer.querySelector("script").textContent);
+// Mode shapes that move: `viewer` holds a canvas, a select, a button and a range; `told` are the numbers of ema.show.motion.
+function moveShapes(viewer, told) {
   const canvas = viewer.querySelector("canvas"), pen = canvas.getContext("2d");
   const choice = viewer.querySelector("select"), button = viewer.querySelector("button"), size = viewer.querySelector("input");
-  const count = told.points.length;
-  const shapes = told.shapes.map(text => {
-    const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
-    return new Int16Array(bytes.buffer);
-  });
-  const known = new Map();
-  const amounts = shape => {
-    if (!known.has(shape))
-      known.set(shape, told.points.map((_, n) => Math.hypot(
-        shape[3 * n], shape[3 * n + 1], shape[3 * n + 2], shape[3 * (count + n)], shape[3 * (count + n) + 1], shape[3 * (count + n) + 2]
-      ) / 32000));
-    return known.get(shape);
-  };
-  told.modes.forEach((name, place) => choice.add(new Option(name, place)));
+  let count, shapes, known;
   let across = -0.9, up = 0.45, zoom = 1, phase = 0, last = 0, visible = false;
   let moving = !matchMedia("(prefers-reduced-motion: reduce)").matches;
   const colours = [[0, 32, 76], [65, 77, 107], [124, 123, 120], [188, 175, 111], [255, 234, 70]];
@@ -24,13 +11,30 @@ for (const viewer of document.querySelectorAll(".motion")) {
     const place = Math.min(3.999, 4 * Math.max(0, value)), low = Math.floor(place), part = place - low;
     return `rgb(${colours[low].map((c, k) => Math.round(c + part * (colours[low + 1][k] - c))).join(",")})`;
   };
+  const update = content => {
+    const chosen = choice.value;
+    told = content; count = told.points.length; known = new Map();
+    shapes = told.shapes.map(text => new Int16Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer));
+    choice.replaceChildren(...told.modes.map((name, place) => new Option(name, place)));
+    if (chosen && chosen < shapes.length) choice.value = chosen;
+    draw();
+  };
+  const amounts = shape => {
+    if (!known.has(shape))
+      known.set(shape, told.points.map((_, n) => Math.hypot(
+        shape[3 * n], shape[3 * n + 1], shape[3 * n + 2], shape[3 * (count + n)], shape[3 * (count + n) + 1], shape[3 * (count + n) + 2]
+      ) / 32000));
+    return known.get(shape);
+  };
   const project = (x, y, z, scale) => {
     const a = Math.cos(across) * x - Math.sin(across) * y, b = Math.sin(across) * x + Math.cos(across) * y;
     return [canvas.width / 2 + scale * a, canvas.height / 2 - scale * (Math.sin(up) * b + Math.cos(up) * z),
             Math.cos(up) * b - Math.sin(up) * z];
   };
   const draw = () => {
-    const shape = shapes[choice.value], scale = zoom * 0.72 * Math.min(canvas.width, 1.7 * canvas.height);
+    pen.clearRect(0, 0, canvas.width, canvas.height);
+    if (!shapes || !shapes.length) return;
+    const shape = shapes[choice.value] || shapes[0], scale = zoom * 0.72 * Math.min(canvas.width, 1.7 * canvas.height);
     const real = 0.13 * size.value / 100 * Math.cos(phase) / 32000, imaginary = -0.13 * size.value / 100 * Math.sin(phase) / 32000;
     const rest = [], moved = [], amount = amounts(shape);
     for (let n = 0; n < count; n++) {
@@ -44,7 +48,6 @@ for (const viewer of document.querySelectorAll(".motion")) {
       if (close) pen.closePath();
     };
     const mean = (chain, of) => chain.reduce((sum, n) => sum + of(n), 0) / chain.length;
-    pen.clearRect(0, 0, canvas.width, canvas.height);
     pen.lineWidth = 1; pen.strokeStyle = "#c4c4c4"; pen.lineJoin = "round";
     for (const face of told.faces) { path(rest, face, true); pen.stroke(); }
     for (const line of told.lines) { path(rest, line, false); pen.stroke(); }
@@ -89,6 +92,8 @@ for (const viewer of document.querySelectorAll(".motion")) {
   });
   new IntersectionObserver(seen => { visible = seen[seen.length - 1].isIntersecting; }).observe(canvas);
   new ResizeObserver(fit).observe(canvas);
+  update(told);
   label();
   requestAnimationFrame(step);
+  return { update, frames: () => phase };
 }

@@ -1,0 +1,233 @@
+"use strict";
+const token = new URLSearchParams(location.search).get("token") || "";
+const part = id => document.getElementById(id);
+const blue = "#0072b2", vermilion = "#d55e00", grey = "#7a7a7a", faint = "#c4c4c4";
+const letters = { o: ["new", faint, 7], f: ["frequency", grey, 9], d: ["frequency and damping", "#e69f00", 10],
+                  v: ["frequency and vector", "#009e73", 10], s: ["stable", blue, 11] };
+const quiet = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+const page = { revision: -1, run: null, shapes: null, hits: null, polesOf: "" };
+
+function fail(text) { part("what").textContent = text; part("error").hidden = false; }
+function fine() { part("error").hidden = true; }
+
+async function ask(path, options = {}) {
+  const url = new URL(path, location.href);
+  if (token) url.searchParams.set("token", token);
+  let answer;
+  try { answer = await fetch(url, options); } catch { throw new Error("The server does not answer. What was saved is kept; start `ema app` again."); }
+  if (!answer.ok) {
+    let told = `The server answers ${answer.status}.`;
+    try { told = (await answer.json()).error || told; } catch { /* no words came with it */ }
+    throw new Error(told);
+  }
+  return answer;
+}
+const get = async path => (await ask(path)).json();
+
+let queue = Promise.resolve();
+function act(name, content = {}) {
+  // one after the other: quick clicks must not overtake each other
+  queue = queue.then(async () => {
+    part("busy").textContent = "working …";
+    try {
+      const told = await (await ask(`api/${name}`, { method: "POST", headers: { "X-Ema": "1" }, body: JSON.stringify(content) })).json();
+      fine();
+      if (name === "save") part("busy").dataset.saved = told.done;
+      await show(told);
+    } catch (error) { fail(error.message); } finally { part("busy").textContent = ""; }
+  });
+  return queue;
+}
+
+function base(more) {
+  return Object.assign({ margin: { l: 62, r: 20, t: 14, b: 42 }, showlegend: false, hovermode: "closest", paper_bgcolor: "#fff", plot_bgcolor: "#fff",
+    font: { family: "inherit", size: 12, color: "#1c2530" } }, more);
+}
+const axis = (title, more = {}) => Object.assign({ title: { text: title }, gridcolor: "#e9e9e9", zeroline: false, linecolor: grey, automargin: true }, more);
+
+async function drawPoles(overview) {
+  const told = await get("api/poles");
+  const place = part("poles");
+  if (told.missing) { Plotly.purge(place); place.textContent = told.missing; return; }
+  page.poles = told;
+  const traces = told.cmif.map(column => ({ x: told.lines, y: column, yaxis: "y2", mode: "lines", line: { color: faint, width: 1 }, hoverinfo: "skip" }));
+  for (const [letter, [meaning, colour, size]] of Object.entries(letters)) {
+    const rows = told.letter.flatMap((found, row) => found === letter ? [row] : []);
+    traces.push({ x: rows.map(row => told.frequency[row]), y: rows.map(row => told.order[row]), customdata: rows, mode: "text", text: rows.map(() => letter),
+      textfont: { color: colour, size }, name: meaning,
+      hovertemplate: rows.map(row => `${told.frequency[row].toFixed(2)} Hz, ${told.damping[row]} %<br>order ${told.order[row]}, ${meaning}<extra></extra>`) });
+  }
+  traces.push({ x: told.picked.map(row => told.frequency[row]), y: told.picked.map(row => told.order[row]), customdata: told.picked, mode: "markers",
+    marker: { symbol: "circle-open", size: 15, color: vermilion, line: { width: 2 } }, name: "picked",
+    hovertemplate: told.picked.map(row => `${told.frequency[row].toFixed(2)} Hz, picked<extra></extra>`) });
+  const lines = overview.modes.map(mode => ({ type: "line", x0: mode.f, x1: mode.f, yref: "paper", y0: 0, y1: 1, line: { color: vermilion, width: 1, dash: "dash" }, layer: "below" }));
+  const numbers = overview.modes.map((mode, place) => ({ x: mode.f, y: 1.0, yref: "paper", yanchor: "bottom", text: String(place + 1), showarrow: false, font: { color: vermilion, size: 10 } }));
+  await Plotly.react(place, traces, base({ margin: { l: 52, r: 58, t: 20, b: 40 }, shapes: lines, annotations: numbers, uirevision: overview.run,
+    xaxis: axis("Frequency [Hz]", { range: told.band }), yaxis: axis("Model order", { rangemode: "tozero" }),
+    yaxis2: axis("CMIF", { type: "log", overlaying: "y", side: "right", showgrid: false, color: grey, dtick: 1, exponentformat: "power" }) }), quiet);
+  if (!place.dataset.wired) {
+    place.dataset.wired = "1";
+    place.on("plotly_click", event => { const point = event.points.find(one => one.customdata !== undefined); if (point) act("pick", { row: point.customdata }); });
+  }
+  place.dataset.picked = told.picked.length;
+}
+
+async function drawFrf() {
+  const output = part("output").selectedIndex, input = part("input").selectedIndex;
+  const told = await get(`api/frf?output=${Math.max(output, 0)}&input=${Math.max(input, 0)}`);
+  for (const [id, names, place] of [["output", told.outputs, output], ["input", told.inputs, input]])
+    if (part(id).options.length !== names.length || (part(id).options[0] || {}).text !== names[0]) {
+      part(id).replaceChildren(...names.map(name => new Option(name)));
+      part(id).selectedIndex = place >= 0 && place < names.length ? place : 0;
+    }
+  part("misfit").textContent = told.error == null ? "" : `rebuilt to ${told.error} %`;
+  const traces = [{ x: told.measured.f, y: told.measured.magnitude, line: { color: "#1a1a1a", width: 1.2 }, name: "measured" },
+                  { x: told.measured.f, y: told.measured.phase, yaxis: "y2", line: { color: "#1a1a1a", width: 1 }, name: "measured" }];
+  if (told.rebuilt) traces.push({ x: told.rebuilt.f, y: told.rebuilt.magnitude, line: { color: vermilion, width: 1.4, dash: "dash" }, name: "modal model" },
+                                { x: told.rebuilt.f, y: told.rebuilt.phase, yaxis: "y2", line: { color: vermilion, width: 1, dash: "dash" }, name: "modal model" });
+  if (told.coherence) traces.push({ x: told.coherence_lines, y: told.coherence, yaxis: "y3", line: { color: blue, width: 1 }, name: "coherence" });
+  traces.forEach(one => { one.mode = "lines"; });
+  await Plotly.react("frf", traces, base({ uirevision: page.run, xaxis: axis("Frequency [Hz]", { anchor: "y3" }),
+    yaxis: axis(told.unit, { type: "log", domain: [0.45, 1], exponentformat: "power" }), yaxis2: axis("Phase [°]", { domain: [0.2, 0.42], tickvals: [-180, 0, 180] }),
+    yaxis3: axis("Coh.", { domain: [0, 0.16], range: [0, 1.02] }) }), quiet);
+}
+
+async function drawMac() {
+  const { mac } = await get("api/matrix");
+  const names = mac.map((_, place) => String(place + 1));
+  await Plotly.react("mac", [{ type: "heatmap", z: mac, x: names, y: names, zmin: 0, zmax: 1, colorscale: "Cividis", colorbar: { title: { text: "AutoMAC" }, thickness: 12 },
+    hovertemplate: "modes %{y} and %{x}: %{z:.3f}<extra></extra>" }],
+    base({ xaxis: axis("Mode", { type: "category", constrain: "domain" }), yaxis: axis("Mode", { type: "category", scaleanchor: "x", autorange: "reversed", constrain: "domain" }) }), quiet);
+  part("mac").dataset.modes = mac.length;
+}
+
+async function drawMotion() {
+  const told = await get("api/motion");
+  part("still").textContent = told.missing || (told.modes.length ? "" : "The shapes are too many points to move.");
+  const content = told.missing ? { points: [], faces: [], lines: [], modes: [], shapes: [] } : told;
+  if (page.shapes) page.shapes.update(content); else page.shapes = moveShapes(document.querySelector(".motion"), content);
+}
+
+function drawModes(overview) {
+  const number = (value, digits) => value == null ? "–" : Number(value).toFixed(digits);
+  part("modes").tBodies[0].replaceChildren(...overview.modes.map((mode, place) => {
+    const row = document.createElement("tr");
+    for (const text of [place + 1, number(mode.f, 3), mode.std_f == null ? "–" : (2 * mode.std_f).toPrecision(2), number(mode.zeta, 4),
+                        mode.std_zeta == null ? "–" : (2 * mode.std_zeta).toPrecision(2), number(mode.mpc, 3)])
+      row.insertCell().textContent = text;
+    const button = document.createElement("button");
+    button.textContent = "Drop"; button.setAttribute("aria-label", `Drop mode ${place + 1}`);
+    button.addEventListener("click", () => act("drop", { mode: place }));
+    row.insertCell().append(button);
+    return row;
+  }));
+  part("rebuilt").textContent = `${overview.modes.length} modes` + (overview.error == null ? "" : `, FRFs rebuilt to ${overview.error} % (median); ± is two standard deviations, noise only`);
+  part("findings").replaceChildren(...overview.findings.slice(0, 20).map(found => Object.assign(document.createElement("li"), { textContent: `${found.severity}: ${found.text}` })));
+}
+
+async function drawHits() {
+  const told = await get("api/hits");
+  page.hits = told.hits || [];
+  part("gallery").hidden = Boolean(told.missing);
+  if (told.missing) return;
+  const taken = page.hits.filter(hit => hit.accepted).length;
+  part("counts").textContent = `${taken} of ${page.hits.length} used; force spectrum down 10 dB at ${told.usable[0]} Hz, 20 dB at ${told.usable[1]} Hz`;
+  part("gallery").dataset.used = taken;
+  const some = accepted => page.hits.flatMap((hit, place) => hit.accepted === accepted ? [place] : []);
+  const trace = (places, colour, symbol, name) => ({ x: places.map(place => place + 1), y: places.map(place => page.hits[place].peak), customdata: places, mode: "markers", name,
+    marker: { color: colour, symbol, size: 7 }, hovertemplate: places.map(place => `${page.hits[place].record}, blow ${page.hits[place].index + 1}, ${page.hits[place].dof}<br>${page.hits[place].reason || "used"}<extra></extra>`) });
+  await Plotly.react("peaks", [trace(some(true), blue, "circle", "used"), trace(some(false), vermilion, "square", "not used")],
+    base({ xaxis: axis("Blow, in order of measurement"), yaxis: axis("Peak [N]", { rangemode: "tozero" }) }), quiet);
+  const place = part("peaks");
+  if (!place.dataset.wired) {
+    place.dataset.wired = "1";
+    place.on("plotly_click", event => { part("hit").value = event.points[0].customdata + 1; drawPulse(); });
+  }
+  part("hit").max = page.hits.length;
+}
+
+async function drawPulse() {
+  const hit = Number(part("hit").value) - 1, one = (page.hits || [])[hit];
+  part("blow").textContent = one ? `${one.record}, blow ${one.index + 1}, ${one.dof}: ${one.accepted ? "used" : one.reason}` : "";
+  if (!one) return;
+  try {
+    const told = await get(`api/pulse?hit=${hit}`);
+    await Plotly.react("pulse", [{ x: told.time, y: told.force, mode: "lines", line: { color: blue } }], base({ xaxis: axis("Time [ms]"), yaxis: axis("Force [N]") }), quiet);
+  } catch (error) { fail(error.message); }
+}
+
+async function drawMap(overview) {
+  part("maps").hidden = !overview.maps.length;
+  if (!overview.maps.length || page.mapped) return;
+  page.mapped = true;
+  if (part("map").options.length !== overview.maps.length) part("map").replaceChildren(...overview.maps.map(name => new Option(name)));
+  const told = await get(`api/chart?map=${Math.max(part("map").selectedIndex, 0)}`);
+  const column = name => told[name][0].map((_, force) => told[name].map(row => row[force]));
+  await Plotly.react("chart", [{ type: "heatmap", x: told.levels, y: told.forces, z: column("damping"), customdata: column("frequency"), colorscale: "Cividis", hoverongaps: false,
+    colorbar: { title: { text: "ζ [%]" }, thickness: 12 }, hovertemplate: "F_E %{x} N, F_N %{y} N<br>%{customdata} Hz, %{z} %<extra></extra>" }],
+    base({ xaxis: axis("Force level F_E [N]", { type: "category" }), yaxis: axis("Normal force F_N [N]", { type: "category" }) }), quiet);
+  const place = part("chart");
+  if (!place.dataset.wired) {
+    place.dataset.wired = "1";
+    place.on("plotly_click", event => { const [force, level] = event.points[0].pointIndex; act("behind", { map: part("map").selectedIndex, level, force }); });
+  }
+}
+
+async function show(overview) {
+  if (overview.revision === page.revision && page.run === overview.run && page.saved === overview.saved) return;
+  page.revision = overview.revision; page.run = overview.run; page.saved = overview.saved;
+  document.title = `${overview.title} – ema`;
+  part("title").textContent = overview.title;
+  if (part("run").options.length !== overview.runs.length) part("run").replaceChildren(...overview.runs.map(name => new Option(name)));
+  part("run").value = overview.run;
+  part("force").textContent = overview.force;
+  part("undo").disabled = !overview.undo;
+  part("undo").textContent = overview.undo ? `Undo: ${overview.undo}` : "Undo";
+  part("save").textContent = overview.saved ? "Saved" : "Save";
+  part("save").title = `s; to ${overview.path}`;
+  if (!part("who").value) part("who").value = overview.who;
+  drawModes(overview);
+  await Promise.all([drawPoles(overview), drawMotion(), drawMac(), drawFrf(), drawHits(), drawMap(overview)]);
+  document.body.dataset.revision = overview.revision;
+}
+const refresh = () => { queue = queue.then(async () => { try { await show(await get("api/overview")); } catch (error) { fail(error.message); } }); };
+
+part("run").addEventListener("change", () => act("run", { run: part("run").value }));
+part("undo").addEventListener("click", () => act("undo"));
+part("save").addEventListener("click", () => act("save"));
+part("close").addEventListener("click", fine);
+part("output").addEventListener("change", () => drawFrf().catch(error => fail(error.message)));
+part("input").addEventListener("change", () => drawFrf().catch(error => fail(error.message)));
+part("hit").addEventListener("change", drawPulse);
+part("map").addEventListener("change", () => { page.mapped = false; get("api/overview").then(drawMap).catch(error => fail(error.message)); });
+part("near").addEventListener("submit", event => { event.preventDefault(); act("near", { frequency: Number(part("frequency").value) }); });
+part("exclude").addEventListener("submit", event => { event.preventDefault(); act("exclude", { hit: Number(part("hit").value) - 1, why: part("why").value, who: part("who").value }); });
+part("export").addEventListener("change", async () => {
+  const kind = part("export").value;
+  part("export").value = "";
+  if (!kind) return;
+  try {
+    const answer = await ask(`export?kind=${kind}`);
+    const name = (answer.headers.get("Content-Disposition") || "").split('"')[1] || kind;
+    const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(await answer.blob()), download: name });
+    document.body.append(link); link.click(); link.remove();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  } catch (error) { fail(error.message); }
+});
+document.addEventListener("keydown", event => {
+  if (event.ctrlKey || event.metaKey || event.altKey || ["INPUT", "SELECT"].includes(event.target.tagName)) return;
+  if (event.key === "u" && !part("undo").disabled) act("undo");
+  if (event.key === "s") act("save");
+});
+window.addEventListener("unhandledrejection", event => fail(String(event.reason && event.reason.message || event.reason)));
+window.addEventListener("error", event => fail(event.message));
+
+const events = new EventSource(`events${token ? `?token=${encodeURIComponent(token)}` : ""}`);
+events.onmessage = event => {
+  const told = JSON.parse(event.data);
+  part("busy").textContent = told.busy ? "working …" : "";
+  if (!told.busy) refresh();
+};
+events.onopen = () => { if (part("error").dataset.gone) { delete part("error").dataset.gone; page.revision = -1; fine(); refresh(); } };
+events.onerror = () => { part("error").dataset.gone = "1"; fail("The server does not answer. What was saved is kept; start `ema app` again."); };
+refresh();

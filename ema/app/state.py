@@ -1,0 +1,339 @@
+"""What the browser works on: the runs of a study, the poles picked in each, the blows excluded; all with undo.
+
+Nothing here knows of a page or a server.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import RLock
+
+import numpy as np
+
+from ema import fit, shapes, store, synthesis
+from ema.data import FrfSet, HitGallery, ModalMap, ModalModel, PoleTable, Provenance, Repair, RunResult, StudyResult
+from ema.errors import InputError
+
+_PICKED = "picked rows of the pole table"
+_MOST_UNDONE = 200
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """A blow that does not count: the name of its record, its number in it from 0, who says so and why."""
+
+    record: str
+    hit: int
+    who: str
+    why: str
+
+    @property
+    def reason(self) -> str:
+        """As the gallery shows it."""
+        return f"excluded by {self.who}: {self.why}"
+
+
+Again = Callable[[str, Sequence[Exclusion]], tuple[FrfSet, HitGallery | None, PoleTable]]
+"""FRFs, blows and poles of a run when these blows do not count."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """One run: its result as it stands, the rows of its pole table that are picked, and blows excluded since it was
+    opened."""
+
+    result: RunResult
+    picked: tuple[int, ...]
+    excluded: tuple[Exclusion, ...] = ()
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Everything that undo brings back."""
+
+    works: tuple[Work, ...]
+    what: str
+
+
+@dataclass
+class Workbench:
+    """A study under the hands of its user; every window shows the same one.
+
+    Parameters
+    ----------
+    result : the study.
+    path : where it is saved.
+    again : computes a run again without some blows; ``None`` where the signals are not at hand.
+    keep : is told with every save which blows of which run are excluded since the study was opened.
+    maps : modal maps whose points lead to runs.
+    """
+
+    result: StudyResult
+    path: Path
+    again: Again | None = None
+    keep: Callable[[Mapping[str, Sequence[Exclusion]]], None] | None = None
+    maps: tuple[ModalMap, ...] = ()
+    place: int = 0
+    revision: int = 0
+    saved: bool = True
+    who: str = ""
+    _now: Moment = field(init=False)
+    _past: list[Moment] = field(init=False, default_factory=list)
+    _lock: RLock = field(init=False, default_factory=RLock)
+
+    def __post_init__(self) -> None:
+        if not self.result.runs:
+            raise InputError("the study has no run to work on", where=str(self.path))
+        self._now = Moment(tuple(Work(run, _picked(run)) for run in self.result.runs), "")
+
+    @property
+    def work(self) -> Work:
+        """The run that is shown."""
+        return self._now.works[self.place]
+
+    @property
+    def undoable(self) -> str:
+        """What undo would take back; empty where there is nothing."""
+        return self._now.what if self._past else ""
+
+    def choose(self, run: str) -> None:
+        """Show another run.
+
+        Raises
+        ------
+        InputError : there is no such run.
+        """
+        names = [work.result.run.id for work in self._now.works]
+        if run not in names:
+            raise InputError("no such run", got=run, expected="one of " + ", ".join(names))
+        self.place = names.index(run)
+        self.revision += 1
+
+    def pick(self, row: int) -> None:
+        """Take a pole of the table as a mode, or drop it if it is taken; everything that follows from it follows.
+
+        Raises
+        ------
+        InputError : there is no such pole.
+        """
+        with self._lock:
+            work, poles = self.work, self._poles()
+            if not 0 <= row < len(poles.poles):
+                raise InputError("no such pole", got=row, expected=f"0 to {len(poles.poles) - 1}")
+            frequency = f"{poles.natural_frequencies[row]:.5g} Hz"
+            if row in work.picked:
+                self._pick([other for other in work.picked if other != row], f"drop {frequency}")
+            else:
+                self._pick([*work.picked, row], f"pick {frequency}")
+
+    def pick_near(self, frequency: float) -> None:
+        """Take the most stable pole next to a frequency in Hz, as ``ema.fit.modes(near=...)`` does.
+
+        Raises
+        ------
+        InputError : no pole within 1 %.
+        """
+        with self._lock:
+            row = nearest(self._poles(), frequency)
+            if row not in self.work.picked:
+                self.pick(row)
+
+    def drop(self, mode: int) -> None:
+        """Drop the mode with that position from 0.
+
+        Raises
+        ------
+        InputError : there is no such mode.
+        """
+        with self._lock:
+            work = self.work
+            frequencies = work.result.modes.natural_frequencies
+            if not 0 <= mode < len(frequencies):
+                raise InputError("no such mode", got=mode + 1, expected=f"1 to {len(frequencies)}")
+            picked = self._poles().natural_frequencies[list(work.picked)]
+            gone = work.picked[int(np.argmin(np.abs(picked - frequencies[mode])))]
+            self._pick([row for row in work.picked if row != gone], f"drop {frequencies[mode]:.5g} Hz")
+
+    def exclude(self, hit: int, why: str, who: str) -> None:
+        """Leave a blow out of the averages, as a repair with a reason; FRFs, poles and modes are computed again.
+
+        Parameters
+        ----------
+        hit : position in the gallery from 0.
+
+        Raises
+        ------
+        InputError : no such blow, no reason, no name, or no signals to compute from.
+        """
+        with self._lock:
+            work = self.work
+            gallery = work.result.hits
+            if gallery is None or not 0 <= hit < len(gallery.hits):
+                raise InputError("no such blow", got=hit, expected=f"one of {len(gallery.hits) if gallery else 0}")
+            blow, name = gallery.hits[hit], work.result.run.id
+            if not why.strip() or not who.strip():
+                raise InputError("an exclusion needs a reason and a name", where=f"run {name}, {blow.recording}")
+            if self.again is None:
+                raise InputError(
+                    "the blow cannot be excluded: the signals are not at hand", where=f"run {name}",
+                    advice="open the campaign's folder or recipe instead of a result file",
+                )  # fmt: skip
+            excluded = (*work.excluded, Exclusion(blow.recording, blow.index, who.strip(), why.strip()))
+            frfs, hits, poles = self.again(name, excluded)
+            self.who = who.strip()
+            repair = Repair(f"exclude hit {blow.index}", f"run {name}, files {blow.recording}", self.who, why.strip())
+            run = replace(work.result.run, repairs=(*work.result.run.repairs, repair))
+            wanted = work.result.modes.natural_frequencies
+            rows = list(dict.fromkeys(nearest(poles, float(frequency)) for frequency in wanted))
+            base = replace(work.result, run=run, frfs=frfs, hits=hits, poles=poles)
+            what = f"exclude blow {blow.index + 1} of {blow.recording}"
+            self._keep(Work(fitted(base, rows), tuple(rows), excluded), what)
+
+    def undo(self) -> None:
+        """Take back the last change of a run.
+
+        Raises
+        ------
+        InputError : there is nothing to take back.
+        """
+        with self._lock:
+            if not self._past:
+                raise InputError("there is nothing to undo")
+            self._now = self._past.pop()
+            self.saved = False
+            self.revision += 1
+
+    def save(self) -> Path:
+        """Write the study as it stands, whole or not at all; exclusions go to the campaign as repairs.
+
+        Raises
+        ------
+        FailureError : the file cannot be written.
+        """
+        with self._lock:
+            store.save(self.path, self.as_result())
+            if self.keep is not None:
+                self.keep({work.result.run.id: work.excluded for work in self._now.works})
+            self.saved = True
+            self.revision += 1
+            return self.path
+
+    def as_result(self) -> StudyResult:
+        """The study as it stands."""
+        runs = tuple(work.result for work in self._now.works)
+        repairs = dict.fromkeys([*self.result.repairs, *(repair for run in runs for repair in run.run.repairs)])
+        return replace(self.result, runs=runs, repairs=tuple(repairs))
+
+    def behind(self, chart: int, level: int, force: int) -> str:
+        """The run that lies next to a point of a map: level and normal force compared in octaves.
+
+        Raises
+        ------
+        InputError : there is no such point, or no run states a force level and a normal force.
+        """
+        if not 0 <= chart < len(self.maps):
+            raise InputError("no such map", got=chart + 1, expected=f"one of {len(self.maps)}")
+        one = self.maps[chart]
+        if not (0 <= level < len(one.force_levels) and 0 <= force < len(one.normal_forces)):
+            raise InputError("no such point of the map", got=f"level {level}, force {force}")
+        told = {}
+        for work in self._now.works:
+            state = work.result.run.condition
+            pair = np.array([state.excitation.level, state.normal_force])
+            if np.isfinite(pair).all() and (pair > 0).all():
+                wanted = np.array([one.force_levels[level], one.normal_forces[force]])
+                told[work.result.run.id] = float(np.linalg.norm(np.log2(pair / wanted)))
+        if not told:
+            raise InputError(
+                "no run lies behind this point", where=one.name, expected="runs with a force level and a normal force"
+            )
+        return min(told, key=lambda name: told[name])
+
+    def _poles(self) -> PoleTable:
+        poles = self.work.result.poles
+        if poles is None:
+            raise InputError("this run has no stabilisation diagram to pick from", where=self.work.result.run.id)
+        return poles
+
+    def _pick(self, rows: Sequence[int], what: str) -> None:
+        work = self.work
+        self._keep(replace(work, result=fitted(work.result, rows), picked=tuple(rows)), what)
+
+    def _keep(self, work: Work, what: str) -> None:
+        works = tuple(work if place == self.place else other for place, other in enumerate(self._now.works))
+        self._past = [*self._past, self._now][-_MOST_UNDONE:]
+        self._now = Moment(works, what)
+        self.saved = False
+        self.revision += 1
+
+
+def fitted(run: RunResult, rows: Sequence[int]) -> RunResult:
+    """The run with the modes of these rows of its pole table, and all that follows from them."""
+    assert run.poles is not None
+    if not rows:
+        nothing = replace(
+            run.modes, poles=np.zeros(0, complex), shapes=run.modes.shapes[:, :0], covariance=None, confidence=None,
+            participation=run.modes.participation[:, :0], residuals=None, uncertainty=None, findings=(),
+        )  # fmt: skip
+        nothing = replace(nothing, provenance=_noted(nothing.provenance, ()))
+        return replace(run, modes=nothing, quality=None, reconstruction=None, reconstruction_error=None, auto_mac=None)
+    modes = fit.modes(run.frfs, run.poles, index=list(rows))
+    modes = replace(modes, provenance=_noted(modes.provenance, rows))
+    band = run.frfs.band(*run.poles.band)
+    rebuilt = synthesis.frfs(
+        _alone(modes, run.poles.band), band.frequencies, band.quantity, outputs=band.outputs, inputs=band.inputs
+    )
+    rebuilt = replace(rebuilt, name=f"{run.run.id}, synthesis", unit=band.unit)
+    size = np.linalg.norm(band.values, axis=0)
+    error = np.linalg.norm(band.values - rebuilt.values, axis=0)
+    return replace(
+        run, modes=modes, quality=shapes.quality(modes.shapes), reconstruction=rebuilt,
+        reconstruction_error=np.divide(error, size, out=np.full(size.shape, np.nan), where=size > 0),
+        auto_mac=shapes.auto_mac(modes.shapes),
+    )  # fmt: skip
+
+
+def _alone(modes: ModalModel, band: tuple[float, float]) -> ModalModel:
+    """The model without the poles that the fit keeps as background inside the band: what is dropped is to be missed."""
+    rest = modes.residuals
+    if rest is None or rest.residues is None:
+        return modes
+    outside = (np.abs(rest.poles) < 2 * np.pi * band[0]) | (np.abs(rest.poles) > 2 * np.pi * band[1])
+    return replace(modes, residuals=replace(rest, poles=rest.poles[outside], residues=rest.residues[outside]))
+
+
+def nearest(poles: PoleTable, frequency: float) -> int:
+    """Row of the stable pole of the highest order next to a frequency in Hz.
+
+    Raises
+    ------
+    InputError : no pole within 1 %.
+    """
+    distance = np.abs(poles.natural_frequencies - frequency)
+    close = np.flatnonzero(distance <= 0.01 * abs(frequency))
+    if not len(close):
+        raise InputError("no pole near that frequency", got=f"{frequency:g} Hz", expected="a pole within 1 %")
+    merit = np.isin(poles.letter[close], ["s", "d", "v"]) + poles.order[close] / poles.order.max()
+    return int(close[np.argmax(merit - distance[close] / (0.001 * abs(frequency)))])
+
+
+def _noted(origin: Provenance, rows: Sequence[int]) -> Provenance:
+    """Provenance that says which poles were picked by hand."""
+    options = [option for option in origin.options if option[0] != _PICKED]
+    return replace(origin, options=(*options, (_PICKED, ", ".join(map(str, rows)))))
+
+
+def _picked(run: RunResult) -> tuple[int, ...]:
+    """The rows that a run's modes came from: as noted, or those next to modes that were selected automatically."""
+    noted = dict(run.modes.provenance.options).get(_PICKED)
+    if noted is not None:
+        return tuple(int(row) for row in noted.split(", ") if row)
+    if run.poles is None or not len(run.poles.poles):
+        return ()
+    rows = []
+    for frequency in run.modes.natural_frequencies:
+        try:
+            rows.append(nearest(run.poles, float(frequency)))
+        except InputError:
+            continue
+    return tuple(dict.fromkeys(rows))

@@ -1,0 +1,212 @@
+"""What the page draws, as content that JSON can hold."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ema.app.state import Workbench
+from ema.errors import InputError
+from ema.fit import cmif
+from ema.show.motion import moving_shapes
+from ema.show.style import frf_label
+
+_MOST_LINES = 3000
+EXPORTS = {"uff55": "modes.uff", "uff58": "frfs.uff", "csv": "modes.csv"}
+"""What can be exported, and the names of the files."""
+
+
+def numbers(values: Any, digits: int = 8) -> list[Any]:
+    """Numbers to so many significant digits; ``None`` where there is none."""
+    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in np.ravel(values).tolist()]
+
+
+def overview(bench: Workbench) -> dict[str, Any]:
+    """Runs, modes and what can be done."""
+    work, joints = bench.work, bench.work.result.run.condition.joints
+    modes, run = work.result.modes, work.result.run
+    deviations = (
+        np.full((len(modes.poles), 2), np.nan) if modes.covariance is None
+        else np.sqrt(np.maximum(modes.covariance[:, [0, 1], [0, 1]], 0))
+    )  # fmt: skip
+    collinearity = (
+        np.full(len(modes.poles), np.nan) if work.result.quality is None
+        else work.result.quality.modal_phase_collinearity
+    )  # fmt: skip
+    error = work.result.reconstruction_error
+    median = float(np.nanmedian(error)) if error is not None and np.isfinite(error).any() else float("nan")
+    return {
+        "revision": bench.revision, "title": bench.result.title or bench.result.campaign.name, "run": run.id,
+        "runs": [each.run.id for each in bench.result.runs], "saved": bench.saved, "undo": bench.undoable,
+        "path": str(bench.path), "who": bench.who or bench.result.campaign.operator,
+        "force": "; ".join(
+            f"{joint.joint} {joint.mean:.4g} N" if joint.known else f"{joint.joint} unknown" for joint in joints
+        ) or "no friction beam",
+        "error": numbers([100 * median], 4)[0],
+        "modes": [
+            {"f": row[0], "zeta": row[1], "std_f": row[2], "std_zeta": row[3], "mpc": row[4]}
+            for row in zip(
+                numbers(modes.natural_frequencies), numbers(100 * modes.damping_ratios, 5),
+                numbers(deviations[:, 0], 2), numbers(100 * deviations[:, 1], 2), numbers(collinearity, 4), strict=True,
+            )
+        ],
+        "findings": [
+            {"severity": each.severity, "text": str(each)} for each in (*modes.findings, *run.findings)
+            if each.severity != "info"
+        ],
+        "maps": [chart.name or f"map {number}" for number, chart in enumerate(bench.maps, 1)],
+    }  # fmt: skip
+
+
+def poles(bench: Workbench) -> dict[str, Any]:
+    """The stabilisation diagram and the CMIF behind it."""
+    run, table = bench.work.result, bench.work.result.poles
+    if table is None:
+        return {"missing": "There is no stabilisation diagram: the modes were not found through model orders."}
+    inside = run.frfs.band(*table.band)
+    lines = _few(inside.frequencies, np.asarray(cmif(inside)))  # type: ignore[operator]  # the module of that name
+    return {
+        "frequency": numbers(table.natural_frequencies), "order": table.order.tolist(),
+        "damping": numbers(100 * table.damping_ratios, 4), "letter": table.letter.tolist(),
+        "picked": list(bench.work.picked), "band": list(table.band), "lines": numbers(lines[0]),
+        "cmif": [numbers(column, 4) for column in lines[1].T],
+    }  # fmt: skip
+
+
+def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
+    """One FRF, measured and rebuilt, with its coherence.
+
+    Raises
+    ------
+    InputError : there is no such FRF.
+    """
+    run = bench.work.result
+    frfs = run.frfs
+    if not (0 <= output < len(frfs.outputs) and 0 <= input_ < len(frfs.inputs)):
+        raise InputError("no such FRF", got=f"response {output}, force {input_}")
+    answer: dict[str, Any] = {
+        "outputs": [str(dof) for dof in frfs.outputs], "inputs": [str(dof) for dof in frfs.inputs],
+        "label": frfs.label(output, input_), "unit": frf_label(frfs.quantity, frfs.unit),
+        "measured": _curve(frfs.frequencies, frfs.values[:, output, input_]),
+    }  # fmt: skip
+    if run.reconstruction is not None:
+        rebuilt = run.reconstruction
+        answer["rebuilt"] = _curve(rebuilt.frequencies, rebuilt.values[:, output, input_])
+    if run.reconstruction_error is not None:
+        answer["error"] = numbers([100 * run.reconstruction_error[output, input_]], 3)[0]
+    if frfs.coherence is not None:
+        step = _step(len(frfs.frequencies))
+        answer["coherence"] = numbers(frfs.coherence[::step, output, input_], 4)
+        answer["coherence_lines"] = numbers(frfs.frequencies[::step])
+    return answer
+
+
+def matrix(bench: Workbench) -> dict[str, Any]:
+    """The AutoMAC."""
+    table = bench.work.result.auto_mac
+    return {"mac": [] if table is None else [numbers(row, 4) for row in table]}
+
+
+def motion(bench: Workbench) -> dict[str, Any]:
+    """The moving shapes, or why there are none."""
+    geometry, modes = bench.result.campaign.geometry, bench.work.result.modes
+    if geometry is None:
+        return {"missing": "The campaign has no geometry, so shapes cannot be drawn in space."}
+    if not len(modes.poles):
+        return {"missing": "No mode is picked, so there is no shape to draw."}
+    return moving_shapes(modes, geometry)
+
+
+def hits(bench: Workbench) -> dict[str, Any]:
+    """The blows, with what is known about each."""
+    gallery = bench.work.result.hits
+    if gallery is None:
+        return {"missing": "This run has no blows, or came as finished FRFs without its time records."}
+    return {
+        "usable": numbers(gallery.usable_band, 5),
+        "hits": [
+            {
+                "record": hit.recording, "index": hit.index, "dof": str(hit.dof or ""), "accepted": hit.accepted,
+                "peak": numbers([hit.peak], 4)[0], "contact": numbers([1e3 * hit.contact_time], 3)[0],
+                "reason": hit.reason,
+            } for hit in gallery.hits
+        ],
+    }  # fmt: skip
+
+
+def pulse(bench: Workbench, hit: int) -> dict[str, Any]:
+    """The force of one blow over time in ms.
+
+    Raises
+    ------
+    InputError : there is no such blow.
+    """
+    gallery = bench.work.result.hits
+    if gallery is None or not 0 <= hit < len(gallery.hits):
+        raise InputError("no such blow", got=hit)
+    one = gallery.hits[hit]
+    return {
+        "time": numbers(1e3 * np.arange(len(one.pulse)) / one.sampling_rate, 5), "force": numbers(one.pulse, 5),
+        "label": f"{one.recording}, blow {one.index + 1}",
+    }  # fmt: skip
+
+
+def chart(bench: Workbench, place: int) -> dict[str, Any]:
+    """A modal map; holes are ``None``.
+
+    Raises
+    ------
+    InputError : there is no such map.
+    """
+    if not 0 <= place < len(bench.maps):
+        raise InputError("no such map", got=place)
+    one = bench.maps[place]
+    return {
+        "levels": numbers(one.force_levels), "forces": numbers(one.normal_forces),
+        "damping": [numbers(100 * row, 5) for row in one.damping],
+        "frequency": [numbers(row) for row in one.frequency], "name": one.name, "method": one.method,
+    }  # fmt: skip
+
+
+def export(bench: Workbench, kind: str) -> tuple[str, bytes]:
+    """A file for other programs: its name and content.
+
+    Raises
+    ------
+    InputError : no such kind, or what was measured cannot be written in it.
+    """
+    import acquisition
+
+    if kind not in EXPORTS:
+        raise InputError("no such export", got=kind, expected=", ".join(EXPORTS))
+    work, geometry = bench.work.result, bench.result.campaign.geometry
+    name = f"{work.run.id}_{EXPORTS[kind]}"
+    if kind == "csv":
+        return name, work.modes.table().to_csv().encode()
+    nouns: Sequence[Any] = (replace(work.modes, name=work.run.id),) if kind == "uff55" else (work.frfs,)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "export.uff"
+        acquisition.write(path, *nouns, *([] if geometry is None else [geometry]))
+        return name, path.read_bytes()
+
+
+def _step(lines: int) -> int:
+    return -(-lines // _MOST_LINES)
+
+
+def _few(frequencies: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At most so many lines that keep every peak."""
+    starts = np.arange(0, len(frequencies), _step(len(frequencies)))
+    return frequencies[starts], np.maximum.reduceat(values, starts, axis=0)
+
+
+def _curve(frequencies: np.ndarray, values: np.ndarray) -> dict[str, Any]:
+    step = _step(len(frequencies))
+    values = values[::step]
+    return {
+        "f": numbers(frequencies[::step]), "magnitude": numbers(np.where(values == 0, np.nan, np.abs(values)), 5),
+        "phase": numbers(np.degrees(np.angle(values)), 4),
+    }  # fmt: skip

@@ -1,0 +1,215 @@
+"""`ema app`: a campaign, recipe or result on the workbench, and the workbench in a browser."""
+
+import json
+import tomllib
+import webbrowser
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ema.app.state import Again, Exclusion, Workbench
+from ema.cli.ending import FINE, ends_well
+from ema.data import Campaign, FrfSet, HitGallery, Lazy, ModalMap, PoleTable, Recording, Run, StudyResult
+from ema.errors import FailureError, InputError
+from ema.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from ema.study import Study
+
+app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
+
+_BEGIN = "# Blows excluded in the browser:"
+
+
+@app.command("app")
+@ends_well
+def browse(
+    campaign: Annotated[
+        Path,
+        typer.Argument(
+            help="A campaign, a recipe, a file with FRFs, or a result (.h5) of `ema run`.", show_default=False
+        ),
+    ],
+    port: Annotated[int, typer.Option(help="0 takes a free one.", min=0, max=65535)] = 8080,
+    host: Annotated[
+        str, typer.Option(help="Address to serve at; others than this machine need a token.")
+    ] = "127.0.0.1",
+    charts: Annotated[
+        list[Path] | None, typer.Option("--map", help="A file (.h5) with a modal map to show (may be repeated).")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the result.")] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
+) -> int:
+    """Pick poles and watch shapes in a browser; nothing leaves this machine."""
+    from ema.app.server import serve
+    from ema.cli import screen
+
+    with screen.Bars() as bars:
+        bench = workbench(campaign, output, bars, [chart for path in charts or [] for chart in maps_of(path)])
+    running = serve(bench, host, port)
+    print(f"Open {running.address}  (Ctrl-C ends)", flush=True)
+    if show:
+        webbrowser.open(running.address)
+    try:
+        running.run()
+    except KeyboardInterrupt:
+        print("" if bench.saved else "ema: what was not saved is lost")
+    finally:
+        running.server.server_close()
+    return FINE
+
+
+def workbench(
+    path: Path, output: Path | None = None, progress: Progress = silent, maps: Sequence[ModalMap] = ()
+) -> Workbench:
+    """The workbench of a campaign, recipe or result; a study that has no result yet is run first.
+
+    What is picked goes to ``<result>_picked.h5``, which the next opening takes up where it is newer than the result.
+
+    Raises
+    ------
+    InputError : the path holds none of these.
+    """
+    from ema.study import Study
+
+    if path.suffix.lower() == ".h5" and (held := _result(path)) is not None:
+        return Workbench(held, _picked(path), maps=tuple(maps))
+    study = Study.load(path, output)
+    campaign = study.open(progress)
+    picked = _picked(study.result)
+    newer = picked.is_file() and not (
+        study.result.is_file() and study.result.stat().st_mtime > picked.stat().st_mtime
+    )  # fmt: skip
+    result = _result(picked if newer else study.result) if newer or study.result.is_file() else None
+    if result is None or [run.run.id for run in result.runs] != [run.id for run in campaign.runs]:
+        result = study.run(progress=progress, resume=True)
+    again: Again = partial(_again, campaign, study)
+    where = campaign_file(study.campaign)
+    keep = None if where is None else Keeper(where).keep
+    return Workbench(result, picked, again, keep, tuple(maps))
+
+
+def maps_of(path: Path) -> list[ModalMap]:
+    """The modal maps in a file of ours.
+
+    Raises
+    ------
+    InputError : there is none.
+    """
+    from ema import store
+
+    held = store.load(path)
+    nouns = held.values() if isinstance(held, Mapping) else held if isinstance(held, list | tuple) else [held]
+    found = [noun for noun in nouns if isinstance(noun, ModalMap)]
+    if not found:
+        raise InputError("the file holds no modal map", where=str(path))
+    return found
+
+
+def campaign_file(path: Path) -> Path | None:
+    """The campaign.toml of a campaign; nothing for a single file of FRFs."""
+    from acquisition.campaign_file import FILE_NAME
+
+    file = path / FILE_NAME if path.is_dir() else path
+    return file if file.suffix == ".toml" else None
+
+
+class Keeper:
+    """Writes excluded blows to a campaign.toml as repairs, below what stood there when it was opened."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._base = self._written = path.read_text(encoding="utf-8")
+
+    def keep(self, excluded: Mapping[str, Sequence[Exclusion]]) -> None:
+        """Write the exclusions, whole or not at all.
+
+        Raises
+        ------
+        InputError : somebody else has changed the file.
+        FailureError : the file cannot be written.
+        """
+        from acquisition import campaign_file as files
+        from ema.report.files import write_bytes
+
+        tables = [_table(run, one) for run, found in excluded.items() for one in found]
+        text = self._base if not tables else f"{self._base.rstrip()}\n\n{_BEGIN}\n" + "\n".join(tables)
+        if text == self._written:
+            return
+        try:
+            if self._path.read_text(encoding="utf-8") != self._written:
+                raise InputError(
+                    "the campaign was changed by somebody else, so the excluded blows were not added to it",
+                    where=str(self._path), advice="open it again with `ema app`; picked poles are saved",
+                )  # fmt: skip
+            files.parse(text, str(self._path))
+            write_bytes(self._path, text.encode(), "the campaign")
+        except OSError as error:
+            raise FailureError("the excluded blows cannot be written", where=str(self._path)) from error
+        self._written = text
+
+
+def _table(run: str, one: Exclusion) -> str:
+    """One repair as TOML; JSON strings are TOML strings."""
+    text = {
+        "what": "exclude hit",
+        "runs": [run],
+        "files": [one.record],
+        "hits": [one.hit],
+        "who": one.who,
+        "why": one.why,
+    }
+    lines = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in text.items()]
+    table = "[[repairs]]\n" + "\n".join(lines) + "\n"
+    tomllib.loads(table)
+    return table
+
+
+def _again(
+    campaign: Campaign, study: "Study", run: str, excluded: Sequence[Exclusion]
+) -> tuple[FrfSet, HitGallery | None, PoleTable]:
+    """FRFs, blows and poles of a run without some of its blows."""
+    from ema import fit
+    from ema.estimate import without_dead
+    from ema.study import chain
+    from ema.study.measured import frfs_of
+
+    settings = study.recipe.fit
+    frfs, hits = frfs_of(_without(campaign[run], excluded), study.recipe.estimate)
+    alive = without_dead(frfs.band(*(settings.band or chain.default_band(frfs, hits))))
+    orders = None if settings.orders is None else range(settings.orders[0], settings.orders[1] + 1, settings.orders[2])
+    whole = frfs.pick([frfs.outputs.index(dof) for dof in alive.outputs], [frfs.inputs.index(d) for d in alive.inputs])
+    return whole, hits, fit.stabilise(alive, orders=orders)
+
+
+def _without(run: Run, excluded: Sequence[Exclusion]) -> Run:
+    """The run with marks on the blows that do not count."""
+
+    def marked(place: int) -> Recording:
+        record = run.recordings[place]
+        more = tuple((one.hit, one.reason) for one in excluded if one.record == record.name)
+        return replace(record, excluded_hits=(*record.excluded_hits, *more)) if more else record
+
+    return replace(run, recordings=Lazy([partial(marked, place) for place in range(len(run.recordings))]))
+
+
+def _picked(result: Path) -> Path:
+    return result if result.stem.endswith("_picked") else result.with_name(f"{result.stem}_picked.h5")
+
+
+def _result(path: Path) -> StudyResult | None:
+    """The result of a study in a file of ours, if it is one."""
+    from ema import store
+    from ema.errors import EmaError
+
+    if not (path.is_file() and store.is_store(path)):
+        return None
+    try:
+        held = store.load(path)
+    except EmaError:
+        return None
+    return held if isinstance(held, StudyResult) else None

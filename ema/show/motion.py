@@ -1,0 +1,57 @@
+"""Mode shapes as the numbers that a script in a page moves, and that script."""
+
+from base64 import b64encode
+from importlib.resources import files
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from jaxtyping import Complex
+
+from ema.data import Geometry, ModalModel
+from ema.shapes import expand
+
+_STEPS = 32000
+"""Steps of a displacement from 0 to its largest value."""
+_MOST_BYTES = 2_000_000
+"""Of the displacements, before they are encoded as text."""
+
+
+def moving_shapes(model: ModalModel, geometry: Geometry) -> dict[str, Any]:
+    """Points, faces, lines and the displacements of as many modes as fit two megabytes, ready for JSON.
+
+    Complex shapes keep their phases: points of a complex mode pass their rest positions one after the other.
+    """
+    shown = min(len(model.poles), _MOST_BYTES // max(12 * len(geometry.nodes), 1))
+    if not len(geometry.nodes):
+        return {"points": [], "faces": [], "lines": [], "modes": [], "shapes": []}
+    displacement = expand(model, geometry, True).displacement[:, :, :shown]
+    middle = (geometry.xyz.max(axis=0) + geometry.xyz.min(axis=0)) / 2
+    size = float(np.linalg.norm(np.ptp(geometry.xyz, axis=0))) or 1.0
+    place = {int(node): row for row, node in enumerate(geometry.nodes)}
+    return {
+        "points": np.round((geometry.xyz - middle) / size, 4).tolist(),
+        "faces": [[place[node] for node in face if node in place] for face in geometry.faces],
+        "lines": [
+            [place[a], place[b]] for line in geometry.lines for a, b in pairwise(line) if a in place and b in place
+        ],
+        "modes": [
+            f"{mode + 1}: {model.natural_frequencies[mode]:.5g} Hz, {100 * model.damping_ratios[mode]:.3g} %"
+            for mode in range(shown)
+        ],
+        "shapes": [_encoded(displacement[:, :, mode]) for mode in range(shown)],
+    }  # fmt: skip
+
+
+def script() -> str:
+    """JavaScript with the function ``moveShapes(viewer, content)``."""
+    return (files("ema.show") / "motion.js").read_text(encoding="utf-8")
+
+
+def _encoded(shape: Complex[np.ndarray, "n 3"]) -> str:
+    """Real parts, then imaginary parts as 16-bit integers, turned to the phase of the largest motion."""
+    parts = np.sum(shape**2)
+    turned = shape * np.exp(-0.5j * np.angle(parts)) if parts else shape
+    largest = float(np.max(np.linalg.norm(turned, axis=1), initial=0.0)) or 1.0
+    numbers = np.round(_STEPS / largest * np.stack([turned.real, turned.imag])).astype("<i2")
+    return b64encode(numbers.tobytes()).decode("ascii")
