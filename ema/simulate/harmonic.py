@@ -18,7 +18,7 @@ from ema.data import BeamModel, Finding, HarmonicResponse
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.transient import Problem, prepare
+from ema.simulate.transient import Problem, prepare, sampled_normal_forces
 
 _CONVERGED = 1e-9
 _QUADRATURE = 1e-5
@@ -91,6 +91,19 @@ class Condensed:
     def orders(self, count: int) -> Int[np.ndarray, "harmonic"]:
         """The first harmonics: 1, 3, 5 ... of an odd motion, else 0, 1, 2 ..."""
         return 2 * np.arange(count) + 1 if self.odd else np.arange(count)
+
+    def keep(self, highest: int | None) -> None:
+        """Keep the harmonics up to ``highest``, whatever the tolerance.
+
+        Raises
+        ------
+        InputError : there is no such harmonic.
+        """
+        if highest is None:
+            return
+        if highest < 1:
+            raise InputError("not a harmonic", where=self.problem.system.name, got=highest, expected="1 or more")
+        self.harmonics = int(np.searchsorted(self.orders(highest + 1), highest, side="right"))
 
     def basis(self, count: int) -> Float[np.ndarray, "2 sample size"]:
         """First and second derivative of cos and sin of the harmonics over a period, to find all turning points."""
@@ -255,6 +268,10 @@ class Condensed:
         """Complex amplitudes of output DOFs (dof, mode)."""
         return np.asarray(rows @ self.modal(point).T)
 
+    def completed(self, response: HarmonicResponse, points: Sequence[_Point | None]) -> HarmonicResponse:
+        """The response with what the contacts have to tell besides."""
+        return response
+
     def powers(self, point: _Point) -> tuple[float, float, float]:
         """Mean input, friction and damping power in W."""
         q = self.modal(point)
@@ -302,7 +319,8 @@ class Branch:
 
 def frf(
     model: BeamModel, frequencies: Float[np.ndarray, "freq"], force: float, at: Dof | str, outputs: Sequence[Dof | str],
-    tolerance: float = 5e-3, modes: int | None = None, progress: Progress = silent,
+    tolerance: float = 5e-3, modes: int | None = None, harmonics: int | None = None, progress: Progress = silent,
+    normal_forces: Float[np.ndarray, "joint phase"] | None = None,
 ) -> HarmonicResponse:  # fmt: skip
     """Steady states over frequency at one force level, each with its error estimate.
 
@@ -312,12 +330,16 @@ def frf(
     force : amplitude in N of the force at DOF ``at``.
     outputs : DOFs whose amplitudes are wanted.
     tolerance : wanted error of the first harmonic of the slips, relative; harmonics are added until it is met.
+    harmonics : the highest harmonic kept, instead of as many as the tolerance asks for.
+    normal_forces : of every joint in N at even phases of a period of the exciting force, which begins where it is
+        largest, linear in between; those of the model by default. k_T stays that of the model.
 
     Raises
     ------
-    InputError : the force is not positive, a frequency is not positive.
+    InputError : the force is not positive, a frequency is not positive, a normal force is negative.
     """
-    condensed = condense(model, force, at, outputs, tolerance, modes)
+    condensed = condense(model, force, at, outputs, tolerance, modes, normal_forces)
+    condensed.keep(harmonics)
     if not len(frequencies) or not np.all(np.isfinite(frequencies)) or np.min(frequencies) <= 0:
         raise InputError("not frequencies of excitation", where=model.name, got=f"{len(frequencies)} values",
                          expected="finite, above 0 Hz")  # fmt: skip
@@ -329,7 +351,8 @@ def frf(
         point = condensed.solve(float(frequency), branch.start(float(frequency)))
         points.append(point)
         branch.add(point)
-    return _response(condensed, np.asarray(frequencies), points, rows)
+    response = _response(condensed, np.asarray(frequencies), points, rows)
+    return condensed.completed(response, points)
 
 
 def check_positive(where: str, name: str, value: float) -> None:
@@ -350,17 +373,27 @@ def condense(
     outputs: Sequence[Dof | str],
     tolerance: float,
     modes: int | None = None,
+    normal_forces: Float[np.ndarray, "joint phase"] | None = None,
 ) -> Condensed:
     """A model seen from its contacts, ready for harmonic balance.
 
     Raises
     ------
-    InputError : the force or the tolerance is not positive.
+    InputError : the force or the tolerance is not positive, the normal forces are none.
     """
+    from ema.simulate.harmonic_joined import JoinedCondensed
+
     for name, value in (("force", force), ("tolerance", tolerance)):
         check_positive(model.name, name, value)
     driven = Dof.parse(at)
-    return Condensed(prepare(model, outputs, modes, [driven]), driven, force, tolerance)
+    problem = prepare(model, outputs, modes, [driven], plane=True, normal=normal_forces is None)
+    if normal_forces is None and problem.joined is None:
+        return Condensed(problem, driven, force, tolerance)
+    pressing = None
+    if normal_forces is not None:
+        phases = np.arange(np.asarray(normal_forces).shape[-1]) / np.asarray(normal_forces).shape[-1]
+        pressing = sampled_normal_forces(model, normal_forces, phases)
+    return JoinedCondensed(problem, driven, force, tolerance, pressing=pressing)
 
 
 def _response(

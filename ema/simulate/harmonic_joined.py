@@ -1,0 +1,203 @@
+"""Steady states where slip forces change or directions hang together: contacts are followed through samples.
+
+That are isotropic friction in two directions, normal contact that parts or stiffens, and normal forces that change with
+the period of the exciting force. Where normal forces change, the motion is no longer odd in time: its mean and its even
+harmonics are kept too. How many samples a period has is decided by what twice as many would change.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import Finding, HarmonicResponse
+from ema.errors import InputError
+from ema.simulate.harmonic import Condensed, _Point, _with_harmonics
+from ema.simulate.normal_kernels import FORCE
+
+_CONVERGED = 1e-9
+_MOST_PERIODS = 40
+_LOOSE = 0.3
+"""Weight of the error of sampling against that of the quadrature of single contacts."""
+
+
+@dataclass
+class JoinedCondensed(Condensed):
+    """A model seen from its contacts, with those that hang together.
+
+    ``pressing`` (joint, phase): normal forces in N at even phases of a period, or ``None`` for those of the model.
+
+    Raises
+    ------
+    InputError : a motion of the structure is not held, but the contacts load it with a mean force.
+    """
+
+    pressing: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        from ema.simulate import joined_period_kernels
+
+        self.periodic: Any = joined_period_kernels
+        contacts, joined = self.problem.system.contacts, self.problem.joined
+        first, none = contacts.tangential, [-1] * contacts.normals
+        if joined is None:
+            self.ties: tuple[np.ndarray, ...] = (
+                np.full(first, -1), np.full(first, -1), np.zeros(first), np.zeros((0, 8)), np.zeros((3, 2))
+            )  # fmt: skip
+        else:
+            self.ties = joined.arguments
+        self.exact, self.odd = False, contacts.normals == 0 and _mirrored(self.pressing)
+        if not self.odd and self.squares.min() <= 1e-12 * self.squares.max():
+            raise InputError("the structure is not held", where=self.problem.system.name, got="a rigid-body motion",
+                             expected="a support: normal forces that change bring a mean force")  # fmt: skip
+        pressed_by = [n if n < 0 else first + n for n in self.ties[1]]
+        self.members = np.array([
+            np.arange(len(self.limits)), [*self.ties[0], *none], [*pressed_by, *none],
+        ]).T.copy()  # fmt: skip
+        self.share = self.level = 1.0
+        self._tables: dict[tuple[int, int], np.ndarray] = {}
+
+    def _samples(self, count: int, fine: int) -> Float[np.ndarray, "sample size"]:
+        """cos and sin of the harmonics at even samples of a period."""
+        if (count, fine) not in self._tables:
+            orders = self.orders(count)
+            samples = fine * max(64, 8 * int(orders[-1]))
+            angle = 2 * np.pi * np.arange(samples)[:, None] / samples * orders
+            self._tables[count, fine] = np.stack([np.cos(angle), np.sin(angle)], -1).reshape(samples, -1)
+        return self._tables[count, fine]
+
+    def _tops(self, samples: int) -> Float[np.ndarray, "friction sample"]:
+        """Slip forces over a period in N, where they do not follow a normal contact."""
+        contacts = self.problem.system.contacts
+        first = contacts.tangential
+        if self.pressing is None:
+            return self.level * np.broadcast_to(self.limits[:first, None], (first, samples))
+        phases = np.arange(self.pressing.shape[1] + 1) / self.pressing.shape[1]
+        at = np.arange(samples) / samples
+        force = np.array([np.interp(at, phases, np.append(row, row[0])) for row in self.pressing])
+        return np.asarray(force[list(contacts.joint[:first])] * (self.level * contacts.friction[:first, None]))
+
+    def _forces(self, amplitudes: np.ndarray, omega: float, fine: int) -> tuple[np.ndarray, ...]:
+        count = amplitudes.shape[1] // 2
+        basis = self._samples(count, fine)
+        partner, normal_of, friction, *tables = self.ties
+        result: tuple[np.ndarray, ...] = self.periodic.joined_forces(
+            np.ascontiguousarray(amplitudes), self.orders(count), basis, _MOST_PERIODS, omega, self.stiffness,
+            self._tops(len(basis)), self.laws, (partner, normal_of, self.level * friction, *tables),
+        )  # fmt: skip
+        return result
+
+    def contact_forces(self, amplitudes: np.ndarray, omega: float, fine: int = 1) -> tuple[np.ndarray, ...]:
+        """Deviations (contact, 2 H), their Jacobian, losses and who deviates."""
+        return self._forces(amplitudes, omega, fine)[:4]
+
+    def _run(self, omega: float, start: np.ndarray, gains: np.ndarray, level: float, most: int) -> tuple[Any, ...]:
+        drive = self.share * self.drive(omega, gains.shape[1])
+        amplitudes, step, norm, length, steps = start, np.zeros_like(start), np.inf, 1.0, 0
+        trial = start
+        while True:
+            forces, jacobian, lost, slips, _ = self._forces(trial, omega, self.fine)
+            rest = self.kernels.residual(trial, drive, gains, forces)
+            new, size = float(np.linalg.norm(rest)), float(np.linalg.norm(trial))
+            if new <= _CONVERGED * size:
+                return steps, trial, forces, jacobian, lost, slips, np.zeros((0, 0))
+            if not new < (1 - 0.1 * length) * norm:
+                length *= 0.5
+                if length < 0.005 or not np.isfinite(new):
+                    break
+                trial = amplitudes - length * step
+                continue
+            amplitudes, norm, length, steps = trial, new, 1.0, steps + 1
+            step = self.kernels.dense_step(gains, jacobian, self.members, slips, rest)
+            trial = amplitudes - step
+            if steps > most:
+                break
+        return -1, trial, forces, jacobian, lost, slips, np.zeros((0, 0))
+
+    def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
+        """From a small exciting force, under which nothing slips or parts, to the whole one.
+
+        Where that path ends, as friction holds the structure up to some force and then lets it go, the other one begins
+        without friction.
+        """
+        start = self.drive(omega, gains.shape[1])
+        reach = self.stiffness * np.hypot(start[:, ::2], start[:, 1::2]).sum(axis=1)
+        room = np.append(self._tops(64).min(axis=1), self.ties[3][:, FORCE])
+        share = min(1.0, 0.5 / max(float((reach[room > 0] / room[room > 0]).max(initial=0.0)), 1e-300))
+        found = self._raised("share", share, omega, share * start, gains)
+        return self._raised("level", 0.01, omega, start, gains) if found is None else found
+
+    def _raised(
+        self, name: str, first: float, omega: float, start: np.ndarray, gains: np.ndarray
+    ) -> tuple[Any, ...] | None:
+        """Solution with ``share`` or ``level`` (of the slip forces) raised from ``first`` to 1 in steps that adapt."""
+        ratio, wanted, reached = 2.0, first, first
+        try:
+            while True:
+                setattr(self, name, wanted)
+                found = self._newton(omega, start, gains)
+                if found is not None:
+                    start, reached, ratio = found[1], wanted, min(ratio**1.5, 4.0)
+                    if reached == 1.0:
+                        return found
+                else:
+                    ratio = np.sqrt(ratio)
+                    if ratio < 1.003:
+                        return None
+                wanted = min(reached * ratio, 1.0)
+                if found is not None and name == "share":
+                    start = start * (wanted / reached)
+        finally:
+            setattr(self, name, 1.0)
+
+    def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
+        """As for single contacts; a motion with hard contact may have no solution with few harmonics."""
+        point = super().solve(frequency, start)
+        for count in (5, 9, 14):
+            if point is None and self.harmonics is None:
+                wider = np.zeros((len(self.limits), 2 * count)) if start is None else _with_harmonics(start, count)
+                point = super().solve(frequency, wider)
+        return point
+
+    def _refined(
+        self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
+    ) -> tuple[Float[np.ndarray, "contact"], float]:
+        better, blur = super()._refined(amplitudes, forces, lost, omega)
+        orders = self.orders(amplitudes.shape[1] // 2)
+        to_and_fro = np.pi * (forces[:, ::2] * amplitudes[:, 1::2] - forces[:, 1::2] * amplitudes[:, ::2]) * orders
+        scale = max(float(better.sum()), 1e-3 * float(np.abs(to_and_fro).sum()), 1e-300)
+        return better, max(_LOOSE * blur, _LOOSE * abs(float(to_and_fro.sum() - better.sum())) / scale)
+
+    def pressed(self, point: _Point) -> Float[np.ndarray, "normal 4"]:
+        """Least and greatest normal force in N, share of the period open, widest gap in m of the normal contacts."""
+        return np.asarray(self._forces(_with_harmonics(point.amplitudes, point.count), point.omega, self.fine)[4])
+
+    def completed(self, response: HarmonicResponse, points: Sequence[_Point | None]) -> HarmonicResponse:
+        """The response with the slips of the friction contacts alone, and a finding where pairs part."""
+        contacts, normals = self.problem.system.contacts, self.problem.system.normals
+        findings = list(response.findings)
+        pressed = {place: self.pressed(point) for place, point in enumerate(points) if point is not None}
+        parted = [place for place, extremes in pressed.items() if np.any(extremes[:, 2] > 0)]
+        if parted:
+            worst = max(parted, key=lambda place: float(pressed[place][:, 2].max()))
+            longest = int(np.argmax(pressed[worst][:, 2]))
+            open_share, pairs = float(pressed[worst][longest, 2]), int((pressed[worst][:, 2] > 0).sum())
+            findings.append(Finding(
+                "warning", "lift-off", response.name,
+                f"pairs part at {len(parted)} of {len(points)} frequencies; at {response.frequencies[worst]:.5g} Hz "
+                f"{pairs} of {contacts.normals}, {normals.pairs[normals.followed[longest]]} for {open_share:.0%} of "
+                "the time.",
+                open_share, 0.0, "Press harder there, or read the result as one of a rattling joint.",
+            ))  # fmt: skip
+        return replace(response, slips=response.slips[:, : contacts.tangential], findings=tuple(findings))
+
+
+def _mirrored(pressing: np.ndarray | None) -> bool:
+    """Whether the normal forces repeat after half a period, which keeps the motion odd."""
+    if pressing is None:
+        return True
+    half, odd = divmod(pressing.shape[1], 2)
+    return not odd and bool(np.allclose(pressing[:, :half], pressing[:, half:], rtol=1e-12, atol=0))

@@ -1,0 +1,199 @@
+"""The frequency solver against pyHarm on the same double beam: points, maps, robustness, peaks. Called by ``simulate``.
+
+pyHarm gets the matrices of the same beams with the slips among the coordinates, its own Jenkins element at every pair and
+its condensation on the nonlinear coordinates. It sweeps with all harmonics up to the fifth, and with 1, 3, 5 alone.
+"""
+
+import json
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from ema.data import BeamModel, Damping
+from ema.simulate import Masing, damping_map, double_beam, frf, resonance
+from ema.simulate.events import Harmonic, run_reference
+from ema.simulate.harmonic import Condensed, condense
+from ema.simulate.structure import assemble
+from ema.simulate.transient import _State
+from tests.bench.environments import interpreter
+
+PEER = Path(__file__).parent / "peers" / "pyharm" / "run.py"
+TIP, MU, STIFFNESS = "beam 2:20:+Z", 0.3, 1e9
+BAND = (14.0, 34.0)
+DAMPING = Damping(mass_factor=1.0)
+RATIOS = (30.0, 100.0, 300.0, 1000.0, 4000.0)
+PEER_RATIOS = (30.0, 300.0, 4000.0)
+"""Where pyHarm is run too: seconds per point."""
+
+
+def model_at(ratio: float, elements: int = 20) -> BeamModel:
+    """The double beam at a normal force, N."""
+    return double_beam(Masing(MU, STIFFNESS), ratio, elements=elements, damping=DAMPING)
+
+
+def timed(action: Callable[[], Any]) -> tuple[float, Any]:
+    """Processor time in s, best of three where it is short, and the result."""
+    times: list[float] = []
+    result = None
+    while len(times) < 3 and (not times or times[0] < 3.0):
+        start = process_time()
+        result = action()
+        times.append(process_time() - start)
+    return min(times), result
+
+
+def peer_case(model: BeamModel, frequencies: np.ndarray, force: float, harmonics: int) -> dict[str, Any]:
+    """Matrices of the model in coordinates that begin with the slips."""
+    system = assemble(model)
+    slips, size = system.contacts.slip, len(system.mass)
+    replaced = [int(np.flatnonzero(row * (np.arange(size) >= size // 2))[0]) for row in slips]
+    others = [n for n in range(size) if n not in replaced]
+    back = np.linalg.inv(np.vstack([slips, np.eye(size)[others]]))
+    driven = int(np.flatnonzero(system.row(TIP))[0])
+    mass = back.T @ system.mass @ back
+    return {
+        "mass_matrix": mass, "stiffness_matrix": back.T @ system.stiffness @ back,
+        "damping_matrix": model.damping.mass_factor * mass, "stiffness": system.contacts.stiffness,
+        "limits": system.contacts.limits, "driven": len(slips) + others.index(driven), "force": force,
+        "frequencies": frequencies, "harmonics": harmonics,
+    }  # fmt: skip
+
+
+def peer_sweep(model: BeamModel, frequencies: np.ndarray, harmonics: int) -> dict[str, Any]:
+    """pyHarm's sweep in its own process and environment."""
+    with tempfile.TemporaryDirectory() as folder:
+        case, result = Path(folder) / "case.npz", Path(folder) / "result.json"
+        np.savez(case, **peer_case(model, frequencies, 1.0, harmonics))
+        done = subprocess.run([interpreter("pyharm"), "-P", str(PEER), str(case), str(result)], capture_output=True,
+                              text=True, check=False, cwd=folder)  # fmt: skip
+        if done.returncode != 0:
+            return {"error": done.stderr.strip().splitlines()[-1]}
+        return dict(json.loads(result.read_text()))
+
+
+def points(ratio: float, quick: bool) -> dict[str, Any]:
+    """One sweep at fixed harmonics, ours and theirs, and ours with as many as the error asks for."""
+    frequencies = np.linspace(*BAND, 5 if quick else 11)
+    model = model_at(ratio)
+    fixed, same = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP], harmonics=5))
+    free, ours = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP]))
+    row: dict[str, Any] = {
+        "ratio": ratio, "points": len(frequencies), "cpu five harmonics": fixed / len(frequencies),
+        "cpu as many as needed": free / len(frequencies), "most harmonics": int(ours.orders[-1]),
+        "stated": float(np.nanmax(ours.error_estimate)), "power": ours.power_error, "solved": bool(ours.converged.all()),
+    }  # fmt: skip
+    theirs = peer_sweep(model, frequencies, 5)
+    for name in ("all", "odd"):
+        if name not in theirs:
+            continue
+        sweep = theirs[name]
+        known = np.interp(sweep["frequencies"], frequencies, np.abs(same.values[:, 0, 0]))
+        row[f"pyHarm {name}"] = {
+            "cpu": sweep["cpu"], "accepted": sweep["accepted"], "points": sweep["points"],
+            "difference": float(np.max(np.abs(np.array(sweep["amplitudes"]) / known - 1))),
+            "ratio": sweep["cpu"] * len(frequencies) / fixed,
+        }  # fmt: skip
+    row |= {name: theirs[name] for name in ("version", "error") if name in theirs}
+    print(row, flush=True)
+    return row
+
+
+def maps(quick: bool) -> dict[str, Any]:
+    """Resonances over 20 x 20 forces whose ratios all differ, with constant k_T and with k_T(F_N)."""
+    count = 5 if quick else 20
+    levels = np.sort(np.random.default_rng(0).uniform(1, 40, count))
+    forces = np.geomspace(20, 8000, count)
+    row: dict[str, Any] = {"levels": count, "forces": count}
+    for name, exponent in (("constant", 0.0), ("power law", 0.5)):
+        law = Masing(MU, STIFFNESS, stiffness_exponent=exponent)
+        model = double_beam(law, 1000.0, damping=DAMPING)
+        start = process_time()
+        chart = damping_map(model, levels, forces, TIP, TIP, (10.0, 36.0))
+        row[f"cpu {name}"] = process_time() - start
+        wrong = []
+        for level, force in zip(levels[::3], forces[::3], strict=True):
+            one = resonance(model.with_normal_force(force), level, TIP, TIP, (10.0, 36.0), tolerance=1e-3)
+            place = np.flatnonzero(levels == level)[0], np.flatnonzero(forces == force)[0]
+            wrong.append(abs(chart.modal_amplitude[place] / one.modal_amplitude - 1))
+        row[f"largest error of the peaks, {name}"] = float(max(wrong))
+    print(row, flush=True)
+    return row
+
+
+def robustness(quick: bool) -> dict[str, Any]:
+    """Cold starts at random frequencies, F_N/F_E from 10 to 10 000."""
+    ratios, each = (20, 10) if quick else (100, 20)
+    generator = np.random.default_rng(3)
+    failed, errors, times, powers = [], [], [], []
+    for ratio in np.geomspace(10, 1e4, ratios):
+        condensed = condense(model_at(float(ratio)), 1.0, TIP, [TIP], 5e-3)
+        for frequency in generator.uniform(10, 40, each):
+            start = process_time()
+            point = condensed.solve(float(frequency))
+            times.append(process_time() - start)
+            if point is None:
+                failed.append((float(ratio), float(frequency)))
+                continue
+            errors.append(point.error)
+            supplied, friction, damping = condensed.powers(point)
+            powers.append(abs(supplied - friction - damping) / supplied)
+    row = {
+        "points": ratios * each, "failed": failed, "cpu": float(np.mean(times)), "longest": max(times),
+        "largest error": max(errors), "above the tolerance": sum(e > 5e-3 for e in errors), "power": max(powers),
+    }  # fmt: skip
+    print(row, flush=True)
+    return row
+
+
+def steady(condensed: Condensed, point: Any) -> _State:
+    """State of a model of Masing springs at the start of a period of its harmonic solution."""
+    orders, x, base = condensed.orders(point.count), condensed.modal(point), condensed.problem.base
+    q, p = x.real.sum(axis=0), -(point.omega * orders[:, None] * x.imag).sum(axis=0)
+    angle = 2 * np.pi * np.arange(4096)[:, None] / 4096 * orders
+    motion = np.cos(angle) @ point.amplitudes[:, ::2].T + np.sin(angle) @ point.amplitudes[:, 1::2].T
+    force, before = np.zeros(motion.shape[1]), np.zeros(motion.shape[1])
+    for u in np.concatenate([motion, motion, motion[:1]]):
+        force = np.clip(force + condensed.stiffness * (u - before), -condensed.limits, condensed.limits)
+        before = u
+    memory = np.zeros((len(force), condensed.problem.laws.stiffness_shares.shape[1]))
+    memory[:, 0] = force
+    return _State(q, p, base.slip @ q, force, memory)
+
+
+def peaks(quick: bool, elements: int = 10) -> list[dict[str, float]]:
+    """Heights of resonances against the exact time solver, started on the harmonic solution and left alone."""
+    tip, rows = f"beam 2:{elements}:+Z", []
+    for ratio in RATIOS[1:4] if quick else RATIOS:
+        model = model_at(ratio, elements)
+        peak = resonance(model, 1.0, tip, tip, BAND, tolerance=2e-3)
+        condensed = condense(model, 1.0, tip, [tip], 2e-3)
+        point = condensed.solve(peak.frequency)
+        assert point is not None
+        run = run_reference(condensed.problem, steady(condensed, point), 16 / peak.frequency, 64 * peak.frequency, None,
+                            Harmonic(1.0, peak.frequency, condensed.driven))  # fmt: skip
+        last = run.displacements[0][-128:]
+        turns = np.arange(len(run.times) - 128, len(run.times)) / 64
+        found = abs(2 / 128 * np.sum(last * np.exp(-2j * np.pi * turns)))
+        rows.append({
+            "ratio": ratio, "frequency": peak.frequency, "damping": peak.damping, "stated": peak.error_estimate,
+            "error": float(abs(abs(peak.amplitude) / found - 1)), "harmonics": int(condensed.orders(point.count)[-1]),
+        })  # fmt: skip
+        print(rows[-1], flush=True)
+    return rows
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """All rows of the frequency solver."""
+    # compiled, or read from the cache, before anything is timed
+    frf(model_at(300.0), np.array([20.0, 20.5]), 1.0, TIP, [TIP])
+    return {
+        "points": [points(ratio, quick) for ratio in ((300.0,) if quick else PEER_RATIOS)],
+        "maps": maps(quick),
+        "robustness": robustness(quick),
+        "peaks": peaks(quick),
+    }

@@ -1,0 +1,153 @@
+"""Steady states of contacts that hang together against closed forms and the time solver.
+
+Isotropic friction in two directions (a circle of radius A loses 2 pi F_C A sqrt(1 - (x_c/A)^2) per turn), normal forces
+that change with the period of the exciting force, and normal contact that parts or stiffens.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ema.data import BeamModel, Damping, Joint, Matrices
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.simulate import Dahl, Iwan, LuGre, Masing, PowerContact, RegularisedMasing, Unilateral, frf, respond
+from ema.simulate.harmonic import condense
+
+F0, K, FC = 100.0, 4e5, 30.0
+LAWS = [
+    Masing(1.0, K), RegularisedMasing(1.0, K, 8), Dahl(1.0, K), Iwan(1.0, K, -0.5, 1.0, 12),
+    LuGre(1.0, K, 5.0, 1.0, 1.2, 1e-2),
+]  # fmt: skip
+BOTH, ONE = ("X", "Y"), ("X",)
+
+
+def oscillator(law, directions=BOTH, skew=0.05, lift=0.0, **joint):
+    """1 kg that moves in three directions and rubs on a wall; ``skew`` and ``lift`` couple X to Y and to Z."""
+    k = (2 * np.pi * F0) ** 2
+    stiffness = np.diag([k, 1.21 * k, 2 * k])
+    stiffness[0, 1] = stiffness[1, 0] = skew * k
+    stiffness[0, 2] = stiffness[2, 0] = lift * k
+    dofs, walls = (tuple(Dof(1, axis, body) for axis in ("+X", "+Y", "+Z")) for body in ("", "wall"))
+    contact = Joint("contact", ((1, 1),), (0.0, 0.0), law, FC, 1.0, directions=directions)
+    return BeamModel(
+        Matrices(np.eye(3), stiffness, dofs), Matrices(1e3 * np.eye(3), 1e16 * np.eye(3), walls),
+        (replace(contact, **joint),), Damping(ratio=0.02), "oscillator",
+    )  # fmt: skip
+
+
+def in_time(model, frequency, force, output, pressing=None, cycles=60, samples=200):
+    """First harmonic and mean of the motion after many cycles, by the time solver."""
+    turns = np.arange(cycles * samples + 1) / samples
+    normal = None
+    if pressing is not None:
+        phases = np.arange(pressing.shape[1] + 1) / pressing.shape[1]
+        normal = np.array([np.interp(turns % 1, phases, np.append(row, row[0])) for row in pressing])
+    push = force * np.cos(2 * np.pi * turns)[None]
+    run = respond(model, push, ["1:+X"], frequency * samples, [output], normal_forces=normal, tolerance=3e-4)
+    last, turn = run.displacements[0][-2 * samples :], turns[-2 * samples :]
+    return np.mean(2 * last * np.exp(-2j * np.pi * turn)), last.mean()
+
+
+def first(found):
+    return found.values[0, 0, list(found.orders).index(1)]
+
+
+@pytest.mark.parametrize("law", LAWS[:2], ids=lambda law: law.name)
+def test_loss_on_a_circle(law):
+    """Eq. (5) with m = 8 slides as well once it has turned: its force is at the circle."""
+    condensed = condense(oscillator(law), 1.0, "1:+X", ["1:+X"], 1e-3)
+    amplitude = 2.5 * FC / K
+    lost = condensed.contact_forces(np.array([[amplitude, 0.0], [0.0, amplitude]]), 2 * np.pi * F0, 64)[2]
+    expected = 2 * np.pi * FC * amplitude * np.sqrt(1 - (FC / K / amplitude) ** 2)
+    assert lost.sum() == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_motion_along_a_line_is_the_law_in_one_direction(law):
+    """Through samples here, in closed form or by Gauss's quadrature there."""
+    motion = 1e-4 * np.array([1.0, 0.4, -0.1, 0.2, 0.05, 0.02])
+    way = np.array([np.cos(0.5), np.sin(0.5)])
+    both, one = (condense(oscillator(law, axes), 1.0, "1:+X", ["1:+X"], 1e-3) for axes in (BOTH, ONE))
+    force, _, lost, _ = both.contact_forces(np.outer(way, motion), 2 * np.pi * F0, 64)
+    expected, _, loss, _ = one.contact_forces(motion[None], 2 * np.pi * F0, 16)
+    np.testing.assert_allclose(force, np.outer(way, expected), atol=1e-5 * np.abs(expected).max())
+    assert lost.sum() == pytest.approx(loss.sum(), rel=3e-5)
+
+
+def test_the_isotropic_law_has_no_preferred_direction():
+    """The structure is the same in X and Y: what is driven along X and along Y differs by a quarter turn."""
+    model = oscillator(LAWS[0], skew=0.0)
+    stiffness = model.host.stiffness.copy()
+    stiffness[1, 1] = stiffness[0, 0]
+    model = replace(model, host=replace(model.host, stiffness=stiffness))
+    one, two = (frf(model, np.array([101.0, 104.0]), 40.0, at, [at]) for at in ("1:+X", "1:+Y"))
+    np.testing.assert_allclose(one.values, two.values, rtol=1e-6)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_isotropic_friction_against_the_time_solver(law):
+    model = oscillator(law)
+    found = frf(model, np.array([103.0]), 60.0, "1:+X", ["1:+Y"], tolerance=1e-3)
+    assert found.converged.all() and found.power_error <= 1e-4 and found.error_estimate[0] <= 1e-3
+    assert abs(first(found) / in_time(model, 103.0, 60.0, "1:+Y")[0] - 1) <= 3e-3
+
+
+PHASES = 2 * np.pi * np.arange(32) / 32
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_normal_forces_that_change_against_the_time_solver(law):
+    """Once per period in one direction, which gives a mean displacement; twice per period in two directions."""
+    once = (FC + 15 * np.cos(PHASES + 1) + 5 * np.sin(2 * PHASES))[None]
+    twice = (FC + 20 * np.cos(2 * PHASES + 1))[None]
+    for model, pressing in ((oscillator(law, ONE), once), (oscillator(law), twice)):
+        found = frf(model, np.array([103.0]), 40.0, "1:+X", ["1:+X"], 1e-3, normal_forces=pressing)
+        assert found.converged.all() and found.power_error <= 1e-4
+        motion, mean = in_time(model, 103.0, 40.0, "1:+X", pressing)
+        assert abs(first(found) / motion - 1) <= 3e-3
+        offset = found.values[0, 0, 0].real if found.orders[0] == 0 else 0.0
+        assert offset == pytest.approx(mean, abs=3e-3 * abs(motion))
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_a_constant_normal_force_is_the_one_of_the_model(law):
+    model, frequencies = oscillator(law, ONE), np.array([95.0, 103.0])
+    one, two = (
+        frf(model, frequencies, 40.0, "1:+X", ["1:+X"], 1e-3, normal_forces=pressing)
+        for pressing in (None, np.full((1, 8), FC))
+    )
+    np.testing.assert_allclose(two.values[:, 0, 0], one.values[:, 0, 0], rtol=2e-3)
+    assert two.power_error <= 1e-4
+
+
+@pytest.mark.parametrize("contact", [PowerContact(1.5, FC), Unilateral()], ids=["stiffens", "parts"])
+@pytest.mark.parametrize("force", [10.0, 100.0])
+def test_normal_contact_against_the_time_solver(contact, force):
+    law = Masing(0.5, 2e5)
+    model = oscillator(law, ONE, lift=0.2, normal_contact=contact, normal_stiffness=2e5)
+    found = frf(model, np.array([112.0]), force, "1:+X", ["1:+X"], tolerance=1e-3)
+    assert found.converged.all() and found.power_error <= 1e-4
+    motion, mean = in_time(model, 112.0, force, "1:+X")
+    assert abs(first(found) / motion - 1) <= 3e-3
+    assert found.values[0, 0, 0].real == pytest.approx(mean, abs=3e-3 * abs(motion))
+    assert ("lift-off" in {finding.code for finding in found.findings}) == (force == 100.0)
+
+
+def test_normal_forces_that_are_none_get_a_sentence():
+    model, frequencies = oscillator(LAWS[0], ONE), np.array([100.0])
+
+    def run(pressing, model=model):
+        frf(model, frequencies, 40.0, "1:+X", ["1:+X"], normal_forces=pressing)
+
+    with pytest.raises(InputError, match="not a normal force.*oscillator"):
+        run(np.array([[10.0, -1.0]]))
+    with pytest.raises(InputError, match="do not fit.*1 joints"):
+        run(np.ones((2, 8)))
+    moved = oscillator(LAWS[0], ONE, normal_contact=Unilateral(), normal_stiffness=2e5)
+    with pytest.raises(InputError, match="does not follow normal contact"):
+        run(np.ones((1, 8)), moved)
+    floating = replace(model, host=replace(model.host, stiffness=np.diag([0.0, 0.0, 1e6])))
+    with pytest.raises(InputError, match="not held"):
+        run(np.array([[10.0, 20.0, 10.0]]), replace(floating, beam=replace(model.beam, stiffness=np.zeros((3, 3)))))
