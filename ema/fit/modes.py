@@ -13,7 +13,7 @@ from ema.fit import uncertainty
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.refinement import refined
 from ema.fit.scaling import scale_to_unit_modal_mass
-from ema.fit.select import Selection, keep_picked, select
+from ema.fit.select import Dropped, Selection, keep_picked, select
 from ema.progress import Progress, advance, silent
 
 _NAMED = 10
@@ -126,7 +126,7 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
         confidence=chosen.confidence[optimum.kept][order],
         condition=band.condition,
         provenance=band.provenance,
-        findings=_findings(band, data, chosen),
+        findings=_findings(band, data, poles[order], (*chosen.dropped, *optimum.dropped)),
         name=band.name,
     )
     model = scale_to_unit_modal_mass(model) if band.scaled else model
@@ -151,8 +151,10 @@ def _real(model: ModalModel) -> ModalModel:
     return replace(model, shapes=(model.shapes * turn).real.astype(complex), participation=model.participation / turn)
 
 
-def _findings(band: FrfSet, data: Prepared, chosen: Selection) -> tuple[Finding, ...]:
-    """What the selection dropped, modes at the band edge, DOFs without a signal."""
+def _findings(
+    band: FrfSet, data: Prepared, poles: Complex[np.ndarray, "mode"], dropped: Sequence[Dropped]
+) -> tuple[Finding, ...]:
+    """What was dropped, modes at the band edge, DOFs without a signal."""
     where = band.name or "fit"
     found: list[Finding] = []
     if data.dead:
@@ -166,7 +168,7 @@ def _findings(band: FrfSet, data: Prepared, chosen: Selection) -> tuple[Finding,
                 advice="Check the cable and the channel table.",
             )
         )
-    for drop in chosen.dropped[-_NAMED:]:
+    for drop in dropped[-_NAMED:]:
         frequency, damping = natural_frequencies(np.array([drop.pole]))[0], damping_ratios(np.array([drop.pole]))[0]
         found.append(
             Finding(
@@ -178,18 +180,17 @@ def _findings(band: FrfSet, data: Prepared, chosen: Selection) -> tuple[Finding,
                 advice="Name it with near=[...] if you know that it is a mode.",
             )
         )
-    if len(chosen.dropped) > _NAMED:
+    if len(dropped) > _NAMED:
         found.append(
             Finding(
                 "info",
                 "dropped-candidate",
                 where,
-                f"{len(chosen.dropped) - _NAMED} more candidates were not taken: noise or misfit explains them.",
-                value=float(len(chosen.dropped) - _NAMED),
+                f"{len(dropped) - _NAMED} more candidates were not taken: noise or misfit explains them.",
+                value=float(len(dropped) - _NAMED),
                 advice="Look at the stabilisation diagram.",
             )
         )
-    poles = chosen.fit.poles[chosen.is_mode]
     low, high = 2 * np.pi * data.frequencies[0], 2 * np.pi * data.frequencies[-1]
     for pole in poles:
         if min(abs(pole) - low, high - abs(pole)) < abs(pole.real):

@@ -6,23 +6,26 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from ema.data import FrfSet
-from ema.fit import likelihood, noise, weighted
+from ema.fit import likelihood, noise, search, weighted
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT
-from ema.fit.select import Selection
+from ema.fit.select import Dropped, Selection
 from ema.fit.weighted import Linearisation, State, Weighted
 
 _ENOUGH = 60_000
 """Values from which the structure of the noise and its correlation are estimated."""
 _BEYOND = 3.0
 """Energy of the residual over that of the known noise from which on the noise is not what limits the fit."""
+_ROUNDS = 3
+"""Optima at which the poles are judged again."""
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
 
 
 @dataclass(frozen=True)
 class Refined:
-    """The optimum in units of ``unit`` rad/s; ``kept`` (mode,) are the poles of the selection that it has.
+    """The optimum in units of ``unit`` rad/s; ``kept`` (mode,) are the poles of the selection that it has,
+    ``dropped`` the modes that it has not, and why.
 
     ``inflation`` (mode,) is the variance of the pole of each mode over what the weights say, ``inflation_of_shapes``
     that of its shape: residual energy over that of the assumed noise, times the loss by errors that are correlated over
@@ -32,6 +35,7 @@ class Refined:
     state: State
     normal: Linearisation
     kept: Int[np.ndarray, "mode"]
+    dropped: tuple[Dropped, ...]
     unit: float
     inflation: Float[np.ndarray, "mode"]
     inflation_of_shapes: Float[np.ndarray, "mode"]
@@ -50,25 +54,69 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
     flat = replace(flat, weights=_weights(flat, start, data.derivative, known, misfit))
-    start, kept = weighted.normalised(start), np.arange(len(start.poles))
-    # What is fitted badly asks for poles that noise would not.
-    start, normal, kept = (start, None, kept) if misfit else _pruned(flat, start, chosen)
-    state, normal = weighted.refine(flat, start, likelihood.narrowest_decay(chosen.data) / unit, normal)
+    floor = likelihood.narrowest_decay(chosen.data) / unit
+    state, kept = weighted.normalised(start), np.arange(len(start.poles))
+    normal = weighted.linearise(flat, state)
+    dropped: tuple[Dropped, ...] = ()
+    for _ in range(_ROUNDS):
+        # What is fitted badly asks for poles that noise would not: then all of them stay.
+        if not misfit:
+            state, normal, kept, gone = _pruned(flat, state, normal, chosen, kept)
+            dropped = (*dropped, *gone)
+        state, normal = weighted.refine(flat, state, floor, normal)
+        settled = replace(normal, offset=np.zeros_like(normal.offset))
+        if misfit or not len(_needless(flat, state, settled, chosen, kept)[0]):
+            break
+        state = weighted.normalised(state)
+        normal = weighted.linearise(flat, state)
     factor = weighted.cost(flat, state) / weighted.freedom(flat, state)
     of_poles, of_shapes = _loss(flat, state)
-    return Refined(state, normal, kept, unit, factor * of_poles, factor * of_shapes, basis)
+    return Refined(state, normal, kept, dropped, unit, factor * of_poles, factor * of_shapes, basis)
 
 
-def _pruned(data: Weighted, start: State, chosen: Selection) -> tuple[State, Linearisation, Int[np.ndarray, "mode"]]:
-    """The state without the poles of the background that noise explains, and which poles stay."""
-    kept = np.arange(len(start.poles))
+def _pruned(
+    data: Weighted, state: State, normal: Linearisation, chosen: Selection, kept: Int[np.ndarray, "mode"]
+) -> tuple[State, Linearisation, Int[np.ndarray, "left"], tuple[Dropped, ...]]:
+    """The state without poles that noise explains, which poles of the selection stay, and the modes that do not."""
+    dropped: tuple[Dropped, ...] = ()
     while True:
-        normal = weighted.linearise(data, start)
-        background = np.flatnonzero(~chosen.is_mode[kept]).tolist()
-        gone = weighted.needless(data, start, normal, background)
-        if gone is None:
-            return start, normal, kept
-        start, kept = weighted.without_pole(start, gone), np.delete(kept, gone)
+        gone, share = _needless(data, state, normal, chosen, kept)
+        if not len(gone):
+            return state, normal, kept, dropped
+        dropped += tuple(
+            Dropped(complex(state.poles[k] * data.unit), f"it explains {part:.2g} times what noise of its lines would")
+            for k, part in zip(gone, share, strict=True)
+            if chosen.is_mode[kept[k]]
+        )
+        state, kept = weighted.without_poles(state, gone), np.delete(kept, gone)
+        normal = weighted.linearise(data, state)
+
+
+def _needless(
+    data: Weighted, state: State, normal: Linearisation, chosen: Selection, kept: Int[np.ndarray, "mode"]
+) -> tuple[Int[np.ndarray, "gone"], Float[np.ndarray, "gone"]]:
+    """Poles that noise explains, none of them near another one of them, and their energy over what noise explains.
+
+    Here every line of every FRF has its own noise, which the selection knows on the average only. A mode has to exceed
+    what noise does anywhere in the band; background stays as long as it does more than noise at its place.
+    """
+    gain, unknowns = weighted.gains(data, state, normal)
+    lines = np.abs(data.s.imag)
+    mode = search.passes_for_mode(unknowns, len(lines)) * search.caution(
+        state.poles, state.poles, float(np.min(np.diff(lines)))
+    )
+    is_mode = chosen.is_mode[kept]
+    share = gain / np.where(is_mode, mode, weighted.chance(unknowns))
+    if chosen.named:
+        share[is_mode] = np.inf
+    gone: list[int] = []
+    for k in np.argsort(share):
+        if share[k] > 1:
+            break
+        reach = 4 * (np.abs(state.poles[gone].real) + abs(state.poles[k].real))
+        if np.all(np.abs(state.poles[gone] - state.poles[k]) > reach):
+            gone.append(int(k))
+    return np.array(gone, int), share[gone]
 
 
 def _start(data: Prepared, chosen: Selection, unit: float) -> State:

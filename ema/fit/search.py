@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.stats
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Complex, Float
 
 from ema.data import damping_ratios, natural_frequencies
 from ema.fit import likelihood
@@ -38,7 +38,7 @@ def search(data: Observations, fit: ModalFit, band: tuple[float, float], rounds:
     """
     references, outputs, _ = data.signals.shape
     freedom = 2 * outputs * references
-    limit = float(scipy.stats.chi2.isf(FALSE_ALARM / len(data.s), freedom))
+    limit = passes_for_mode(freedom, len(data.s))
     for _ in range(rounds):
         profile, together = likelihood.residuals(data, fit)
         correlation = together.sum() / max(np.sum(profile**2), 1e-300)
@@ -115,7 +115,7 @@ class Noise:
     def of(cls, data: Observations, fit: ModalFit) -> "Noise":
         """The noise that the residual of ``fit`` shows."""
         references, outputs, _ = data.signals.shape
-        limit = float(scipy.stats.chi2.isf(FALSE_ALARM / len(data.s), 2 * outputs + 2 * references))
+        limit = passes_for_mode(2 * outputs + 2 * references, len(data.s))
         power = likelihood.power_by_reference(data, fit)
         factor, scale = likelihood.variance_factor(data, fit), max(float(power.mean()), 1e-300)
         return cls(limit * max(factor, 1e-300), scale, power / scale)
@@ -148,16 +148,29 @@ class Noise:
                 held = np.einsum("pk,pk->p", own, near) / own.sum(axis=1) * np.sum(shares[rows] ** 2, axis=1)
                 level[rows] -= held * gain[rows] / (2 * data.signals.shape[1] * self.scale)
             level[rows] /= near.sum(axis=1)
-        on_peak = _on_peak(fit, poles, line) & (-2 * poles.real < _NARROW * line)
-        return self.required * np.maximum(level, 1) * np.where(on_peak, _CAUTION, 1)
+        return self.required * np.maximum(level, 1) * caution(poles, fit.poles, line)
 
 
-def _on_peak(fit: ModalFit, poles: Complex[np.ndarray, "pole"], line: float) -> Bool[np.ndarray, "pole"]:
-    """Poles that sit on the narrow peak of another one."""
-    peaks = fit.poles[-2 * fit.poles.real < 10 * line]
+def caution(
+    poles: Complex[np.ndarray, "pole"], others: Complex[np.ndarray, "other"], line: float
+) -> Float[np.ndarray, "pole"]:
+    """How much more than usual poles have to explain: narrow ones that sit on the narrow peak of another one.
+
+    There noise is largest, and the few lines of the peak tell it badly. ``line`` is the distance of lines in the unit
+    of the poles.
+    """
+    peaks = others[-2 * others.real < 10 * line]
     distance = np.abs(poles[:, None] - peaks[None, :])
     distance[distance == 0] = np.inf
-    return np.any(distance < 3 * np.abs(peaks.real), axis=1)
+    on_peak = np.any(distance < 3 * np.abs(peaks.real), axis=1)
+    return np.where(on_peak & (-2 * poles.real < _NARROW * line), _CAUTION, 1.0)
+
+
+def passes_for_mode(freedom: int, lines: int) -> float:
+    """Energy that a mode of so many unknowns fitted to noise exceeds somewhere in the band with the false-alarm
+    probability.
+    """
+    return float(scipy.stats.chi2.isf(FALSE_ALARM / lines, freedom))
 
 
 def _settled(data: Observations, fit: ModalFit, required: float) -> ModalFit:

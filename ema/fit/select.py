@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.special
-import scipy.stats
 from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import PoleTable, damping_ratios, natural_frequencies
@@ -20,7 +19,7 @@ from ema.fit.certainty import shape_scatter
 from ema.fit.likelihood import ModalFit, Observations
 from ema.fit.noise import NoiseLevel
 from ema.fit.prepare import Prepared
-from ema.fit.search import FALSE_ALARM, MISFIT, VISIBLE, Noise, complete, misfit, prune, search
+from ema.fit.search import MISFIT, VISIBLE, Noise, complete, misfit, passes_for_mode, prune, search
 
 _PERSISTENCE = 0.3
 _ROUNDS = 100
@@ -54,7 +53,8 @@ class Dropped:
 class Selection:
     """Refined poles: ``is_mode`` marks the modes, the others are background that stays in the fit.
 
-    ``starts`` are the bins of ``data``; ``factor`` is the residual energy over that of the assumed noise.
+    ``starts`` are the bins of ``data``; ``factor`` is the residual energy over that of the assumed noise; modes that a
+    user ``named`` are never dropped.
     """
 
     fit: ModalFit
@@ -65,6 +65,7 @@ class Selection:
     confidence: Float[np.ndarray, "pole"]
     factor: float
     dropped: tuple[Dropped, ...] = ()
+    named: bool = False
 
 
 def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Selection:
@@ -166,7 +167,7 @@ def keep_picked(prepared: Prepared, table: PoleTable, added_decay: float, rows: 
     is_mode = np.arange(len(fit.poles)) < len(rows)
     told = _told(state.data, fit, factor, prepared.values.shape[1])
     confidence = _confidence(fit, told, everything, trusting=False)
-    return Selection(fit, state.data, state.noise, state.starts, is_mode, confidence, factor)
+    return Selection(fit, state.data, state.noise, state.starts, is_mode, confidence, factor, named=True)
 
 
 @dataclass(frozen=True)
@@ -216,8 +217,7 @@ def _reweight(state: _State, iterations: int) -> _State:
 
 def _threshold(data: Observations, unknowns: int) -> float:
     """Energy that a mode fitted to noise alone exceeds, anywhere in the band, with the false-alarm probability."""
-    outputs, lines = data.signals.shape[1], len(data.s)
-    return float(scipy.stats.chi2.isf(FALSE_ALARM / lines, 2 * outputs + unknowns))
+    return passes_for_mode(2 * data.signals.shape[1] + unknowns, len(data.s))
 
 
 def _eliminate(

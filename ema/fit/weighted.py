@@ -16,7 +16,7 @@ that coincide.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Complex, Float, Int
 
 _BLOCK = 400_000
 """Values of the FRFs that are worked on at a time."""
@@ -365,13 +365,13 @@ def refine(
     state, found, reached = _descent(data, fewer, reduced, floor, iterations, tolerance)
     gone = normal.offset.size - reduced.offset.size
     # The loss was foretold by a quadratic form, which errs where unknowns nearly coincide or the poles have far to go.
-    if gone and reached > _adapted(data, start, normal)[1] * (1 + _chance(gone) / freedom(data, start)):
+    if gone and reached > _adapted(data, start, normal)[1] * (1 + chance(gone) / freedom(data, start)):
         state, found, _ = _descent(data, start, normal, floor, iterations, tolerance)
     return state, found
 
 
-def _chance(count: int) -> float:
-    """Energy that noise of unit variance may give to as many unknowns."""
+def chance(count: int) -> float:
+    """Energy that noise of unit variance may give to as many unknowns: two standard deviations above the mean."""
     return count + _DOUBT * float(np.sqrt(2 * count))
 
 
@@ -476,27 +476,25 @@ def _loss(state: State, normal: Linearisation, terms: list[int], factor: float) 
     before = float(normal.gradient @ inverse(normal.information) @ normal.gradient)
     after = float(gradient @ inverse(information) @ gradient)
     lost = float(np.einsum("oa,oab,ob->", estimate, stiffness, estimate)) + before - after
-    return lost / factor - _chance(estimate.size)
+    return lost / factor - chance(estimate.size)
 
 
-def needless(data: Weighted, state: State, normal: Linearisation, poles: list[int]) -> int | None:
-    """The pole among the given ones that noise explains best, if noise explains any."""
+def gains(data: Weighted, state: State, normal: Linearisation) -> tuple[Float[np.ndarray, "mode"], int]:
+    """Energy that each pole explains when the linear unknowns of the others adapt, over that of the noise; and how many
+    unknowns it does that with.
+    """
     factor = (normal.cost - normal.gain) / freedom(data, state)
-    place = np.cumsum(state.determined) - 1
-    half = len(state.determined) // 2
-    losses = {}
-    for pole in poles:
+    place, half = np.cumsum(state.determined) - 1, len(state.determined) // 2
+    found = np.empty(len(state.poles))
+    for pole in range(len(found)):
         estimate, stiffness, _ = _tied(state, normal, place[[pole, half + pole]])
-        count = estimate.size + 2 * len(state.participation)
-        gain = float(np.einsum("oa,oab,ob->", estimate, stiffness, estimate)) / factor
-        losses[pole] = gain - _chance(count)
-    best = min(losses, key=losses.__getitem__, default=None)
-    return best if best is not None and losses[best] <= 0 else None
+        found[pole] = float(np.einsum("oa,oab,ob->", estimate, stiffness, estimate)) / factor
+    return found, 2 * (len(state.shapes) + len(state.participation))
 
 
-def without_pole(state: State, pole: int) -> State:
-    """The state without one of its poles."""
-    keep = np.arange(len(state.poles)) != pole
+def without_poles(state: State, gone: Int[np.ndarray, "gone"]) -> State:
+    """The state without some of its poles."""
+    keep = np.setdiff1d(np.arange(len(state.poles)), gone)
     return replace(
         state, poles=state.poles[keep], participation=state.participation[:, keep], shapes=state.shapes[:, keep]
     )
