@@ -18,7 +18,9 @@ from types import ModuleType
 import numpy as np
 
 import ema.fit
+from acquisition.datasets import dataset_folder
 from ema.data import FrfSet
+from ema.study import Study, chain, expectations
 from tests.bench import draws, halves
 from tests.bench.cases import Case, case_160, case_small
 from tests.bench.environments import CACHE
@@ -26,10 +28,13 @@ from tests.bench.fit import OURS, ROWS, compare, random_line, random_outcome
 from tests.bench.machine import description
 from tests.bench.scoring import Bound, cramer_rao, residue_bound, score
 
+ROOT = Path(__file__).resolve().parents[2]
 RESULT = Path(__file__).parent / "results" / "accuracy.json"
 NOISES = (0.001, 0.01, 0.05)
 PEERS = ("sdypy_ema", "pyfbs", "pyyeti", "pyoma2", "pydvma")
-SECTIONS = ("case", "small", "random", "residues", "cost", "halves", "peers")
+SECTIONS = ("case", "random", "small", "residues", "cost", "listed", "halves", "peers")
+RECIPES = (("freefree_beam", "02"), ("hammer_blows", "03"), ("steel_subframe", "05"))
+"""Recipes about real measurements, and how their folder begins."""
 
 
 @dataclass(frozen=True)
@@ -209,6 +214,28 @@ def _timed(module: ModuleType, frfs: FrfSet) -> dict:
     return {"poles": middle - start, "selection": spent[0], "modes": end - middle}
 
 
+def listed(kept: Kept) -> list[dict]:
+    """Real measurements that are on this machine, against the numbers that are listed with them."""
+    rows = []
+    for name, start in RECIPES:
+        if any(dataset_folder().glob(f"{start}_*")):
+            rows += kept.items(f"listed {name}", 1, lambda _, name=name: _listed(name))
+    return rows
+
+
+def _listed(name: str) -> dict:
+    study = Study.load(ROOT / "reports" / f"{name}.toml")
+    campaign, wanted = study.open(), study.recipe
+    names = dict.fromkeys(one.run for one in wanted.expect)
+    runs = tuple(chain.analyse(campaign[run], wanted.estimate, wanted.fit) for run in names)
+    numbers = [
+        {"what": one.what, "expected": one.expected, "tolerance": one.tolerance, "found": one.found, "met": one.met}
+        for one in expectations.check(wanted.expect, runs)
+    ]
+    print(f"listed {name}: {sum(one['met'] for one in numbers)} of {len(numbers)} numbers met", flush=True)
+    return {"key": name, "title": wanted.title, "numbers": numbers}
+
+
 def real_halves(kept: Kept, count: int) -> list[dict]:
     """Splits of the real measurements that are on this machine."""
     rows = []
@@ -288,6 +315,7 @@ def main() -> None:
         "random": lambda: random_systems(kept, sizes.random),
         "residues": lambda: residues(kept, sizes.residues),
         "cost": lambda: cost(kept, sizes.cost),
+        "listed": lambda: listed(kept),
         "halves": lambda: real_halves(kept, sizes.halves),
         "peers": lambda: peers(kept, sizes.peers, peer_names, noises, options.cache, options.timeout),
     }

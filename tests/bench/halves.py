@@ -15,6 +15,8 @@ from ema.study.recipe import EstimateTable, FitTable
 
 NEAR = 0.005
 """Relative distance in frequency within which two modes are the same."""
+BLOCK = 2048
+"""Samples of the blocks of a halved record, half a record's: other blocks would have other leakage."""
 Halves = tuple[FrfSet, FrfSet]
 
 
@@ -47,12 +49,12 @@ def of_blows(run: Run, rng: np.random.Generator) -> Halves:
 
 
 def of_time(run: Run, rng: np.random.Generator) -> Halves:
-    """The two parts of the record before and after a random moment in the middle fifth."""
+    """The two parts of the record before and after a random moment in the middle tenth, in blocks of one length."""
     record = run.recordings[0]
     samples = record.signals.shape[1]
-    cut = int(samples * rng.uniform(0.4, 0.6))
+    cut = int(samples * rng.uniform(0.45, 0.55))
     parts = [replace(record, signals=record.signals[:, part]) for part in (slice(0, cut), slice(cut, samples))]
-    first, second = (frfs_of(replace(run, recordings=(part,)), EstimateTable())[0] for part in parts)
+    first, second = (frfs_of(replace(run, recordings=(part,)), EstimateTable(block=BLOCK))[0] for part in parts)
     return first, second
 
 
