@@ -16,6 +16,7 @@ REAL = {
     "steel_subframe": "05_steel_subframe_mimo",
     "sdof": "08_sdof_frfs_with_published_answer",
     "sdof_raw": "08_sdof_frfs_with_published_answer",
+    "friction_damper": "09_friction_damper_band_tension",
 }
 
 
