@@ -76,7 +76,7 @@ class Condensed:
 
         self.kernels: Any = harmonic_kernels
         base, contacts = self.problem.base, self.problem.system.contacts
-        self.coupled = np.flatnonzero(base.coupled)
+        self.coupled = np.flatnonzero(base.coupled | (base.damping is not None))
         self.slip = np.ascontiguousarray(base.slip[:, self.coupled])
         self.squares, self.decay = base.frequencies[self.coupled] ** 2, base.decay[self.coupled]
         self.load = self.force * base.row(self.problem.system, self.driven)
@@ -116,10 +116,16 @@ class Condensed:
             self._bases[count] = np.array([rate.reshape(samples, -1), bend.reshape(samples, -1)])
         return self._bases[count]
 
+    def moved(self, w: float, forces: Complex[np.ndarray, "mode load"]) -> Complex[np.ndarray, "mode load"]:
+        """Amplitudes of all modes under modal forces at ``w`` rad/s."""
+        base = self.problem.base
+        if base.damping is None:
+            return np.asarray(forces / (base.frequencies**2 - w**2 + 1j * w * base.decay)[:, None])
+        return np.linalg.solve(np.diag(base.frequencies**2 - w**2) + 1j * w * base.damping, forces)
+
     def drive(self, omega: float, count: int) -> Float[np.ndarray, "contact size"]:
         """Relative displacements of stuck contacts under the force alone."""
-        gain = self.load[self.coupled] / (self.squares - omega**2 + 1j * omega * self.decay)
-        response = self.slip @ gain
+        response = self.problem.base.slip @ self.moved(omega, self.load[:, None].astype(complex))[:, 0]
         out = np.zeros((len(response), 2 * count))
         place = 0 if self.odd else 2
         out[:, place], out[:, place + 1] = response.real, -response.imag
@@ -136,6 +142,10 @@ class Condensed:
 
     def gains(self, omega: float, count: int) -> Float[np.ndarray, "2 harmonic contact contact"]:
         """Real and imaginary receptances of the contacts at the harmonics."""
+        if self.problem.base.damping is not None:
+            forces = self.slip.T.astype(complex)
+            whole = [self.slip @ self.moved(omega * order, forces) for order in self.orders(count)]
+            return np.ascontiguousarray([np.real(whole), np.imag(whole)])
         w = omega * self.orders(count)[:, None]
         gain = 1 / (self.squares - w**2 + 1j * w * self.decay)
         return np.matmul(np.stack([gain.real, gain.imag])[:, :, None, :] * self.slip, self.slip.T)
@@ -258,11 +268,10 @@ class Condensed:
 
     def modal(self, point: _Point) -> Complex[np.ndarray, "harmonic mode"]:
         """Complex amplitudes of all modes at all harmonics of a solution."""
-        base, orders = self.problem.base, self.orders(point.count)
-        w = point.omega * orders[:, None]
-        load = -(point.forces[:, ::2] - 1j * point.forces[:, 1::2]).T @ base.slip
+        load = -(point.forces[:, ::2] - 1j * point.forces[:, 1::2]).T @ self.problem.base.slip
         load[0 if self.odd else 1] += self.load
-        return np.asarray(load / (base.frequencies**2 - w**2 + 1j * w * base.decay))
+        orders = self.orders(point.count)
+        return np.array([self.moved(point.omega * n, row[:, None])[:, 0] for n, row in zip(orders, load, strict=True)])
 
     def outputs(self, point: _Point, rows: np.ndarray) -> Complex[np.ndarray, "dof harmonic"]:
         """Complex amplitudes of output DOFs (dof, mode)."""
@@ -277,7 +286,9 @@ class Condensed:
         q = self.modal(point)
         speed = 1j * point.omega * self.orders(point.count)[:, None] * q
         supplied = 0.5 * float(np.real(np.conj(speed[0 if self.odd else 1]) @ self.load))
-        damping = 0.5 * float(np.sum(self.problem.base.decay * np.abs(speed) ** 2))
+        base = self.problem.base
+        lossy = base.decay * speed if base.damping is None else speed @ base.damping
+        damping = 0.5 * float(np.real(np.sum(np.conj(speed) * lossy)))
         return supplied, float(point.lost.sum()) * point.omega / (2 * np.pi), damping
 
 

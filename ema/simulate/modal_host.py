@@ -31,8 +31,8 @@ class ModalCoordinates:
 def modal_coordinates(model: ModalModel) -> ModalCoordinates:
     """Modal coordinates of a measured host.
 
-    Its damping is later projected on the modes of the stuck structure; what couples them is left out, which costs a
-    few percent of the host's damping where the joint slides fully.
+    The frequency solver takes its damping whole. The time solvers move the modes of the stuck structure one by one and
+    leave out how it couples them, which costs a few percent of the host's damping where the joint slides fully.
 
     Raises
     ------

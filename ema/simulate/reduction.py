@@ -20,7 +20,8 @@ class ModalBase:
 
     ``frequencies`` rad/s and ``decay`` 2 zeta w in 1/s (mode,); ``slip`` (contact, mode) u = slip @ q; ``shapes``
     (dof, mode).
-    ``coupled`` says which modes the contacts see at all: the others stay linear.
+    ``coupled`` says which modes the contacts see at all: the others stay linear. ``damping`` (mode, mode) in 1/s is
+    the whole damping matrix where a measured host or lossy joints couple the modes by it; ``decay`` is its diagonal.
     """
 
     frequencies: Float[np.ndarray, "mode"]
@@ -28,6 +29,7 @@ class ModalBase:
     slip: Float[np.ndarray, "contact mode"]
     shapes: Float[np.ndarray, "dof mode"]
     coupled: np.ndarray
+    damping: Float[np.ndarray, "mode mode"] | None = None
 
     def row(self, system: System, dof: Dof | str) -> Float[np.ndarray, "mode"]:
         """Modal row of a DOF."""
@@ -72,15 +74,16 @@ def modal_base(
         raise InputError(
             "not a background damping", where=system.name, got=settings, expected="0 <= ratio < 1, factor >= 0"
         )
-    decay = 2 * settings.ratio * frequencies + settings.mass_factor
+    damping = np.diag(2 * settings.ratio * frequencies + settings.mass_factor)
     if system.decay is not None:
-        # the part of the host's damping that couples the modes is of second order for light damping
-        decay = decay + np.einsum("nr,n,nr->r", shapes, system.decay * np.diag(system.mass), shapes)
+        damping += shapes.T @ ((system.decay * np.diag(system.mass))[:, None] * shapes)
     if system.loss is not None:
-        # 2 zeta w of a mode that loses the share eta of the energy stored in its contacts
-        energy = np.einsum("nr,nm,mr->r", shapes, system.loss, shapes)
-        decay = decay + np.divide(energy, frequencies, out=np.zeros_like(energy), where=frequencies > 0)
-    return ModalBase(frequencies, decay, slip, shapes, seen > _UNCOUPLED * seen.max())
+        # 2 zeta w of a mode that loses the share eta of the energy stored in its contacts, and alike between modes
+        root = np.sqrt(np.divide(1.0, frequencies, out=np.zeros_like(frequencies), where=frequencies > 0))
+        damping += root[:, None] * (shapes.T @ system.loss @ shapes) * root
+    whole = None if system.decay is None and system.loss is None else damping
+    decay = np.diag(damping).copy()
+    return ModalBase(frequencies, decay, slip, shapes, seen > _UNCOUPLED * seen.max(), whole)
 
 
 def _with_static_correction(system: System, matrix: np.ndarray, modes: int, loads: Sequence[Dof | str]) -> np.ndarray:

@@ -141,9 +141,9 @@ def test_normal_forces_that_are_none_get_a_sentence():
     def run(pressing, model=model):
         frf(model, frequencies, 40.0, "1:+X", ["1:+X"], normal_forces=pressing)
 
-    with pytest.raises(InputError, match="not a normal force.*oscillator"):
+    with pytest.raises(InputError, match=r"not a normal force.*oscillator"):
         run(np.array([[10.0, -1.0]]))
-    with pytest.raises(InputError, match="do not fit.*1 joints"):
+    with pytest.raises(InputError, match=r"do not fit.*1 joints"):
         run(np.ones((2, 8)))
     moved = oscillator(LAWS[0], ONE, normal_contact=Unilateral(), normal_stiffness=2e5)
     with pytest.raises(InputError, match="does not follow normal contact"):
