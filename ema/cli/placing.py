@@ -1,6 +1,6 @@
 """`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
@@ -139,7 +139,7 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
         raise InputError("there is no such file with modes", where=str(path))
     if path.suffix.lower() == ".h5" and store.is_store(path):
         held = store.load(path)
-        nouns = list(held.values()) if isinstance(held, dict) else [held]
+        nouns = list(held.values()) if isinstance(held, Mapping) else [held]
     else:
         import acquisition
 
@@ -163,7 +163,7 @@ def _verdict(recipe: "PlaceRecipe", origin: Path) -> "Verdict | None":
 
     path = origin / recipe.agreement
     held = store.load(path)
-    for noun in [held, *(held.values() if isinstance(held, dict) else [])]:
+    for noun in [held, *(held.values() if isinstance(held, Mapping) else [])]:
         found = noun if isinstance(noun, Verdict) else getattr(noun, "verdict", None)
         if isinstance(found, Verdict):
             return found

@@ -67,14 +67,17 @@ def grid(
 
 
 def _inside(points: Float[np.ndarray, "p 2"], corners: Float[np.ndarray, "corner 2"]) -> Bool[np.ndarray, "p"]:
-    """Whether points lie inside a polygon (crossings of a ray)."""
+    """Whether points lie inside a polygon (crossings of a ray) or on its edge."""
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
         raise InputError("not a keep-out area", where="placement", got=f"shape {corners.shape}",
                          expected="three or more corners (x, y) in m")  # fmt: skip
-    inside = np.zeros(len(points), bool)
+    inside, edge = np.zeros(len(points), bool), np.zeros(len(points), bool)
     for (x1, y1), (x2, y2) in zip(corners, np.roll(corners, -1, axis=0)):
         crosses = (y1 > points[:, 1]) != (y2 > points[:, 1])
         with np.errstate(divide="ignore", invalid="ignore"):
             at = x1 + (points[:, 1] - y1) * (x2 - x1) / (y2 - y1)
         inside ^= crosses & (points[:, 0] < at)
-    return inside
+        side, start = np.array([x2 - x1, y2 - y1]), points - [x1, y1]
+        along = np.clip(start @ side / max(float(side @ side), 1e-300), 0, 1)
+        edge |= np.hypot(*(start - along[:, None] * side).T) < 1e-9
+    return inside | edge

@@ -69,10 +69,11 @@ def search(
     prediction = predicted(task, candidates)
     advance(progress, "places", len(candidates), len(candidates))
     total = scores(prediction, wanted).max(axis=1)
-    rows = list(dict.fromkeys([*_best(total, shortlist), *_best(_bending(task, candidates), shortlist // 2)]))
+    ranked = [*_best(total, shortlist), *_best(_bending(task, candidates), shortlist // 2)]
+    rows = np.array(list(dict.fromkeys(ranked)), dtype=np.int64)
     checked = verify(task, prediction, rows, executor, folder, resume, progress)
     order = _best(scores(checked, wanted).max(axis=1), keep)
-    places = _described(task, prediction, wanted, np.array(rows)[order], of_rows(checked, order), draws, seed, progress)
+    places = _described(task, prediction, wanted, rows[order], of_rows(checked, order), draws, seed, progress)
     return Ranking(
         str(wanted), prediction, total, places,
         (*about_points(task), *about_holes(prediction), *checked.findings), tuple(int(row) for row in rows), checked,

@@ -21,6 +21,8 @@ from ema.progress import Progress, advance, silent
 
 TOLERANCE = 1e-2
 _WIDER = 0.05
+_EDGE = 1e-3
+"""A response that is largest this near the end of its band, relative, is the flank of another mode's peak."""
 _IN_FLIGHT = 32
 
 
@@ -49,8 +51,9 @@ def answer(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
         except InputError:
             continue
         assert chart.modal_amplitude is not None
+        inside = np.abs(np.log(chart.frequency / np.sqrt(band[0] * band[1]))) < 0.5 * np.log(band[1] / band[0]) - _EDGE
         lost = 2 * chart.damping * (2 * np.pi * chart.frequency * chart.modal_amplitude) ** 2
-        result[row] = chart.frequency, chart.damping, lost / levels[:, None]
+        result[row] = np.where(inside, [chart.frequency, chart.damping, lost / levels[:, None]], np.nan)
     return result
 
 
