@@ -1,0 +1,171 @@
+"""`ema record`: a hammer test as it is measured."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.data import Channel, Recording, Run, Source
+from ema.errors import EmaError, FailureError
+
+if TYPE_CHECKING:
+    from acquisition.record import Session, Take
+    from acquisition.rig_file import RigFile
+    from ema.simulate import VirtualRig
+
+app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
+
+_ENOUGH = 2
+"""Takes at a point from which a coherence can be told."""
+
+
+@app.command("record")
+@ends_well
+def record(
+    folder: Annotated[Path, typer.Argument(help="Folder with a rig.toml; it becomes a campaign.", show_default=False)],
+    run: Annotated[str, typer.Option("--run", help="What the run is called.")] = "run",
+    takes: Annotated[int | None, typer.Option("--takes", help="Stop after so many takes.", min=1)] = None,
+) -> int:
+    """Measure a hammer test: each take is judged and on disk before the next is armed; the same command goes on."""
+    from acquisition import rig_file
+    from acquisition.record import Session
+    from ema.estimate import check_hit
+
+    rig = rig_file.load(folder)
+    session = Session(folder, rig, run, check_hit)
+    print(f"{session.done} of {session.wanted} takes are in {folder}", flush=True)
+    if session.point is None:
+        return FINE
+    source = opened(rig, session)
+    rejected = 0
+    try:
+        _arm(session, rig)
+        for number, take in enumerate(session.takes(source), 1):
+            rejected += not take.accepted
+            print(_told(take, session), flush=True)
+            if number == takes or session.point is None:
+                break
+            _arm(session, rig)
+    except FailureError as error:
+        raise FailureError(
+            error.what, where=error.where, got=error.got,
+            advice=f"{session.done} takes are safe in {folder}; go on with the same command",
+        ) from error  # fmt: skip
+    finally:
+        source.close()
+    print(f"{session.done} of {session.wanted} takes; {rejected} rejected. Next: ema run {folder}")
+    return FINE if session.point is None or takes is not None else FINDINGS
+
+
+def opened(rig: "RigFile", session: "Session") -> Source:
+    """The rig: a real one, or the virtual work table struck where the session wants it."""
+    from acquisition import rig_file
+
+    return VirtualHammer(rig, session) if rig.rig.device == "virtual" else rig_file.open_rig(rig)
+
+
+def _arm(session: "Session", rig: "RigFile") -> None:
+    print(f"Strike point {session.point} ({session.done + 1} of {session.wanted}, {rig.take.trigger}) ...", flush=True)
+
+
+def _told(take: "Take", session: "Session") -> str:
+    """One take in a line: point, peak, normal force of every joint, and the verdict with its reason."""
+    forces = ", ".join(f"{joint} {mean:.0f} +- {std:.0f} N" for joint, (mean, std) in take.normal_forces.items())
+    verdict = "accepted" if take.accepted else f"REJECTED: {'; '.join(take.reasons)}"
+    remarks = f" ({'; '.join(take.remarks)})" if take.remarks else ""
+    return "  ".join(
+        part for part in (f"point {take.point}", f"peak {take.peak:.4g} N", f"F_N {forces}" if forces else "no joint",
+                          verdict + remarks, average(session, take)) if part
+    )  # fmt: skip
+
+
+def average(session: "Session", take: "Take") -> str:
+    """The running average at the point of a take: number of takes and what their coherence is."""
+    import numpy as np
+
+    from ema.data import Condition, Excitation
+    from ema.dof import Dof
+    from ema.estimate import hammer
+
+    records = session.recordings(take.point) if take.accepted else []
+    if len(records) < _ENOUGH:
+        return ""
+    places = {table.name: table.dof.replace("{point}", str(take.point)) for table in session.rig.channels}
+    records = [
+        replace(one, channels=tuple(
+            replace(channel, dof=Dof.parse(places[channel.name])) if places.get(channel.name) else channel
+            for channel in one.channels
+        )) for one in records
+    ]  # fmt: skip
+    try:
+        frfs = hammer(Run("take", Condition(Excitation("hammer")), tuple(records)))
+    except EmaError as error:
+        return f"no average: {error.what}"
+    if frfs.coherence is None:
+        return ""
+    return f"average of {len(records)}, coherence {float(np.nanmedian(frfs.coherence)):.3f}"
+
+
+@dataclass
+class VirtualHammer:
+    """The built-in work table under a hammer that goes where the session wants it; a `Source`."""
+
+    rig: "RigFile"
+    session: "Session"
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Those of the first point."""
+        return self._table.channels
+
+    @property
+    def sampling_rate(self) -> float:
+        """Hz."""
+        return self.rig.rig.sampling_rate
+
+    def takes(self) -> Iterator[Recording]:
+        """One blow after the other."""
+        from datetime import UTC, datetime
+
+        points = self.rig.take.points
+        attempt = len(list((self.session.folder / "rejected").glob("*.h5")))
+        while (point := self.session.point) is not None:
+            number = points.index(point) + len(points) * (attempt + self.session.done)
+            record = self._table.take(number)
+            attempt += 1
+            yield replace(
+                record, start=datetime.now(UTC), name="take",
+                channels=tuple(replace(channel, dof=None) for channel in record.channels),
+            )  # fmt: skip
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+    @cached_property
+    def _table(self) -> "VirtualRig":
+        from acquisition import rig_file
+        from ema.dof import Dof
+        from ema.simulate import RovingHammer, VirtualRig
+        from ema.simulate.rig import RingCell
+        from ema.study import table
+
+        tables = self.rig.channels
+        wired = [wire.channel for wire in rig_file.wires(self.rig)]
+        responses = tuple(
+            replace(channel, dof=Dof.parse(told.dof)) for channel, told in zip(wired, tables, strict=True)
+            if channel.role == "response"
+        )  # fmt: skip
+        hammer = next(told for told in tables if told.role == "reference")
+        dofs = tuple(Dof.parse(hammer.dof.replace("{point}", str(point))) for point in self.rig.take.points)
+        rings = tuple(
+            RingCell(channel.joint, 1020.0, 3.0) for channel in wired if channel.role == "normal force"
+        )  # fmt: skip
+        drive = RovingHammer(dofs * 500, hits=1, contact_time=0.4e-3, pre_trigger=0.05, spacing=1.0)
+        return VirtualRig(
+            table.with_beam() if rings else table.bare(), drive, responses, self.sampling_rate, rings=rings,
+            noise={"acceleration": 0.05, "force": 0.05}, seed=7, name="virtual",
+        )  # fmt: skip
