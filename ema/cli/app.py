@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 import ema
-from ema.cli import browsing, mapping, placing, recording, simulating
+from ema.cli import browsing, comparing, mapping, placing, recording, simulating
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
 
@@ -25,6 +25,7 @@ app = typer.Typer(
 app.add_typer(simulating.app)
 app.add_typer(browsing.app)
 app.add_typer(recording.app)
+app.command()(comparing.compare)
 app.command()(placing.place)
 app.command("map")(mapping.make_map)
 

@@ -3,7 +3,13 @@
 from importlib import import_module
 from typing import Any
 
-_HOME = {"maps": "ema.compare.maps", "modes": "ema.compare.modes", "signals": "ema.compare.signals"}
+_HOME = {
+    "maps": "ema.compare.maps",
+    "measure": "ema.compare.replay",
+    "modes": "ema.compare.modes",
+    "signals": "ema.compare.signals",
+    "update": "ema.compare.fitting",
+}
 _HOME |= dict.fromkeys(("conditions", "difference", "repeat_findings", "repeats"), "ema.compare.scatter")
 _HOME["variance_components"] = "ema.compare.components"
 

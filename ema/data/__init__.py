@@ -2,6 +2,7 @@
 
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
+from ema.data.comparison import MapComparison, ModeComparison, ModelUpdate, SignalComparison, Verdict
 from ema.data.condition import Condition, Excitation, JointForce
 from ema.data.findings import Finding
 from ema.data.frf import FrfSet
@@ -41,9 +42,9 @@ __all__ = [
     "BeamModel", "BoltedJoint", "Campaign", "Candidates", "Channel", "Condition", "ConditionDifference",
     "ContactPressure", "ControlLine", "ControlStudy", "Damping", "Decay", "EnergyBalance", "Excitation",
     "Expectation", "Finding", "FrfSet", "FrictionBeam", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit",
-    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "MapResult", "Matrices", "ModalMap", "ModalModel",
-    "ModalUncertainty", "ModeQuality", "NormalContact", "Place", "Placement", "PoleTable", "Prediction",
-    "Provenance", "Ranking", "Recording", "Repair", "RepeatGroup", "Residuals", "Response", "Run", "RunResult",
-    "SingleMode", "Source", "Statement", "StudyResult", "VarianceComponents", "damping_ratios",
-    "natural_frequencies", "poles_from",
+    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "MapComparison", "MapResult", "Matrices", "ModalMap",
+    "ModalModel", "ModalUncertainty", "ModeComparison", "ModeQuality", "ModelUpdate", "NormalContact", "Place",
+    "Placement", "PoleTable", "Prediction", "Provenance", "Ranking", "Recording", "Repair", "RepeatGroup",
+    "Residuals", "Response", "Run", "RunResult", "SignalComparison", "SingleMode", "Source", "Statement",
+    "StudyResult", "VarianceComponents", "Verdict", "damping_ratios", "natural_frequencies", "poles_from",
 ]  # fmt: skip

@@ -1,12 +1,14 @@
 """A model held against a measurement: modes, maps, signals, and the verdict."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data.beam import BeamModel
+from ema.data.findings import Finding
 from ema.data.maps import ModalMap
 from ema.dof import Dof
 
@@ -99,3 +101,36 @@ class MapComparison:
 
     def __post_init__(self) -> None:
         freeze(self, frequency_error=np.float64, damping_ratio=np.float64, ridge=np.float64)
+
+
+@dataclass(frozen=True)
+class ModelUpdate:
+    """Joint parameters that make a model fit a measured map, and how well the map tells them.
+
+    ``names`` of the parameters; ``values`` and ``intervals`` (95 %) in their units; ``identifiable`` says of each
+    whether the map bounds it; ``correlation`` between their estimates. ``frequency_ratio`` is measured over simulated,
+    a fault of the host that the joints are not asked to mend; ``misfit`` the rms of the residuals over the standard
+    uncertainties.
+    """
+
+    model: BeamModel
+    names: tuple[str, ...]
+    values: Float[np.ndarray, "parameter"]
+    intervals: Float[np.ndarray, "parameter 2"]
+    identifiable: tuple[bool, ...]
+    correlation: Float[np.ndarray, "parameter parameter"]
+    frequency_ratio: float
+    misfit: float
+    findings: tuple[Finding, ...] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        freeze(self, values=np.float64, intervals=np.float64, correlation=np.float64)
+
+    def table(self) -> "pd.DataFrame":
+        """One row per parameter: value, 95 % interval, whether the map tells it."""
+        import pandas as pd
+
+        return pd.DataFrame({
+            "parameter": list(self.names), "value": self.values, "low": self.intervals[:, 0],
+            "high": self.intervals[:, 1], "identifiable": list(self.identifiable),
+        })  # fmt: skip

@@ -19,6 +19,7 @@ _WHERE = {
     "hysteresis": "ema.show.simulated",
     "indicator": "ema.show.frf",
     "mac_matrix": "ema.show.matrices",
+    "map_comparison": "ema.show.compared",
     "mode_shapes": "ema.show.shapes",
     "motion": "ema.show.simulated",
     "normal_force": "ema.show.joints",

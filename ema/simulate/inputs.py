@@ -1,11 +1,12 @@
 """What drives a virtual structure, as spectra for linear and as time series for structures with friction."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import Excitation
+from ema.data import Excitation, Recording
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.waveforms import half_sine, hammer_pulse, stepped_sine, swept_sine
@@ -260,6 +261,66 @@ class SteppedSine:
     ) -> Float[np.ndarray, "in sample"]:
         """Force in N of one record, from the moment it is switched on."""
         return stepped_sine(times, self.level, [self.frequencies[take]], float(times[-1]) + 1)[None]
+
+
+@dataclass(frozen=True)
+class RecordedForces:
+    """Forces that were recorded elsewhere (N, at the reference channels of the recordings) and are applied again."""
+
+    recordings: Sequence[Recording]
+    excitation: Excitation
+
+    def __post_init__(self) -> None:
+        if not len(self.recordings):
+            raise InputError("no recorded force", got="0 recordings", expected="one or more")
+        for recording in self.recordings:
+            if any(recording.channels[row].dof is None for row in self._rows(recording)) or not self._rows(recording):
+                raise InputError("no force with a DOF in a recording", where=recording.name,
+                                 got=", ".join(channel.name for channel in recording.channels),
+                                 expected="a reference channel with a DOF")  # fmt: skip
+
+    @staticmethod
+    def _rows(recording: Recording) -> list[int]:
+        return [row for row, channel in enumerate(recording.channels) if channel.role == "reference"]
+
+    @property
+    def takes(self) -> int:
+        """Number of records."""
+        return len(self.recordings)
+
+    @property
+    def duration(self) -> float:
+        """Of every record in s: that of the first."""
+        first = self.recordings[0]
+        return first.signals.shape[1] / first.sampling_rate
+
+    def dofs(self, take: int) -> tuple[Dof, ...]:
+        """Where the forces act."""
+        recording = self.recordings[take]
+        channels = [recording.channels[row] for row in self._rows(recording)]
+        return tuple(channel.dof for channel in channels if channel.dof is not None)
+
+    def spectra(
+        self, take: int, frequencies: Float[np.ndarray, "freq"], sampling_rate: float, rng: np.random.Generator
+    ) -> Complex[np.ndarray, "in freq"]:
+        """Fourier transform in N s of the forces of one record."""
+        from scipy.fft import rfft
+
+        size = 2 * (len(frequencies) - 1)
+        signals = self.series(take, np.arange(size // 2) / sampling_rate, rng)
+        return np.asarray(rfft(signals, size, axis=1) / sampling_rate)
+
+    def series(
+        self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "in sample"]:
+        """Forces in N of one record, by cubic splines between its samples; none before and behind."""
+        from scipy.interpolate import make_interp_spline
+
+        recording = self.recordings[take]
+        forces = np.asarray(recording.signals[self._rows(recording)])
+        there = np.arange(forces.shape[1]) / recording.sampling_rate
+        values = make_interp_spline(there, forces, axis=1)(times)
+        return np.asarray(np.where((times >= 0) & (times <= there[-1]), values, 0.0))
 
 
 @dataclass(frozen=True)

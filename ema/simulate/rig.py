@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from ema.data import BeamModel, Channel, ModalModel, Recording
 from ema.errors import InputError
-from ema.simulate.inputs import RandomShakers, RovingHammer, SnapBack, SteppedSine, SweptShaker
+from ema.simulate.inputs import RandomShakers, RecordedForces, RovingHammer, SnapBack, SteppedSine, SweptShaker
 
-Drive = RovingHammer | RandomShakers | SweptShaker | SteppedSine | SnapBack
+Drive = RovingHammer | RandomShakers | SweptShaker | SteppedSine | SnapBack | RecordedForces
 
 DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """Responses a structure can show, and the power of j*omega that leads to them from displacement."""
