@@ -22,7 +22,17 @@ if TYPE_CHECKING:
     from ema.simulate.harmonic import frf
     from ema.simulate.hysteresis import measured_loop
     from ema.simulate.identification import identify
-    from ema.simulate.inputs import Blow, Fault, RandomShakers, RecordedForces, RovingHammer, Shaker, SnapBack, SteppedSine, SweptShaker
+    from ema.simulate.inputs import (
+        Blow,
+        Fault,
+        RandomShakers,
+        RecordedForces,
+        RovingHammer,
+        Shaker,
+        SnapBack,
+        SteppedSine,
+        SweptShaker,
+    )
     from ema.simulate.loops import loop
     from ema.simulate.maps import backbone, damping_map, resonance
     from ema.simulate.rig import RingCell
