@@ -10,6 +10,7 @@ from jaxtyping import Complex, Float
 from ema.data import Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.errors import InputError
 from ema.fit import uncertainty
+from ema.fit.candidates import HEAVIEST
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.refinement import refined
 from ema.fit.scaling import scale_to_unit_modal_mass
@@ -126,7 +127,10 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
         confidence=chosen.confidence[optimum.kept][order],
         condition=band.condition,
         provenance=band.provenance,
-        findings=_findings(band, data, poles[order], (*chosen.dropped, *optimum.dropped)),
+        findings=(
+            *_findings(band, data, poles[order], (*chosen.dropped, *optimum.dropped)),
+            *_beyond(band, data, poles[outside]),
+        ),
         name=band.name,
     )
     model = scale_to_unit_modal_mass(model) if band.scaled else model
@@ -215,6 +219,25 @@ def _findings(
             )
         )
     return tuple(found)
+
+
+def _beyond(band: FrfSet, data: Prepared, background: Complex[np.ndarray, "pole"]) -> tuple[Finding, ...]:
+    """Resonances outside the band whose flank reaches into it: they stay in the background, by name."""
+    low, high = 2 * np.pi * data.frequencies[0], 2 * np.pi * data.frequencies[-1]
+    size = np.abs(background)
+    near = np.where(size < low, low - size, size - high)
+    cut = (near > 0) & (near < np.abs(background.real)) & (damping_ratios(background) <= HEAVIEST)
+    return tuple(
+        Finding(
+            "info",
+            "band-edge",
+            f"{band.name or 'fit'}, {frequency:.6g} Hz",
+            "The resonance of this mode lies just outside the band; it is in the background, not among the modes.",
+            value=float(frequency),
+            advice="Widen the band if the mode is wanted.",
+        )
+        for frequency in natural_frequencies(background[cut])
+    )
 
 
 def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, Float[np.ndarray, "out in"]]:

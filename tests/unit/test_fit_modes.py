@@ -194,6 +194,14 @@ def test_a_mode_cut_by_the_band_is_told():
     assert "band-edge" not in codes(fitted(frfs(three(), 100, 200, 801, noise=0.001)))
 
 
+def test_a_mode_just_outside_the_band_is_named():
+    truth = model([120.0, 150.0, 200.5], [0.004, 0.006, 0.005], drive=(0, 7))
+    found = fitted(frfs(truth, 100, 200, 801, noise=0.001))
+    assert len(found.poles) == 2
+    (at,) = (finding for finding in found.findings if finding.code == "band-edge")
+    assert at.value == pytest.approx(200.5, rel=1e-3) and "outside the band" in at.message
+
+
 @pytest.mark.parametrize("shape", [(4, 1), (20, 1), (20, 2)])
 def test_noise_alone_holds_no_mode(shape):
     exact = frfs(model([120.0], [0.01], dofs=shape[0], drive=tuple(range(shape[1]))), 100, 200, 801)
