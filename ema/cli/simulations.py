@@ -137,15 +137,16 @@ def damping_map(
 
 
 def _rows_of_map(chart: ModalMap) -> list[dict[str, Any]]:
+    """For every level the best normal force and, to compare, the damping at both ends; the store has the whole map."""
     rows = []
     for row, level in enumerate(chart.force_levels):
         damping = 100 * np.asarray(chart.damping[row])
         best = int(np.nanargmax(damping)) if np.isfinite(damping).any() else 0
-        values = {
-            f"zeta at {force:g} N [%]": float(value) for force, value in zip(chart.normal_forces, damping, strict=True)
-        }
-        rows.append({"F_E [N]": float(level), "best F_N [N]": float(chart.normal_forces[best]),
-                     "f there [Hz]": float(chart.frequency[row, best]), **values})  # fmt: skip
+        rows.append({
+            "F_E [N]": float(level), "best F_N [N]": float(chart.normal_forces[best]),
+            "zeta there [%]": float(damping[best]), "f there [Hz]": float(chart.frequency[row, best]),
+            **{f"zeta at {chart.normal_forces[place]:g} N [%]": float(damping[place]) for place in (0, -1)},
+        })  # fmt: skip
     return rows
 
 

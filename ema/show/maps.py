@@ -40,6 +40,9 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
     for axis, nominal in (("x", x), ("y", y)):
         if _geometric(nominal):
             getattr(axes, f"set_{axis}scale")("log")
+            shown = nominal[:: -(-len(nominal) // 10)]
+            getattr(axes, f"set_{axis}ticks")(shown, [f"{value:g}" for value in shown])
+            getattr(axes, f"set_{axis}ticks")([], minor=True)
     edges = [_edges(nominal, _geometric(nominal)) for nominal in (x, y)]
     axes.set_facecolor("white")
     mesh = axes.pcolormesh(*edges, np.ma.masked_array(values, holes), cmap=COLOUR_MAP, edgecolors="white", lw=0.3)

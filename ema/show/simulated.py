@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ema.data import Decay, HarmonicResponse, Loop, Response
-from ema.show.style import BLUE, FAINT, GREY, SERIES, VERMILION, empty_note, new_figure, styled
+from ema.show.style import FAINT, GREY, SERIES, empty_note, new_figure, styled
 
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
@@ -84,15 +84,16 @@ def steady_states(responses: Sequence[HarmonicResponse] | HarmonicResponse, labe
         return figure
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
     gains = [np.abs(_order(run, 1)) / run.force for run in runs]
+    factor, unit = _scaled(gains, "m")
     for number, (run, gain) in enumerate(zip(runs, gains, strict=True)):
         colour, style, _ = SERIES[number % len(SERIES)]
         name = labels[number] if number < len(labels) else f"{run.force:g} N"
-        upper.plot(run.frequencies, gain, color=colour, ls=style, label=name)
+        upper.plot(run.frequencies, gain / factor, color=colour, ls=style, label=name)
         rest = [np.abs(_order(run, int(k))) for k in run.orders if k > 1]
         share = np.max(rest, axis=0) / (gain * run.force) if rest else 0 * gain
         lower.plot(run.frequencies, 100 * share, color=colour, ls=style)
     upper.set_yscale("log")
-    upper.set_ylabel(f"|X({runs[0].dofs[0]})| / F [m/N]")
+    upper.set_ylabel(f"|X({runs[0].dofs[0]})| / F [{unit}/N]")
     upper.legend(title="force level", loc="upper right")
     lower.set_ylabel("Harmonics [%]")
     lower.set_ylim(bottom=0)
@@ -147,10 +148,10 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = ()) -> Fi
         name = labels[number] if number < len(labels) else decay.name
         first.semilogy(decay.times, decay.amplitudes, color=colour, ls=style, label=name)
         if np.isfinite(decay.knee):
-            first.axvline(decay.knee, color=VERMILION if colour == BLUE else colour, lw=0.8, ls=(0, (2, 2)))
-        inside = _readable(decay)
-        second.semilogx(decay.amplitudes[inside], decay.frequencies[inside], color=colour, ls=style)
-        third.loglog(decay.amplitudes[inside], 100 * decay.damping_ratios[inside], color=colour, ls=style)
+            first.axvline(decay.knee, color=colour, lw=0.8, ls=(0, (2, 2)))
+        inside = np.where(_readable(decay), 1.0, np.nan)
+        second.semilogx(decay.amplitudes, inside * decay.frequencies, color=colour, ls=style)
+        third.loglog(decay.amplitudes, inside * 100 * decay.damping_ratios, color=colour, ls=style)
     if any(np.isfinite(decay.knee) for decay in held):
         first.annotate("dotted: sliding gives way to sticking", (1, 1), xycoords="axes fraction", ha="right",
                        va="bottom", fontsize=7.5, color=GREY)  # fmt: skip
