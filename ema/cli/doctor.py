@@ -4,6 +4,7 @@ import os
 import platform
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from ema.progress import Progress, advance
 _PACKAGES = ("numpy", "scipy", "pandas", "h5py", "matplotlib", "pyvista", "numba", "pydantic", "pint", "pyuff")
 _ROOM = 2**30
 _GRAPHICS = "libegl1 libgl1-mesa-dri libxrender1"
+_TYPESETTING = "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0"
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Check:
 
 def examine(progress: Progress) -> list[Check]:
     """Try everything."""
-    steps = (_python, _packages, _store, _space, _formats, _renderer, _datasets)
+    steps = (_python, _packages, _store, _space, _formats, _reports, _app, _daq, _renderer, _datasets)
     checks: list[Check] = []
     for number, step in enumerate(steps):
         advance(progress, "examining", number, len(steps))
@@ -110,14 +112,70 @@ def _formats() -> list[Check]:
     return checks
 
 
+def _extra(what: str, package: str, does: str) -> Check:
+    """Whether an optional package is there."""
+    try:
+        return Check(what, True, f"{does}, by {package} {version(package)}", needed=False)
+    except PackageNotFoundError:
+        return Check(what, False, f"needs {package}", False, _pip((package,)))
+
+
+def _reports() -> list[Check]:
+    """Set a line of text as PDF: WeasyPrint is of no use without the Pango library."""
+    from ema.errors import EmaError
+    from ema.report.pdf import pdf
+
+    check = _extra("report as PDF", "weasyprint", "written")
+    if check.works:
+        try:
+            pdf("<p>Text</p>")
+        except EmaError as error:
+            mend = f"sudo apt-get install -y {_TYPESETTING}" if _debian() else ""
+            check = Check("report as PDF", False, str(error.what), False, mend)
+    return [
+        Check("report as HTML", True, "written by what every installation has"), check,
+        _extra("report as Word file", "python-docx", "written"),
+    ]  # fmt: skip
+
+
+def _app() -> list[Check]:
+    """The page needs plotly to serve; a browser may be on another machine."""
+    names = ("chromium", "chromium-browser", "google-chrome", "firefox", "msedge", "open")
+    browser = next((found for name in names if (found := shutil.which(name))), "")
+    mend = "sudo apt-get install -y chromium" if _debian() else ""
+    return [
+        _extra("ema app", "plotly", "served"),
+        Check("browser", bool(browser), browser or "none found here; the page can be opened from elsewhere with --host",
+              False, mend),
+    ]  # fmt: skip
+
+
+def _daq() -> list[Check]:
+    """The devices that openDAQ finds, asked in a process of its own: drivers may fail in any way."""
+    check = _extra("ema record", "opendaq", "measures")
+    if not check.works:
+        return [check]
+    probe = "import opendaq; print(', '.join(d.connection_string for d in opendaq.Instance().available_devices))"
+    try:
+        done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return [check, Check("devices", False, "openDAQ does not answer", needed=False)]
+    told = done.stdout.strip().splitlines()
+    found = told[-1] if done.returncode == 0 and told else ""
+    return [check, Check("devices", bool(found), found or "openDAQ finds none", needed=False)]
+
+
+def _debian() -> bool:
+    return sys.platform.startswith("linux") and shutil.which("apt-get") is not None
+
+
 def _renderer() -> list[Check]:
     """VTK kills the process where it cannot draw, so it is tried in another one."""
     from ema.show.renderer import renderer_works
 
     works = renderer_works()
     detail = "draws off screen" if works else "VTK cannot draw off screen; reports use matplotlib instead"
-    linux = sys.platform.startswith("linux") and shutil.which("apt-get")
-    return [Check("renderer", works, detail, False, f"sudo apt-get install -y {_GRAPHICS}" if linux else "")]
+    return [Check("renderer", works, detail, False, f"sudo apt-get install -y {_GRAPHICS}" if _debian() else "")]
 
 
 def _datasets() -> list[Check]:

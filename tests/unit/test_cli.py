@@ -243,3 +243,16 @@ def test_ctrl_c_in_the_middle_keeps_finished_runs(small_study):
         assert process.wait(timeout=120) == 130
     assert "finished runs: first" in told and "--resume" in told and "Traceback" not in told
     assert kept.is_file()
+
+
+def test_doctor_tries_reports_page_and_devices(monkeypatch: pytest.MonkeyPatch):
+    told = {one["what"]: one for one in json.loads(ema("doctor", "--json").stdout)["checks"]}
+    assert {"report as HTML", "report as PDF", "report as Word file", "ema app", "browser", "ema record"} <= set(told)
+    assert told["report as HTML"]["works"] and not told["ema record"]["needed"]
+
+    def absent(name: str) -> str:
+        raise doctor.PackageNotFoundError(name)
+
+    monkeypatch.setattr(doctor, "version", absent)
+    (missing,) = doctor._daq()
+    assert not missing.works and "-m pip install" in missing.remedy and "opendaq" in missing.remedy

@@ -1,0 +1,47 @@
+"""The pages on reports, browser and recording: links lead somewhere, commands exist, the rig file is understood."""
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from acquisition import rig_file
+from ema.cli.app import app
+
+PAGES = ("report.md", "browser.md", "record.md", "coming-from.md", "extending.md", "getting-started.md", "../README.md")
+
+
+@pytest.fixture(params=PAGES)
+def page(request: pytest.FixtureRequest, root: Path) -> Path:
+    return root / "docs" / request.param
+
+
+def test_links_lead_to_files(page: Path):
+    for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        assert link.startswith("http") or (page.parent / link).exists(), link
+
+
+def test_commands_and_their_options_exist(page: Path):
+    commands = get_command(app).commands
+    for line in re.findall(r"`(?:\.venv/bin/)?ema ([^`]+)`", page.read_text(encoding="utf-8")):
+        name, *words = line.split()
+        if name == "|" or name.startswith("-"):
+            continue
+        assert name in commands, line
+        known = {option for parameter in commands[name].params for option in parameter.opts}
+        assert {word for word in words if word.startswith("--")} <= known, line
+
+
+def test_the_rig_of_the_page_is_understood(root: Path, tmp_path: Path):
+    (text,) = re.findall(r"```toml\n(.*?)```", (root / "docs" / "record.md").read_text(encoding="utf-8"), re.S)
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    rig = rig_file.load(tmp_path)
+    assert rig_file.trigger(rig).level == 20.0 and rig_file.trigger(rig).length == 2000
+    assert [round(wire.factor, 3) for wire in rig_file.wires(rig)] == [444.444, 98.066, 2000.0]
+
+
+def test_modules_that_the_pages_name_exist(root: Path):
+    text = (root / "docs" / "extending.md").read_text(encoding="utf-8")
+    for path in re.findall(r"`((?:acquisition|ema|tests)/[\w/.]+)`", text):
+        assert (root / path).exists(), path
