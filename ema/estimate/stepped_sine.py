@@ -15,7 +15,7 @@ HARMONICS = 5
 """Highest harmonic that is told apart from noise."""
 UNSTEADY = 0.02
 """Change of a response between the halves of a record above which it was not settled."""
-_FEWEST_CYCLES, _CLEAR = 4.0, 300.0
+_FEWEST_CYCLES, _CLEAR = 4.0, 5.0
 
 
 @dataclass(frozen=True)
@@ -120,13 +120,15 @@ def _frequency(force: Float[np.ndarray, "sample"], rate: float, where: str) -> f
     top = int(spectrum[1:].argmax()) + 1
     frequency = top * rate / size
     time = (np.arange(len(force)) - 0.5 * len(force)) / rate
+    one = np.ones(len(force))
     for _ in range(4):
         angle = 2 * np.pi * frequency * time
-        basis = np.stack([np.cos(angle), np.sin(angle), -time * np.sin(angle), time * np.cos(angle)], axis=1)
-        a, b, c, d = np.linalg.lstsq(basis, force, rcond=None)[0]
+        cosine, sine = np.cos(angle), np.sin(angle)
+        basis = np.stack([cosine, sine, -time * sine, time * cosine, one], axis=1)
+        a, b, c, d, _ = np.linalg.solve(basis.T @ basis, basis.T @ force)
         frequency += float((a * c + b * d) / (a**2 + b**2)) / (2 * np.pi)
     angle = 2 * np.pi * frequency * time
-    basis = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    basis = np.stack([np.cos(angle), np.sin(angle), one], axis=1)
     rest = force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]
     if not 0 < frequency < rate / 2 or rest @ rest > 0.25 * force @ force:
         raise InputError("the force is no sine", where=where, got=f"{100 * (rest @ rest) / (force @ force):.0f} % of "
@@ -160,9 +162,9 @@ def _change(signals: Float[np.ndarray, "channel sample"], frequency: float, rate
     if frequency * half / rate < _FEWEST_CYCLES / 2:
         return 0.0
     before, noise = _orders(signals[1:, :half], frequency, rate)
-    after, _ = _orders(signals[1:, half:], frequency, rate)
+    after, more = _orders(signals[1:, half:], frequency, rate)
     size, change = np.abs(before[:, 0]), np.abs(np.abs(after[:, 0]) - np.abs(before[:, 0]))
-    clear = size > _CLEAR * np.sqrt(noise)
+    clear = change > _CLEAR * np.sqrt(noise + more)
     return float(np.max(change[clear] / size[clear])) if clear.any() else 0.0
 
 
