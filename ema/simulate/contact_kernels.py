@@ -47,6 +47,21 @@ def add_rows(matrix, weights, out):
                 out[j] += weight * matrix[i, j]
 
 
+@nb.njit(cache=True)
+def copy_into(out, values):
+    """out[:] = values, written out: the compiler then needs no sentence about shapes, which takes it seconds."""
+    for i in range(len(out)):
+        out[i] = values[i]
+
+
+@nb.njit(cache=True)
+def copy_table(out, values):
+    """The same for two axes."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = values[i, j]
+
+
 @nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
 def exchange(table, k):
     """Principal pivot: force and slip of contact k change places. ``table[k]`` is column k; the inverse of itself."""

@@ -7,7 +7,7 @@ motion is added. All modes of a phase share ``half``, which mass-proportional da
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import matvec
+from ema.simulate.contact_kernels import copy_into, matvec
 from ema.simulate.phase_kernels import FAST, into_modes, phase_of
 
 # rows of the work array of a phase: wave, mean, forced wave, frequency, and displacement and velocity at some time
@@ -224,7 +224,9 @@ def keep(sample, slip, q, p, springs, lost, samples):
     """One sample: modal state, forces of the springs and friction loss of the contacts so far."""
     contact, k, limit, rest, slide, begun = springs
     out_q, out_p, out_force, out_lost = samples
-    out_q[sample], out_p[sample], out_lost[sample] = q, p, lost
+    copy_into(out_q[sample], q)
+    copy_into(out_p[sample], p)
+    copy_into(out_lost[sample], lost)
     u = np.empty(slip.shape[0])
     matvec(slip, q, u)
     for j in range(len(k)):

@@ -18,7 +18,7 @@ from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.friction import PIECEWISE_LINEAR, springs_of
-from ema.simulate.transient import Problem, displacement_findings, energy_findings, prepare, released
+from ema.simulate.transient import Problem, check_positive, displacement_findings, energy_findings, prepare, released
 
 _MEMORY = 2e8
 """Bytes for the modes of patterns that may come back."""
@@ -170,7 +170,8 @@ def run_reference(
     InputError : a law is not piecewise linear, the damping is not proportional to mass, a number is not positive.
     FailureError : too many events.
     """
-    _check(problem, duration, sampling_rate)
+    _check(problem)
+    check_positive(problem, duration=duration, sampling_rate=sampling_rate, spacing=1.0 if spacing is None else spacing)
     count = max(round(duration * sampling_rate), 1)
     times = np.arange(count + 1) / sampling_rate
     reference = _Reference(problem, state, harmonic, count + 1)
@@ -179,7 +180,7 @@ def run_reference(
     return _reference_response(problem, reference, state, times, spacing, events)
 
 
-def _check(problem: Problem, duration: float, sampling_rate: float) -> None:
+def _check(problem: Problem) -> None:
     where = problem.system.name
     wrong = sorted({law.name for law in problem.system.contacts.laws if law.name not in PIECEWISE_LINEAR})
     if wrong:
@@ -188,9 +189,6 @@ def _check(problem: Problem, duration: float, sampling_rate: float) -> None:
     if problem.system.damping.ratio > 0:
         raise InputError("the reference mode takes mass-proportional damping only", where=where,
                          got=f"ratio {problem.system.damping.ratio}", expected="Damping(mass_factor=...)")  # fmt: skip
-    for name, value in (("duration", duration), ("sampling_rate", sampling_rate)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError("not a positive number", where=where, got=f"{name} = {value}", expected="above 0")
 
 
 def _reference_response(

@@ -8,7 +8,7 @@ exactly these roots (Gu and Eisenstat 1994). Modes are kept, and found again by 
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import add_rows
+from ema.simulate.contact_kernels import add_rows, copy_into, copy_table
 
 FAST = {"reassoc", "contract", "nsz", "arcp"}
 NEGLIGIBLE = 1e-17
@@ -178,8 +178,9 @@ def solve_whole(sliding, contact, k, stuck, total, squares, slip, phases, number
                     matrix[r, s] += weight * slip[i, s]
     values, vectors = np.linalg.eigh(matrix)
     all_squares, all_vectors, all_slips, _, _ = phases
-    all_squares[number], all_vectors[number] = values, vectors
-    all_slips[number] = np.dot(slip, all_vectors[number])
+    copy_into(all_squares[number], values)
+    copy_table(all_vectors[number], vectors)
+    np.dot(slip, all_vectors[number], all_slips[number])
 
 
 @nb.njit(cache=True)
@@ -201,9 +202,9 @@ def phase_of(sliding, contact, k, total, squares, slip, phases, used, before, ch
         spring = k[changed] if sliding[changed] == 0.0 else -k[changed]
         values, done = updated_modes(all_squares[before], all_slips[before, contact[changed]], spring, rotation)
         if done:
-            all_squares[number] = values
-            all_vectors[number] = np.dot(all_vectors[before], rotation)
-            all_slips[number] = np.dot(all_slips[before], rotation)
+            copy_into(all_squares[number], values)
+            np.dot(all_vectors[before], rotation, all_vectors[number])
+            np.dot(all_slips[before], rotation, all_slips[number])
     if not done:
         solve_whole(sliding, contact, k, np.empty(len(total)), total, squares, slip, phases, number)
     used[0] += 1

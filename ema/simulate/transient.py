@@ -361,8 +361,6 @@ def snapback(
     """
     dof = Dof.parse(at)
     problem = prepare(model, outputs or [dof], modes, [dof], plane=True, normal=normal_forces is None)
-    if not np.isfinite(load):
-        raise InputError("not a load", where=model.name, got=f"{load} N", expected="a finite force")
     check_positive(problem, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
     drive, limits = Drive(np.zeros(1)), None
     if normal_forces is not None:
@@ -374,8 +372,15 @@ def snapback(
 
 
 def released(problem: Problem, load: float, dof: Dof, limits: Float[np.ndarray, "contact"] | None = None) -> _State:
-    """State of a structure at the moment a slowly raised load is let go; ``limits`` N are its slip forces till then."""
+    """State of a structure at the moment a slowly raised load is let go; ``limits`` N are its slip forces till then.
+
+    Raises
+    ------
+    InputError : the load is not finite.
+    """
     system = problem.system
+    if not np.isfinite(load):
+        raise InputError("not a load", where=system.name, got=f"{load} N", expected="a finite force")
     state = ramp(system, problem.laws, load * system.row(dof), limits=limits, joined=problem.joined)
     q = problem.base.shapes.T @ (system.mass @ state.displacements)
     return _State(q, np.zeros_like(q), problem.base.slip @ q, state.forces, state.memory)

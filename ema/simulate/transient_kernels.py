@@ -8,7 +8,7 @@ output each: the compiler turns these into vector instructions.
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import add_rows, fresh_table, matvec, slide_or_stick, sweep_contacts
+from ema.simulate.contact_kernels import add_rows, copy_into, fresh_table, matvec, slide_or_stick, sweep_contacts
 from ema.simulate.friction_kernels import project, stored_energy
 
 # rows of the table of modal coefficients (6, mode): end displacement and velocity from q, p and the mean force
@@ -85,7 +85,8 @@ def advance_linear(steps, every, flow, loss, squares, loads, rows, q, p, energie
             energies[DAMPING] += damping_loss(loss, q, p, force)
         if loads.shape[0] > 0:
             energies[SUPPLIED] += work(force, q1, q)
-        q[:], p[:] = q1, p1
+        copy_into(q, q1)
+        copy_into(p, p1)
         if (n + 1) % every == 0:
             sample = (n + 1) // every - 1
             for r in range(len(places)):
@@ -228,7 +229,8 @@ def advance(
         if (n + 1) % every == 0:
             contact_pull(slip, stiffness, u, f, g, pull)
             record((n + 1) // every - 1, stiffness, laws, squares, (q0, p0, u, f, z), energies, places, samples)
-    q[:], p[:] = q0, p0
+    copy_into(q, q0)
+    copy_into(p, p0)
     return most, worst
 
 
