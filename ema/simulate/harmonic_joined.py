@@ -50,9 +50,11 @@ class JoinedCondensed(Condensed):
         else:
             self.ties = joined.arguments
         self.exact, self.odd = False, contacts.normals == 0 and _mirrored(self.pressing)
-        if not self.odd and self.squares.min() <= 1e-12 * self.squares.max():
+        frequencies = self.problem.base.frequencies
+        if not self.odd and frequencies.min() <= 1e-6 * frequencies.max():
             raise InputError("the structure is not held", where=self.problem.system.name, got="a rigid-body motion",
-                             expected="a support: normal forces that change bring a mean force")  # fmt: skip
+                             expected="a support: normal forces that change bring a mean force",
+                             advice="clamp it, or use ema.simulate.respond")  # fmt: skip
         pressed_by = [n if n < 0 else first + n for n in self.ties[1]]
         self.members = np.array([
             np.arange(len(self.limits)), [*self.ties[0], *none], [*pressed_by, *none],

@@ -141,7 +141,7 @@ def test_normal_forces_that_are_none_get_a_sentence():
     def run(pressing, model=model):
         frf(model, frequencies, 40.0, "1:+X", ["1:+X"], normal_forces=pressing)
 
-    with pytest.raises(InputError, match=r"not a normal force.*oscillator"):
+    with pytest.raises(InputError, match="oscillator: not a normal force"):
         run(np.array([[10.0, -1.0]]))
     with pytest.raises(InputError, match=r"do not fit.*1 joints"):
         run(np.ones((2, 8)))
