@@ -248,7 +248,7 @@ def hammer_tests(result: dict) -> str:
 
 def main() -> None:
     """Write both pages."""
-    from tests.bench import accuracy_page  # it uses the tables of this module
+    from tests.bench import accuracy_page, simulate_page  # they use the tables of this module
 
     rows = json.loads(RESULT.read_text())["rows"]
     cases = [row for key, row in rows.items() if key != "random"]
@@ -257,6 +257,9 @@ def main() -> None:
         for file, section in ((UFF, universal_files), (RESULT.with_name("hammer.json"), hammer_tests))
         if file.exists()
     ]
+    simulator = RESULT.with_name("simulate.json")
+    if simulator.exists() and "time" in (parts := json.loads(simulator.read_text())):
+        others.append(simulate_page.time_solver(parts["time"]))
     pages = {
         "speed.md": [SPEED, *map(speed, cases), *others],
         "accuracy.md": [accuracy_page.HEAD, *accuracy_page.sections(), *map(accuracy, cases)],

@@ -142,3 +142,9 @@ def check(order):
     sentence = str(caught.value)
     assert "\n" not in sentence and 10 < len(sentence) < 300
     assert "got" in sentence or "expected" in sentence
+
+
+def test_a_load_beyond_small_displacements_is_a_finding():
+    run = snapback(double_beam(Masing(0.3, 1e9), 100.0, elements=10), 4e3, "beam 2:10:+Z", 0.001, tolerance=0.1)
+    (finding,) = [finding for finding in run.findings if finding.code == "large-slip"]
+    assert finding.value > finding.limit and finding.advice
