@@ -13,7 +13,7 @@ from tests.bench.write_docs import TOLD, misses, name, number, selection, stamp,
 RESULT = Path(__file__).parent / "results" / "accuracy.json"
 
 NOT_CONTAINED = (
-    "### What the intervals do not contain",
+    "## What the intervals do not contain",
     "The intervals of a fit hold the noise of its FRFs. They do not hold what changes between two tests, or within one, "
     "while each FRF stays clean:",
     "- blows of different strength, direction and place, a moved hammer or sensor and its mass; a resonance that wanders by a "
@@ -51,13 +51,15 @@ def sections() -> list[str]:
         "case": case, "small": small, "random": random_systems, "residues": residues, "cost": cost, "listed": listed,
         "halves": halves, "peers": peers,
     }  # fmt: skip
-    return [goals(known), *(write(known[section]) for section, write in writers.items() if section in known)]
+    written = {section: write(known[section]) for section, write in writers.items() if section in known}
+    compared = written.pop("peers", "")
+    return [goals(known), *written.values(), "\n\n".join(NOT_CONTAINED), *filter(None, [compared])]
 
 
 def measured(section: dict) -> str:
     """Date, machine and time taken."""
     text = stamp(section | {"seeds": []}).removesuffix(" Seeds: .")
-    return f"{text} {section['seconds']:.0f} s of processor time."
+    return f"{text} {section['seconds']:.0f} s of processor time." if section["seconds"] else text
 
 
 def case(section: dict) -> str:
@@ -195,9 +197,7 @@ def halves(section: dict) -> str:
         "1.96 s with s = sqrt(s1² + s2²) of the two stated standard deviations; for intervals that hold all scatter it "
         "would be 95 %, and the median difference 0.67 s."
     )
-    return "\n\n".join(
-        ["## Real measurements, halves against each other", text, table(head, lines), *NOT_CONTAINED, measured(section)]
-    )
+    return "\n\n".join(["## Real measurements, halves against each other", text, table(head, lines), measured(section)])
 
 
 def peers(section: dict) -> str:
