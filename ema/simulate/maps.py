@@ -204,6 +204,8 @@ def damping_map(
     levels, normals = np.asarray(force_levels, dtype=float), np.asarray(normal_forces, dtype=float)
     for level in levels:
         check_positive(model.name, "force", float(level))
+    if not (np.all(np.isfinite(normals)) and np.all(normals >= 0)):
+        raise InputError("not a normal force", where=model.name, got=f"{normals.tolist()} N", expected="0 N or more")
     check_band(model, band)
     if homogeneous(model):
         table = _map_of_one_curve(model, levels, normals, at, output, band, tolerance, modes, progress)

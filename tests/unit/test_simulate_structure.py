@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate import Coulomb, Masing, assemble, beam, double_beam
+from ema.simulate import Coulomb, Masing, assemble, beam, double_beam, snapback
 from ema.simulate.reduction import modal_base
 
 LAW = Masing(0.3, 1e9)
@@ -156,3 +156,22 @@ def test_bad_beams_and_damping_get_a_sentence():
             modal_base(assemble(replace(model(), damping=damping)))
     with pytest.raises(InputError, match="no such DOF"):
         assemble(model()).row(Dof(99, "+Z", "beam 1"))
+
+
+def test_a_load_beyond_small_displacements_is_told():
+    """Node pairs that slide more than 5 % of their distance: the pairing is no longer that of the drawing."""
+    whole = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
+    fine, far = (snapback(whole, load, "beam 2:2:+Z", 1e-3, tolerance=0.1) for load in (20.0, 2e4))
+    assert "large-slip" not in [finding.code for finding in fine.findings]
+    (finding,) = [finding for finding in far.findings if finding.code == "large-slip"]
+    assert finding.severity == "warning" and finding.limit == pytest.approx(0.05 * 0.25)
+    assert finding.value == pytest.approx(np.abs(far.slips).max())
+
+
+def test_a_structure_that_nothing_holds_cannot_be_loaded_slowly():
+    free = beam(0.5, 0.04, 0.005, elements=2, clamped=(False, False), part="beam 1")
+    held = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
+    upper = beam(0.5, 0.04, 0.005, elements=2, clamped=(False, False), part="beam 2")
+    loose = replace(held, host=free, beam=upper)
+    with pytest.raises(InputError, match="the structure is not held"):
+        snapback(loose, 20.0, "beam 2:2:+Z", 1e-3)

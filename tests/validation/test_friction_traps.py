@@ -12,6 +12,7 @@ import pytest
 
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
+from ema.errors import InputError
 from ema.simulate import (
     Coulomb,
     Dahl,
@@ -160,6 +161,14 @@ def test_a_map_is_not_shortened_where_homogeneity_does_not_hold():
             assert chart.damping[row, column] == pytest.approx(alone.damping, rel=0.02)
             assert chart.frequency[row, column] == pytest.approx(alone.frequency, rel=2e-3)
     assert abs(chart.damping[1, 1] / chart.damping[0, 0] - 1) > 0.01
+
+
+@pytest.mark.parametrize("law", [Masing(MU, 1e9), Masing(MU, 1e9, stiffness_exponent=0.5)], ids=["one curve", "places"])
+@pytest.mark.parametrize("force", [-5.0, float("nan")])
+def test_a_map_refuses_normal_forces_that_are_none(law, force):
+    tip = "beam 2:2:+Z"
+    with pytest.raises(InputError, match="not a normal force"):
+        damping_map(double_beam(law, 100.0, elements=2), [1.0, 2.0], [100.0, force], tip, tip, (14.0, 34.0))
 
 
 def test_superharmonics_that_meet_the_second_mode_need_many_harmonics():
