@@ -1,0 +1,196 @@
+"""The work table with its shaker: from raw signals to Figs. 8 and 9 of Gaul, Roseira and Becker (2008).
+
+Statements and verdicts are those of ``reports/work_table_*.toml``; the numbers asserted here are regressions of an
+assumed model, for the paper gives neither dimensions nor contact parameters.
+"""
+
+import numpy as np
+import pytest
+
+import acquisition
+from ema import estimate, fit
+from ema.simulate.reduction import modal_base
+from ema.simulate.structure import assemble
+from ema.study import Study, mapping, recipe, statements, work_table, work_table_shaker
+from ema.study.measured import frfs_of
+
+SETTINGS = {
+    "hammer": work_table.CENTRE, "absorber": work_table.ABSORBER, "bending": work_table.BENDING,
+    "rough": work_table.ROUGH,
+}  # fmt: skip
+
+
+def mapped(root, name):
+    """Campaign, settings and maps of a recipe."""
+    study = Study.load(root / "reports" / f"work_table_{name}.toml")
+    campaign = study.open()
+    maps = tuple(mapping.mapped(campaign, table, study.recipe.estimate) for table in study.recipe.map)
+    return campaign, study.recipe, maps
+
+
+@pytest.fixture(scope="module")
+def absorber(root):
+    return mapped(root, "absorber")
+
+
+@pytest.fixture(scope="module")
+def bending(root):
+    return mapped(root, "bending")
+
+
+@pytest.fixture(scope="module")
+def rough(root):
+    return mapped(root, "rough")
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_the_model_file_is_the_truth_behind_the_signals(root, name):
+    setting = SETTINGS[name]
+    points = work_table.grid() if name == "hammer" else work_table.shaker_points(setting)
+    written, truth = (
+        modal_base(assemble(model))
+        for model in (
+            acquisition.open_model(root / "datasets" / f"work_table_{name}").with_normal_force(777.0),
+            work_table.with_beam(setting, 777.0, points),
+        )
+    )
+    assert written.frequencies[:12] == pytest.approx(truth.frequencies[:12], rel=1e-5)
+    assert written.decay[:12] == pytest.approx(truth.decay[:12], rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["absorber", "bending", "rough"])
+def test_the_campaign_file_names_every_run_of_the_plan(root, name):
+    from acquisition import campaign_file
+
+    described = {run.id: run for run in campaign_file.load(root / "datasets" / f"work_table_{name}").runs}
+    for one in work_table_shaker.plan((3,) if name == "rough" else (1, 3)):
+        run = described.pop(one.run)
+        assert run.level == f"{one.level:g} N"
+        assert [joint.nominal for joint in run.normal_force] == [f"{one.force:g} N"] * 2
+        assert {joint.sequence for joint in run.normal_force} == {one.sequence}
+    assert set(described) <= {"bare", "dead_mass", "chirp_1s", "chirp_16s"}
+
+
+@pytest.mark.parametrize("name", ["absorber", "bending", "rough"])
+def test_every_statement_gets_the_verdict_that_the_recipe_states(request, name):
+    _, told, maps = request.getfixturevalue(name)
+    judged = statements.judge(told.statements, maps, ())
+    assert len(judged) >= 5
+    assert [f"{one.text}: {one.found:.4g}" for one in judged if not one.met] == []
+
+
+def test_mode_1_of_the_sliding_beam_over_excitation_and_normal_force(absorber):
+    chart = absorber[2][0].chart
+    damping = 100 * chart.damping
+    forces, levels = list(chart.normal_forces), list(chart.force_levels)
+    at_100 = damping[:, forces.index(100)]
+    assert levels[int(at_100.argmax())] == pytest.approx(30, abs=5)
+    assert at_100.max() == pytest.approx(1.9, abs=0.2)
+    assert at_100[levels.index(40)] < 0.9 * at_100.max()
+    assert damping[:, : forces.index(25) + 1].max() <= 0.80
+    assert damping[:, forces.index(300)].max() <= 0.66
+    stuck = chart.frequency[:, -1]
+    assert stuck == pytest.approx(495, abs=1)
+    ridge = chart.frequency[:4, forces.index(100)]
+    assert np.all((ridge > 486) & (ridge < 491)) and stuck.min() - ridge.min() >= 4
+    best = [forces[int(row.argmax())] for row in damping]
+    assert np.all(np.diff(best) >= 0) and best[-1] > best[0]
+
+
+def test_both_hypotheses_end_at_495_hz(bending):
+    assert bending[2][0].chart.frequency[:, -1] == pytest.approx(495, abs=1)
+
+
+def test_mode_3_with_rough_joints(rough, absorber):
+    chart = rough[2][0].chart
+    forces = list(chart.normal_forces)
+    best = forces[int(np.nanmax(chart.damping, axis=0).argmax())]
+    assert 1500 <= best <= 2500
+    one = absorber[2][0].chart
+    of_mode_1 = one.normal_forces[int(np.nanmax(one.damping, axis=0).argmax())]
+    assert best >= 10 * of_mode_1
+    assert np.all((chart.frequency[:, -1] > 1004) & (chart.frequency[:, -1] < 1018))
+    before, after = forces.index(1500), forces.index(4000)
+    assert chart.frequency[0, before] - chart.frequency[0, after] >= 1
+    others = [column for column in range(len(forces)) if column != forces.index(2000)]
+    effect = np.ptp(chart.damping[:, others], axis=0) / chart.damping[:, others].mean(axis=0)
+    assert effect.max() < 0.05
+
+
+def test_every_point_has_its_force_at_resonance_amplitude_and_interval(absorber):
+    result = absorber[2][0]
+    chart = result.chart
+    assert chart.damping.shape == (8, 7) and np.isfinite(chart.damping).all()
+    assert np.all(chart.damping_std > 0) and np.all(chart.frequency_std > 0)
+    # the coil keeps its force; what reaches the table drops where the damping is low, and hardly where it is high
+    assert result.dropout[:, -1] == pytest.approx(0.945, abs=0.015)
+    assert result.dropout[5, 3] > 0.97
+    stuck = chart.modal_amplitude[:, -1] / chart.force_at_resonance[:, -1]
+    assert stuck == pytest.approx(stuck[0], rel=2e-3), "a stuck joint is linear"
+    assert chart.quadrature_damping[5, 3] == pytest.approx(chart.damping[5, 3], rel=0.15)
+    assert chart.misfit[5, 3] > 0.10 > 0.02 > chart.misfit[:, -1].max()
+
+
+def test_the_gate_tells_the_side_of_the_most_damping(absorber):
+    result = absorber[2][0]
+    at = {force: result.pairs[:, 0] == force for force in result.chart.normal_forces}
+    assert result.homogeneity[at[1200.0]].max() < 0.01
+    assert result.homogeneity[at[100.0]].max() > 0.3
+    assert np.all(result.peak_ratio[at[150.0]][-2:] < 0.98), "sticks at the lower level"
+    assert result.peak_ratio[at[60.0]][-1] > 1.02, "slips"
+    codes = {finding.code for finding in result.findings}
+    assert {"not-homogeneous", "misfit", "sequence", "normal-force-drift"} <= codes
+
+
+def test_ring_cells_keep_every_joint_and_their_drift(absorber):
+    campaign = absorber[0]
+    for one in work_table_shaker.plan((1,)):
+        middle = 0.5 * (one.begins + one.ends)
+        truth = work_table_shaker.pressed(one, middle)[:, 0]
+        joints = campaign[one.run].condition.joints
+        assert [joint.joint for joint in joints] == ["J1", "J2"]
+        assert [joint.mean for joint in joints] == pytest.approx(list(truth), rel=0.01)
+        assert joints[0].sequence == one.sequence
+    drifting = [run.id for run in campaign.runs if any(f.code == "normal-force-drift" for f in run.findings)]
+    assert drifting == ["mode1_FE06_FN00005"]
+
+
+def test_the_mass_below_the_load_cell_is_taken_off(absorber):
+    campaign = absorber[0]
+    found = [
+        fit.local_fit(frfs_of(campaign["bare"], recipe.EstimateTable(mount_mass=mass))[0], 499.0)
+        for mass in (work_table_shaker.SHAKER.mount_mass, 0.0)
+    ]
+    assert found[0].natural_frequency == pytest.approx(499.0, abs=0.02)
+    assert 100 * found[0].damping_ratio == pytest.approx(0.638, abs=0.003)
+    assert found[1].natural_frequency < 498.8
+
+
+def test_the_dead_mass_lowers_the_frequency_as_the_sliding_beam_does(absorber):
+    campaign = absorber[0]
+    settings = recipe.EstimateTable(mount_mass=work_table_shaker.SHAKER.mount_mass)
+    mass_only = fit.local_fit(frfs_of(campaign["dead_mass"], settings)[0], 493.0)
+    place = work_table.bare(dict(enumerate(work_table.ABSORBER.places, 1)))
+    shapes = np.real(place.shapes[:, 3])
+    assert place.natural_frequencies[3] == pytest.approx(499.0)
+    predicted = 499.0 * (1 - 0.5 * work_table.ABSORBER.mass / 2 * np.sum(shapes**2))
+    assert mass_only.natural_frequency - 499 == pytest.approx(predicted - 499, rel=0.3)
+    assert absorber[2][0].chart.frequency[-1, 0] == pytest.approx(mass_only.natural_frequency, abs=3)
+
+
+def test_a_fast_sweep_misreads_the_joint_and_says_so(absorber):
+    campaign, told, maps = absorber
+    chart = maps[0].chart
+    slow, fast = campaign["chirp_16s"], campaign["chirp_1s"]
+    frfs = [frfs_of(run, told.estimate)[0] for run in (slow, fast)]
+    assert len(frfs[0].frequencies) > 10 * len(frfs[1].frequencies)
+    found = fit.local_fit(frfs[0].band(440, 540), 491.0)
+    stepped = chart.damping[5, 3]
+    assert found.damping_ratio == pytest.approx(stepped, rel=0.15)
+    for run, held in zip((slow, fast), (found, found), strict=True):
+        rate, limit, findings = estimate.sweep_rate(
+            run.recordings[0], held.natural_frequency, held.damping_ratio, friction=True, periodic=True
+        )
+        assert rate == pytest.approx(650 / run.condition.excitation.period, rel=0.1)
+        assert bool(findings) == (rate > limit)
+    assert findings[0].code == "sweep-rate" and "sign of the error" in findings[0].message
