@@ -89,11 +89,11 @@ _NAMES = {
 
 __all__ = [
     "Blow", "ContactCurve", "Coulomb", "Dahl", "Fault", "FrictionRig", "Iwan", "LuGre", "Masing", "ParallelMasing",
-    "PowerContact", "RandomShakers", "RecordedForces", "RegularisedMasing", "RingCell", "RovingHammer", "Shaker", "SnapBack",
-    "SteppedSine", "SweptShaker", "Unilateral", "VirtualRig", "assemble", "backbone", "beam", "controlled_snapback",
-    "damping_map", "double_beam", "frf", "hammer_pulse", "identify", "loop", "measured_loop", "own_contact",
-    "plate_matrices", "preload", "register_law", "resonance", "respond", "snapback", "snapback_reference",
-    "stepped_sine", "swept_sine",
+    "PowerContact", "RandomShakers", "RecordedForces", "RegularisedMasing", "RingCell", "RovingHammer", "Shaker",
+    "SnapBack", "SteppedSine", "SweptShaker", "Unilateral", "VirtualRig", "assemble", "backbone", "beam",
+    "controlled_snapback", "damping_map", "double_beam", "frf", "hammer_pulse", "identify", "loop", "measured_loop",
+    "own_contact", "plate_matrices", "preload", "register_law", "resonance", "respond", "snapback",
+    "snapback_reference", "stepped_sine", "swept_sine",
 ]  # fmt: skip
 
 
