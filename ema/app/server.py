@@ -15,7 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 from ema.app import views
 from ema.app.state import Workbench
 from ema.errors import EmaError, FailureError, InputError, require
-from ema.show.motion import script
+from ema.show.moving import script
 
 LOCAL = "127.0.0.1"
 _LARGEST = 1_000_000

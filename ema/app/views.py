@@ -11,7 +11,7 @@ import numpy as np
 from ema.app.state import Workbench
 from ema.errors import InputError
 from ema.fit import cmif
-from ema.show.motion import moving_shapes
+from ema.show.moving import moving_shapes
 from ema.show.style import frf_label
 
 _MOST_LINES = 3000

@@ -8,7 +8,7 @@ from typing import Any
 
 from ema.report.blocks import Animation
 from ema.report.document import Document
-from ema.show.motion import script as motion_script
+from ema.show.moving import script as motion_script
 
 _NO_LETTERS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 

@@ -4,7 +4,7 @@ import json
 
 from ema.data import Geometry, ModalModel
 from ema.report.blocks import Animation
-from ema.show.motion import moving_shapes
+from ema.show.moving import moving_shapes
 
 
 def animation(model: ModalModel, geometry: Geometry, run: str) -> Animation | None:
