@@ -116,4 +116,6 @@ def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports are drawn elsewhere: here a blank page will do."""
     import ema.report
 
-    monkeypatch.setattr(ema.report, "write", lambda result, path, formats=(): Path(path).write_text("blank"), raising=False)
+    monkeypatch.setattr(
+        ema.report, "write", lambda result, path, formats=(): Path(path).write_text("blank"), raising=False
+    )
