@@ -164,7 +164,7 @@ class FrictionRig(Rig):
         for frequency in drive.frequencies:
             taken, start = shaker.taken(frequency), branch.start(frequency)
             for _ in range(_ROUNDS):
-                held = condensed.at(force, condensed.limits)
+                solved, held = force, condensed.at(force, condensed.limits)
                 point = held.solve(frequency, start)
                 if point is None:
                     raise InputError("no steady state was found", where=self.name, got=f"{frequency:g} Hz",
@@ -177,8 +177,9 @@ class FrictionRig(Rig):
                 if abs(coil / drive.level - 1) < _COIL:
                     break
                 force *= drive.level / coil
+            assert point is not None
             branch.add(point)
-            states.append((force, condensed.orders(point.count), values))
+            states.append((solved, condensed.orders(point.count), values))
         return states
 
     @cached_property
