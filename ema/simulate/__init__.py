@@ -1,7 +1,10 @@
 """The friction-beam simulator and the virtual rig."""
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from ema.simulate.kernel_cache import drop_stale
 
 if TYPE_CHECKING:
     from ema.elements import beam, double_beam, plate_matrices
@@ -40,6 +43,8 @@ if TYPE_CHECKING:
     from ema.simulate.transient import respond, snapback
     from ema.simulate.virtual import VirtualRig
     from ema.simulate.waveforms import hammer_pulse, stepped_sine, swept_sine
+
+drop_stale(Path(__file__).parent)
 
 _NAMES = {
     "Blow": "inputs",
