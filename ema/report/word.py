@@ -40,9 +40,10 @@ def _widths(table: Table) -> list[int]:
     from docx.shared import Cm
 
     columns = list(zip(table.columns, *(row for row in table.rows), strict=False))[: table.shown]
-    weights = [
-        min(40, max(6, *(len(str(cell)) for cell in column[1:]), len(str(column[0])) // 2)) for column in columns
-    ]
+    weights = []
+    for head, *cells in columns:
+        longest = max((len(word) + 2 for word in str(head).split()), default=0)
+        weights.append(max(6, longest, min(40, max((len(str(cell)) + 1 for cell in cells), default=0))))
     return [int(Cm(_TEXT_WIDTH * weight / sum(weights))) for weight in weights]
 
 
@@ -140,6 +141,8 @@ class _Writer:
         from docx.shared import Cm
 
         table = self._file.add_table(0, 2)
+        table.autofit = False
+        table.columns[0].width, table.columns[1].width = Cm(3.0), Cm(_TEXT_WIDTH - 3.0)
         for label, value in facts:
             cells = table.add_row().cells
             cells[0].width, cells[1].width = Cm(3.0), Cm(_TEXT_WIDTH - 3.0)

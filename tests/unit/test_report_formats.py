@@ -153,7 +153,7 @@ def test_equal_results_give_equal_word_files(tmp_path: Path):
 def test_moving_shapes_are_those_of_the_model(result: StudyResult, reports: Path):
     told = json.loads(Page(reports / "r.html").scripts[0])
     model = result.runs[0].modes
-    assert told["modes"][0].startswith("1: 240 Hz, 0.100 %")
+    assert told["modes"][0].startswith("1: 240 Hz, 0.1 %")
     numbers = np.frombuffer(base64.b64decode(told["shapes"][1]), "<i2").reshape(2, -1, 3) / 32000
     expected = model.shapes[:, 1].real / np.abs(model.shapes[:, 1]).max()
     sign = np.sign(numbers[0, 0, 2] * expected[0])
