@@ -45,7 +45,7 @@ def moving_shapes(model: ModalModel, geometry: Geometry) -> dict[str, Any]:
 
 def script() -> str:
     """JavaScript with the function ``moveShapes(viewer, content)``."""
-    return (files("ema.show") / "motion.js").read_text(encoding="utf-8")
+    return (files("ema.show") / "moving.js").read_text(encoding="utf-8")
 
 
 def _encoded(shape: Complex[np.ndarray, "n 3"]) -> str:

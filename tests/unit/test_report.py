@@ -284,7 +284,7 @@ def test_nothing_is_fetched_and_only_our_script_runs(page: Page):
     assert "link" not in page.tags and "iframe" not in page.tags
     *data, script = page.scripts
     assert [len(json.loads(each)["shapes"]) for each in data] == [4, 4]
-    assert script.startswith((files("ema.show") / "motion.js").read_text(encoding="utf-8"))
+    assert script.startswith((files("ema.show") / "moving.js").read_text(encoding="utf-8"))
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     assert f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{allowed}'" in (
         html.unescape(page.source)

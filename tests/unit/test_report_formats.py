@@ -188,3 +188,12 @@ def test_a_place_that_cannot_be_written_is_said(tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(FailureError, match="cannot be written"):
         ema.report.write(study((), None), tmp_path / "file" / "r.docx")
+
+
+def test_moving_shapes_hide_no_picture():
+    """A module of a room must not take the name of one of its functions."""
+    import ema.show
+    import ema.show.moving
+
+    for name in ema.show.__all__:
+        assert callable(getattr(ema.show, name)), name

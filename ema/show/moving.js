@@ -1,5 +1,5 @@
 "use strict";
-// Mode shapes that move: `viewer` holds a canvas, a select, a button and a range; `told` are the numbers of ema.show.motion.
+// Mode shapes that move: `viewer` holds a canvas, a select, a button and a range; `told` are the numbers of ema.show.moving.
 function moveShapes(viewer, told) {
   const canvas = viewer.querySelector("canvas"), pen = canvas.getContext("2d");
   const choice = viewer.querySelector("select"), button = viewer.querySelector("button"), size = viewer.querySelector("input");
