@@ -104,7 +104,8 @@ class Window:
         self.page.wait_for_selector(f"body[data-revision='{revision}']", timeout=30000)
 
     def modes(self) -> list[int]:
-        return [round(float(row.split("\t")[1])) for row in self.page.locator("#modes tbody tr").all_inner_texts()]
+        cells = self.page.locator("#modes tbody td:nth-child(2)").all_text_contents()
+        return [round(float(cell)) for cell in cells]
 
     def error(self) -> str:
         return self.page.inner_text("#what") if self.page.is_visible("#error") else ""
