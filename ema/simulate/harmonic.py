@@ -2,8 +2,9 @@
 
 The structure is condensed on the relative displacements of the contacts, harmonic by harmonic; the unknowns are their
 Fourier coefficients alone. Friction laws without preference of a direction give odd harmonics only. How many are kept
-is decided point by point by an estimate of what more of them would change. Forces of Masing springs over a period are
-integrated in closed form; those of other laws by quadrature that is refined until it no longer matters.
+is decided point by point by what the last ones changed and what a step with more of them would change. Forces of Masing
+springs over a period are integrated in closed form; those of other laws by quadrature, refined until it no longer
+matters.
 """
 
 from collections.abc import Sequence
@@ -24,21 +25,21 @@ _CONVERGED = 1e-9
 _QUADRATURE = 1e-5
 _FINEST = 32
 _YIELDING, _MOST_SHAPES = 0.2, 8
+_SAFETY, _LEAST = 2.0, 0.8
+"""Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
+_FEWEST, _MOST_RUNS = 3, 400
+"""Harmonics of the first try; Newton runs per frequency, after which it counts as one without a steady state."""
 
 
 @dataclass
 class _Point:
-    """A solution at one frequency: amplitudes (contact, 2 H) in m, forces alike in N, losses (contact,) in J per cycle.
-
-    ``wide`` holds more harmonics, as the error estimate sees them.
-    """
+    """A solution at one frequency: amplitudes (contact, 2 H) m, forces alike in N, losses (contact,) in J per cycle."""
 
     omega: float
     amplitudes: np.ndarray
     forces: np.ndarray
     lost: np.ndarray
     error: float
-    wide: np.ndarray
 
     @property
     def count(self) -> int:
@@ -84,7 +85,8 @@ class Condensed:
         self.laws = self.problem.laws.arguments
         self.exact = bool(np.all(self.problem.laws.codes == 0))
         self.members = np.arange(len(self.limits))[:, None].copy()
-        self.odd, self.fine = True, 1
+        self.odd, self.fine, self.left = True, 1, _MOST_RUNS
+        self.rows = np.array([base.row(self.problem.system, dof) for dof in self.problem.outputs])
         self._bases: dict[int, np.ndarray] = {}
         self._coarse: dict[int, _Coarse] = {}
 
@@ -167,6 +169,9 @@ class Condensed:
 
     def _newton(self, omega: float, start: np.ndarray, gains: np.ndarray, level: float = 1.0) -> tuple[Any, ...] | None:
         """Newton's method with slip forces raised by ``level``; ``None`` where it fails."""
+        self.left -= 1
+        if self.left < 0:
+            return None
         found = self._run(omega, start, gains, level, 25)
         return found if found[0] >= 0 else None
 
@@ -210,20 +215,31 @@ class Condensed:
 
     def rough(self, frequency: float, start: np.ndarray | None, count: int) -> _Point | None:
         """Solution with ``count`` harmonics and without an error estimate, to see where the response is large."""
-        omega = 2 * np.pi * frequency
+        omega, self.left = 2 * np.pi * frequency, _MOST_RUNS
         gains = self.gains(omega, count)
         found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
         if found is None:
             found = self._cold_start(omega, gains)
-        return None if found is None else _Point(omega, found[1], found[2], found[4], np.nan, found[1])
+        return None if found is None else _Point(omega, found[1], found[2], found[4], np.nan)
 
     def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
         """Solution at one frequency in Hz with as many harmonics as the tolerance asks for; ``None``: none found.
 
         ``start`` (contact, 2 H): amplitudes of a neighbour. Its number of harmonics is where the search begins.
         """
+        self.left = _MOST_RUNS
+        point = self._solved(frequency, start)
+        for count in (5, 9, 14):
+            # forces that hardly follow the displacement may have no solution with few harmonics
+            if point is None and self.harmonics is None:
+                wider = np.zeros((len(self.limits), 2 * count)) if start is None else _with_harmonics(start, count)
+                point = self._solved(frequency, wider)
+        return point
+
+    def _solved(self, frequency: float, start: np.ndarray | None) -> _Point | None:
+        """As ``solve``, with no fewer harmonics than those of the start."""
         omega = 2 * np.pi * frequency
-        count = self.harmonics or max(2, 0 if start is None else start.shape[1] // 2)
+        count = self.harmonics or max(_FEWEST, 0 if start is None else start.shape[1] // 2)
         point: _Point | None = None
         while True:
             all_gains = self.gains(omega, count + max(min(count, 6), count // 2))
@@ -232,30 +248,68 @@ class Condensed:
             if found is None:
                 found = self._cold_start(omega, gains)
             if found is None:
+                if point is not None and point.error == 1.0:
+                    point.error = self.judged(point)
                 return point
             _, amplitudes, forces, _, lost, slips, _ = found
             if not slips.any():
-                return _Point(omega, amplitudes, forces, lost, 0.0, amplitudes)
+                return _Point(omega, amplitudes, forces, lost, 0.0)
             if not self.exact:
                 lost, blur = self._refined(amplitudes, forces, lost, omega)
                 if blur > _QUADRATURE and self.fine < _FINEST:
                     self.fine, start = 2 * self.fine, amplitudes
                     continue
-            wide, change = self._widened(omega, amplitudes, all_gains)
-            point = _Point(omega, amplitudes, forces, lost, change, wide)
-            if self.harmonics or point.error <= self.tolerance or count >= self.most_orders:
+            before, point = point, _Point(omega, amplitudes, forces, lost, 1.0)
+            start = amplitudes
+            if self.harmonics:
+                point.error = self._doubt(point, self._again(point, all_gains))
                 return point
-            count, start = min(count + max(1, count // 2), self.most_orders), wide
+            if before is not None:
+                point.error = self._doubt(point, before)
+            if point.error <= self.tolerance:
+                start, change = self._widened(point, all_gains)
+                point.error = max(point.error, _SAFETY * change)
+            if point.error <= self.tolerance or count >= self.most_orders:
+                return point
+            count = min(count + max(1, count // 2), self.most_orders)
 
-    def _widened(
-        self, omega: float, amplitudes: np.ndarray, gains: np.ndarray
-    ) -> tuple[Float[np.ndarray, "contact size"], float]:
+    def _doubt(self, point: _Point, other: _Point | None) -> float:
+        """Error estimate of the first harmonic, relative, from a solution with another number of harmonics.
+
+        Small differences come about by chance: never less than a part of the tolerance is stated, and 1 where there is
+        nothing to compare with.
+        """
+        if other is None:
+            return 1.0
+        place = slice(0, 2) if self.odd else slice(2, 4)
+        pairs = ((self.first(point), self.first(other)), (point.amplitudes[:, place], other.amplitudes[:, place]))
+        moved = max(float(np.linalg.norm(a - b)) / max(float(np.linalg.norm(a)), 1e-300) for a, b in pairs)
+        return max(_SAFETY * moved, _LEAST * self.tolerance)
+
+    def _again(self, point: _Point, gains: np.ndarray) -> _Point | None:
+        """The solution with the harmonics of ``gains``, from one with more or fewer."""
+        start = _with_harmonics(point.amplitudes, gains.shape[1])
+        found = self._newton(point.omega, start, gains)
+        return None if found is None else _Point(point.omega, found[1], found[2], found[4], 1.0)
+
+    def judged(self, point: _Point) -> float:
+        """Error estimate of a solution, from one with fewer harmonics and a step with more."""
+        if not np.any(np.abs(point.forces) > 0):
+            return 0.0
+        fewer = self.gains(point.omega, max(1, int(0.7 * point.count)))
+        error = self._doubt(point, self._again(point, fewer) if point.count > 1 else None)
+        if error <= self.tolerance:
+            more = self.gains(point.omega, point.count + max(1, point.count // 2))
+            error = max(error, _SAFETY * self._widened(point, more)[1])
+        return error
+
+    def _widened(self, point: _Point, gains: np.ndarray) -> tuple[Float[np.ndarray, "contact size"], float]:
         """A Newton step with all harmonics of ``gains``, and how much it changes the first one, relative."""
-        count = gains.shape[1]
-        wide = self._run(omega, _with_harmonics(amplitudes, count), gains, 1.0, 0)[1]
+        start, count = point.amplitudes, gains.shape[1]
+        wide = self._run(point.omega, _with_harmonics(start, count), gains, 1.0, 0)[1]
         first = slice(0, 2) if self.odd else slice(2, 4)
-        scale = max(float(np.linalg.norm(amplitudes[:, first])), 1e-300)
-        return wide, float(np.linalg.norm(wide[:, first] - amplitudes[:, first])) / scale
+        scale = max(float(np.linalg.norm(start[:, first])), 1e-300)
+        return wide, float(np.linalg.norm(wide[:, first] - start[:, first])) / scale
 
     def _refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
@@ -272,6 +326,13 @@ class Condensed:
         load[0 if self.odd else 1] += self.load
         orders = self.orders(point.count)
         return np.array([self.moved(point.omega * n, row[:, None])[:, 0] for n, row in zip(orders, load, strict=True)])
+
+    def first(self, point: _Point) -> Complex[np.ndarray, "dof"]:
+        """Complex amplitudes of the first harmonic of the model's outputs."""
+        place = 0 if self.odd else 1
+        forces = point.forces[:, 2 * place] - 1j * point.forces[:, 2 * place + 1]
+        load = self.load - forces @ self.problem.base.slip
+        return np.asarray(self.rows @ self.moved(point.omega, load[:, None])[:, 0])
 
     def outputs(self, point: _Point, rows: np.ndarray) -> Complex[np.ndarray, "dof harmonic"]:
         """Complex amplitudes of output DOFs (dof, mode)."""
@@ -316,9 +377,8 @@ class Branch:
         if not self.last:
             return None
         point = self.last[-1]
-        count = point.count
-        if point.error < 0.2 * self.tolerance:
-            count = max(2, int(0.7 * count))
+        # two numbers of harmonics are compared: begin with fewer than are needed
+        count = max(_FEWEST, int((0.5 if point.error <= _LEAST * self.tolerance else 0.7) * point.count))
         guess = _with_harmonics(point.amplitudes, count)
         if len(self.last) == 2 and self.last[0].omega != point.omega:
             before = self.last[0]
@@ -427,7 +487,8 @@ def _response(
     if not solved.all():
         lost = frequencies[~solved]
         findings.append(Finding("error", "no-steady-state", where, f"no steady state found at {len(lost)} frequencies.",
-                                float(lost[0]), None, "Use the time solver there."))  # fmt: skip
+                                float(lost[0]), None,
+                                "Use the time solver, ema.simulate.respond, or a softer contact there."))  # fmt: skip
     if solved.any() and np.nanmax(error) > condensed.tolerance:
         worst = int(np.nanargmax(error))
         findings.append(Finding("warning", "harmonics", where,

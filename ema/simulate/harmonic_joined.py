@@ -155,15 +155,6 @@ class JoinedCondensed(Condensed):
         finally:
             setattr(self, name, 1.0)
 
-    def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
-        """As for single contacts; a motion with hard contact may have no solution with few harmonics."""
-        point = super().solve(frequency, start)
-        for count in (5, 9, 14):
-            if point is None and self.harmonics is None:
-                wider = np.zeros((len(self.limits), 2 * count)) if start is None else _with_harmonics(start, count)
-                point = super().solve(frequency, wider)
-        return point
-
     def _refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
     ) -> tuple[Float[np.ndarray, "contact"], float]:

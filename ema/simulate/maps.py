@@ -15,6 +15,8 @@ from ema.simulate.harmonic import Branch, Condensed, _Point, check_positive, con
 
 HOMOGENEOUS = ("masing", "parallel masing", "iwan", "regularised masing", "dahl", "coulomb")
 _ROUGH, _COARSE, _RIVAL, _MOST_SUMMITS, _FLAT, _FIRST = 3, 30, 0.8, 2, 0.02, 24
+_APART = 2e-3
+"""Distance of frequencies around a summit that is known from fewer harmonics, relative."""
 
 
 @dataclass(frozen=True)
@@ -92,52 +94,82 @@ def _peak(condensed: Condensed, band: tuple[float, float], coarse: int) -> Reson
 
 
 def _summit(condensed: Condensed, rows: np.ndarray, around: list[float], first: _Point | None) -> Resonance | None:
-    """The summit between neighbouring frequencies, by parabolas through 1/height^2, which is one near a resonance."""
-    found: dict[float, tuple[float, _Point]] = {}
+    """The summit between neighbouring frequencies: found with a third of its harmonics, then with all."""
+    middle, limits = around[len(around) // 2], (around[0], around[-1])
+    start, settled = None if first is None else first.amplitudes, None
+    for frequency in sorted(around, key=lambda f: abs(f - middle)):
+        settled = condensed.solve(frequency, start)
+        if settled is not None:
+            break
+    if settled is None:
+        return None
+    known = {frequency: settled}
+    if settled.count // 3 >= _ROUGH:
+        fewer = _climbed(condensed, rows, {}, around, limits, settled.amplitudes, settled.count // 3)
+        if fewer:
+            best = max(fewer, key=lambda f: _height(condensed, rows, fewer[f]))
+            around = [float(np.clip(best * (1 + step), *limits)) for step in (-_APART, 0, _APART)]
+    found = _climbed(condensed, rows, known, sorted(set(around)), limits, settled.amplitudes, settled.count)
+    best = max(found, key=lambda f: _height(condensed, rows, found[f]))
+    point = found[best]
+    if np.isnan(point.error):
+        point.error = condensed.judged(point)
+        if point.error > condensed.tolerance and point.count < condensed.most_orders:
+            point = condensed.solve(best, point.amplitudes) or point
+    return _resonance(condensed, best, point, rows)
 
-    def height(frequency: float, start: np.ndarray | None, checked: bool = False) -> None:
-        # the number of harmonics is settled at the first place and checked at the last
-        if checked or not found:
-            point = condensed.solve(frequency, start)
-        else:
-            point = condensed.rough(frequency, start, max(known.count for _, known in found.values()))
+
+def _height(condensed: Condensed, rows: np.ndarray, point: _Point) -> float:
+    return float(np.abs(condensed.outputs(point, rows)[0, 0]))
+
+
+def _climbed(
+    condensed: Condensed, rows: np.ndarray, known: dict[float, _Point], around: list[float],
+    limits: tuple[float, float], start: np.ndarray, count: int,
+) -> dict[float, _Point]:  # fmt: skip
+    """Solutions with ``count`` harmonics up to the summit, by parabolas through 1/height^2, nearly one there.
+
+    ``known`` are those made before, ``around`` the frequencies to begin with.
+    """
+    points, heights = dict(known), {f: _height(condensed, rows, point) for f, point in known.items()}
+
+    def look(frequency: float, start: np.ndarray) -> None:
+        point = None if frequency in points else condensed.rough(frequency, start, count)
         if point is not None:
-            found[frequency] = (float(np.abs(condensed.outputs(point, rows)[0, 0])), point)
+            points[frequency], heights[frequency] = point, _height(condensed, rows, point)
 
     middle = around[len(around) // 2]
-    start = None if first is None else first.amplitudes
     for frequency in sorted(around, key=lambda f: abs(f - middle)):
-        height(frequency, start)
-        start = found[middle][1].amplitudes if middle in found else start
+        look(frequency, start)
+        start = points[middle].amplitudes if middle in points else start
     for _ in range(25):
-        places = sorted(found)
-        if not places:
-            return None
-        best = max(places, key=lambda f: found[f][0])
-        index = places.index(best)
-        if index in (0, len(places) - 1):
-            beyond = best + (best - places[1 if index == 0 else -2]) if len(places) > 1 else best
-            if len(places) < 2 or not around[0] <= beyond <= around[-1]:
-                break
-            guess = beyond
-        else:
-            low, high = places[index - 1], places[index + 1]
-            inverse = [1 / found[f][0] ** 2 for f in (low, best, high)]
-            guess = _parabola(low, best, high, *inverse)
-            closest = 5e-5 * best
-            sharp = min(inverse[0], inverse[2]) / inverse[1] - 1
-            if high - low < 4 * closest or (abs(guess - best) < 2 * closest and sharp < _FLAT):
-                break
-            if abs(guess - best) < closest:
-                guess = best + np.copysign(
-                    max(closest, 0.1 * max(high - best, best - low)), (high - best) - (best - low)
-                )
-            guess = float(np.clip(guess, low + 0.05 * (high - low), high - 0.05 * (high - low)))
-        height(float(guess), found[best][1].amplitudes)
-    best = max(found, key=lambda f: found[f][0])
-    if np.isnan(found[best][1].error):
-        height(best, found[best][1].amplitudes, checked=True)
-    return _resonance(condensed, best, found[best][1], rows)
+        places = sorted(points)
+        if len(places) < 2:
+            break
+        best = max(places, key=heights.__getitem__)
+        guess = _next(places, heights, best, limits)
+        if guess is None:
+            break
+        look(guess, points[best].amplitudes)
+    return points
+
+
+def _next(places: list[float], heights: dict[float, float], best: float, limits: tuple[float, float]) -> float | None:
+    """Where to look for the summit next; ``None`` when it is found, or beyond the ``limits``."""
+    index = places.index(best)
+    if index in (0, len(places) - 1):
+        beyond = best + (best - places[1 if index == 0 else -2])
+        return beyond if limits[0] <= beyond <= limits[1] else None
+    low, high = places[index - 1], places[index + 1]
+    inverse = [1 / heights[f] ** 2 for f in (low, best, high)]
+    guess = _parabola(low, best, high, *inverse)
+    closest = 5e-5 * best
+    sharp = min(inverse[0], inverse[2]) / inverse[1] - 1
+    if high - low < 4 * closest or (abs(guess - best) < 2 * closest and sharp < _FLAT):
+        return None
+    if abs(guess - best) < closest:
+        guess = best + np.copysign(max(closest, 0.1 * max(high - best, best - low)), (high - best) - (best - low))
+    return float(np.clip(guess, low + 0.05 * (high - low), high - 0.05 * (high - low)))
 
 
 def _parabola(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:
