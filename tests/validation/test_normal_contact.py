@@ -20,7 +20,6 @@ from ema.simulate import (
     RegularisedMasing,
     Unilateral,
     assemble,
-    damping_map,
     double_beam,
     own_contact,
     preload,
@@ -280,7 +279,5 @@ def test_solvers_that_do_not_follow_normal_contact_say_so():
     model = pressed(Unilateral())
     with pytest.raises(InputError, match="does not follow normal contact"):
         snapback_reference(model, 20.0, TIP, 0.01)
-    with pytest.raises(InputError, match="does not follow normal contact"):
-        damping_map(model, [10.0], [100.0], TIP, TIP, (14.0, 40.0))
     with pytest.raises(InputError, match="does not follow normal contact"):
         respond(model, np.zeros((1, 10)), [TIP], 1e3, [TIP], normal_forces=np.ones((1, 10)))

@@ -1,0 +1,125 @@
+"""`ema compare` as a shell sees it: verdict, status, table, picture and store."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import acquisition
+from ema import store
+from ema.cli.app import app
+from ema.data import MapComparison, ModalModel, ModeComparison, ModelUpdate
+from ema.data.modal import poles_from
+from ema.dof import Dof
+from ema.simulate import damping_map
+
+MODEL = """
+[model]
+name = "small"
+[structure]
+kind = "double beam"
+elements = 2
+[[joints]]
+normal_force = "200 N"
+[law]
+name = "masing"
+friction_coefficient = 0.3
+contact_stiffness = "2e7 N/m"
+[damping]
+ratio = "0.6 %"
+[map]
+force = ["0.5 N", "1 N", "2 N"]
+normal_force = ["30 N", "100 N", "300 N"]
+at = "beam 2:2:+Z"
+output = "beam 1:2:+Z"
+band = ["14 Hz", "60 Hz"]
+"""
+
+
+def call(*words):
+    return CliRunner().invoke(app, ["compare", *(str(word) for word in words)])
+
+
+def modes(frequencies):
+    x = np.arange(1, 9) / 9
+    shapes = np.array([np.sin(np.pi * n * x) for n in (1, 2)]).T.astype(complex)
+    dofs = tuple(Dof(n, "+Z") for n in range(1, 9))
+    return ModalModel(poles_from(np.array(frequencies), np.array([0.01, 0.01])), shapes, dofs, shapes[:1], dofs[:1])
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / "model.toml"
+    path.write_text(MODEL)
+    return path
+
+
+@pytest.fixture
+def measured(model, tmp_path):
+    held = acquisition.open_model(model)
+    truth = held.with_law(replace(held.joints[0].law, friction_coefficient=0.2))
+    chart = damping_map(truth, [0.5, 1.0, 2.0], [30.0, 60.0, 120.0, 240.0], "beam 2:2:+Z", "beam 1:2:+Z", (14.0, 60.0))
+    path = tmp_path / "map.h5"
+    store.save(path, replace(chart, damping_std=0.01 * chart.damping, frequency_std=1e-4 * chart.frequency))
+    return path
+
+
+def test_two_files_of_modes(tmp_path):
+    store.save(tmp_path / "a.h5", modes([10.0, 40.0]))
+    store.save(tmp_path / "b.h5", modes([10.1, 40.2]))
+    store.save(tmp_path / "c.h5", modes([14.0, 40.2]))
+    good = call(tmp_path / "a.h5", tmp_path / "b.h5", "--out", tmp_path / "good")
+    assert good.exit_code == 0, good.output
+    assert "The model agrees." in good.output
+    assert isinstance(store.load(tmp_path / "good/comparison.h5")["comparison"], ModeComparison)
+    assert (tmp_path / "good/modes.csv").read_text().count("\n") == 3
+    bad = call(tmp_path / "a.h5", tmp_path / "c.h5", "--out", tmp_path / "bad", "--json")
+    assert bad.exit_code == 1
+    told = json.loads(bad.output)
+    assert told["agrees"] is False
+    assert told["tables"]["modes"][0]["MAC"] == pytest.approx(1)
+
+
+def test_a_map_against_a_model_before_and_after_an_update(measured, model, tmp_path):
+    before = call(measured, model, "--out", tmp_path / "before")
+    assert before.exit_code == 1, before.output
+    assert "The model does not agree." in before.output
+    # in a process of its own, which spares the search the shape checker
+    command = [Path(sys.executable).with_name("ema"), "compare", measured, model, "--update", "friction_coefficient"]
+    after = subprocess.run([*command, "--out", tmp_path / "after", "--json"], capture_output=True, text=True)
+    assert after.returncode == 0, after.stdout + after.stderr
+    (row,) = json.loads(after.stdout)["tables"]["parameters"]
+    assert row["value"] == pytest.approx(0.2, rel=0.02)
+    assert row["low"] < row["value"] < row["high"]
+    kept = store.load(tmp_path / "after/comparison.h5")
+    assert isinstance(kept["update"], ModelUpdate)
+    assert isinstance(kept["comparison"], MapComparison)
+    assert kept["model"].joints[0].law.friction_coefficient == pytest.approx(row["value"])
+    assert (tmp_path / "after/map_comparison.png").stat().st_size > 10_000
+
+
+def test_two_maps(measured, tmp_path):
+    same = call(measured, measured, "--out", tmp_path / "same")
+    assert same.exit_code == 0, same.output
+
+
+def test_bad_input_is_one_sentence(measured, model, tmp_path):
+    store.save(tmp_path / "a.h5", modes([10.0, 40.0]))
+    bare = tmp_path / "bare.toml"
+    bare.write_text(MODEL[: MODEL.index("[map]")])
+    for words, said in (
+        ((tmp_path / "none.h5", model), "no such file"),
+        ((tmp_path / "a.h5", measured), "modes cannot be compared with a map"),
+        ((tmp_path / "a.h5", model), "a model file is compared with a map"),
+        ((measured, bare), "the model file has no [map]"),
+        ((measured, measured, "--update", "exponent"), "only a model file has parameters"),
+        ((measured, model, "--update", "mu"), "an unknown parameter"),
+    ):
+        ended = call(*words, "--out", tmp_path / "out")
+        assert ended.exit_code == 2, ended.output
+        assert said in " ".join(ended.output.split())
