@@ -178,14 +178,12 @@ def test_the_dead_mass_lowers_the_frequency_as_the_sliding_beam_does(absorber):
     assert absorber[2][0].chart.frequency[-1, 0] == pytest.approx(mass_only.natural_frequency, abs=3)
 
 
-def test_a_fast_sweep_misreads_the_joint_and_says_so(absorber):
-    campaign, told, maps = absorber
-    chart = maps[0].chart
+def test_a_fast_sweep_says_that_it_is_too_fast(absorber):
+    campaign, told, _ = absorber
     slow, fast = campaign["chirp_16s"], campaign["chirp_1s"]
     frfs = [frfs_of(run, told.estimate)[0] for run in (slow, fast)]
     assert len(frfs[0].frequencies) > 10 * len(frfs[1].frequencies)
     found = fit.local_fit(frfs[0].band(440, 540), 491.0)
-    assert found.natural_frequency == pytest.approx(chart.frequency[5, 3], abs=3)
     for run, held in zip((slow, fast), (found, found), strict=True):
         rate, limit, findings = estimate.sweep_rate(
             run.recordings[0], held.natural_frequency, held.damping_ratio, friction=True, periodic=True
