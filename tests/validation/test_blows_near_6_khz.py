@@ -47,6 +47,7 @@ def test_a_model_with_the_small_mode_does_not(frfs):
     for low, high in ((5900, 6040), (5850, 6030)):
         band = frfs.band(low, high)
         modes = fit.modes(band, fit.stabilise(band), near=[5969.6, 5983.7])
-        assert modes.natural_frequencies[0] == pytest.approx(5969.6, abs=0.15)
+        # the tolerance of the listed value, less than a third of what one pole scatters; windows differ by 0.2 Hz
+        assert modes.natural_frequencies[0] == pytest.approx(5969.6, abs=0.3)
         assert modes.natural_frequencies[1] == pytest.approx(5983.7, abs=0.5)
         assert modes.damping_ratios[0] == pytest.approx(0.00097, rel=0.05)
