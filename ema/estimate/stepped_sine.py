@@ -100,9 +100,7 @@ def _stays(record: Recording, rows: list[int], period: float, where: str) -> lis
     return [signals[:, a:b] for a, b in pairwise(edges)]
 
 
-def _settled(
-    signals: Float[np.ndarray, "channel sample"], start: int, where: str
-) -> Float[np.ndarray, "channel kept"]:
+def _settled(signals: Float[np.ndarray, "channel sample"], start: int, where: str) -> Float[np.ndarray, "channel kept"]:
     kept = signals[:, start:]
     if kept.shape[1] < 16:
         raise InputError("nothing is left of the record", where=where, got=f"{kept.shape[1]} samples behind the first "
