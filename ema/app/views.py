@@ -67,7 +67,7 @@ def poles(bench: Workbench) -> dict[str, Any]:
     if table is None:
         return {"missing": "There is no stabilisation diagram: the modes were not found through model orders."}
     inside = run.frfs.band(*table.band)
-    lines = _few(inside.frequencies, np.asarray(cmif(inside)))  # type: ignore[operator]  # the module of that name
+    lines = _few(inside.frequencies, np.asarray(cmif(inside)))
     return {
         "frequency": numbers(table.natural_frequencies), "order": table.order.tolist(),
         "damping": numbers(100 * table.damping_ratios, 4), "letter": table.letter.tolist(),

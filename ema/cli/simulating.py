@@ -166,9 +166,7 @@ def snapback(
 @ends_well
 def frf(
     model: ModelPath,
-    force: Annotated[
-        list[float] | None, typer.Option("--force", help="Force amplitude in N (may be repeated).")
-    ] = None,
+    force: ForceLevels = None,
     normal_force: NormalForce = None,
     out: Out = None,
     json: Json = False,
@@ -187,9 +185,7 @@ def frf(
 @ends_well
 def damping_map(
     model: ModelPath,
-    force: Annotated[
-        list[float] | None, typer.Option("--force", help="Force amplitude in N (may be repeated).")
-    ] = None,
+    force: ForceLevels = None,
     normal_force: NormalForce = None,
     out: Out = None,
     json: Json = False,

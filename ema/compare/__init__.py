@@ -4,10 +4,10 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {
-    "maps": "ema.compare.maps",
+    "maps": "ema.compare.damping_maps",
     "measure": "ema.compare.replay",
-    "modes": "ema.compare.modes",
-    "signals": "ema.compare.signals",
+    "modes": "ema.compare.pairing",
+    "signals": "ema.compare.decays",
     "update": "ema.compare.fitting",
 }
 _HOME |= dict.fromkeys(("conditions", "difference", "repeat_findings", "repeats"), "ema.compare.scatter")
@@ -19,7 +19,4 @@ __all__ = list(_HOME)
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'ema.compare' has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
-    # The verb shares its name with its module, which the import has just put here.
-    globals()[name] = value
-    return value
+    return getattr(import_module(_HOME[name]), name)

@@ -171,7 +171,7 @@ def _point(
     like: ModalMap,
 ) -> tuple[float, float, float, float]:  # fmt: skip
     """Frequency, damping, modal amplitude and misfit of one condition."""
-    from ema.fit.track import track
+    from ema.fit.tracking import track
     from ema.simulate.harmonic import frf
     from ema.simulate.maps import resonance
 

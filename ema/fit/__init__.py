@@ -5,17 +5,17 @@ from typing import Any
 
 _HOME = {
     "circle_fit": "ema.fit.nyquist",
-    "cmif": "ema.fit.cmif",
+    "cmif": "ema.fit.indicators",
     "era": "ema.fit.eigensystem",
     "local_fit": "ema.fit.single",
-    "mode_indicator": "ema.fit.cmif",
-    "modes": "ema.fit.modes",
-    "multivariate_mode_indicator": "ema.fit.cmif",
+    "mode_indicator": "ema.fit.indicators",
+    "modes": "ema.fit.modal",
+    "multivariate_mode_indicator": "ema.fit.indicators",
     "peak_picking": "ema.fit.peaks",
-    "reconstruction_error": "ema.fit.modes",
+    "reconstruction_error": "ema.fit.modal",
     "second_opinion": "ema.fit.opinion",
-    "stabilise": "ema.fit.stabilise",
-    "track": "ema.fit.track",
+    "stabilise": "ema.fit.stabilisation",
+    "track": "ema.fit.tracking",
 }
 
 __all__ = list(_HOME)
@@ -24,7 +24,4 @@ __all__ = list(_HOME)
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'ema.fit' has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
-    # The verb shares its name with its module, which the import has just put here.
-    globals()[name] = value
-    return value
+    return getattr(import_module(_HOME[name]), name)

@@ -9,10 +9,10 @@ if TYPE_CHECKING:
     from ema.place.model import model_at
     from ema.place.objective import Objective, recommended_forces
     from ema.place.predictor import predict
+    from ema.place.ranking import rank, search
     from ema.place.recommend import distribute
-    from ema.place.search import rank, search
+    from ema.place.shortlist import verify
     from ema.place.task import Task
-    from ema.place.verify import verify
 
 _NAMES = {
     "Objective": "objective",
@@ -22,10 +22,10 @@ _NAMES = {
     "grid": "candidates",
     "model_at": "model",
     "predict": "predictor",
-    "rank": "search",
+    "rank": "ranking",
     "recommended_forces": "objective",
-    "search": "search",
-    "verify": "verify",
+    "search": "ranking",
+    "verify": "shortlist",
 }
 
 __all__ = [
@@ -36,8 +36,5 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _NAMES:
-        value = getattr(import_module(f"ema.place.{_NAMES[name]}"), name)
-        # verbs share their names with modules, which the import has just put here
-        globals()[name] = value
-        return value
+        return getattr(import_module(f"ema.place.{_NAMES[name]}"), name)
     raise AttributeError(f"module 'ema.place' has no attribute {name!r}")

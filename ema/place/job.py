@@ -12,8 +12,8 @@ from ema.data.placement import Placement
 from ema.errors import InputError
 from ema.place.candidates import grid
 from ema.place.control import control_study
+from ema.place.ranking import search
 from ema.place.recipe import PlaceRecipe
-from ema.place.search import search
 from ema.place.task import Task
 from ema.progress import Progress, silent
 from ema.shapes import smooth

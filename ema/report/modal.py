@@ -27,7 +27,7 @@ def stabilisation(run: RunResult, book: Book) -> list[Block]:
     poles, name = run.poles, run.run.id
     if poles is None:
         return _missing("There is no stabilisation diagram: the modes were not found through model orders.")
-    behind = cmif(run.frfs)  # type: ignore[operator]  # the type checker takes the module of that name
+    behind = cmif(run.frfs)
     figure = show.stabilisation(poles, run.modes, run.frfs.frequencies, behind)
     named = [short(frequency) for frequency in run.modes.natural_frequencies[:_MOST_NAMED]]
     more = len(run.modes.poles) - len(named)

@@ -1,5 +1,6 @@
 """What drives a virtual structure, as spectra for linear and as time series for structures with friction."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,26 @@ from ema.data import Excitation, Recording
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.waveforms import half_sine, hammer_pulse, stepped_sine, swept_sine
+
+
+class Waveform(ABC):
+    """An excitation that is known as a time series: its spectra are the transforms of that."""
+
+    @abstractmethod
+    def series(
+        self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "in sample"]:
+        """Forces in N of one record."""
+
+    def spectra(
+        self, take: int, frequencies: Float[np.ndarray, "freq"], sampling_rate: float, rng: np.random.Generator
+    ) -> Complex[np.ndarray, "in freq"]:
+        """Fourier transforms in N s of the forces of one record."""
+        from scipy.fft import rfft
+
+        size = 2 * (len(frequencies) - 1)
+        signals = self.series(take, np.arange(size // 2) / sampling_rate, rng)
+        return np.asarray(rfft(signals, size, axis=1) / sampling_rate)
 
 
 @dataclass(frozen=True)
@@ -125,7 +146,7 @@ class RovingHammer:
 
 
 @dataclass(frozen=True)
-class RandomShakers:
+class RandomShakers(Waveform):
     """Shakers that drive all ``points`` at once with independent random forces of ``level`` N (rms) in ``band`` Hz."""
 
     points: tuple[Dof, ...]
@@ -143,16 +164,6 @@ class RandomShakers:
         """Where the forces act."""
         return self.points
 
-    def spectra(
-        self, take: int, frequencies: Float[np.ndarray, "freq"], sampling_rate: float, rng: np.random.Generator
-    ) -> Complex[np.ndarray, "in freq"]:
-        """Fourier transforms in N s of the forces of one record."""
-        from scipy.fft import rfft
-
-        size = 2 * (len(frequencies) - 1)
-        signals = self.series(take, np.arange(size // 2) / sampling_rate, rng)
-        return np.asarray(rfft(signals, size, axis=1) / sampling_rate)
-
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
     ) -> Float[np.ndarray, "in sample"]:
@@ -168,7 +179,7 @@ class RandomShakers:
 
 
 @dataclass(frozen=True)
-class SweptShaker:
+class SweptShaker(Waveform):
     """One shaker whose force of ``level`` N (amplitude) sweeps linearly through ``band`` Hz in ``sweep_time`` s.
 
     It does so ``sweeps`` times without a pause (a periodic chirp); the record goes on for ``duration`` s in all.
@@ -190,16 +201,6 @@ class SweptShaker:
     def dofs(self, take: int) -> tuple[Dof, ...]:
         """Where the force acts."""
         return (self.point,)
-
-    def spectra(
-        self, take: int, frequencies: Float[np.ndarray, "freq"], sampling_rate: float, rng: np.random.Generator
-    ) -> Complex[np.ndarray, "in freq"]:
-        """Fourier transform in N s of the force of one record."""
-        from scipy.fft import rfft
-
-        size = 2 * (len(frequencies) - 1)
-        signal = self.series(take, np.arange(size // 2) / sampling_rate, rng)
-        return np.asarray(rfft(signal, size, axis=1) / sampling_rate)
 
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
@@ -264,7 +265,7 @@ class SteppedSine:
 
 
 @dataclass(frozen=True)
-class RecordedForces:
+class RecordedForces(Waveform):
     """Forces that were recorded elsewhere (N, at the reference channels of the recordings) and are applied again."""
 
     recordings: Sequence[Recording]
@@ -299,16 +300,6 @@ class RecordedForces:
         recording = self.recordings[take]
         channels = [recording.channels[row] for row in self._rows(recording)]
         return tuple(channel.dof for channel in channels if channel.dof is not None)
-
-    def spectra(
-        self, take: int, frequencies: Float[np.ndarray, "freq"], sampling_rate: float, rng: np.random.Generator
-    ) -> Complex[np.ndarray, "in freq"]:
-        """Fourier transform in N s of the forces of one record."""
-        from scipy.fft import rfft
-
-        size = 2 * (len(frequencies) - 1)
-        signals = self.series(take, np.arange(size // 2) / sampling_rate, rng)
-        return np.asarray(rfft(signals, size, axis=1) / sampling_rate)
 
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator

@@ -1,5 +1,6 @@
 """What every virtual rig has: channels, records, and what sensors and front ends add to the signals."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -42,7 +43,7 @@ def anti_alias(frequencies: Float[np.ndarray, "freq"], sampling_rate: float) -> 
 
 
 @dataclass(frozen=True)
-class Rig:
+class Rig(ABC):
     """A structure, its excitation, and the sensors and front end that record it; subclasses know how it moves.
 
     Parameters
@@ -119,7 +120,7 @@ class Rig:
         for number in range(self.drive.takes):
             yield self.take(number)
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - a rig may hold something, most hold nothing
         """Nothing to give back."""
 
     def take(self, number: int) -> Recording:
@@ -138,9 +139,9 @@ class Rig:
             overloads=overloads, name=f"{self.name} {' '.join(map(str, self.drive.dofs(number)))}",
         )  # fmt: skip
 
+    @abstractmethod
     def signals(self, number: int, rng: np.random.Generator) -> Float[np.ndarray, "channel sample"]:
         """What the structure does in one record: forces, responses, ring cells."""
-        raise NotImplementedError
 
     def _ring(
         self, ring: RingCell, pressing: float | Float[np.ndarray, "sample"], rng: np.random.Generator

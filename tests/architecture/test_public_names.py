@@ -4,12 +4,14 @@ Run with ``EMA_WRITE_PUBLIC_NAMES=1`` to write ``public_names.txt`` anew, and re
 """
 
 import os
+import pkgutil
 from importlib import import_module
+from inspect import ismodule
 from pathlib import Path
 
 ROOMS = (
-    "ema", "ema.data", "ema.estimate", "ema.fit", "ema.report", "ema.shapes", "ema.show", "ema.simulate", "ema.store",
-    "ema.study", "acquisition",
+    "ema", "ema.app", "ema.compare", "ema.data", "ema.elements", "ema.estimate", "ema.fit", "ema.place", "ema.report",
+    "ema.shapes", "ema.show", "ema.simulate", "ema.store", "ema.study", "acquisition",
 )  # fmt: skip
 SNAPSHOT = Path(__file__).with_name("public_names.txt")
 
@@ -27,3 +29,12 @@ def test_every_public_name_can_be_had():
         module = import_module(room)
         for name in module.__all__:
             assert getattr(module, name) is not None
+
+
+def test_no_module_bears_the_name_of_a_public_verb():
+    """Importing a module sets its name in its package: a function of that name would be gone."""
+    for room in ROOMS:
+        package = import_module(room)
+        for module in pkgutil.iter_modules(package.__path__):
+            if module.name in package.__all__:
+                assert ismodule(getattr(package, module.name)), f"{room}.{module.name} is both a module and a function"

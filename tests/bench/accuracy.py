@@ -7,7 +7,6 @@ numbers and writes nothing. Seeds are drawn at run time and printed.
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ import numpy as np
 import ema.fit
 from acquisition.datasets import dataset_folder
 from ema.data import FrfSet
+from ema.fit import modal
 from ema.study import Study, chain, expectations
 from tests.bench import draws, halves
 from tests.bench.cases import Case, case_160, case_small
@@ -181,12 +181,10 @@ def residues(kept: Kept, count: int, noise: float = 0.01) -> dict:
 def cost(kept: Kept, count: int) -> dict:
     """Processor time of poles, of the selection, and of what follows, on the 160-FRF case."""
     seed = kept.seed("cost")
-    _ = ema.fit.modes  # the verb hides the module of its name
-    module = sys.modules["ema.fit.modes"]
 
     def make(number: int) -> dict:
         frfs = case_160(noise=0.01, seed=seed + number).frfs
-        return min((_timed(module, frfs) for _ in range(3)), key=lambda one: one["poles"] + one["modes"])
+        return min((_timed(modal, frfs) for _ in range(3)), key=lambda one: one["poles"] + one["modes"])
 
     return {"seed": seed, "runs": kept.items("cost", count, make)}
 

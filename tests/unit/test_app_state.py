@@ -22,6 +22,7 @@ from ema.cli.browsing import Keeper, workbench
 from ema.data import Condition, Excitation, JointForce, ModalMap, StudyResult
 from ema.errors import FailureError, InputError
 from ema.study import Study
+from tests.timing import slowness
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +114,7 @@ def test_a_picked_mode_follows_within_half_a_second_on_160_frfs(root: Path):
         bench.drop(0)
         poles(bench), motion(bench), matrix(bench), frf(bench, 0, 0), overview(bench)
         told.append(time.process_time() - start)
-    assert min(told) < 1.0  # with all shapes checked, as in every test; half of it without
+    assert min(told) < 1.0 * slowness()  # with all shapes checked, as in every test; half of it without
 
 
 def test_wrong_picks_are_refused_and_change_nothing(bench: Workbench):

@@ -67,7 +67,7 @@ def test_finished_places_are_kept_and_taken_up_again(done, monkeypatch):
     def fail(question):
         raise AssertionError("computed again")
 
-    monkeypatch.setattr("ema.place.verify.answer", fail)
+    monkeypatch.setattr("ema.place.shortlist.answer", fail)
     again = run(str(recipe), "--output", str(folder / "out"), "--resume", "--json")
     assert again.exit_code == 0, again.output
     assert json.loads(again.stdout)["places"] == json.loads(first.stdout)["places"]

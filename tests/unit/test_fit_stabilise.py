@@ -8,7 +8,7 @@ import pytest
 from ema.data import poles_from
 from ema.errors import CancelledError, InputError
 from ema.fit import stabilise
-from ema.fit.stabilise import TOLERANCES, _letters
+from ema.fit.stabilisation import TOLERANCES, _letters
 from tests.unit.fit_rig import frfs, model
 
 

@@ -30,6 +30,7 @@ from ema.simulate import (
 )  # fmt: skip
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
+from tests.timing import slowness
 
 TIP = Dof(8, "+Z", "beam 2")
 SENSOR = Dof(8, "+Z", "beam 1")
@@ -186,7 +187,7 @@ def test_a_roving_hammer_over_a_table_is_affordable():
     rig.take(0)
     start = time.process_time()
     record = rig.take(1)
-    assert (time.process_time() - start) * 80 < 120
+    assert (time.process_time() - start) * 80 < 120 * slowness()
     assert record.signals.shape == (5, round(4096 * 5.6)) and isinstance(rig, Source)
     assert np.array_equal(rig.take(1).signals, record.signals)
 

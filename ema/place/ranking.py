@@ -11,8 +11,8 @@ from ema.place.flags import about_holes, about_points, flags, shifts
 from ema.place.intervals import samples
 from ema.place.objective import Objective, of_rows, recommended_forces, scores
 from ema.place.predictor import motions
+from ema.place.shortlist import verify
 from ema.place.task import Task, only, predicted
-from ema.place.verify import verify
 from ema.progress import Progress, advance, silent
 
 
