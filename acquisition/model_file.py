@@ -61,6 +61,7 @@ def _as_dof(value: Any) -> Any:
 Length = Annotated[float, _in_si("displacement"), Field(gt=0)]
 HalfHeight = Annotated[float, _in_si("displacement"), Field(ge=0)]
 Modulus = Annotated[float, _in_si("pressure"), Field(gt=0)]
+Mass = Annotated[float, _in_si("mass"), Field(gt=0)]
 Density = Annotated[float, _in_si("density"), Field(gt=0)]
 Force = Annotated[float, _in_si("force")]
 NormalForce = Annotated[float, _in_si("force"), Field(ge=0)]

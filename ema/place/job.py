@@ -16,7 +16,7 @@ from ema.place.ranking import search
 from ema.place.recipe import PlaceRecipe
 from ema.place.task import Task
 from ema.progress import Progress, silent
-from ema.shapes import smooth
+from ema.shapes import smooth, with_rigid_body
 
 _FAR = 0.05
 
@@ -48,7 +48,7 @@ def place(
         names = ", ".join(joint.joint for joint in bare.condition.joints)
         raise InputError("these modes were measured with a friction beam", where=where, got=f"joints {names}",
                          expected="the structure without the beam", advice="choose the bare run")  # fmt: skip
-    bare = _elastic(bare)
+    bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
     modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
     if len(set(modes)) < len(modes):
         raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
@@ -77,7 +77,8 @@ def place(
         )  # fmt: skip
     return Placement(
         recipe.title or f"Friction beam on {where}", ranking, surface.origin, surface.axes, surface.extent,
-        surface.points, recipe.keep_out(), _warning(verdict), study, (*ranking.findings, *_about_verdict(verdict)),
+        surface.points, recipe.keep_out(), _warning(verdict), study,
+        (*ranking.findings, *hung, *_about_verdict(verdict)),
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
     )  # fmt: skip
 

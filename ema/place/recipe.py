@@ -14,6 +14,7 @@ from acquisition.model_file import (
     HalfHeight,
     LawTable,
     Length,
+    Mass,
     Modulus,
     Place,
     Ratio,
@@ -91,6 +92,7 @@ class ControlTable(Table):
 class PlaceRecipe(Table):
     """The whole recipe. ``campaign`` (with ``run``) or ``modes`` (a file) gives the structure without the beam.
 
+    ``mass`` of a freely hung structure gives its rigid-body modes; without it they come from the test's mass lines.
     ``near`` Hz picks the target modes; ``at`` is the excited DOF, ``output`` the one whose response counts;
     ``force`` and ``normal_force`` (per joint) span the range of use. ``agreement`` is a store file whose verdict tells
     whether the joint model agrees with a measurement.
@@ -100,6 +102,7 @@ class PlaceRecipe(Table):
     campaign: str = ""
     run: str = ""
     modes: str = ""
+    mass: Mass | None = None
     near: Near
     at: Place
     output: Place | None = None

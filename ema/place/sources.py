@@ -1,13 +1,15 @@
 """A plate of a model file as if it had been measured: its bare modes, its points, and the question its file asks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 import acquisition
 from acquisition import model_file
+from ema import store
 from ema.data import Geometry, Matrices, ModalModel, poles_from
+from ema.data.comparison import Verdict
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.recipe import PlaceRecipe
@@ -63,6 +65,25 @@ def _plate(told: model_file.ModelFile, path: Path) -> tuple[np.ndarray, np.ndarr
     return parts[0].ravel(), parts[1].ravel()
 
 
+def verdict_of(recipe: PlaceRecipe, origin: Path) -> Verdict | None:
+    """The verdict of the comparison that a recipe names, relative to the folder ``origin``.
+
+    Raises
+    ------
+    InputError : the file cannot be read, or holds no verdict.
+    """
+    if not recipe.agreement:
+        return None
+    path = origin / recipe.agreement
+    held = store.load(path)
+    for noun in [held, *(held.values() if isinstance(held, Mapping) else [])]:
+        found = noun if isinstance(noun, Verdict) else getattr(noun, "verdict", None)
+        if isinstance(found, Verdict):
+            return found
+    raise InputError("the file holds no verdict", where=str(path), got=type(held).__name__,
+                     expected="a comparison of the joint model with a measurement")  # fmt: skip
+
+
 def recipe_of_model(path: Path) -> PlaceRecipe:
     """The placement that a model file itself asks for: its beam and law, the forces and the band of its ``[map]``.
 
@@ -83,8 +104,10 @@ def recipe_of_model(path: Path) -> PlaceRecipe:
     law = joint.law or told.law
     assert law is not None and told.structure.height is not None
     height = joint.half_heights[0] if joint.half_heights is not None else told.structure.height / 2
+    mass = _hung_mass(where)
     return PlaceRecipe.model_validate({
-        "title": f"{told.model.name}: placement", "near": [f"{_nearest(where, chart.band)!r} Hz"],
+        "title": f"{told.model.name}: placement", "mass": None if mass is None else f"{mass!r} kg",
+        "near": [f"{_nearest(where, chart.band)!r} Hz"],
         "at": Dof(chart.at.node, "+Z"), "force": _texts(chart.force, "N"),
         "normal_force": _texts([force for force in chart.normal_force if force > 0], "N"),
         "beams": [{
@@ -99,6 +122,18 @@ def recipe_of_model(path: Path) -> PlaceRecipe:
             "normal_loss": joint.normal_loss,
         },
     })  # fmt: skip
+
+
+def _hung_mass(path: Path) -> float | None:
+    """Mass in kg of the bare structure where it hangs freely."""
+    from scipy.linalg import eigvalsh
+
+    host = acquisition.open_model(path).host
+    assert isinstance(host, Matrices)
+    if _elastic(eigvalsh(host.stiffness, host.mass))[0] == 0:
+        return None
+    moved = np.array([float(dof.direction == "+Z") for dof in host.dofs])
+    return float(moved @ host.mass @ moved)
 
 
 def _texts(values: Sequence[float], unit: str) -> list[str]:

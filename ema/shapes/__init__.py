@@ -10,9 +10,11 @@ from ema.shapes.complexity import (
 )
 from ema.shapes.correlation import Comparison, auto_mac, co_mac, compare, frac, mac
 from ema.shapes.expansion import Expansion, expand
+from ema.shapes.rigid import with_rigid_body
 from ema.shapes.surface import Surface, smooth
 
 __all__ = [
     "Comparison", "Expansion", "MacUncertainty", "Surface", "auto_mac", "co_mac", "compare", "expand", "frac", "mac",
     "mac_uncertainty", "mean_phase", "mean_phase_deviation", "modal_phase_collinearity", "quality", "realise", "smooth",
+    "with_rigid_body",
 ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,7 +16,7 @@ _PENALTY = 3
 """Order of the derivatives that are penalised: one above bending, so that curvatures are smooth as well."""
 _SHARE = 0.85
 _STRENGTHS = 41
-_FLAT = 0.02
+FLAT = 0.02
 """Extent across a row of points, relative to the extent along it, below which they are taken as a line."""
 
 
@@ -112,15 +113,15 @@ def smooth(model: ModalModel, geometry: Geometry, degree: int | None = None) -> 
     grid.
     """
     where = model.name or "modal model"
-    origin, axes, rows, points = _plane(model, geometry, where)
+    origin, axes, rows, points = plane(model, geometry)
     shapes = np.asarray(model.shapes)[rows[:, 0].astype(int)] * rows[:, 1:]
     lost = float(np.linalg.norm(shapes.imag) / max(float(np.linalg.norm(shapes)), 1e-300))
     if lost > 0.5:
         raise InputError("complex shapes have no surface", where=where, got=f"{lost:.0%} out of phase",
                          expected="nearly real shapes", advice="make them real first (ema.shapes.realise)")  # fmt: skip
     low, high = points.min(axis=0), points.max(axis=0)
-    if high[1] - low[1] < _FLAT * (high[0] - low[0]):
-        middle, half = 0.5 * (high[1] + low[1]), 0.5 * _FLAT * (high[0] - low[0])
+    if high[1] - low[1] < FLAT * (high[0] - low[0]):
+        middle, half = 0.5 * (high[1] + low[1]), 0.5 * FLAT * (high[0] - low[0])
         low[1], high[1] = middle - half, middle + half
         line = True
     else:
@@ -136,8 +137,23 @@ def smooth(model: ModalModel, geometry: Geometry, degree: int | None = None) -> 
     return Surface(origin, axes, extent, powers, *fits, points)
 
 
-def _plane(model: ModalModel, geometry: Geometry, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Origin and axes of the plane; ``(row of the shapes, sign)`` and place in the plane of every usable DOF."""
+class Plane(NamedTuple):
+    """Origin and axes of a plane; ``(row of the shapes, 1 / cosine)`` and place in the plane of every usable DOF."""
+
+    origin: Float[np.ndarray, "3"]
+    axes: Float[np.ndarray, "3 3"]
+    rows: Float[np.ndarray, "point 2"]
+    points: Float[np.ndarray, "point 2"]
+
+
+def plane(model: ModalModel, geometry: Geometry) -> Plane:
+    """The plane of the measured points of a model.
+
+    Raises
+    ------
+    InputError : fewer than 6 usable points, points that lie in no plane.
+    """
+    where = model.name or "modal model"
     usable = [(row, dof) for row, dof in enumerate(model.dofs) if dof.axis in ("X", "Y", "Z") and dof.node in geometry]
     if len(usable) < 6:
         raise InputError("too few points for a surface", where=where, got=f"{len(usable)} translations on the geometry",
@@ -150,11 +166,11 @@ def _plane(model: ModalModel, geometry: Geometry, where: str) -> tuple[np.ndarra
         raise InputError("the measured points lie in no plane", where=where,
                          got=f"{spread[2] / np.sqrt(len(xyz)):.3g} m rms off the best plane",
                          expected="points of one plane face", advice="select the points of the face")  # fmt: skip
-    normal = turned[2] if spread[1] > _FLAT * spread[0] else _common(directions, turned[0], where)
+    normal = turned[2] if spread[1] > FLAT * spread[0] else _common(directions, turned[0], where)
     normal = normal * (1.0 if normal[np.abs(normal).argmax()] > 0 else -1.0)
     first = np.eye(3)[0] - normal[0] * normal
     first = first if np.linalg.norm(first) > 0.5 else np.eye(3)[1] - normal[1] * normal
-    if spread[1] <= _FLAT * spread[0]:
+    if spread[1] <= FLAT * spread[0]:
         first = turned[0] * (1.0 if turned[0][np.abs(turned[0]).argmax()] > 0 else -1.0)
     first /= np.linalg.norm(first)
     axes = np.stack([first, np.cross(normal, first), normal])
@@ -165,7 +181,7 @@ def _plane(model: ModalModel, geometry: Geometry, where: str) -> tuple[np.ndarra
                          expected="6 or more")  # fmt: skip
     origin = mean - axes[:2].T @ (axes[:2] @ mean)
     rows = np.array([[row, 1 / cosine] for (row, _), cosine in zip(usable, cosines, strict=True)])
-    return origin, axes, rows[keep], ((xyz - origin) @ axes[:2].T)[keep]
+    return Plane(origin, axes, rows[keep], ((xyz - origin) @ axes[:2].T)[keep])
 
 
 def _common(directions: np.ndarray, along: np.ndarray, where: str) -> np.ndarray:

@@ -1,0 +1,149 @@
+"""Rigid-body motion of a freely hung plane structure, which a hammer test above it does not see as modes."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import Finding, Geometry, ModalModel
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.shapes.surface import FLAT, plane
+
+_BELOW = 0.01
+"""Frequency of the added modes over that of the first elastic one: any value far below serves."""
+_DAMPING = 0.05
+_EXPLAINED = 0.8
+"""Share of the mass lines that rigid motion has to explain before it is believed."""
+_DOUBT = np.array([0.2, 0.2, 0.3, 0.3])
+"""How far centre of mass (over the extents) and radii of gyration (relative) may stray from those of a plate."""
+
+
+class Body(NamedTuple):
+    """Mass in kg, centre of mass and radii of gyration along the two directions of the plane in m."""
+
+    mass: float
+    centre: Float[np.ndarray, "2"]
+    gyration: Float[np.ndarray, "2"]
+
+    def shapes(self, points: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 3"]:
+        """Translation along the normal and two rotations, each with unit modal mass, at points of the plane."""
+        turned = (points - self.centre) / self.gyration
+        return np.hstack([np.ones((len(points), 1)), turned]) / np.sqrt(self.mass)
+
+
+def with_rigid_body(
+    model: ModalModel, geometry: Geometry, mass: float | None = None
+) -> tuple[ModalModel, tuple[Finding, ...]]:
+    """Add the rigid-body modes normal to the plane of the measured points, and say where they come from.
+
+    What is attached to a free structure feels its rigid-body motion as well. A test that begins above the suspension
+    frequencies leaves it in the lower residual terms ("mass lines"), known at the measured DOFs only; here they become
+    modes, known everywhere. With ``mass`` in kg the structure counts as a uniform plate over the measured extent.
+    Without it, mass, centre and radii of gyration come from the mass lines, where rigid motion explains them.
+
+    Raises
+    ------
+    InputError : a mass that is not positive, shapes without scale, points that lie in no plane.
+
+    Source: mass lines as in Ewins, Modal Testing (2000), chapter 4; the priors that fill in what two references leave
+    open are those of a uniform plate.
+    """
+    where = model.name or "modal model"
+    if mass is not None and not (np.isfinite(mass) and mass > 0):
+        raise InputError("not a mass", where=where, got=f"{mass} kg", expected="above 0 kg")
+    if model.scaling != "unit modal mass":
+        raise InputError("rigid-body modes need scaled shapes", where=where, got=model.scaling,
+                         expected="unit modal mass")  # fmt: skip
+    place = plane(model, geometry)
+    low, high = place.points.min(axis=0), place.points.max(axis=0)
+    if mass is not None:
+        body = Body(mass, 0.5 * (low + high), _gyration(high - low))
+        told = Finding("info", "rigid-body", where, f"rigid-body modes are those of a uniform plate of {mass:.4g} kg.")
+        return _extended(model, geometry, body), (told,)
+    found = _from_mass_lines(model, geometry)
+    if found is None:
+        return model, (Finding(
+            "warning", "no-rigid-body", where,
+            "rigid-body motion of the structure is unknown: its mass lines were not measured or are not those of a "
+            "rigid body.", None, None,
+            "Name the mass, if the structure hangs freely; leave it if the structure is fixed.",
+        ),)  # fmt: skip
+    body, explained = found
+    told = Finding(
+        "info", "rigid-body", where,
+        f"rigid-body modes come from the mass lines, {explained:.0%} of which are those of {body.mass:.3g} kg.",
+        explained, _EXPLAINED,
+    )  # fmt: skip
+    return _extended(model, geometry, body), (told,)
+
+
+def _gyration(sides: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
+    """Of a uniform plate; infinite across a row of points, which shows no rotation about itself."""
+    return np.asarray(np.where(sides < FLAT * sides.max(), np.inf, sides / np.sqrt(12)))
+
+
+def _motion(dofs: tuple[Dof, ...], geometry: Geometry, model: ModalModel, body: Body) -> Float[np.ndarray, "dof 3"]:
+    """The three shapes at DOFs; zero where a DOF does not move with them or its place is unknown."""
+    place = plane(model, geometry)
+    result = np.zeros((len(dofs), 3))
+    for row, dof in enumerate(dofs):
+        if dof.axis in ("X", "Y", "Z") and dof.node in geometry:
+            at = place.axes[:2] @ (geometry.xyz[geometry.place(dof.node)] - place.origin)
+            result[row] = float(geometry.direction(dof) @ place.axes[2]) * body.shapes(at[None])[0]
+    return result
+
+
+def _from_mass_lines(model: ModalModel, geometry: Geometry) -> tuple[Body, float] | None:
+    """The body whose mass lines are nearest to the measured ones, and the share of them that it explains."""
+    from scipy.optimize import least_squares
+
+    if model.residuals is None:
+        return None
+    lines = np.real(model.residuals.lower)
+    place = plane(model, geometry)
+    low, high = place.points.min(axis=0), place.points.max(axis=0)
+    plate = _gyration(high - low)
+    seen = [column for column, dof in enumerate(model.inputs) if dof.node in geometry and dof.axis in ("X", "Y", "Z")]
+    rows = place.rows[:, 0].astype(int)
+    if not seen or not np.any(lines):
+        return None
+    measured = lines[np.ix_(rows, seen)]
+    size = float(np.sqrt(np.mean(measured**2)))
+    inputs = tuple(model.inputs[column] for column in seen)
+    dofs = tuple(model.dofs[row] for row in rows)
+
+    def body(told: np.ndarray) -> Body:
+        centre = 0.5 * (low + high) + told[1:3] * (high - low)
+        return Body(float(np.exp(told[0])), centre, plate * np.exp(np.clip(told[3:], -3, 3)))
+
+    def lacking(told: np.ndarray, scatter: float) -> np.ndarray:
+        one = body(told)
+        made = _motion(dofs, geometry, model, one) @ _motion(inputs, geometry, model, one).T
+        return np.concatenate([((made - measured) / size).ravel(), scatter * told[1:] / _DOUBT])
+
+    told, scatter = np.array([-np.log(max(size, 1e-300)), 0.0, 0.0, 0.0, 0.0]), 0.1
+    for _ in range(3):  # the prior weighs as much as one line that scatters like the measured ones
+        told = least_squares(lacking, told, args=(scatter,)).x
+        left = lacking(told, scatter)[: measured.size]
+        scatter = max(float(np.sqrt(np.mean(left**2))), 1e-6)
+    explained = 1 - float(np.sum(left**2)) / measured.size
+    return (body(told), explained) if explained >= _EXPLAINED else None
+
+
+def _extended(model: ModalModel, geometry: Geometry, body: Body) -> ModalModel:
+    """The model with three modes far below the others, which take the place of the mass lines."""
+    moved, driven = (_motion(dofs, geometry, model, body) for dofs in (model.dofs, model.inputs))
+    keep = np.any(moved != 0, axis=0)
+    moved, driven = moved[:, keep], driven[:, keep]
+    omega = _BELOW * float(np.abs(model.poles).min()) * np.linspace(0.8, 1.0, int(keep.sum()))
+    damped = omega * np.sqrt(1 - _DAMPING**2)
+    residuals = model.residuals
+    return replace(
+        model, poles=np.concatenate([-_DAMPING * omega + 1j * damped, model.poles]),
+        shapes=np.hstack([moved.astype(complex), model.shapes]),
+        participation=np.hstack([driven / (2j * damped), model.participation]),
+        residuals=None if residuals is None else replace(residuals, lower=np.zeros_like(residuals.lower)),
+        covariance=None, confidence=None, uncertainty=None,
+    )  # fmt: skip
