@@ -5,6 +5,7 @@ from ema.data.campaign import Campaign, Lazy, Repair, Run
 from ema.data.comparison import MapComparison, ModeComparison, ModelUpdate, SignalComparison, Verdict
 from ema.data.condition import Condition, Excitation, JointForce
 from ema.data.findings import Finding
+from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.frf import FrfSet
 from ema.data.geometry import Geometry
 from ema.data.hits import Hit, HitGallery
@@ -41,10 +42,11 @@ from ema.data.source import Source
 __all__ = [
     "BeamModel", "BoltedJoint", "Campaign", "Candidates", "Channel", "Condition", "ConditionDifference",
     "ContactPressure", "ControlLine", "ControlStudy", "Damping", "Decay", "EnergyBalance", "Excitation",
-    "Expectation", "Finding", "FrfSet", "FrictionBeam", "FrictionLaw", "Geometry", "HarmonicResponse", "Hit",
-    "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "MapComparison", "MapResult", "Matrices", "ModalMap",
-    "ModalModel", "ModalUncertainty", "ModeComparison", "ModeQuality", "ModelUpdate", "NormalContact", "Place",
-    "Placement", "PoleTable", "Prediction", "Provenance", "Ranking", "Recording", "Repair", "RepeatGroup",
-    "Residuals", "Response", "Run", "RunResult", "SignalComparison", "SingleMode", "Source", "Statement",
-    "StudyResult", "VarianceComponents", "Verdict", "damping_ratios", "natural_frequencies", "poles_from",
+    "Expectation", "Finding", "Forecast", "ForecastCheck", "FrfSet", "FrictionBeam", "FrictionLaw", "Geometry",
+    "HarmonicResponse", "Hit", "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "MapComparison", "MapResult",
+    "Matrices", "ModalMap", "ModalModel", "ModalUncertainty", "ModeComparison", "ModeQuality", "ModelUpdate",
+    "NormalContact", "Place", "Placement", "PoleTable", "Prediction", "Provenance", "Ranking", "Recording",
+    "Repair", "RepeatGroup", "Residuals", "Response", "Run", "RunResult", "SignalComparison", "SingleMode",
+    "Source", "Statement", "StudyResult", "VarianceComponents", "Verdict", "damping_ratios", "natural_frequencies",
+    "poles_from",
 ]  # fmt: skip

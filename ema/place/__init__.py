@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ema.place.bands import check, forecast
     from ema.place.candidates import grid
     from ema.place.control import control_study
     from ema.place.model import model_at
@@ -17,8 +18,10 @@ if TYPE_CHECKING:
 _NAMES = {
     "Objective": "objective",
     "Task": "task",
+    "check": "bands",
     "control_study": "control",
     "distribute": "recommend",
+    "forecast": "bands",
     "grid": "candidates",
     "model_at": "model",
     "predict": "predictor",
@@ -29,8 +32,8 @@ _NAMES = {
 }
 
 __all__ = [
-    "Objective", "Task", "control_study", "distribute", "grid", "model_at", "predict", "rank", "recommended_forces",
-    "search", "verify",
+    "Objective", "Task", "check", "control_study", "distribute", "forecast", "grid", "model_at", "predict", "rank",
+    "recommended_forces", "search", "verify",
 ]  # fmt: skip
 
 

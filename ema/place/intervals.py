@@ -1,5 +1,6 @@
 """How far a prediction can be trusted: samples of what is uncertain in the shapes and in the joint."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,16 @@ from ema.progress import Progress, advance, silent
 def samples(
     task: Task, candidates: Candidates, draws: int, rng: np.random.Generator, progress: Progress = silent
 ) -> tuple[Prediction, ...]:
-    """Predictions for draws of the smoothed shapes, of the shapes at the excited DOF, of mu and of k_T.
+    """Predictions for draws of what is uncertain (see ``drawn``)."""
+    results = []
+    for number, sample in enumerate(drawn(task, draws, rng)):
+        results.append(predicted(sample, candidates))
+        advance(progress, "intervals", number + 1, draws)
+    return tuple(results)
+
+
+def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
+    """The task with draws of the smoothed shapes, of the shapes at the excited DOF, of mu and of k_T.
 
     The shape at a measured DOF is as uncertain as the scatter of the points about the surface; mu and k_T are
     log-normal with ``friction_std`` and ``stiffness_std`` of the joint, alike in all joints.
@@ -24,24 +34,20 @@ def samples(
         size, turned = np.linalg.eigh(covariance)
         roots.append(turned * np.sqrt(np.maximum(size, 0)))
     rows = sorted({row for dof in (task.at, task.output) if dof is not None for row in _rows(task, dof)})
-    results = []
-    for number in range(draws):
+    for _ in range(draws):
         shift = np.stack([root @ rng.standard_normal(len(root)) for root in roots], axis=1)
         mu = law.friction_coefficient * np.exp(task.joint.friction_std * rng.standard_normal())
         factor = np.exp(task.joint.stiffness_std * rng.standard_normal())
-        drawn = replace(
+        changed = replace(
             law, friction_coefficient=mu, contact_stiffness=law.contact_stiffness * factor,
             stiffness_cap=law.stiffness_cap * factor,
         )  # fmt: skip
         shapes = task.bare.shapes.copy()
         shapes[rows] += surface.noise * rng.standard_normal((len(rows), len(surface.noise)))
-        sample = task._replace(
-            bare=replace(task.bare, shapes=shapes), joint=replace(task.joint, law=drawn),
+        yield task._replace(
+            bare=replace(task.bare, shapes=shapes), joint=replace(task.joint, law=changed),
             surface=replace(surface, coefficients=surface.coefficients + shift),
         )  # fmt: skip
-        results.append(predicted(sample, candidates))
-        advance(progress, "intervals", number + 1, draws)
-    return tuple(results)
 
 
 def _rows(task: Task, dof: Dof | str) -> list[int]:

@@ -75,7 +75,7 @@ def verify(
     FailureError : a worker died, or the folder cannot be used; what is finished is kept.
     """
     picked = np.asarray(rows, dtype=np.int64)
-    questions = [_question(task, prediction, int(row)) for row in picked]
+    questions = [question(task, prediction, int(row)) for row in picked]
     kept = None if folder is None else Path(folder)
     answers: dict[int, np.ndarray] = {}
     for number, question in enumerate(questions):
@@ -83,7 +83,7 @@ def verify(
         if known is not None:
             answers[number] = known
     wanted = [number for number in range(len(questions)) if number not in answers]
-    for number, found in _answered(questions, wanted, executor, kept):
+    for number, found in verify_all(questions, executor, wanted, kept):
         answers[number] = found
         if kept is not None:
             _keep(_file(kept, questions[number]), found)
@@ -110,7 +110,7 @@ def _joined(few: Prediction, rows: np.ndarray, answers: dict[int, np.ndarray]) -
     )  # fmt: skip
 
 
-def _question(task: Task, prediction: Prediction, row: int) -> Question:
+def question(task: Task, prediction: Prediction, row: int) -> Question:
     """The model of one place, and for every mode the band of its predicted frequencies, a little wider."""
     bands = []
     for m, bare in enumerate(prediction.bare_frequencies):
@@ -126,10 +126,17 @@ def _question(task: Task, prediction: Prediction, row: int) -> Question:
     )  # fmt: skip
 
 
-def _answered(
-    questions: list[Question], wanted: list[int], executor: Executor | None, kept: Path | None
-) -> Iterator[tuple[int, np.ndarray]]:
-    """Answers as they come, with few questions under way at a time."""
+def verify_all(
+    questions: Sequence[Question], executor: Executor | None = None, wanted: Sequence[int] | None = None,
+    kept: Path | None = None,
+) -> Iterator[tuple[int, Float[np.ndarray, "mode 3 level force"]]]:  # fmt: skip
+    """Number and answer of every wanted question as they come, with few under way at a time.
+
+    Raises
+    ------
+    FailureError : a worker died; ``kept`` is where finished answers are.
+    """
+    wanted = range(len(questions)) if wanted is None else wanted
     if executor is None:
         for number in wanted:
             yield number, answer(questions[number])

@@ -17,7 +17,7 @@ from ema.data import Channel, ModalModel
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate import Fault, RovingHammer, VirtualRig
-from ema.study import table, work_table, work_table_hammer, work_table_shaker
+from ema.study import table, work_table, work_table_hammer, work_table_placed, work_table_shaker
 
 VERSION = 1
 """Raised when a generator changes what it writes; files of an older version are written anew."""
@@ -116,6 +116,11 @@ def work_table_hammer_campaign(folder: Path, progress: Progress = silent) -> Non
     _told(folder, "work_table_hammer", work_table_hammer.generate(folder, progress, _in_threads))
 
 
+def work_table_placed_campaign(folder: Path, progress: Progress = silent) -> None:
+    """Raw signals of the bare work table by hammer, and of the table with the beam where it was said to go."""
+    _told(folder, "work_table_placed", work_table_placed.generate(folder, progress, _in_threads))
+
+
 def _shaker_campaign(
     name: str, setting: work_table.Setting, modes: tuple[int, ...]
 ) -> Callable[[Path, Progress], None]:
@@ -136,6 +141,7 @@ def _told(folder: Path, name: str, truth: str) -> None:
 GENERATORS: dict[str, Callable[[Path, Progress], None]] = {
     "virtual_table_hammer": table_hammer,
     "work_table_hammer": work_table_hammer_campaign,
+    "work_table_placed": work_table_placed_campaign,
     "work_table_absorber": _shaker_campaign("work_table_absorber", work_table.ABSORBER, (1, 3)),
     "work_table_bending": _shaker_campaign("work_table_bending", work_table.BENDING, (1, 3)),
     "work_table_rough": _shaker_campaign("work_table_rough", work_table.ROUGH, (3,)),

@@ -155,13 +155,18 @@ def _written(record: Recording, start: datetime, name: str) -> Recording:
 
 
 def _linear(path: Path, model: ModalModel, seed: int) -> None:
+    record = linear_sweep(model, seed, path.stem)
+    store.save(path, _written(record, START + timedelta(seconds=100 * seed), path.stem))
+
+
+def linear_sweep(model: ModalModel, seed: int, name: str) -> Recording:
     """A slow sweep over both modes of a table without friction; the load cell also drives the mass below it."""
     drive = SweptShaker(Dof(table.DRIVE_NODE, "+Z"), 20.0, (BAND[0] - 20, BAND[1] + 20), 16.0, 20.0)
-    rig = VirtualRig(model, drive, _sensors(), SAMPLING_RATE, seed=seed, name=path.stem, **_FRONT_END)  # type: ignore[arg-type]
+    rig = VirtualRig(model, drive, _sensors(), SAMPLING_RATE, seed=seed, name=name, **_FRONT_END)  # type: ignore[arg-type]
     record = rig.take(0)
     signals = np.array(record.signals)
     signals[0] += SHAKER.mount_mass * signals[1]
-    store.save(path, _written(replace(record, signals=signals), START + timedelta(seconds=100 * seed), path.stem))
+    return replace(record, signals=signals)
 
 
 def _chirp(model: BeamModel, period: float, count: int, seed: int) -> Recording:
