@@ -97,7 +97,10 @@ class Structure:
 
 
 def structure(
-    power: Float[np.ndarray, "out in freq"], model: Float[np.ndarray, "out in freq"], plain: bool = False
+    power: Float[np.ndarray, "out in freq"],
+    model: Float[np.ndarray, "out in freq"],
+    left: Float[np.ndarray, "in freq"] | float = 1.0,
+    plain: bool = False,
 ) -> Structure:
     """Structure behind squared moduli of noise.
 
@@ -105,17 +108,19 @@ def structure(
     ----------
     power : squared modulus of residuals, or variances from a few averages.
     model : squared modulus of the fitted FRFs.
+    left : share of the noise of each line that a residual still holds; the fit has followed the other part.
     plain : no function of the size and a profile within a factor of two: what is fitted badly looks like noise there.
     """
-    cells, count = _cells(model), power[..., 0].size
+    cells, freedom = _cells(model), np.broadcast_to(left, power.shape)
     table, profile = np.ones(_CELLS), np.ones(power.shape[-1])
     for _ in range(1 if plain else 3):
         found = Structure(table, profile)
         ratio = power / found.variance(power, model)
         if not plain:
-            table = table * _by_size(cells, ratio)
+            table = table * _by_size(cells, ratio, freedom)
             ratio = power / Structure(table, profile).variance(power, model)
-        profile = profile * _by_line(np.mean(ratio, axis=(0, 1)), count)
+        of_lines = np.mean(ratio, axis=(0, 1)) / np.mean(freedom, axis=(0, 1))
+        profile = profile * _by_line(of_lines, power[..., 0].size)
     if plain:
         profile = np.clip(profile, np.median(profile) / 4, np.median(profile) * 4)
     return Structure(table, profile)
@@ -171,20 +176,35 @@ def measured(frfs: FrfSet) -> Float[np.ndarray, "freq out in"] | None:
 
 
 def _by_size(
-    cell: Int[np.ndarray, "out in freq"], ratio: Float[np.ndarray, "out in freq"]
+    cell: Int[np.ndarray, "out in freq"],
+    ratio: Float[np.ndarray, "out in freq"],
+    freedom: Float[np.ndarray, "out in freq"],
 ) -> Float[np.ndarray, "cell"]:
-    """Mean ratio as a function of the size of the FRF, from groups of cells that hold enough values."""
-    number = np.bincount(cell.reshape(-1), minlength=_CELLS)
-    total = np.bincount(cell.reshape(-1), ratio.reshape(-1), minlength=_CELLS)
-    places, values, first = [], [], 0
-    for last in range(1, _CELLS + 1):
-        held = number[first:last].sum()
-        # Groups of 1.5 dB and more follow any law that noise has.
-        if (last - first >= 2 and held >= 100) or (last == _CELLS and held):
-            places.append(np.average(np.arange(first, last), weights=number[first:last]))
-            values.append(total[first:last].sum() / held)
-            first = last
-    return np.exp(np.interp(np.arange(_CELLS), places, np.log(np.maximum(values, 1e-9))))
+    """Mean ratio as a smooth function of the size of the FRF.
+
+    The most likely one for exponentially distributed ratios when the logarithm has small second differences: the few
+    lines at the peaks then borrow from those beside them, and no cell takes its weight from its own residuals.
+    """
+    number = np.bincount(cell.reshape(-1), freedom.reshape(-1), _CELLS)
+    total = np.bincount(cell.reshape(-1), ratio.reshape(-1), _CELLS)
+    bend = np.diff(np.eye(_CELLS), 2, axis=0)
+    stiffness = bend.T @ bend / _BEND**2
+    level = np.full(_CELLS, np.log(max(float(total.sum() / number.sum()), np.finfo(float).tiny)))
+    for _ in range(20):
+        observed = total * np.exp(-level)
+        # Steps by the larger of observed and expected information go towards the optimum from both sides.
+        step = np.linalg.solve(np.diag(np.maximum(observed, number)) + stiffness, observed - number - stiffness @ level)
+        level = level + step
+        if np.max(np.abs(step)) < 1e-3:
+            break
+    result: np.ndarray = np.exp(level)
+    return result
+
+
+_BEND = 0.01
+"""Expected second difference of the logarithm of a variance between cells; from constant to proportional to the square
+of the FRF within 20 dB takes 0.007.
+"""
 
 
 def _by_line(ratio: Float[np.ndarray, "freq"], count: int) -> Float[np.ndarray, "freq"]:

@@ -16,7 +16,7 @@ _ENOUGH = 60_000
 """Values from which the structure of the noise and its correlation are estimated."""
 _BEYOND = 3.0
 """Energy of the residual over that of the known noise from which on the noise is not what limits the fit."""
-_ROUNDS = 3
+_ROUNDS = 4
 """Optima at which the poles are judged again."""
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
@@ -54,6 +54,8 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
     flat = replace(flat, weights=_weights(flat, start, data.derivative, known, misfit))
+    # Few values: what the start was still off by shows in their noise.
+    again = known is None and not misfit and signals.size <= _ENOUGH
     floor = likelihood.narrowest_decay(chosen.data) / unit
     state, kept = weighted.normalised(start), np.arange(len(start.poles))
     normal = weighted.linearise(flat, state)
@@ -64,6 +66,12 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
             state, normal, kept, gone = _pruned(flat, state, normal, chosen, kept)
             dropped = (*dropped, *gone)
         state, normal = weighted.refine(flat, state, floor, normal)
+        if again:
+            again = False
+            flat = replace(flat, weights=_weights(flat, state, data.derivative, known, misfit))
+            state = weighted.normalised(state)
+            normal = weighted.linearise(flat, state)
+            continue
         settled = replace(normal, offset=np.zeros_like(normal.offset))
         if misfit or not len(_needless(flat, state, settled, chosen, kept)[0]):
             break
@@ -197,7 +205,7 @@ def _weights(
     found = noise.structure(power, size, plain=misfit)
     if known is None and len(state.poles):
         left = 1 - _leverage(data, state, curve / found.variance(power, size))
-        found = noise.structure(power / left, size, plain=misfit)
+        found = noise.structure(power, size, left, plain=misfit)
     weights = np.empty(data.signals.shape)
     for rows in data.blocks():
         power, size = powers(rows)
