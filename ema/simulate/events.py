@@ -186,9 +186,12 @@ def _check(problem: Problem) -> None:
     if wrong:
         raise InputError("the reference mode takes Masing-type laws only", where=where, got=", ".join(wrong),
                          expected=", ".join(PIECEWISE_LINEAR), advice="use the fast mode")  # fmt: skip
-    if problem.system.damping.ratio > 0:
+    settings, base = problem.system.damping, problem.base
+    if settings.ratio > 0 or base.damping is not None or np.any(np.abs(base.decay - settings.mass_factor) > 1e-9):
+        brought = "a measured host or joints with loss factors"
         raise InputError("the reference mode takes mass-proportional damping only", where=where,
-                         got=f"ratio {problem.system.damping.ratio}", expected="Damping(mass_factor=...)")  # fmt: skip
+                         got=f"ratio {settings.ratio}" if settings.ratio > 0 else f"the damping of {brought}",
+                         expected="Damping(mass_factor=...)", advice="use the fast mode")  # fmt: skip
 
 
 def _reference_response(

@@ -15,16 +15,14 @@ from ema.simulate.plane_kernels import plane_step
 from ema.simulate.transient_kernels import (
     DAMPING,
     FRICTION,
-    P_Q,
     PROJECTION,
-    Q_Q,
     SUPPLIED,
     accept,
     contact_pull,
-    damping_loss,
+    lost,
     mean_load,
     modal_energy,
-    propagate,
+    move,
     work,
 )
 
@@ -409,7 +407,7 @@ def advance_joined(
     energies = sums[0]
     contacts, modes = slip.shape
     force, outside, pulled, moved = np.empty(modes), np.zeros(modes), np.zeros(modes), np.empty(modes)
-    q0, p0, q1, p1 = q.copy(), p.copy(), np.empty(modes), np.empty(modes)
+    q0, p0, q1, p1, x = q.copy(), p.copy(), np.empty(modes), np.empty(modes), np.empty(2 * modes)
     free, u1, f1, g, change = np.empty(contacts), u.copy(), f.copy(), np.empty(contacts), np.zeros(contacts)
     z1, a, b = z.copy(), np.zeros_like(z), np.zeros_like(z)
     a2, b2 = np.zeros((*z.shape, 2)), np.zeros((*z.shape, 2))
@@ -427,16 +425,14 @@ def advance_joined(
             mean_load(load_rows, loads, n, outside)
         for r in range(modes):
             force[r] = outside[r] - pulled[r]
-        propagate(flow, Q_Q, q0, p0, force, q1)
-        propagate(flow, P_Q, q0, p0, force, p1)
+        move(flow, squares, q0, p0, force, x, q1, p1)
         matvec(slip, q1, free)
         rounds, residual = solve_joined(
             gains, free, stiffness, momentary, laws, ties, True, u, f, h, z, z1, a, b, a2, b2, 1e-11, u1, f1, change
         )
         worst, most = max(worst, residual), max(most, rounds)
         accept(change, slip, flow, g, q1, p1, pulled, force, moved)
-        if loss.shape[0] > 0:
-            energies[DAMPING] += damping_loss(loss, q0, p0, force)
+        energies[DAMPING] += lost(flow, loss, squares, q0, p0, force, x)
         if loaded:
             energies[SUPPLIED] += work(outside, q1, q0)
         q0, q1, p0, p1 = q1, q0, p1, p0

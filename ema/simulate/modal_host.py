@@ -31,8 +31,7 @@ class ModalCoordinates:
 def modal_coordinates(model: ModalModel) -> ModalCoordinates:
     """Modal coordinates of a measured host.
 
-    The frequency solver takes its damping whole. The time solvers move the modes of the stuck structure one by one and
-    leave out how it couples them, which costs a few percent of the host's damping where the joint slides fully.
+    Its damping couples the modes of the stuck structure; the fast time solver and harmonic balance take it whole.
 
     Raises
     ------

@@ -11,7 +11,8 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.structure import System
 
-_UNCOUPLED = 1e-9
+_UNCOUPLED, _NO_COUPLING = 1e-9, 1e-10
+"""Share of the largest slip below which no contact sees a mode; coupling by damping, relative, that is rounding."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,9 @@ def modal_base(
         # 2 zeta w of a mode that loses the share eta of the energy stored in its contacts, and alike between modes
         root = np.sqrt(np.divide(1.0, frequencies, out=np.zeros_like(frequencies), where=frequencies > 0))
         damping += root[:, None] * (shapes.T @ system.loss @ shapes) * root
-    whole = None if system.decay is None and system.loss is None else damping
     decay = np.diag(damping).copy()
+    rounding = _NO_COUPLING * (np.sqrt(np.outer(decay, decay)) + 1e-3 * decay.max())
+    whole = damping if np.any(np.abs(damping - np.diag(decay)) > rounding) else None
     return ModalBase(frequencies, decay, slip, shapes, seen > _UNCOUPLED * seen.max(), whole)
 
 

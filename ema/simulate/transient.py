@@ -1,4 +1,4 @@
-"""Motion in time, fast: every mode of the stuck structure moves exactly; what is approximated is the slip.
+"""Motion in time, fast: the modes of the stuck structure move exactly; what is approximated is the slip.
 
 The contacts act over a step with the mean of their old and new force, which keeps the energy balance exact and the
 steps stable at any length. The step is halved until the difference to the run before falls below the tolerance, so
@@ -16,6 +16,7 @@ from ema.data import BeamModel, EnergyBalance, Finding, Response
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
+from ema.simulate.flow import joint_coefficients, own_coefficients
 from ema.simulate.friction import PackedLaws, pack
 from ema.simulate.joined import Joined, joined, kept_at_rest, pressure, refuse_joined
 from ema.simulate.reduction import ModalBase, modal_base
@@ -28,40 +29,6 @@ NormalForces = Callable[[float], float | Sequence[float] | np.ndarray] | Float[n
 ENERGY_LIMIT = 1e-6
 _FIRST_STEP = 1e-4
 """s; the error estimate needs steps that follow the first few modes of a beam."""
-
-
-def step_coefficients(base: ModalBase, h: float) -> tuple[Float[np.ndarray, "6 mode"], Float[np.ndarray, "form mode"]]:
-    """Exact motion of every mode over a step ``h`` s under a constant force, and the energy it loses to damping.
-
-    The second table is empty without damping.
-    """
-    flow = _flow(base, h)
-    table = np.concatenate([flow[:, 0], flow[:, 1]], axis=1).T
-    if not np.any(base.decay > 0):
-        return table, np.zeros((0, table.shape[1]))
-    points, weights = np.polynomial.legendre.leggauss(int(min(16 + 1.5 * (base.frequencies * h).max(), 200)))
-    form = np.zeros((len(flow), 3, 3))
-    for point, weight in zip((points + 1) / 2, weights / 2, strict=True):
-        row = _flow(base, h * point)[:, 1]
-        form += weight * h * base.decay[:, None, None] * row[:, :, None] * row[:, None, :]
-    pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
-    return table, np.stack([form[:, i, j] * (1 if i == j else 2) for i, j in pairs])
-
-
-def _flow(base: ModalBase, h: float) -> Float[np.ndarray, "mode 2 3"]:
-    """(q, p) after ``h`` from (q, p, force) in closed form."""
-    half = base.decay / 2
-    root = np.sqrt((base.frequencies**2 - half**2).astype(complex))
-    decay, angle = np.exp(-half * h), root * h
-    cosine, sine = np.real(np.cos(angle)), np.real(h * np.sinc(angle / np.pi))
-    flow = np.empty((len(half), 2, 3))
-    flow[:, 0, 0], flow[:, 0, 1] = decay * (cosine + half * sine), decay * sine
-    flow[:, 1, 0], flow[:, 1, 1] = -(base.frequencies**2) * decay * sine, decay * (cosine - half * sine)
-    small = base.frequencies * h < 1e-3
-    square = np.where(small, 1.0, base.frequencies**2)
-    flow[:, 0, 2] = np.where(small, h**2 / 2 * (1 - base.decay * h / 3), (1 - flow[:, 0, 0]) / square)
-    flow[:, 1, 2] = flow[:, 0, 1]
-    return flow
 
 
 @dataclass
@@ -124,14 +91,19 @@ class Stepper:
 
     def __init__(self, problem: Problem, state: _State, h: float, loads: Sequence[Dof | str] = ()) -> None:
         base, self.problem, self.h = problem.base, problem, h
-        self.coupled, self.free = np.flatnonzero(base.coupled), np.flatnonzero(~base.coupled)
-        table, loss = step_coefficients(base, h)
-        self.flow, self.loss, self.squares = (
-            [np.ascontiguousarray(whole[..., part]) for part in (self.coupled, self.free)]
-            for whole in (table, loss, base.frequencies**2)
-        )
+        seen = base.coupled | (base.damping is not None)
+        self.coupled, self.free = np.flatnonzero(seen), np.flatnonzero(~seen)
+        self.squares = [np.ascontiguousarray(base.frequencies[part] ** 2) for part in (self.coupled, self.free)]
         self.slip = np.ascontiguousarray(base.slip[:, self.coupled])
-        self.gains = np.ascontiguousarray((self.slip * (0.5 * self.flow[0][2])) @ self.slip.T)
+        loose = own_coefficients(base.frequencies[self.free], base.decay[self.free], h)
+        if base.damping is None:
+            tight = own_coefficients(base.frequencies[self.coupled], base.decay[self.coupled], h)
+            yielding = 0.5 * self.slip * tight[0][2]
+        else:
+            tight = joint_coefficients(base.frequencies, base.damping, h)
+            yielding = 0.5 * self.slip @ tight[0][0, :, len(seen) :].T
+        self.flow, self.loss = [tight[0], loose[0]], [tight[1], loose[1]]
+        self.gains = np.ascontiguousarray(yielding @ self.slip.T)
         rows = np.array([base.row(problem.system, dof) for dof in loads]).reshape(len(loads), len(base.frequencies))
         self.rows = [np.ascontiguousarray(rows[:, part]) for part in (self.coupled, self.free)]
         self.q = [state.q[part].copy() for part in (self.coupled, self.free)]
@@ -193,8 +165,8 @@ class Stepper:
     def _leap(self, every: int) -> tuple[np.ndarray, ...]:
         """Coefficients of the uncoupled modes from sample to sample: without forces exact over any length."""
         if every not in self.leaps:
-            tables = step_coefficients(self.problem.base, every * self.h)
-            self.leaps[every] = tuple(np.ascontiguousarray(whole[:, self.free]) for whole in tables)
+            base, free = self.problem.base, self.free
+            self.leaps[every] = own_coefficients(base.frequencies[free], base.decay[free], every * self.h)
         return self.leaps[every]
 
 
@@ -284,8 +256,8 @@ def solve(
         run, stepper = integrate(problem, state, interval / every, every, samples, drive)
         fine = run["q"] @ rows.T
         before, difference = difference, float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
-        # what all further halvings would add, were they to shrink like the last one
-        ratio = min(max(difference / before, 0.4), 0.8) if before > 0 else 0.5
+        # what all further halvings would add, were they to shrink like the last one; a fast one may be chance
+        ratio = min(max(difference / before, 0.6), 0.8) if before > 0 else 0.6
         error = difference * ratio / (1 - ratio)
     return _response(problem, drive, run, stepper, interval, error, tolerance)
 

@@ -44,6 +44,61 @@ def damping_loss(loss, q, p, force):
 
 
 @nb.njit(cache=True, fastmath=FAST)
+def form_of(matrix, x):
+    """x.T @ matrix @ x of a symmetric matrix, from its lower half."""
+    total = 0.0
+    for i in range(len(x)):
+        row = 0.5 * matrix[i, i] * x[i]
+        for j in range(i):
+            row += matrix[i, j] * x[j]
+        total += 2.0 * row * x[i]
+    return total
+
+
+@nb.njit(cache=True, fastmath=FAST)
+def pushes(squares, q, p, force, x):
+    """x = (p, force - w^2 q), what moves modes that damping couples."""
+    for r in range(len(q)):
+        x[r] = p[r]
+        x[len(q) + r] = force[r] - squares[r] * q[r]
+
+
+@nb.njit(cache=True)
+def move(flow, squares, q, p, force, x, q1, p1):
+    """State of the modes after a step: each by itself, or all together where damping couples them (three axes)."""
+    if flow.ndim == 2:
+        propagate(flow, Q_Q, q, p, force, q1)
+        propagate(flow, P_Q, q, p, force, p1)
+    else:
+        pushes(squares, q, p, force, x)
+        matvec(flow[0], x, q1)
+        matvec(flow[1], x, p1)
+        for r in range(len(q)):
+            q1[r] += q[r]
+
+
+@nb.njit(cache=True)
+def lost(flow, loss, squares, q, p, force, x):
+    """Energy lost to damping over a step; ``x`` is room to work in."""
+    if flow.ndim == 2:
+        return damping_loss(loss, q, p, force) if loss.shape[0] > 0 else 0.0
+    else:  # noqa: RET505 - the compiler leaves out the branch of the other number of axes
+        pushes(squares, q, p, force, x)
+        return form_of(loss, x)
+
+
+@nb.njit(cache=True, fastmath=FAST)
+def correct_all(response, change, out):
+    """As ``correct``, for modes that damping couples."""
+    count = len(out)
+    for r in range(count):
+        total = 0.0
+        for s in range(count):
+            total += response[r, count + s] * change[s]
+        out[r] -= 0.5 * total
+
+
+@nb.njit(cache=True, fastmath=FAST)
 def mean_load(rows, loads, n, out):
     """Modal forces of the external loads over step n: the mean of both ends."""
     for r in range(len(out)):
@@ -160,8 +215,12 @@ def accept(change, slip, flow, g, q1, p1, pull, force, moved):
     for r in range(len(moved)):
         moved[r] = 0.0
     add_rows(slip, change, moved)
-    correct(flow[Q_F], moved, q1)
-    correct(flow[P_F], moved, p1)
+    if flow.ndim == 2:
+        correct(flow[Q_F], moved, q1)
+        correct(flow[P_F], moved, p1)
+    else:
+        correct_all(flow[0], moved, q1)
+        correct_all(flow[1], moved, p1)
     for r in range(len(pull)):
         pull[r] += moved[r]
         force[r] -= 0.5 * moved[r]
@@ -175,17 +234,17 @@ def advance(
 ):
     """Take ``steps`` steps from ``state`` (q, p, u, f, z), which is updated; sample every ``every``-th.
 
-    modal: propagation, damping loss and squared frequencies of the modes; contact: rows of the relative displacements,
-    compliance over a step, stiffness; limits (row, contact): slip forces, one row for all steps or one per step; loads
-    (row, load): external forces at the ends of the steps, no row without them. ``general`` is None when every contact
-    is one Masing spring: its exact solution is then all that is compiled. Returns the largest number of rounds and the
-    worst residual.
+    modal: tables of ``ema.simulate.flow`` and squared frequencies of the modes; contact: rows of the relative
+    displacements, compliance over a step, stiffness; limits (row, contact): slip forces, one row for all steps or one
+    per step; loads (row, load): external forces at the ends of the steps, no row without them. ``general`` is
+    None when every contact is one Masing spring: its exact solution is then all that is compiled. Returns the largest
+    number of rounds and the worst residual.
     """
     (flow, loss, squares), (slip, gains, stiffness), (q, p, u, f, z) = modal, contact, state
     energies, dissipated, sliding = sums
     contacts, modes = slip.shape
     force, outside, pull, moved = np.empty(modes), np.zeros(modes), np.zeros(modes), np.empty(modes)
-    q0, p0, q1, p1 = q.copy(), p.copy(), np.empty(modes), np.empty(modes)
+    q0, p0, q1, p1, x = q.copy(), p.copy(), np.empty(modes), np.empty(modes), np.empty(2 * modes)
     free, u1, f1, g = np.empty(contacts), np.empty(contacts), np.empty(contacts), np.empty(contacts)
     change, slid, signs = np.zeros(contacts), np.empty(contacts), np.zeros(contacts)
     z1, a, b, table, used = (
@@ -203,8 +262,7 @@ def advance(
             mean_load(rows, loads, n, outside)
         for r in range(modes):
             force[r] = outside[r] - pull[r]
-        propagate(flow, Q_Q, q0, p0, force, q1)
-        propagate(flow, P_Q, q0, p0, force, p1)
+        move(flow, squares, q0, p0, force, x, q1, p1)
         matvec(slip, q1, free)
         if general is None:
             rounds, residual = slide_or_stick(
@@ -217,8 +275,7 @@ def advance(
         most, worst = max(most, rounds), max(worst, residual)
         if rounds > 0:
             accept(change, slip, flow, g, q1, p1, pull, force, moved)
-        if loss.shape[0] > 0:
-            energies[DAMPING] += damping_loss(loss, q0, p0, force)
+        energies[DAMPING] += lost(flow, loss, squares, q0, p0, force, x)
         if loaded:
             energies[SUPPLIED] += work(outside, q1, q0)
         q0, q1, p0, p1 = q1, q0, p1, p0

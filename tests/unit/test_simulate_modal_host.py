@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
+from scipy.linalg import eigh, expm
 
 from ema.data import Damping, ModalModel, Residuals, poles_from
 from ema.errors import InputError
-from ema.simulate import Masing, double_beam, resonance, snapback
+from ema.estimate import phases, ring_down
+from ema.simulate import Masing, double_beam, frf, resonance, respond, snapback, snapback_reference
+from ema.simulate.flow import joint_coefficients
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
 
@@ -62,6 +64,55 @@ def test_the_damping_of_the_host_arrives():
     assert resonance(damped.with_normal_force(1e6), 1.0, TIP, TIP, (25.0, 36.0)).damping == pytest.approx(
         0.02, rel=0.02
     )
+
+
+def test_modes_that_damping_couples_move_as_the_whole_equation_says():
+    random = np.random.default_rng(5)
+    frequencies, h = np.array([0.0, 40.0, 900.0, 2.5e4]), 3e-3
+    root = random.standard_normal((4, 4)) * np.sqrt([3.0, 8.0, 60.0, 4000.0])[:, None]
+    damping = root @ root.T
+    (way, velocity), form = joint_coefficients(frequencies, damping, h)
+    q, p, force = random.standard_normal((3, 4)) / np.array([[1e4], [1.0], [1.0]])
+    x = np.concatenate([p, force - frequencies**2 * q])
+    one, zero = np.eye(4), np.zeros((4, 4))
+    rates = np.block([[zero, one, zero], [-np.diag(frequencies**2), -damping, one], [zero, zero, zero]])
+    truth = expm(rates * h) @ np.concatenate([q, p, force])
+    q1, p1 = q + way @ x, velocity @ x
+    np.testing.assert_allclose(q1, truth[:4], atol=1e-11 * np.abs(q).max())
+    np.testing.assert_allclose(p1, truth[4:8], atol=1e-11 * np.abs(p).max())
+    energy = [0.5 * (b @ b + (frequencies * a) @ (frequencies * a)) for a, b in ((q, p), (q1, p1))]
+    assert x @ form @ x == pytest.approx(energy[0] - energy[1] + force @ (q1 - q), rel=1e-10)
+
+
+def test_the_damping_of_the_host_arrives_in_time():
+    sliding = models(ratio=0.02, force=0.0)[1]
+    free = snapback(sliding, 1.0, TIP, 1.0)
+    decay = ring_down(free, band=(8.0, 45.0))
+    phase = max(phases(decay), key=lambda one: one.cycles)
+    assert (phase.frequency, phase.damping) == pytest.approx((16.71, 0.01), rel=3e-3)
+    assert free.energy.error <= 1e-9
+    slipping = snapback(models(ratio=0.02)[1], 20.0, TIP, 0.1)
+    assert slipping.energy.error <= 1e-9 and slipping.error_estimate <= 1e-3
+    assert slipping.energy.friction[-1] > 0.01 * slipping.energy.mechanical[0]
+    finer = snapback(models(ratio=0.02)[1], 20.0, TIP, 0.1, tolerance=2e-5)
+    wrong = np.abs(slipping.displacements - finer.displacements).max() / np.abs(finer.displacements).max()
+    assert wrong <= slipping.error_estimate
+
+
+def test_time_and_steady_states_agree_on_a_host_whose_damping_couples_modes():
+    model = models(ratio=0.02, force=150.0)[1]
+    frequency, rate = 20.0, 2000.0
+    steady = frf(model, np.array([frequency]), 1.0, TIP, [TIP], tolerance=1e-3)
+    times = np.arange(round(3.0 * rate)) / rate
+    run = respond(model, (np.minimum(5 * times, 1) * np.cos(2 * np.pi * frequency * times))[None], [TIP], rate, [TIP])
+    last = slice(-round(10 * rate / frequency), None)
+    settled = 2 * np.mean(run.displacements[0, last] * np.exp(-2j * np.pi * frequency * times[last]))
+    assert settled == pytest.approx(steady.values[0, 0, 0], rel=3e-3)
+
+
+def test_the_reference_mode_refuses_damping_that_it_does_not_follow():
+    with pytest.raises(InputError, match="mass-proportional"):
+        snapback_reference(models(ratio=0.02)[1], 1.0, TIP, 0.01)
 
 
 def test_bad_hosts_get_a_sentence():
