@@ -78,8 +78,8 @@ def verify(
     questions = [question(task, prediction, int(row)) for row in picked]
     kept = None if folder is None else Path(folder)
     answers: dict[int, np.ndarray] = {}
-    for number, question in enumerate(questions):
-        known = _known(_file(kept, question)) if kept is not None and resume else None
+    for number, one in enumerate(questions):
+        known = _known(_file(kept, one)) if kept is not None and resume else None
         if known is not None:
             answers[number] = known
     wanted = [number for number in range(len(questions)) if number not in answers]

@@ -105,9 +105,10 @@ def _from_mass_lines(model: ModalModel, geometry: Geometry) -> tuple[Body, float
     place = plane(model, geometry)
     low, high = place.points.min(axis=0), place.points.max(axis=0)
     plate = _gyration(high - low)
-    seen = [column for column, dof in enumerate(model.inputs) if dof.node in geometry and dof.axis in ("X", "Y", "Z")]
+    usable = [dof.node in geometry and dof.axis in ("X", "Y", "Z") for dof in model.inputs]
+    seen = np.flatnonzero(usable)
     rows = place.rows[:, 0].astype(int)
-    if not seen or not np.any(lines):
+    if not len(seen) or not np.any(lines):
         return None
     measured = lines[np.ix_(rows, seen)]
     size = float(np.sqrt(np.mean(measured**2)))
@@ -121,10 +122,11 @@ def _from_mass_lines(model: ModalModel, geometry: Geometry) -> tuple[Body, float
     def lacking(told: np.ndarray, scatter: float) -> np.ndarray:
         one = body(told)
         made = _motion(dofs, geometry, model, one) @ _motion(inputs, geometry, model, one).T
-        return np.concatenate([((made - measured) / size).ravel(), scatter * told[1:] / _DOUBT])
+        prior = scatter * np.sqrt(measured.size) * told[1:] / _DOUBT
+        return np.concatenate([((made - measured) / size).ravel(), prior])
 
     told, scatter = np.array([-np.log(max(size, 1e-300)), 0.0, 0.0, 0.0, 0.0]), 0.1
-    for _ in range(3):  # the prior weighs as much as one line that scatters like the measured ones
+    for _ in range(3):  # errors of mass lines have common causes: all of them together weigh as much as the prior
         told = least_squares(lacking, told, args=(scatter,)).x
         left = lacking(told, scatter)[: measured.size]
         scatter = max(float(np.sqrt(np.mean(left**2))), 1e-6)
@@ -133,7 +135,10 @@ def _from_mass_lines(model: ModalModel, geometry: Geometry) -> tuple[Body, float
 
 
 def _extended(model: ModalModel, geometry: Geometry, body: Body) -> ModalModel:
-    """The model with three modes far below the others, which take the place of the mass lines."""
+    """The model with three modes far below the others, which take the place of the mass lines.
+
+    They come last: the measured modes keep their numbers.
+    """
     moved, driven = (_motion(dofs, geometry, model, body) for dofs in (model.dofs, model.inputs))
     keep = np.any(moved != 0, axis=0)
     moved, driven = moved[:, keep], driven[:, keep]
@@ -141,9 +146,9 @@ def _extended(model: ModalModel, geometry: Geometry, body: Body) -> ModalModel:
     damped = omega * np.sqrt(1 - _DAMPING**2)
     residuals = model.residuals
     return replace(
-        model, poles=np.concatenate([-_DAMPING * omega + 1j * damped, model.poles]),
-        shapes=np.hstack([moved.astype(complex), model.shapes]),
-        participation=np.hstack([driven / (2j * damped), model.participation]),
+        model, poles=np.concatenate([model.poles, -_DAMPING * omega + 1j * damped]),
+        shapes=np.hstack([model.shapes, moved.astype(complex)]),
+        participation=np.hstack([model.participation, driven / (2j * damped)]),
         residuals=None if residuals is None else replace(residuals, lower=np.zeros_like(residuals.lower)),
         covariance=None, confidence=None, uncertainty=None,
     )  # fmt: skip

@@ -25,7 +25,7 @@ def task() -> place.Task:
     bare, geometry = bare_table(0.02)
     bare, _ = shapes.with_rigid_body(bare, geometry, 130.0)
     surface = shapes.smooth(bare, geometry)
-    return place.Task(bare, surface, JOINT, "91:+Z", np.array([30.0]), np.array([100.0]), (3,))
+    return place.Task(bare, surface, JOINT, "91:+Z", np.array([30.0]), np.array([100.0]), (0,))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_the_middle_is_the_full_model_and_lies_in_its_band(task, told):
     assert np.allclose(told.frequency[0], truth.frequency, rtol=1e-4)
     assert np.all((told.damping_low < told.damping) & (told.damping < told.damping_high))
     assert np.all((told.frequency_low < told.frequency) & (told.frequency < told.frequency_high))
-    assert told.modes == (4,) and told.bare_frequencies == pytest.approx([499.0]) and told.beam == BEAM.name
+    assert told.modes == (1,) and told.bare_frequencies == pytest.approx([499.0]) and told.beam == BEAM.name
     assert len(told.table()) == 4 and told.table()["zeta [%]"].iloc[0] == pytest.approx(100 * told.damping[0, 0, 0])
 
 

@@ -44,12 +44,12 @@ def test_the_body_is_read_from_the_mass_lines(noise, wrong, turned):
     model, geometry = hung(noise, turned=turned)
     whole, (told,) = with_rigid_body(model, geometry)
     true = moved(points()) @ moved(points()).T
-    found = whole.shapes[:, :3].real @ whole.shapes[:, :3].real.T
+    found = whole.shapes[:, -3:].real @ whole.shapes[:, -3:].real.T
     assert told.code == "rigid-body" and np.abs(found - true).max() <= wrong * np.abs(true).max()
-    assert np.all(np.diff(whole.natural_frequencies) > 0) and whole.natural_frequencies[3] == pytest.approx(500)
-    again = np.einsum("kr,ir->rki", whole.shapes, whole.participation)[:3]
+    assert whole.natural_frequencies[0] == pytest.approx(500) and whole.natural_frequencies[1:].max() < 10
+    again = np.einsum("kr,ir->rki", whole.shapes, whole.participation)[-3:]
     assert np.all(whole.residuals.lower == 0) and np.all(np.isfinite(again))
-    assert np.abs(np.einsum("rki->ki", again.imag * whole.poles.imag[:3, None, None]) * -2 - model.residuals.lower.real
+    assert np.abs(np.einsum("rki->ki", again.imag * whole.poles.imag[-3:, None, None]) * -2 - model.residuals.lower.real
                   ).max() <= (wrong + 3 * noise) * np.abs(true).max()  # fmt: skip
 
 
@@ -57,9 +57,9 @@ def test_a_stated_mass_makes_a_uniform_plate():
     model, geometry = hung()
     whole, (told,) = with_rigid_body(model, geometry, MASS)
     expected = moved(points(), SIDES / 2, SIDES / np.sqrt(12))
-    assert np.allclose(whole.shapes[:, :3].real, expected) and "130 kg" in told.message
+    assert np.allclose(whole.shapes[:, -3:].real, expected) and "130 kg" in told.message
     surface = smooth(whole, geometry)
-    assert np.allclose(surface.values(points())[:, :3], expected, atol=1e-9)
+    assert np.allclose(surface.values(points())[:, -3:], expected, atol=1e-9)
 
 
 def test_a_row_of_points_shows_no_rotation_about_itself():

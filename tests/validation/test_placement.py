@@ -71,8 +71,7 @@ class Table:
         size = np.sqrt(np.mean(clean**2, axis=0))
         rough = clean + noise * size * np.random.default_rng(seed).standard_normal(clean.shape)
         bare, _ = shapes.with_rigid_body(self.model(MEASURED, rough), self.geometry, 130.0)
-        rows = tuple(mode + 3 for mode in modes)
-        return place.Task(bare, shapes.smooth(bare, self.geometry), joint, self.dofs[-1], LEVELS, FORCES, rows)
+        return place.Task(bare, shapes.smooth(bare, self.geometry), joint, self.dofs[-1], LEVELS, FORCES, modes)
 
 
 def spots(along: int, across: int) -> Candidates:
