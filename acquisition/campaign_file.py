@@ -94,6 +94,7 @@ class CampaignTable(Table):
     date: Moment = ""
     comment: str = ""
     photos: Names = []
+    logo: str = ""
     files: str = "."
     generator: str = ""
     command: str = ""

@@ -117,11 +117,12 @@ def open_campaign(path: str | Path, progress: Progress = silent) -> Campaign:
     header = described.campaign
     return Campaign(
         header.name, runs, geometry, header.structure, header.operator, header.date, header.comment,
-        photos=tuple(str(_photo(folder, photo, where)) for photo in header.photos),
+        photos=tuple(str(_image(folder, photo, where, "photo")) for photo in header.photos),
         channels=opening.channels,
         inputs=_hashes(described, file, folder),
         findings=tuple(_outside_geometry(geometry, opening.dofs)),
         folder=str(folder),
+        logo=str(_image(folder, header.logo, where, "logo")) if header.logo else "",
     )  # fmt: skip
 
 
@@ -370,10 +371,10 @@ def _outside_geometry(geometry: Geometry | None, dofs: set[Dof]) -> list[Finding
     return findings
 
 
-def _photo(folder: Path, photo: str, where: str) -> Path:
-    if not (folder / photo).is_file():
-        raise InputError("there is no such photo", where=where, got=photo)
-    return folder / photo
+def _image(folder: Path, name: str, where: str, what: str) -> Path:
+    if not (folder / name).is_file():
+        raise InputError(f"there is no such {what}", where=where, got=name)
+    return folder / name
 
 
 def _hashes(described: CampaignFile, file: Path, folder: Path) -> tuple[tuple[str, str], ...]:

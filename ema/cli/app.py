@@ -2,17 +2,18 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import ema
 from ema.cli import browsing, comparing, mapping, placing, recording, simulating
+from ema.cli.common import Formats, Json, LimitOfRecipe, split_formats, status
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
 
 if TYPE_CHECKING:
-    from ema.data import Finding, Geometry, ModalModel
+    from ema.data import Geometry, ModalModel
     from ema.fit.opinion import SecondOpinion
     from ema.study.recipe import FitTable
 
@@ -29,12 +30,6 @@ app.command()(comparing.compare)
 app.command()(placing.place)
 app.command("map")(mapping.make_map)
 
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-Limit = Annotated[
-    Literal["warning", "error", "never"] | None,
-    typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
-]
-Formats = Annotated[str, typer.Option("--format", help="Of the report: html, pdf, docx, separated by commas.")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")]
 Measurement = Annotated[
     Path,
@@ -65,15 +60,15 @@ def run(
     output: Output = None,
     resume: Annotated[bool, typer.Option("--resume", help="Keep runs finished before with the same inputs.")] = False,
     formats: Formats = "html",
-    limit: Limit = None,
+    limit: LimitOfRecipe = None,
     json: Json = False,
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
     from ema.cli import screen
-    from ema.report.writing import checked_formats, write
+    from ema.report import write
     from ema.study import Study, summary
 
-    others = [name for name in checked_formats(formats.split(",")) if name != "html"]
+    others = [name for name in split_formats(formats) if name != "html"]
     study = Study.load(recipe, output)
     with screen.Bars() as bars:
         result = study.run(progress=bars, resume=resume)
@@ -85,7 +80,7 @@ def run(
         screen.show_result(screen.console(), result, study.report)
     findings = [*result.findings, *(finding for one in result.runs for finding in one.findings)]
     missed = any(not expectation.met for expectation in result.expectations)
-    return FINDINGS if missed else _status(findings, limit or study.recipe.finding_limit)
+    return FINDINGS if missed else status(findings, limit or study.recipe.finding_limit)
 
 
 @app.command()
@@ -93,7 +88,7 @@ def run(
 def check(
     campaign: Measurement,
     run: Annotated[list[str] | None, typer.Option("--run", help="Only this run (may be repeated).")] = None,
-    limit: Limit = None,
+    limit: LimitOfRecipe = None,
     json: Json = False,
 ) -> int:
     """Say what was measured, under which conditions, and what is wrong with it; no modes."""
@@ -112,7 +107,7 @@ def check(
     else:
         checking.show(screen.console(), opened, checked)
     findings = [*opened.findings, *(finding for one in checked for finding in one.findings)]
-    return _status(findings, limit or study.recipe.finding_limit)
+    return status(findings, limit or study.recipe.finding_limit)
 
 
 @app.command()
@@ -127,7 +122,7 @@ def fit(
     second: Annotated[
         bool, typer.Option("--second-opinion", help="Compare with ERA, an estimator in the time domain.")
     ] = False,
-    limit: Limit = None,
+    limit: LimitOfRecipe = None,
     json: Json = False,
 ) -> int:
     """Fit the modes of one run or file and print them."""
@@ -171,33 +166,29 @@ def fit(
             if second:
                 out.print(screen.opinion_table(opinions[name], name))
             screen.show_findings(out, model.findings)
-    return _status([finding for model in models.values() for finding in model.findings], limit or "never")
+    return status([finding for model in models.values() for finding in model.findings], limit or "never")
 
 
 @app.command()
 @ends_well
 def report(
-    result: Annotated[Path, typer.Argument(help="The result file (.h5) of `ema run`.", show_default=False)],
+    result: Annotated[
+        Path,
+        typer.Argument(
+            help="What `ema run`, `place`, `compare`, `map` or `simulate` stored (.h5).", show_default=False
+        ),
+    ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
     formats: Formats = "",
     json: Json = False,
 ) -> int:
-    """Write the report of a finished study again."""
+    """Write the report of a stored result: a study, a placement, a comparison, a map, a simulation."""
     from ema import store
     from ema.cli import screen
-    from ema.data import StudyResult
     from ema.report import write
 
-    held = store.load(result)
-    if not isinstance(held, StudyResult):
-        raise InputError(
-            "no result of a study",
-            where=str(result),
-            got=type(held).__name__,
-            advice="give the .h5 file that `ema run` wrote",
-        )
-    wanted = formats.split(",") if formats else []
-    path = write(held, output or result.with_suffix(".html"), wanted)
+    wanted = split_formats(formats)
+    path = write(store.load(result), output or result.with_suffix(".html"), wanted)
     if json:
         screen.as_json({"report": str(path)})
     else:
@@ -232,11 +223,6 @@ def doctor(json: Json = False) -> int:
     else:
         listing.show_checks(screen.console(), checks, doctor.repair(checks))
     return FINE if all(one.works or not one.needed for one in checks) else FINDINGS
-
-
-def _status(findings: "list[Finding]", limit: str) -> int:
-    grave = {"warning": ("warning", "error"), "error": ("error",), "never": ()}[limit]
-    return FINDINGS if any(finding.severity in grave for finding in findings) else FINE
 
 
 def _settings(told: dict[str, Any]) -> "FitTable":

@@ -1,11 +1,13 @@
 """`ema compare`: measured modes or a measured map against a model, with a verdict."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ema.cli.common import Formats, Json, jsonable, save_pictures, split_formats
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
 
@@ -39,11 +41,13 @@ def compare(
         bool, typer.Option("--known-levels/--relative-levels", help="Whether the force levels are known in N.")
     ] = True,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for what is written [compared/NAME].")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    formats: Formats = "html",
+    json: Json = False,
 ) -> int:
     """Hold a model against a measurement; ends with status 1 where it does not agree."""
     from ema.cli import screen
 
+    wanted = split_formats(formats)
     free = [name.strip() for name in update.split(",") if name.strip()]
     found = _contents(measured)
     with screen.Bars() as bars:
@@ -55,7 +59,7 @@ def compare(
         else:
             outcome = _against_file(found, _contents(model), measured, model)
     folder = out or Path("compared") / measured.resolve().stem
-    written = _write(folder, outcome)
+    written = _write(folder, outcome, wanted)
     if json:
         screen.as_json(
             {
@@ -141,8 +145,8 @@ def _against_model(
     return Outcome(held.verdict, tables, nouns, {"map_comparison": show.map_comparison(held)}, findings)
 
 
-def _write(folder: Path, outcome: Outcome) -> list[Path]:
-    from ema import store
+def _write(folder: Path, outcome: Outcome, formats: Sequence[str]) -> list[Path]:
+    from ema import report, store
     from ema.study.study import make_folder
 
     make_folder(folder)
@@ -152,19 +156,13 @@ def _write(folder: Path, outcome: Outcome) -> list[Path]:
         written.append(folder / f"{name}.csv")
         with store.replacing(written[-1]) as target:
             table.to_csv(target, index=False)
-    for name, figure in outcome.pictures.items():
-        for suffix in ("png", "svg"):
-            written.append(folder / f"{name}.{suffix}")
-            with store.replacing(written[-1]) as target:
-                figure.savefig(target, format=suffix, dpi=150)
-    return written
+    written += save_pictures(folder, outcome.pictures)
+    report.write(outcome.nouns, folder / "comparison.html", formats)
+    return [*written, *(folder / f"comparison.{name}" for name in formats)]
 
 
 def _rows(table: "pd.DataFrame") -> list[dict[str, Any]]:
-    return [
-        {str(key): None if isinstance(value, float) and value != value else value for key, value in row.items()}
-        for row in table.to_dict("records")
-    ]
+    return [jsonable(row) for row in table.to_dict("records")]
 
 
 def _print(outcome: Outcome, written: list[Path]) -> None:

@@ -3,11 +3,12 @@
 import csv
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.cli.common import Json, Limit, save_pictures, status
+from ema.cli.ending import ends_well
 from ema.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,11 +27,8 @@ def make_map(
     force: Annotated[list[float] | None, typer.Option(help="Nominal normal force in N (repeat).")] = None,
     level: Annotated[list[float] | None, typer.Option(help="Nominal force level in N (repeat).")] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for what is written [maps/NAME].")] = None,
-    limit: Annotated[
-        Literal["warning", "error", "never"],
-        typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
-    ] = "error",
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    limit: Limit = "error",
+    json: Json = False,
 ) -> int:
     """Follow a mode over excitation and normal force: table, CSV, pictures and a store."""
     from ema.cli import screen
@@ -61,8 +59,7 @@ def make_map(
         for result in results:
             _print(result)
         screen.console().print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
-    grave = {"warning": ("warning", "error"), "error": ("error",), "never": ()}[limit]
-    return FINDINGS if any(finding.severity in grave for finding in findings) else FINE
+    return status(findings, limit)
 
 
 def _tables(study: "Study", near: list[float] | None, told: dict[str, Any]) -> "list[MapTable]":
@@ -87,16 +84,10 @@ def _write(folder: Path, result: "MapResult") -> list[Path]:
     with store.replacing(written[1]) as target:
         target.write_text(_csv(result), encoding="utf-8", newline="")
     pictures = {
-        "damping": show.damping_map(result.chart), "frequency": show.frequency_map(result.chart),
-        "curves": show.damping_curves(result.chart),
+        f"{stem}_damping": show.damping_map(result.chart), f"{stem}_frequency": show.frequency_map(result.chart),
+        f"{stem}_curves": show.damping_curves(result.chart),
     }  # fmt: skip
-    for name, figure in pictures.items():
-        for suffix in ("png", "svg"):
-            path = folder / f"{stem}_{name}.{suffix}"
-            with store.replacing(path) as target:
-                figure.savefig(target, format=suffix, dpi=150)
-            written.append(path)
-    return written
+    return [*written, *save_pictures(folder, pictures)]
 
 
 def _csv(result: "MapResult") -> str:

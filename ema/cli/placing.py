@@ -1,19 +1,20 @@
 """`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.cli.common import Formats, Json, Limit, jsonable, save_pictures, split_formats, status
+from ema.cli.ending import ends_well
 from ema.errors import FailureError, InputError, require
 
 if TYPE_CHECKING:
     from ema.data import Finding, Geometry, ModalModel
-    from ema.data.comparison import Verdict
     from ema.data.placement import Placement
     from ema.place.recipe import PlaceRecipe
     from ema.progress import Progress
@@ -38,33 +39,32 @@ def place(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes on this machine.")] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Keep places finished before.")] = False,
     anyway: Annotated[bool, typer.Option("--anyway", help="Place although the joint model does not agree.")] = False,
-    limit: Annotated[
-        Literal["warning", "error", "never"],
-        typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
-    ] = "error",
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    formats: Formats = "html",
+    limit: Limit = "error",
+    json: Json = False,
 ) -> int:
     """Where a friction beam goes, and how hard to press it."""
     from ema.cli import screen
     from ema.place.job import place as placed
-    from ema.place.sources import bare_of_model
+    from ema.place.sources import bare_of_model, verdict_of
     from ema.study.study import make_folder
 
+    wanted = split_formats(formats)
     read, origin, model = _read(source, recipe)
     folder = output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement"
     make_folder(folder)
-    verdict = _verdict(read, origin)
+    verdict = verdict_of(read, origin)
     with screen.Bars() as bars:
         bare, geometry = bare_of_model(model) if model is not None else _bare(read, origin, bars)
         with _workers(cluster, jobs) as executor:
             found = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
-    written = _write(found, folder)
+    found = replace(found, geometry=geometry)
+    written = _write(found, folder, wanted)
     if json:
         screen.as_json(_as_mapping(found, written))
     else:
         _show(found, written)
-    grave = {"warning": ("warning", "error"), "error": ("error",), "never": ()}[limit]
-    return FINDINGS if any(finding.severity in grave for finding in _findings(found)) else FINE
+    return status(_findings(found), limit)
 
 
 def _stem(path: Path) -> str:
@@ -154,23 +154,6 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
     return models[0], shapes[0]
 
 
-def _verdict(recipe: "PlaceRecipe", origin: Path) -> "Verdict | None":
-    """The verdict of a stored comparison."""
-    if not recipe.agreement:
-        return None
-    from ema import store
-    from ema.data.comparison import Verdict
-
-    path = origin / recipe.agreement
-    held = store.load(path)
-    for noun in [held, *(held.values() if isinstance(held, Mapping) else [])]:
-        found = noun if isinstance(noun, Verdict) else getattr(noun, "verdict", None)
-        if isinstance(found, Verdict):
-            return found
-    raise InputError("the file holds no verdict", where=str(path), got=type(held).__name__,
-                     expected="a comparison of the joint model with a measurement")  # fmt: skip
-
-
 @contextmanager
 def _workers(cluster: str | None, jobs: int) -> Iterator[Executor | None]:
     """Where the checks run: a cluster, processes, or here."""
@@ -213,23 +196,18 @@ def _cluster(address: str) -> Iterator[Executor]:
         client.close(timeout=WAIT)
 
 
-def _write(found: "Placement", folder: Path) -> list[Path]:
+def _write(found: "Placement", folder: Path, formats: Sequence[str]) -> list[Path]:
     """Store, pictures and report."""
-    from ema import show, store
-    from ema.report import placement as report
+    from ema import report, show, store
 
     written = [folder / "placement.h5"]
     store.save(written[0], found)
     pictures = {"placement_map": show.placement_map(found), "recommended_force": show.recommended_force(found)}
     if found.control is not None:
         pictures["control"] = show.control_gain(found.control)
-    for title, figure in pictures.items():
-        for suffix in ("png", "svg"):
-            path = folder / f"{title}.{suffix}"
-            with store.replacing(path) as target:
-                figure.savefig(target, format=suffix, dpi=150)
-            written.append(path)
-    return [*written, report.write(found, folder / "placement.html")]
+    written += save_pictures(folder, pictures)
+    report.write(found, folder / "placement.html", formats)
+    return [*written, *(folder / f"placement.{name}" for name in formats)]
 
 
 def _findings(found: "Placement") -> "list[Finding]":
@@ -240,10 +218,7 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
     from ema.report.placement import answer
     from ema.study.plain import finding
 
-    rows = [
-        {key: None if isinstance(value, float) and value != value else value for key, value in row.items()}
-        for row in found.ranking.table().reset_index().to_dict("records")
-    ]
+    rows = [jsonable(row) for row in found.ranking.table().reset_index().to_dict("records")]
     return {
         "warning": found.warning, "answer": answer(found), "candidates": len(found.ranking.scores),
         "checked": len(found.ranking.shortlist), "places": rows,

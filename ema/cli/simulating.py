@@ -3,11 +3,12 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.cli.common import Json, Limit, jsonable, save_pictures, status
+from ema.cli.ending import ends_well
 from ema.errors import FailureError, InputError
 
 if TYPE_CHECKING:
@@ -25,11 +26,6 @@ NormalForce = Annotated[
     list[float] | None, typer.Option("--normal-force", help="Normal force of every joint in N (may be repeated).")
 ]
 ForceLevels = Annotated[list[float] | None, typer.Option("--force", help="Force amplitude in N (may be repeated).")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-Limit = Annotated[
-    Literal["warning", "error", "never"],
-    typer.Option("--limit", help="End with status 1 if there is a finding at least this severe."),
-]
 
 
 @dataclass
@@ -63,14 +59,13 @@ def _ended(
 
         screen.as_json(
             {
-                "model": model.name, "job": name, "rows": [_plain(row) for row in job.rows],
+                "model": model.name, "job": name, "rows": [jsonable(row) for row in job.rows],
                 "findings": [finding(one) for one in job.findings], "written": [str(one) for one in written],
             }
         )  # fmt: skip
     else:
         _print(f"{model.name}: {name}", job, written)
-    grave = {"warning": ("warning", "error"), "error": ("error",), "never": ()}[limit]
-    return FINDINGS if any(one.severity in grave for one in job.findings) else FINE
+    return status(job.findings, limit)
 
 
 def _ready(folder: Path) -> None:
@@ -94,13 +89,7 @@ def _write(folder: Path, name: str, model: "BeamModel", job: Job) -> list[Path]:
 
     written = [folder / f"{name}.h5"]
     store.save(written[0], {"model": model, **job.nouns})
-    for title, figure in job.pictures.items():
-        for suffix in ("png", "svg"):
-            path = folder / f"{title}.{suffix}"
-            with store.replacing(path) as target:
-                figure.savefig(target, format=suffix, dpi=150)
-            written.append(path)
-    return written
+    return [*written, *save_pictures(folder, job.pictures)]
 
 
 def _print(title: str, job: Job, written: Sequence[Path]) -> None:
@@ -124,10 +113,6 @@ def _text(value: Any) -> str:
     if isinstance(value, float):
         return "-" if value != value else f"{value:.4g}"
     return str(value)
-
-
-def _plain(row: dict[str, Any]) -> dict[str, Any]:
-    return {key: None if isinstance(value, float) and value != value else value for key, value in row.items()}
 
 
 def _unique(findings: Sequence["Finding"]) -> list["Finding"]:

@@ -91,6 +91,8 @@ class Campaign:
     """``(file, sha256)`` of the campaign's metadata files."""
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     folder: str = ""
+    logo: str = ""
+    """Image file of whoever tests, for the report."""
 
     def __getitem__(self, run: str) -> Run:
         for candidate in self.runs:

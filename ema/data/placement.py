@@ -9,6 +9,8 @@ from jaxtyping import Float, Int
 from ema.data._arrays import freeze
 from ema.data.beam import FrictionLaw
 from ema.data.findings import Finding
+from ema.data.forecast import Forecast
+from ema.data.geometry import Geometry
 from ema.data.provenance import Provenance
 
 if TYPE_CHECKING:
@@ -284,7 +286,8 @@ class Placement:
     """The answer to a placement task: the ranking, where the plane of its coordinates lies, and how far to trust it.
 
     ``origin`` (3,) m and ``axes`` (3, 3) of the plane, ``extent`` (2, 2) m of the measured rectangle, ``keep_out``
-    polygons (corner, 2) m; ``warning`` is the first line of every report, empty where the model agrees.
+    polygons (corner, 2) m; ``warning`` is the first line of every report, empty where the model agrees. ``geometry`` is
+    that of the structure; ``forecast`` tells what the beam will do at the best place.
     """
 
     title: str
@@ -298,6 +301,8 @@ class Placement:
     control: ControlStudy | None = None
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     provenance: Provenance = field(default=Provenance(), compare=False)
+    geometry: Geometry | None = None
+    forecast: Forecast | None = None
 
     def __post_init__(self) -> None:
         freeze(self, origin=np.float64, axes=np.float64, extent=np.float64, points=np.float64)

@@ -13,8 +13,10 @@ from ema.data.frf import FrfSet
 from ema.data.hits import HitGallery
 from ema.data.maps import ModalMap
 from ema.data.modal import ModalModel, PoleTable
+from ema.data.placement import Placement
 from ema.data.provenance import Provenance
 from ema.data.repeats import ConditionDifference, RepeatGroup
+from ema.data.response import Decay, Loop
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,8 @@ class StudyResult:
     """A finished study: the campaign, the result of each run, repairs, findings and provenance.
 
     ``conditions`` gathers the runs by what they repeat; ``differences`` holds each of them against the first one.
-    ``maps`` follow a mode over force level and normal force; ``statements`` are those of a publication.
+    ``maps`` follow a mode over force level and normal force; ``statements`` are those of a publication. ``decays`` are
+    ring-downs, ``loops`` hysteresis loops; ``placement`` says where a friction beam goes.
     """
 
     campaign: Campaign
@@ -133,3 +136,6 @@ class StudyResult:
     differences: tuple[ConditionDifference, ...] = ()
     maps: tuple[MapResult, ...] = ()
     statements: tuple[Statement, ...] = ()
+    decays: tuple[Decay, ...] = ()
+    loops: tuple[Loop, ...] = ()
+    placement: Placement | None = None

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ema.estimate.calibrate import Calibration, known_mass
+    from ema.estimate.cycles import measured_loop
     from ema.estimate.decay import Phase, phases, ring_down
     from ema.estimate.frf_checks import quality, without_dead
     from ema.estimate.impact import hammer, hammer_test
@@ -42,6 +43,7 @@ _NAMES = {
     "integrated": "integrate",
     "known_mass": "calibrate",
     "level_bins": "levels",
+    "measured_loop": "cycles",
     "phase_resonance": "shaker_force",
     "phases": "decay",
     "quality": "frf_checks",
@@ -59,8 +61,8 @@ _NAMES = {
 __all__ = [
     "Calibration", "ForceLevel", "Homogeneity", "Phase", "PhaseResonance", "Steps", "causality", "check_hit",
     "control_level", "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated", "known_mass",
-    "level_bins", "phase_resonance", "phases", "quality", "ring_down", "shaker", "stepped", "stepped_test", "sweep",
-    "sweep_rate", "to_quantity", "without_dead", "without_mount_mass",
+    "level_bins", "measured_loop", "phase_resonance", "phases", "quality", "ring_down", "shaker", "stepped",
+    "stepped_test", "sweep", "sweep_rate", "to_quantity", "without_dead", "without_mount_mass",
 ]  # fmt: skip
 
 

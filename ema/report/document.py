@@ -4,11 +4,14 @@ from dataclasses import dataclass, field
 
 from ema.data import StudyResult
 from ema.report.blocks import Block, Book, Section, Table
+from ema.report.change import change_sections
 from ema.report.comparison import comparisons
 from ema.report.expected import counted_expectations, expectation_table
+from ema.report.friction import loops, ring_down_sentences, ring_downs
 from ema.report.maps import map_lines, map_sections, statement_lines, statements
 from ema.report.modes import mode_table, run_sentence
-from ema.report.photos import photos
+from ema.report.photos import logo, photos
+from ema.report.placement import answers, place_blocks, placement_sections
 from ema.report.records import provenance, repairs
 from ema.report.runs import run_sections
 from ema.report.worries import Group, all_findings, counted, finding_table, grouped
@@ -38,40 +41,59 @@ class Document:
     findings: Table | None
     expectations: Table | None
     chapters: list[Chapter]
+    logo: Block | None = None
 
 
 def compose(result: StudyResult, book: Book) -> Document:
     """Everything that a report of ``result`` says, in the order in which it is read."""
-    campaign = result.campaign
+    campaign, placement = result.campaign, result.placement
     runs = list(result.runs)
+    # tables and figures are numbered in the order in which they are made, so the order of these lines is the reader's
+    answers_: list[Section] = []
+    if placement is not None:
+        answers_.append(Section("Where the beam goes", "placement", place_blocks(placement, book)))
     modes = [mode_table(run, book) for run in runs]
     told, compared = comparisons(runs, book)
     worries = grouped(all_findings(result))
-    answers = [Section("Modes", "modes", modes)]
-    answers += [Section("Runs compared", "comparison", compared)] if compared else []
+    answers_ += [Section("Modes", "modes", modes)]
+    answers_ += [Section("Runs compared", "comparison", compared)] if compared else []
+    answers_ += statements(result, book) + map_sections(result, book)
+    if result.decays:
+        answers_.append(Section("Ring-down", "ring-down", ring_downs(result.decays, book)))
+    if result.loops:
+        answers_.append(Section("Hysteresis", "hysteresis", loops(result.loops, book)))
     facts = {
         "Structure": campaign.structure, "Campaign": campaign.name, "Operator": campaign.operator,
         "Date": campaign.date,
     }  # fmt: skip
-    answers += statements(result, book) + map_sections(result, book)
-    # tables and figures are numbered in the order in which they are made, so the order of these lines is the reader's
     findings, expectations = finding_table(worries, book), expectation_table(result, book)
-    repaired = repairs(result, book)
-    chapters = [Chapter(repaired.title, repaired.anchor, repaired.blocks)]
-    for number, run in enumerate(runs, 1):
-        sections = run_sections(run, campaign.geometry, number, book)
-        chapters.append(Chapter(f"Run {run.run.id}", f"run-{number}", sections=sections))
-    origin = provenance(result, book)
-    chapters.append(Chapter(origin.title, origin.anchor, origin.blocks))
     return Document(
         title=result.title or campaign.name,
         facts=[(label, value or "not stated") for label, value in facts.items()],
         comment=campaign.comment,
         photos=photos(campaign),
         summary=[
+            *([] if placement is None else answers(placement)),
             *([run_sentence(run) for run in runs] or ["No run was analysed."]), *told, *map_lines(result),
-            *statement_lines(result), counted(worries),
+            *statement_lines(result), *ring_down_sentences(result.decays), counted(worries),
             *counted_expectations(result),
         ],
-        answers=answers, worries=worries, findings=findings, expectations=expectations, chapters=chapters,
+        answers=answers_, worries=worries, findings=findings, expectations=expectations,
+        chapters=_chapters(result, book), logo=logo(campaign),
     )  # fmt: skip
+
+
+def _chapters(result: StudyResult, book: Book) -> list[Chapter]:
+    """What stands behind the front page."""
+    repaired = repairs(result, book)
+    chapters = [Chapter(repaired.title, repaired.anchor, repaired.blocks)]
+    if result.placement is not None:
+        parts = placement_sections(result.placement, book)
+        chapters.append(Chapter("The place in detail", "placement-detail", sections=parts))
+    if changed := change_sections(list(result.runs), book):
+        chapters.append(Chapter("Before and after", "change", sections=changed))
+    for number, run in enumerate(result.runs, 1):
+        sections = run_sections(run, result.campaign.geometry, number, book)
+        chapters.append(Chapter(f"Run {run.run.id}", f"run-{number}", sections=sections))
+    origin = provenance(result, book)
+    return [*chapters, Chapter(origin.title, origin.anchor, origin.blocks)]

@@ -38,16 +38,18 @@ def statement_lines(result: StudyResult) -> list[str]:
 def map_sections(result: StudyResult, book: Book) -> list[Section]:
     """Every map with its pictures, the homogeneity of its levels, and its table."""
     return [
-        Section(f"Map of {one.name}", f"map-{number}", _blocks(one, book)) for number, one in enumerate(result.maps, 1)
+        Section(f"Map of {one.name}", f"map-{number}", map_blocks(one, book))
+        for number, one in enumerate(result.maps, 1)
     ]
 
 
 def map_lines(result: StudyResult) -> list[str]:
     """The answer of every map in a sentence."""
-    return [line for one in result.maps if (line := _sentence(one))]
+    return [line for one in result.maps if (line := map_sentence(one))]
 
 
-def _sentence(one: MapResult) -> str:
+def map_sentence(one: MapResult) -> str:
+    """The most damping of a map, and the best normal force over the excitation."""
     damping = np.asarray(one.chart.damping)
     if not np.isfinite(damping).any():
         return f"{one.name}: no mode was found in any condition."
@@ -63,9 +65,10 @@ def _sentence(one: MapResult) -> str:
     )
 
 
-def _blocks(one: MapResult, book: Book) -> list[Block]:
+def map_blocks(one: MapResult, book: Book) -> list[Block]:
+    """The pictures of a map, whether its levels are one linear structure, and its table."""
     chart, name = one.chart, one.name
-    told = _sentence(one)
+    told = map_sentence(one)
     blocks: list[Block] = [
         Text(told),
         book.picture(show.damping_map(chart), f"Damping of {name} over F_E and F_N. {told}",

@@ -1,4 +1,4 @@
-"""Photographs of the test, inside the report."""
+"""Photographs of the test and the logo of who tests, inside the report."""
 
 from pathlib import Path
 
@@ -15,17 +15,32 @@ def photos(campaign: Campaign) -> list[Block]:
     return [_photo(Path(campaign.folder), name) for name in campaign.photos]
 
 
-def _photo(folder: Path, name: str) -> Block:
+def logo(campaign: Campaign) -> Block | None:
+    """The logo of a campaign, if it has one, or why it cannot be shown."""
+    if not campaign.logo:
+        return None
+    image = _image(Path(campaign.folder), campaign.logo, "logo")
+    return image if isinstance(image, Text) else Picture(None, image, "Logo", "", 20, png=image)
+
+
+def _image(folder: Path, name: str, what: str) -> Image | Text:
+    """The image in a file, or why it cannot be shown."""
     try:
         content = (folder / name).read_bytes()
     except OSError as error:
-        return Text(f"The photograph {name} cannot be read: {error.strerror or error}.", missing=True)
+        return Text(f"The {what} {name} cannot be read: {error.strerror or error}.", missing=True)
     mime = next((mime for start, mime in _SIGNATURES.items() if content.startswith(start)), None)
     if mime is None:
-        return Text(f"The photograph {name} is not shown: it is neither JPEG, PNG nor GIF.", missing=True)
+        return Text(f"The {what} {name} is not shown: it is neither JPEG, PNG nor GIF.", missing=True)
     if len(content) > _LARGEST:
-        told = f"The photograph {name} is not shown: {len(content) / 1e6:.1f} MB, limit {_LARGEST / 1e6:.0f} MB."
+        told = f"The {what} {name} is not shown: {len(content) / 1e6:.1f} MB, limit {_LARGEST / 1e6:.0f} MB."
         return Text(told, missing=True)
-    image = Image(content, mime)
+    return Image(content, mime)
+
+
+def _photo(folder: Path, name: str) -> Block:
+    image = _image(folder, name, "photograph")
+    if isinstance(image, Text):
+        return image
     alt = f"Photograph of the test: {Path(name).name}"
     return Picture(None, image, alt, Path(name).stem.replace("_", " "), 60, png=image)

@@ -1,54 +1,143 @@
-"""Where the beam goes, as a report: the answer, the map, the ranking, what a controlled force would add."""
+"""Where the beam goes, in a report: the answer, the map, the ranking, FRFs before and after, a controlled force."""
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 
 from ema import show
+from ema.data import FrfSet, ModalModel, poles_from
 from ema.data.placement import Place, Placement
+from ema.dof import Dof
 from ema.report.blocks import Block, Book, Cell, Section, Text
-from ema.report.document import Chapter, Document
+from ema.report.forecast import forecast_blocks
 from ema.report.numbers import plain, short
-from ema.report.worries import counted, finding_table, grouped
+from ema.synthesis import frfs as synthesis
+from ema.units import FRF_UNIT
+
+_LINES = 4000
+_BESIDE = 0.12
+"""How far the predicted FRFs reach beyond the modes, relative."""
 
 
-def sections(placement: Placement, book: Book) -> list[Section]:
-    """The placement as sections of a report."""
-    blocks: list[Block] = [Text(placement.warning)] if placement.warning else []
-    ranking = placement.ranking
-    blocks += [
-        Text(answer(placement)),
+def answers(placement: Placement) -> list[str]:
+    """For the front page: how far to trust it, the place with its normal force, what a controlled one would add."""
+    told = [placement.warning] if placement.warning else []
+    told.append(answer(placement))
+    return [*told, *([placement.control.verdict] if placement.control is not None else [])]
+
+
+def place_blocks(placement: Placement, book: Book) -> list[Block]:
+    """The recommended place on the geometry, and the best places as a table."""
+    ranking, best = placement.ranking, placement.ranking.best
+    where = f"at ({best.centre[0]:.3f}, {best.centre[1]:.3f}) m with F_N {best.normal_force:.3g} N in every joint"
+    return [
         book.picture(
-            show.placement_map(placement), "Map of all places of the beam on the measured surface, with the best ones.",
+            show.placement_map(placement),
+            f"Map of {len(ranking.scores)} places of the beam on the structure; the best is {where}.",
             f"{len(ranking.scores)} places by the one-mode predictor ({ranking.objective}); numbers: ranks with all "
-            "modes together; hatched: kept free.",
+            f"modes together; hatched: kept free. Recommended: {where}.",
         ),
         _table(placement, book),
+    ]  # fmt: skip
+
+
+def placement_sections(placement: Placement, book: Book) -> list[Section]:
+    """What stands behind the answer."""
+    sections = [
+        Section("Recommended normal force", "placement-force", _force(placement, book)),
+        Section("FRF before and after, predicted", "placement-frf", _predicted(placement, book)),
+    ]
+    if placement.forecast is not None:
+        sections.insert(0, Section("Forecast for the best place", "forecast", forecast_blocks(placement.forecast, book)))
+    if placement.control is not None:
+        sections.append(Section("A controlled normal force", "control", _control(placement, book)))
+    return sections
+
+
+def _force(placement: Placement, book: Book) -> list[Block]:
+    best, prediction = placement.ranking.best, placement.ranking.prediction
+    columns = ["F_E [N]", "Best F_N [N]"]
+    for mode in prediction.modes:
+        columns += [f"f{mode + 1} [Hz]", f"ζ{mode + 1} [%]", f"ζ{mode + 1} low [%]", f"ζ{mode + 1} high [%]"]
+    rows: list[list[Cell]] = []
+    for level in np.argsort(prediction.force_levels):
+        row: list[Cell] = [plain(float(prediction.force_levels[level]), 3), plain(float(best.normal_forces[level]), 3)]
+        for m in range(len(prediction.modes)):
+            row.append(plain(float(best.frequency[m, level]), 5))
+            row += [plain(100 * float(one[m, level]), 3) for one in (best.damping, best.damping_low, best.damping_high)]
+        rows.append(row)
+    return [
         book.picture(
             show.recommended_force(placement), "Recommended normal force over excitation force, and damping.",
             "Recommended normal force of every joint at the best place, and the damping it brings.",
         ),
+        book.table(
+            "recommended_force", "The best place over the excitation: the normal force that is best at each level; "
+            f"frequency and damping with its 95 % interval under {best.normal_force:.3g} N at all levels.",
+            columns, rows,
+        ),
     ]  # fmt: skip
-    parts = [Section("Where the beam goes", "placement", blocks)]
-    if placement.control is not None:
-        study = placement.control
-        frame = study.table().reset_index()
-        rows: list[list[Cell]] = [
-            [str(row[0]), *(plain(float(value), 4) for value in row[1:])] for row in frame.itertuples(index=False)
-        ]
-        parts.append(Section("A controlled normal force", "control", [
-            Text(study.verdict),
-            book.picture(
-                show.control_gain(study), "Energy over time after a release under constant and controlled force.",
-                f"Left: release from {study.load:.3g} N at the excited point. Right: steady vibration over the "
-                "excitation force, one normal force for all levels or one for each.",
-            ),
-            book.table(
-                "control", "Ring-downs: J is the integral of the energy over that at the start; t to stay below 5 % "
-                "and 2 % of the amplitude.", tuple(str(name) for name in frame.columns), rows,
-            ),
-        ]))  # fmt: skip
-    return parts
+
+
+def _predicted(placement: Placement, book: Book) -> list[Block]:
+    """FRFs of the target modes without the beam, and with it at the lowest and at the highest level."""
+    best, prediction = placement.ranking.best, placement.ranking.prediction
+    levels = np.asarray(prediction.force_levels)
+    ends = list(dict.fromkeys([int(np.argmin(levels)), int(np.argmax(levels))]))
+    states = [("bare", np.asarray(prediction.bare_frequencies), np.asarray(prediction.bare_damping))]
+    states += [(f"with beam, F_E {levels[k]:g} N", best.frequency[:, k], best.damping[:, k]) for k in ends]
+    states = [state for state in states if np.isfinite([*state[1], *state[2]]).all()]
+    reached = np.concatenate([state[1] for state in states])
+    lines = np.linspace((1 - _BESIDE) * reached.min(), (1 + _BESIDE) * reached.max(), _LINES)
+    sets = [_of_modes(placement, state[1], state[2], lines) for state in states]
+    names = [state[0] for state in states]
+    return [
+        book.picture(
+            show.frf_overlay(sets, [(0, 0)] * len(sets), names),
+            f"Predicted FRF from the excited point to the one that counts: {', '.join(names)}.",
+            f"FRF from the excited point to the one that counts, of the target modes alone: {', '.join(names)}; "
+            f"F_N {best.normal_force:.3g} N. Shapes are taken as those of the bare structure.",
+        )
+    ]  # fmt: skip
+
+
+def _of_modes(placement: Placement, frequencies: np.ndarray, damping: np.ndarray, lines: np.ndarray) -> FrfSet:
+    prediction = placement.ranking.prediction
+    poles = poles_from(np.asarray(frequencies), np.asarray(damping))
+    excited, counted = Dof(1, "+Z"), Dof(2, "+Z")
+    shapes = np.stack([prediction.driver, prediction.output]).astype(complex)
+    model = ModalModel(poles, shapes, (excited, counted), shapes[:1] / (2j * poles.imag), (excited,))
+    found = synthesis(model, lines, "receptance", outputs=[counted], inputs=[excited])
+    return replace(found, unit=FRF_UNIT["receptance"])
+
+
+def _control(placement: Placement, book: Book) -> list[Block]:
+    study = placement.control
+    assert study is not None
+    frame = study.table().reset_index()
+    rows: list[list[Cell]] = [
+        [str(row[0]), *(plain(float(value), 4) for value in row[1:])] for row in frame.itertuples(index=False)
+    ]
+    levels = [
+        (plain(float(level), 3), plain(100 * float(one), 3), plain(100 * float(each), 3))
+        for level, one, each in zip(study.force_levels, study.constant_damping, study.scheduled_damping, strict=True)
+    ]
+    return [
+        Text(study.verdict),
+        book.picture(
+            show.control_gain(study), "Energy over time after a release under constant and controlled force.",
+            f"Left: release from {study.load:.3g} N at the excited point. Right: steady vibration over the "
+            "excitation force, one normal force for all levels or one for each.",
+        ),
+        book.table(
+            "control", "Ring-downs: J is the integral of the energy over that at the start; t to stay below 5 % "
+            "and 2 % of the amplitude.", tuple(str(name) for name in frame.columns), rows,
+        ),
+        book.table(
+            "control_steady", "Steady vibration: least damping of the modes under one normal force for all levels, and "
+            "under one for each.", ("F_E [N]", "ζ, one for all [%]", "ζ, one for each [%]"), levels,
+        ),
+    ]  # fmt: skip
 
 
 def answer(placement: Placement) -> str:
@@ -101,41 +190,3 @@ def _row(number: int, place: Place) -> list[Cell]:
             plain(float(place.frequency[m, row]), 4),
         ]  # fmt: skip
     return [*cells, ", ".join(sorted({finding.code for finding in place.findings})) or "none"]
-
-
-def compose(placement: Placement, book: Book) -> Document:
-    """A report of the placement alone."""
-    parts = sections(placement, book)
-    findings = list(dict.fromkeys([*placement.findings, *placement.ranking.best.findings]))
-    worries = grouped(findings)
-    prediction = placement.ranking.prediction
-    facts = [
-        ("Objective", placement.ranking.objective),
-        ("Excitation", ", ".join(f"{level:g}" for level in prediction.force_levels) + " N"),
-        ("Candidates", f"{len(placement.ranking.scores)}, {len(placement.ranking.shortlist)} with all modes together"),
-    ]
-    summary = [*([placement.warning] if placement.warning else []), answer(placement)]
-    summary += [placement.control.verdict] if placement.control is not None else []
-    return Document(
-        title=placement.title, facts=facts, comment="", photos=[], summary=[*summary, counted(worries)], answers=parts,
-        worries=worries, findings=finding_table(worries, book), expectations=None, chapters=list[Chapter](),
-    )  # fmt: skip
-
-
-def write(placement: Placement, path: str | Path) -> Path:
-    """Write a placement as one HTML page, its tables as CSV beside it.
-
-    Raises
-    ------
-    FailureError : the page cannot be written.
-    """
-    from ema.report.files import as_csv, write_bytes
-    from ema.report.html import page
-
-    path, book = Path(path), Book()
-    document = compose(placement, book)
-    tables = path.with_name(f"{path.stem}_tables")
-    for table in book.tables:
-        write_bytes(tables / f"{table.name}.csv", as_csv(table).encode())
-    write_bytes(path, page(document, tables.name).encode())
-    return path

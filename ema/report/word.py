@@ -80,6 +80,8 @@ class _Writer:
         return target.getvalue()
 
     def front(self, document: Document) -> None:
+        if document.logo is not None:
+            self._logo(document.logo)
         self.paragraph("EXPERIMENTAL MODAL ANALYSIS", size=8, colour=_ACCENT, bold=True)
         self._file.add_heading(printable(document.title), 0)
         self._facts(document.facts)
@@ -166,8 +168,21 @@ class _Writer:
             more = len(group.findings) - len(group.listed)
             self.paragraph(f"{more} more in the table beside this report", colour=_SOFT)
 
-    def _picture(self, picture: Picture) -> None:
+    def _logo(self, logo: Block) -> None:
+        """The logo at the right, no wider than a quarter of the text and no higher than 1.6 cm."""
         from docx.enum.text import WD_ALIGN_PARAGRAPH
+        from docx.shared import Cm
+
+        if not isinstance(logo, Picture):
+            self.blocks([logo])
+        elif (shape := self._placed(logo)) is not None:
+            width, height = shape.width, shape.height
+            scale = min(Cm(_TEXT_WIDTH / 4) / width, Cm(1.6) / height)
+            shape.width, shape.height = int(width * scale), int(height * scale)
+            self._file.paragraphs[-1].alignment = WD_ALIGN_PARAGRAPH.RIGHT
+
+    def _placed(self, picture: Picture) -> Any:
+        """The image in a paragraph of its own; a sentence where Word cannot show it."""
         from docx.image.exceptions import UnrecognizedImageError
         from docx.shared import Cm
 
@@ -176,8 +191,15 @@ class _Writer:
             shape = self._file.add_picture(BytesIO(image.content), width=Cm(_TEXT_WIDTH * picture.width / 100))
         except (UnrecognizedImageError, OSError, ValueError, KeyError):
             self.paragraph(f"{picture.alt}: this image cannot be shown in a Word file.", italic=True, colour=_SOFT)
-            return
+            return None
         shape._inline.docPr.set("descr", printable(picture.alt))
+        return shape
+
+    def _picture(self, picture: Picture) -> None:
+        from docx.enum.text import WD_ALIGN_PARAGRAPH
+
+        if self._placed(picture) is None:
+            return
         paragraph = self._file.paragraphs[-1]
         paragraph.paragraph_format.keep_with_next = True
         paragraph.alignment = WD_ALIGN_PARAGRAPH.LEFT

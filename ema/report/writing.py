@@ -1,13 +1,14 @@
-"""A study as a report in one format or several, with its tables as CSV beside it."""
+"""A study, placement, comparison or simulation as a report in one format or several, its tables as CSV beside it."""
 
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from ema.data import StudyResult
 from ema.errors import FailureError, InputError, require
+from ema.report.alone import document_of
 from ema.report.blocks import Book
-from ema.report.document import Document, compose
+from ema.report.document import Document
 from ema.report.files import as_csv, write_bytes
 
 FORMATS = ("html", "pdf", "docx")
@@ -16,14 +17,16 @@ FORMATS = ("html", "pdf", "docx")
 _NEEDS = {"pdf": ("weasyprint", "report"), "docx": ("docx", "office")}
 
 
-def write(result: StudyResult, path: str | Path, formats: Sequence[str] = ()) -> Path:
-    """Write the report of a study.
+def write(result: Any, path: str | Path, formats: Sequence[str] = ()) -> Path:
+    """Write the report of a study, a placement, or nouns of comparisons and simulations.
 
     All formats are made of the same sentences, tables and figures. The tables go to ``<report>_tables`` beside it, one
     CSV file each, with their numbers in full.
 
     Parameters
     ----------
+    result : a ``StudyResult``, a ``Placement``, or a mapping of names to such nouns as ``ema compare`` and
+        ``ema simulate`` store.
     path : the file; its folder is made where it does not exist.
     formats : ``html``, ``pdf``, ``docx``, one file each beside ``path``; by default the one that ``path`` ends with,
         or HTML.
@@ -34,7 +37,7 @@ def write(result: StudyResult, path: str | Path, formats: Sequence[str] = ()) ->
 
     Raises
     ------
-    InputError : there is no such format.
+    InputError : there is no such format, or nothing of ``result`` can be reported.
     MissingExtraError : a format needs an optional package.
     FailureError : a file cannot be written.
     """
@@ -47,7 +50,7 @@ def write(result: StudyResult, path: str | Path, formats: Sequence[str] = ()) ->
             raise FailureError("the report cannot be written: a folder has its name", where=str(each))
     book = Book(png="docx" in wanted)
     tables = base.with_name(f"{base.name}_tables")
-    document = compose(result, book)
+    document = document_of(result, book)
     contents = [_rendered(document, name, tables.name) for name in wanted]
     for table in book.tables:
         write_bytes(tables / f"{table.name}.csv", as_csv(table).encode())

@@ -1,7 +1,11 @@
 """Where a friction beam goes: places on the measured surface, recommended normal forces, controlled ring-downs."""
 
+from itertools import pairwise
+
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ema.data.placement import ControlStudy, Place, Placement
@@ -10,7 +14,7 @@ from ema.show.style import BLACK, COLOUR_MAP, FAINT, GREY, SERIES, VERMILION, em
 
 @styled
 def placement_map(placement: Placement, shown: int = 3) -> Figure:
-    """All candidates on the measured surface by their score, keep-out areas, and the best places with their joints."""
+    """All candidates on the geometry by their score, areas kept free, and the best places with their joints."""
     ranking, candidates = placement.ranking, placement.ranking.prediction.candidates
     (x0, x1), (y0, y1) = placement.extent
     angles = np.unique(np.round(candidates.angles, 6))[:4]
@@ -27,9 +31,10 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
     limits = scale * float(ranking.scores[finite].min()), scale * float(ranking.scores[finite].max())
     for axes, angle in zip(panels, angles):
         here = np.isclose(candidates.angles, angle, atol=1e-5)
+        size = float(np.clip(3000 / max(int(here.sum()), 1), 22, 110))
         _ground(axes, placement)
         mesh = axes.scatter(
-            *candidates.centres[here & finite].T, c=scale * ranking.scores[here & finite], cmap=COLOUR_MAP, s=26,
+            *candidates.centres[here & finite].T, c=scale * ranking.scores[here & finite], cmap=COLOUR_MAP, s=size,
             vmin=limits[0], vmax=limits[1], edgecolors="none",
         )  # fmt: skip
         axes.scatter(*candidates.centres[here & ~finite].T, marker="x", color=GREY, s=16, lw=0.8)
@@ -46,12 +51,31 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
 
 
 def _ground(axes: Axes, placement: Placement) -> None:
-    """Edge of the measured rectangle, measured points, areas kept free."""
+    """The structure, edge of the measured rectangle, measured points, areas kept free."""
+    edges = seen_edges(placement)
+    if len(edges):
+        axes.add_collection(LineCollection(list(edges), colors=FAINT, linewidths=0.6, zorder=0.5, rasterized=True))
+        axes.autoscale()
     (x0, x1), (y0, y1) = placement.extent
     axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=GREY, lw=1.0)
     axes.plot(*placement.points.T, ls="none", marker="+", ms=4, color=FAINT, mew=0.8)
     for corners in placement.keep_out:
         axes.fill(*np.asarray(corners).T, facecolor="none", edgecolor=VERMILION, hatch="///", lw=0.8)
+
+
+def seen_edges(placement: Placement) -> Float[np.ndarray, "edge 2 2"]:
+    """Lines and edges of the faces of the structure, each once, in the plane of the places; m."""
+    geometry = placement.geometry
+    if geometry is None:
+        return np.zeros((0, 2, 2))
+    pairs = {
+        (min(a, b), max(a, b))
+        for chain in (*geometry.lines, *((*face, face[0]) for face in geometry.faces))
+        for a, b in pairwise(chain) if a in geometry and b in geometry and a != b
+    }  # fmt: skip
+    flat = (geometry.xyz - placement.origin) @ placement.axes[:2].T
+    rows = np.array([[geometry.place(a), geometry.place(b)] for a, b in sorted(pairs)], int).reshape(-1, 2)
+    return np.asarray(flat[rows])
 
 
 def _beam(axes: Axes, placement: Placement, place: Place, number: int) -> None:

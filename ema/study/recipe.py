@@ -110,6 +110,28 @@ class MapTable(Table):
         return self.name or f"mode near {self.near:g} Hz"
 
 
+class RingDownTable(Table):
+    """``[[ring_down]]``: frequency and damping over the amplitude, for every record of a run.
+
+    ``band`` Hz holds the mode in all its phases and no other; ``channel`` is a name or a DOF, the first response by
+    default; ``start``, ``stop`` s.
+    """
+
+    run: str
+    band: Band
+    channel: str = ""
+    start: float | None = None
+    stop: float | None = None
+
+
+class LoopTable(Table):
+    """``[[loop]]``: hysteresis of a joint, for every record of a run; ``displacement`` and ``force`` name channels."""
+
+    run: str
+    displacement: str = ""
+    force: str = ""
+
+
 Quantity = Literal[
     "damping", "frequency", "highest damping", "best normal force", "best force level", "damping over the highest",
     "fall of frequency", "effect of the level", "ridge rises", "normal force over that of map", "run frequency",
@@ -154,7 +176,8 @@ class StatementTable(Table):
 
 class Recipe(Table):
     """The whole recipe. ``campaign`` is a folder or file, ``report`` and ``result`` are written; all relative to the
-    recipe. ``finding_limit`` is the severity from which a finding makes the command end with status 1."""
+    recipe. ``finding_limit`` is the severity from which a finding makes the command end with status 1. ``placement`` is
+    a placement recipe, answered for the first run without a friction beam; ``logo`` an image for the report."""
 
     campaign: str
     title: str = ""
@@ -166,11 +189,15 @@ class Recipe(Table):
     expect: list[ExpectTable] = []
     map: list[MapTable] = []
     statements: list[StatementTable] = []
+    ring_down: list[RingDownTable] = []
+    loop: list[LoopTable] = []
+    placement: str = ""
+    logo: str = ""
 
 
 _TABLES: dict[str, type[Table]] = {
     "": Recipe, "estimate": EstimateTable, "fit": FitTable, "expect": ExpectTable, "map": MapTable,
-    "statements": StatementTable,
+    "statements": StatementTable, "ring_down": RingDownTable, "loop": LoopTable,
 }  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 import platform
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -13,10 +13,10 @@ from typing import Any
 
 import ema
 from ema import store
-from ema.data import Campaign, MapResult, Provenance, Run, RunResult, StudyResult
+from ema.data import Campaign, Decay, Loop, MapResult, Placement, Provenance, Run, RunResult, StudyResult
 from ema.errors import CancelledError, EmaError, FailureError, InputError
 from ema.progress import Progress, advance, silent
-from ema.study import chain, expectations, mapping, recipe, statements
+from ema.study import chain, expectations, friction, mapping, recipe, statements
 from ema.study.recipe import MapTable, Recipe
 from ema.study.sources import data_of, fingerprint, opened
 
@@ -108,14 +108,28 @@ class Study:
             maps = tuple(self._map(campaign, table, data, progress, resume) for table in self.recipe.map)
             used = dict.fromkeys([*(run.id for run in runs), *(name for one in maps for name in one.runs)])
             inputs = tuple(print_ for name in used for print_ in data[name])
-            return self._conclude(campaign, tuple(finished), maps, inputs, progress)
+            beside = self._friction(campaign, finished, progress, resume)
+            return self._conclude(campaign, tuple(finished), maps, beside, inputs, progress)
 
     def _runs(self, campaign: Campaign) -> tuple[Run, ...]:
-        """The runs that are fitted one by one: those named, or all that belong to no map."""
+        """The runs that are fitted one by one: those named, or all that belong to no map, ring-down or loop."""
         if self.recipe.runs:
             return tuple(campaign[name] for name in self.recipe.runs)
         mapped = {run.id for table in self.recipe.map for run in mapping.chosen(campaign, table)}
+        mapped |= {one.run for one in self.recipe.ring_down} | {one.run for one in self.recipe.loop}
         return tuple(run for run in campaign.runs if run.id not in mapped)
+
+    def _friction(
+        self, campaign: Campaign, runs: Sequence[RunResult], progress: Progress, resume: bool
+    ) -> tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None]:
+        """Ring-downs, hysteresis loops and the placement that the recipe asks for."""
+        told, placement = self.recipe, None
+        if told.placement:
+            path = self.source.parent / told.placement
+            placement = friction.placed(path, campaign, runs, self.kept / "placement", resume, progress)
+        return (
+            friction.ring_downs(campaign, told.ring_down), friction.hysteresis_loops(campaign, told.loop), placement,
+        )  # fmt: skip
 
     def _map(
         self, campaign: Campaign, table: MapTable, data: dict[str, tuple[tuple[str, str], ...]], progress: Progress,
@@ -143,7 +157,8 @@ class Study:
 
     def _conclude(
         self, campaign: Campaign, runs: tuple[RunResult, ...], maps: tuple[MapResult, ...],
-        inputs: tuple[tuple[str, str], ...], progress: Progress,
+        beside: tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None], inputs: tuple[tuple[str, str], ...],
+        progress: Progress,
     ) -> StudyResult:  # fmt: skip
         """Expectations, result file and report."""
         from ema import compare, report
@@ -152,13 +167,20 @@ class Study:
         findings = campaign.findings + compare.repeat_findings([one.run for one in runs])
         findings += tuple(finding for one in conditions for finding in one.findings)
         findings += tuple(finding for one in maps for finding in one.findings)
+        decays, loops, placement = beside
+        findings += tuple(finding for one in loops for finding in one.findings)
+        if placement is not None:
+            findings += (*placement.findings, *placement.ranking.best.findings)
         judged = statements.judge(self.recipe.statements, maps, runs)
+        if self.recipe.logo:
+            campaign = replace(campaign, logo=str((self.source.parent / self.recipe.logo).resolve()))
         result = StudyResult(
             campaign=campaign, runs=runs, findings=findings, title=self.recipe.title or campaign.name,
             repairs=tuple(dict.fromkeys(repair for one in runs for repair in one.run.repairs)),
             expectations=(*expectations.check(self.recipe.expect, runs), *expectations.of_verdicts(judged)),
             provenance=replace(self._made(campaign, inputs), steps=("ema.study",), created=datetime.now(UTC)),
-            conditions=conditions, differences=differences, maps=maps, statements=judged,
+            conditions=conditions, differences=differences, maps=maps, statements=judged, decays=decays, loops=loops,
+            placement=placement,
         )  # fmt: skip
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))

@@ -1,0 +1,66 @@
+"""What the commands share: options that mean the same everywhere, the status at the end, pictures in two formats."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from ema.cli.ending import FINDINGS, FINE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ema.data import Finding
+
+Severity = Literal["warning", "error", "never"]
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+_LIMIT = typer.Option("--limit", help="End with status 1 if there is a finding at least this severe.")
+Limit = Annotated[Severity, _LIMIT]
+LimitOfRecipe = Annotated[Severity | None, _LIMIT]
+"""Where nothing is said, the recipe's limit holds."""
+Formats = Annotated[str, typer.Option("--format", help="Of the report: html, pdf, docx, separated by commas.")]
+
+_GRAVE: dict[str, tuple[str, ...]] = {"warning": ("warning", "error"), "error": ("error",), "never": ()}
+
+
+def status(findings: "Iterable[Finding]", limit: str) -> int:
+    """The exit status for these findings."""
+    return FINDINGS if any(finding.severity in _GRAVE[limit] for finding in findings) else FINE
+
+
+def save_pictures(folder: Path, figures: "Mapping[str, Figure]") -> list[Path]:
+    """Write every figure as PNG and SVG, whole or not at all; the paths.
+
+    Raises
+    ------
+    FailureError : the folder cannot be written, or the disk is full.
+    """
+    from ema import store
+
+    written = []
+    for name, figure in figures.items():
+        for suffix in ("png", "svg"):
+            written.append(folder / f"{name}.{suffix}")
+            with store.replacing(written[-1]) as target:
+                figure.savefig(target, format=suffix, dpi=150)
+    return written
+
+
+def jsonable(row: Mapping[Any, Any]) -> dict[str, Any]:
+    """A row of a table for JSON, which knows no NaN."""
+    return {str(key): None if isinstance(value, float) and value != value else value for key, value in row.items()}
+
+
+def split_formats(formats: str) -> Sequence[str]:
+    """The formats named, checked before any work.
+
+    Raises
+    ------
+    InputError : there is no such format.
+    MissingExtraError : a format needs a package that is not installed.
+    """
+    from ema.report.writing import checked_formats
+
+    return checked_formats(formats.split(",")) if formats else ()

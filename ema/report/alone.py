@@ -1,0 +1,272 @@
+"""Reports of what is no study: a placement, a comparison with its verdict, what was simulated."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ema import show
+from ema.data import (
+    Decay,
+    Finding,
+    HarmonicResponse,
+    Loop,
+    MapComparison,
+    MapResult,
+    ModalMap,
+    ModeComparison,
+    ModelUpdate,
+    Placement,
+    Response,
+    StudyResult,
+)
+from ema.errors import InputError
+from ema.report.blocks import Block, Book, Cell, Section, Text
+from ema.report.document import Chapter, Document, compose
+from ema.report.friction import loops, ring_down_sentences, ring_downs
+from ema.report.maps import map_blocks, map_sentence
+from ema.report.numbers import fixed, plain
+from ema.report.placement import answers, place_blocks, placement_sections
+from ema.report.worries import counted, finding_table, grouped
+
+Group = tuple[list[str], list[Block]]
+"""Sentences for the front page, and blocks."""
+
+
+def document_of(held: Any, book: Book) -> Document:
+    """The report of a study, a placement, or nouns of comparisons and simulations, one or several by name.
+
+    Raises
+    ------
+    InputError : nothing of it can be reported.
+    """
+    if isinstance(held, StudyResult):
+        return compose(held, book)
+    if isinstance(held, Placement):
+        return _of_placement(held, book)
+    nouns = dict(held) if isinstance(held, Mapping) else {"": held}
+    if len(nouns) == 1 and isinstance(only := next(iter(nouns.values())), StudyResult | Placement):
+        return document_of(only, book)
+    return _of_nouns(nouns, book)
+
+
+def _of_placement(placement: Placement, book: Book) -> Document:
+    prediction = placement.ranking.prediction
+    facts = [
+        ("Objective", placement.ranking.objective),
+        ("Excitation", ", ".join(f"{level:g}" for level in prediction.force_levels) + " N"),
+        ("Candidates", f"{len(placement.ranking.scores)}, {len(placement.ranking.shortlist)} with all modes together"),
+    ]
+    blocks = place_blocks(placement, book)
+    findings = list(dict.fromkeys([*placement.findings, *placement.ranking.best.findings]))
+    found = _worries(findings, book)
+    chapter = Chapter("The place in detail", "placement-detail", sections=placement_sections(placement, book))
+    return _document(
+        placement.title, facts, answers(placement), [Section("Where the beam goes", "placement", blocks)], found,
+        [chapter],
+    )  # fmt: skip
+
+
+def _of_nouns(nouns: Mapping[str, Any], book: Book) -> Document:
+    model = next((str(noun.name) for noun in nouns.values() if type(noun).__name__ == "BeamModel" and noun.name), "")
+    summary: list[str] = []
+    sections: list[Section] = []
+    findings: list[Finding] = []
+    for kind, title, made in _KINDS:
+        found = {name: noun for name, noun in nouns.items() if isinstance(noun, kind)}
+        if not found:
+            continue
+        told, blocks = made(found, book)
+        summary += told
+        sections.append(Section(title, title.lower().replace(" ", "-"), blocks))
+        findings += [one for noun in found.values() for one in getattr(noun, "findings", ())]
+    if not sections:
+        names = ", ".join(type(noun).__name__ for noun in nouns.values()) or "nothing"
+        raise InputError("there is nothing to report", got=names,
+                         expected="a study, a placement, a comparison, maps, or what `ema simulate` wrote")  # fmt: skip
+    title = f"{model}: {sections[0].title}" if model else sections[0].title
+    facts = [("Model", model)] if model else []
+    return _document(title, facts, summary, sections, _worries(list(dict.fromkeys(findings)), book), [])
+
+
+def _worries(findings: list[Finding], book: Book) -> tuple[Any, Any]:
+    groups = grouped(findings)
+    return groups, finding_table(groups, book)
+
+
+def _document(
+    title: str, facts: list[tuple[str, str]], summary: list[str], sections: list[Section], found: tuple[Any, Any],
+    chapters: list[Chapter],
+) -> Document:  # fmt: skip
+    worries, table = found
+    return Document(
+        title=title, facts=facts, comment="", photos=[], summary=[*summary, counted(worries)], answers=sections,
+        worries=worries, findings=table, expectations=None, chapters=chapters,
+    )  # fmt: skip
+
+
+def _mode_comparisons(found: Mapping[str, ModeComparison], book: Book) -> Group:
+    summary: list[str] = []
+    blocks: list[Block] = []
+    for name, one in found.items():
+        summary.append(str(one.verdict))
+        frame = one.table()
+        blocks.append(book.table(
+            name or "modes", "Modes of the measurement paired with those of the model.",
+            tuple(str(column) for column in frame.columns), list(_cells(frame.itertuples(index=False))),
+        ))  # fmt: skip
+        alone = [", ".join(str(mode + 1) for mode in modes) or "none" for modes in one.unpaired]
+        blocks.append(Text(f"Without a partner: measured {alone[0]}; of the model {alone[1]}."))
+    return summary, blocks
+
+
+def _map_comparisons(found: Mapping[str, MapComparison], book: Book) -> Group:
+    summary: list[str] = []
+    blocks: list[Block] = []
+    for one in found.values():
+        summary.append(str(one.verdict))
+        measured = one.measured
+        blocks.append(book.picture(
+            show.map_comparison(one),
+            f"Damping and frequency over the normal force, measured and simulated. {one.verdict}",
+            "Markers with 95 % bars are measured, lines are the model.",
+        ))  # fmt: skip
+        rows: list[tuple[Cell, ...]] = [
+            (plain(float(level), 3), plain(float(ridge[0]), 4), plain(float(ridge[1]), 4))
+            for level, ridge in zip(measured.force_levels, one.ridge, strict=True)
+        ]
+        columns = ("F_E [N]", "Best F_N measured [N]", "Best F_N of the model [N]")
+        blocks.append(book.table("ridge", "Normal force of most damping at each excitation.", columns, rows))
+        blocks.append(_points(one, book))
+    return summary, blocks
+
+
+def _points(one: MapComparison, book: Book) -> Block:
+    rows: list[tuple[Cell, ...]] = [
+        (
+            plain(float(level), 3), plain(float(force), 4), fixed(float(one.measured.frequency[i, j]), 2),
+            fixed(float(one.simulated.frequency[i, j]), 2), fixed(100 * float(one.measured.damping[i, j]), 3),
+            fixed(100 * float(one.simulated.damping[i, j]), 3), fixed(float(one.damping_ratio[i, j]), 2),
+        )
+        for i, level in enumerate(one.measured.force_levels) for j, force in enumerate(one.measured.normal_forces)
+    ]  # fmt: skip
+    columns = ("F_E [N]", "F_N [N]", "f [Hz]", "f model [Hz]", "ζ [%]", "ζ model [%]", "ζ model over measured")
+    return book.table("points", "Every condition, measured and simulated.", columns, rows)
+
+
+def _updates(found: Mapping[str, ModelUpdate], book: Book) -> Group:
+    blocks: list[Block] = []
+    summary = []
+    for one in found.values():
+        frame = one.table()
+        rows = list(_cells(frame.itertuples(index=False)))
+        summary.append("Identified: " + ", ".join(f"{name} {value:.4g}" for name, value in zip(one.names, one.values)))
+        blocks.append(book.table(
+            "parameters", "Parameters of the joint that fit the measured map, with 95 % intervals.",
+            tuple(str(column) for column in frame.columns), rows,
+        ))  # fmt: skip
+        if len(one.names) > 1:
+            correlation = np.asarray(one.correlation)
+            blocks.append(book.table(
+                "correlation", "Correlation between the estimates.", ("Parameter", *one.names),
+                [(name, *(fixed(float(x), 3) for x in row)) for name, row in zip(one.names, correlation)],
+            ))  # fmt: skip
+    return [f"{line}." for line in summary], blocks
+
+
+def _maps(found: Mapping[str, MapResult], book: Book) -> Group:
+    return [map_sentence(one) for one in found.values()], [b for one in found.values() for b in map_blocks(one, book)]
+
+
+def _charts(found: Mapping[str, ModalMap], book: Book) -> Group:
+    """Maps without the gate between their levels, such as simulated ones."""
+    nothing = np.zeros(0)
+    return _maps(
+        {
+            name: MapResult(
+                one.name or name or "map", one, np.zeros((0, 3)), nothing, nothing, np.full(one.damping.shape, np.nan)
+            )
+            for name, one in found.items()
+        },
+        book,
+    )
+
+
+def _decays(found: Mapping[str, Decay], book: Book) -> Group:
+    named = _with_names(found)
+    return ring_down_sentences(named), ring_downs(named, book)
+
+
+def _loops(found: Mapping[str, Loop], book: Book) -> Group:
+    return [], loops(_with_names(found), book)
+
+
+def _with_names(found: Mapping[str, Any]) -> list[Any]:
+    """The nouns under the names of the file, which tell them apart."""
+    from dataclasses import replace
+
+    return [replace(one, name=_short(name) or one.name) for name, one in found.items()]
+
+
+def _short(name: str) -> str:
+    return name.split(" ", 1)[1] if " " in name else name
+
+
+def _motions(found: Mapping[str, Response], book: Book) -> Group:
+    names = [_short(name) for name in found]
+    blocks: list[Block] = [book.picture(
+        show.motion(list(found.values()), names), f"Motion over time of {', '.join(names)}, and the energy left.",
+        "Displacement over time, and the mechanical and contact energy over that at the start.",
+    )]  # fmt: skip
+    for name, one in zip(names, found.values(), strict=True):
+        if len(one.slips):
+            caption = f"Contacts at {name}: friction force over relative displacement, and the energy that each took."
+            blocks.append(book.picture(show.contact_loops(one), caption, caption))
+    rows: list[tuple[Cell, ...]] = [
+        (name, plain(1e3 * float(np.max(np.abs(one.displacements[0]))), 4), plain(float(one.energy.friction[-1]), 4),
+         plain(one.energy.error, 2), plain(one.error_estimate, 2))
+        for name, one in zip(names, found.values(), strict=True) if len(one.dofs)
+    ]  # fmt: skip
+    columns = ("State", "Largest displacement [mm]", "Energy by friction [J]", "Energy balance", "Error estimate")
+    return [], [*blocks, book.table("motions", "What each motion did.", columns, rows)]
+
+
+def _steady(found: Mapping[str, HarmonicResponse], book: Book) -> Group:
+    names = [name.removeprefix("steady states ") for name in found]
+    figure = show.steady_states(list(found.values()), names)
+    caption = "Steady states over the excitation frequency: first harmonic over force, and the share of higher ones."
+    rows: list[tuple[Cell, ...]] = []
+    for name, one in zip(names, found.values(), strict=True):
+        size = np.abs(one.values[:, 0, list(one.orders).index(1)])
+        top = int(np.nanargmax(size)) if np.isfinite(size).any() else 0
+        rows.append((
+            name, plain(one.force, 3), fixed(float(one.frequencies[top]), 2), plain(1e6 * float(size[top]), 4),
+            f"{int(one.converged.sum())} of {len(one.converged)}",
+        ))  # fmt: skip
+    columns = ("State", "F_E [N]", "f of the peak [Hz]", "Peak [µm]", "Solved")
+    table = book.table("steady_states", "The highest response of each state.", columns, rows)
+    return [], [book.picture(figure, f"Steady states: {', '.join(names)}.", caption), table]
+
+
+def _cells(rows: Any) -> Iterator[Sequence[Cell]]:
+    for row in rows:
+        yield [plain(float(cell), 5) if isinstance(cell, float | np.floating) else _word(cell) for cell in row]
+
+
+def _word(cell: Any) -> str | int:
+    if isinstance(cell, bool | np.bool_):
+        return "yes" if cell else "no"
+    return int(cell) if isinstance(cell, int | np.integer) else str(cell)
+
+
+_KINDS: tuple[tuple[type, str, Callable[[Mapping[str, Any], Book], Group]], ...] = (
+    (ModeComparison, "Modes compared", _mode_comparisons),
+    (MapComparison, "Model against measurement", _map_comparisons),
+    (ModelUpdate, "Identified parameters", _updates),
+    (MapResult, "Maps", _maps),
+    (ModalMap, "Simulated maps", _charts),
+    (Response, "Free vibration", _motions),
+    (Decay, "Ring-down", _decays),
+    (HarmonicResponse, "Steady states", _steady),
+    (Loop, "Hysteresis", _loops),
+)

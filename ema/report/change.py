@@ -1,0 +1,116 @@
+"""What the beam does to the structure: MAC between runs, and FRFs before and after."""
+
+import numpy as np
+
+from ema import show
+from ema.data import FrfSet, RunResult
+from ema.errors import InputError
+from ema.report.blocks import Block, Book, Section, Text
+from ema.report.comparison import base_run
+from ema.report.modes import condition_text
+from ema.report.numbers import count, fixed, plain, short
+from ema.shapes import compare
+
+_MOST_OVERLAID = 5
+"""Runs in one picture of FRFs, the first included."""
+
+
+def change_sections(runs: list[RunResult], book: Book) -> list[Section]:
+    """Pictures of every run against the one without a beam; nothing where a study has one run."""
+    if len(runs) < 2:
+        return []
+    base = base_run(runs)
+    others = [run for run in runs if run is not base]
+    sections = [
+        Section("MAC between runs", "change-mac", [block for run in others for block in _mac(base, run, book)]),
+        Section("FRFs before and after", "change-frfs", _overlays(base, others, book)),
+    ]
+    return [section for section in sections if section.blocks]
+
+
+def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
+    if not (len(base.modes.poles) and len(other.modes.poles)):
+        return []
+    try:
+        found = compare(base.modes, other.modes)
+    except InputError as error:
+        return [Text(f"{base.run.id} against {other.run.id}: {error}.", missing=True)]
+    names = [_labels(run) for run in (base, other)]
+    alike = [float(found.mac[pair]) for pair in found.pairs]
+    told = "no two modes are alike"
+    if alike:
+        told = f"{count(len(alike), 'pair')} with a MAC from {fixed(min(alike), 2)} to {fixed(max(alike), 2)}"
+    figure = show.mac_matrix(
+        np.asarray(found.mac), names[0], [label.split(":")[0] for label in names[1]],
+        row_label=f"Mode of {base.run.id}", column_label=f"Mode of {other.run.id}",
+    )  # fmt: skip
+    return [
+        book.picture(
+            figure, f"MAC between modes of {base.run.id} and {other.run.id}: {told}.",
+            f"MAC of {base.run.id} (rows) against {other.run.id} (columns) over {len(found.dofs)} DOFs: {told}.",
+        ),
+        book.table(
+            f"mac_{base.run.id}_{other.run.id}", f"MAC of {base.run.id} (rows) against {other.run.id} (columns).",
+            (f"Mode of {base.run.id}", *(str(mode + 1) for mode in range(found.mac.shape[1]))),
+            [(row + 1, *(plain(float(value), 4) for value in values)) for row, values in enumerate(found.mac)], 0,
+        ),
+    ]  # fmt: skip
+
+
+def _labels(run: RunResult) -> list[str]:
+    return [f"{mode}: {short(float(f'{f:.4g}'))} Hz" for mode, f in enumerate(run.modes.natural_frequencies, 1)]
+
+
+def _overlays(base: RunResult, others: list[RunResult], book: Book) -> list[Block]:
+    """The drive point, or the strongest FRF that all runs have, in every run."""
+    like = [run for run in others if (run.frfs.quantity, run.frfs.unit) == (base.frfs.quantity, base.frfs.unit)]
+    blocks: list[Block] = []
+    if unlike := [run.run.id for run in others if run not in like]:
+        names = ", ".join(unlike)
+        blocks.append(Text(f"FRFs of {names} are of another quantity or unit than those of {base.run.id}.", True))
+    for start in range(0, len(like), _MOST_OVERLAID - 1):
+        blocks += _overlay([base, *like[start : start + _MOST_OVERLAID - 1]], book)
+    return blocks
+
+
+def _overlay(runs: list[RunResult], book: Book) -> list[Block]:
+    names = ", ".join(run.run.id for run in runs)
+    found = _common([run.frfs for run in runs])
+    if found is None:
+        return [Text(f"{names} have no FRF in common, so none can be shown before and after.", missing=True)]
+    low = max(float(run.frfs.frequencies[0]) for run in runs)
+    high = min(float(run.frfs.frequencies[-1]) for run in runs)
+    if not low < high:
+        return [Text(f"The FRFs of {names} have no frequency in common.", missing=True)]
+    driven, places = found
+    frfs = runs[0].frfs
+    what = "drive point" if driven else "strongest FRF that all runs have, for want of a drive point"
+    text = f"{frfs.outputs[places[0][0]].positive}/{frfs.inputs[places[0][1]].positive}, the {what}"
+    figure = show.frf_overlay(
+        [run.frfs for run in runs], places, [f"{run.run.id}: {condition_text(run)}" for run in runs], _band(runs)
+    )
+    return [book.picture(figure, f"FRF {text}, in runs {names}.", f"FRF before and after: {text}.")]
+
+
+def _band(runs: list[RunResult]) -> tuple[float, float] | None:
+    """The band of the fits, where all runs were fitted through model orders."""
+    bands = [run.poles.band for run in runs if run.poles is not None]
+    if len(bands) < len(runs):
+        return None
+    low, high = max(band[0] for band in bands), min(band[1] for band in bands)
+    return (low, high) if low < high else None
+
+
+def _common(sets: list[FrfSet]) -> tuple[bool, list[tuple[int, int]]] | None:
+    """Whether it is a drive point, and the position in each set, of the strongest FRF that all sets have."""
+    known = [
+        {(output.positive, input_.positive): (o, i) for o, output in enumerate(one.outputs)
+         for i, input_ in enumerate(one.inputs)} for one in sets
+    ]  # fmt: skip
+    shared = [pair for pair in known[0] if all(pair in other for other in known[1:])]
+    driven = [pair for pair in shared if pair[0] == pair[1]]
+    if not shared:
+        return None
+    size = {pair: float(np.nanmax(np.abs(sets[0].values[:, *known[0][pair]]))) for pair in driven or shared}
+    best = max(size, key=lambda pair: size[pair])
+    return bool(driven), [places[best] for places in known]

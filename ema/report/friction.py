@@ -1,0 +1,113 @@
+"""Friction seen directly: ring-downs with their phases, and hysteresis loops."""
+
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+
+from ema import show
+from ema.data import Decay, Loop
+from ema.estimate import phases
+from ema.report.blocks import Block, Book, Cell
+from ema.report.numbers import MISSING, fixed, plain, short
+
+_TOGETHER = 6
+"""Series that one picture can tell apart."""
+
+
+def ring_down_sentences(decays: Sequence[Decay]) -> list[str]:
+    """The answer of every ring-down: frequency and damping of each phase, and where the joint begins to stick."""
+    return [_sentence(decay, number) for number, decay in enumerate(decays, 1)]
+
+
+def _named(decay: Decay, number: int) -> str:
+    return decay.name or f"ring-down {number}"
+
+
+def _sentence(decay: Decay, number: int) -> str:
+    parts = [
+        f"{phase.kind} {short(float(f'{phase.frequency:.5g}'))} Hz with {plain(100 * phase.damping, 3)} % damping"
+        for phase in phases(decay)
+    ]
+    knee = f"; the joint begins to stick at {plain(decay.knee, 3)} s" if isfinite(decay.knee) else ""
+    return f"Ring-down of {_named(decay, number)}: {', '.join(parts) or 'no phase of two cycles'}{knee}."
+
+
+def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
+    """Frequency and damping over the amplitude, and a table of the phases."""
+    rows: list[tuple[Cell, ...]] = [
+        (
+            _named(decay, number), phase.kind, fixed(phase.start, 3), fixed(phase.stop, 3), plain(phase.cycles, 3),
+            fixed(phase.frequency, 2), fixed(100 * phase.damping, 3), fixed(phase.misfit_ratio, 2),
+            fixed(decay.knee, 3) if isfinite(decay.knee) else MISSING,
+        )
+        for number, decay in enumerate(decays, 1) for phase in phases(decay)
+    ]  # fmt: skip
+    blocks: list[Block] = []
+    for start in range(0, len(decays), _TOGETHER):
+        held = decays[start : start + _TOGETHER]
+        names = [_named(decay, number) for number, decay in enumerate(held, start + 1)]
+        blocks.append(book.picture(
+            show.ring_down(held, names), f"Ring-down of {', '.join(names)}: amplitude over time, frequency and damping "
+            "over amplitude.",
+            "Amplitude over time, and frequency and damping over the amplitude; what lies within a period of the knee "
+            "is left out.",
+        ))  # fmt: skip
+    columns = (
+        "Ring-down", "Phase", "From [s]", "To [s]", "Cycles", "f [Hz]", "ζ [%]",
+        "Exponential over straight", "Knee [s]",
+    )  # fmt: skip
+    blocks.append(book.table(
+        "ring_downs", "Phases of the ring-downs, medians over each; the misfit of an exponential envelope over that of "
+        "a straight line is above 1 where friction makes the decay, below 1 where viscous damping does.", columns, rows,
+    ))  # fmt: skip
+    curves: list[tuple[Cell, ...]] = [
+        (_named(decay, number), *(plain(float(value), 6) for value in point))
+        for number, decay in enumerate(decays, 1) for point in _curve(decay)
+    ]  # fmt: skip
+    blocks.append(book.table(
+        "ring_down_curves", "Frequency and damping over the amplitude, in the unit of the signal.",
+        ("Ring-down", "Time [s]", "Amplitude", "f [Hz]", "ζ [%]"), curves, 0,
+    ))  # fmt: skip
+    return blocks
+
+
+def _curve(decay: Decay, most: int = 500) -> np.ndarray:
+    step = -(-len(decay.times) // most)
+    values = (decay.times, decay.amplitudes, decay.frequencies, 100 * decay.damping_ratios)
+    return np.column_stack([value[::step] for value in values])
+
+
+def loops(held: Sequence[Loop], book: Book) -> list[Block]:
+    """Force over relative displacement, and the energy of a cycle."""
+    names = [loop.name or f"loop {number}" for number, loop in enumerate(held, 1)]
+    blocks: list[Block] = []
+    for start in range(0, len(held), _TOGETHER):
+        few, told = held[start : start + _TOGETHER], names[start : start + _TOGETHER]
+        blocks.append(book.picture(
+            show.hysteresis(few, told), f"Hysteresis loops of {', '.join(told)}: force over relative displacement.",
+            "Force over relative displacement; the enclosed area is the energy that the joint dissipates in a cycle.",
+        ))  # fmt: skip
+    columns = (
+        "Loop",
+        "F_N [N]",
+        "Amplitude [µm]",
+        "Largest force [N]",
+        "Energy per cycle [mJ]",
+        "Loss factor",
+        "Cycles",
+    )
+    rows: list[tuple[Cell, ...]] = [
+        (
+            name, plain(loop.normal_force, 4), plain(1e6 * loop.amplitude, 4), plain(top := _top(loop), 4),
+            plain(1e3 * loop.area, 4),
+            plain(loop.area / (np.pi * loop.amplitude * top) if loop.amplitude * top > 0 else None, 3), loop.cycles,
+        )
+        for name, loop in zip(names, held, strict=True)
+    ]  # fmt: skip
+    caption = "Hysteresis loops; the loss factor is the energy per cycle over π times amplitude times largest force."
+    return [*blocks, book.table("loops", caption, columns, rows)]
+
+
+def _top(loop: Loop) -> float:
+    return float(np.max(np.abs(loop.forces)))

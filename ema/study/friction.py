@@ -1,0 +1,87 @@
+"""What a study says about friction beside its modes: ring-downs, hysteresis loops, and where a beam goes."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ema.data import Campaign, Decay, Loop, Placement, Recording, Run, RunResult
+from ema.errors import InputError
+from ema.progress import Progress
+from ema.study.recipe import LoopTable, RingDownTable
+
+
+def ring_downs(campaign: Campaign, tables: Sequence[RingDownTable]) -> tuple[Decay, ...]:
+    """The ring-down of every record of the runs named.
+
+    Raises
+    ------
+    InputError : no such run, a run without records, or what ``ema.estimate.ring_down`` refuses.
+    """
+    from ema.estimate import ring_down
+
+    found = []
+    for table in tables:
+        run = campaign[table.run]
+        for name, record in _records(run):
+            decay = ring_down(record, table.band, table.channel or None, table.start, table.stop)
+            found.append(replace(decay, name=name))
+    return tuple(found)
+
+
+def hysteresis_loops(campaign: Campaign, tables: Sequence[LoopTable]) -> tuple[Loop, ...]:
+    """The hysteresis loop of every record of the runs named; the normal force is the run's where the record has none.
+
+    Raises
+    ------
+    InputError : no such run, a run without records, or what ``ema.estimate.measured_loop`` refuses.
+    """
+    from ema.estimate import measured_loop
+
+    found = []
+    for table in tables:
+        run = campaign[table.run]
+        for name, record in _records(run):
+            loop = measured_loop(record, table.displacement, table.force)
+            pressed = loop.normal_force if loop.normal_force == loop.normal_force else run.condition.normal_force
+            found.append(replace(loop, name=name, normal_force=pressed))
+    return tuple(found)
+
+
+def _records(run: Run) -> list[tuple[str, Recording]]:
+    if not len(run.recordings):
+        raise InputError("the run has no time records", where=f"run {run.id}", got="finished FRFs",
+                         expected="records of the motion")  # fmt: skip
+    several = len(run.recordings) > 1
+    return [(f"{run.id}, record {n}" if several else run.id, record) for n, record in enumerate(run.recordings, 1)]
+
+
+def placed(
+    path: Path, campaign: Campaign, runs: Sequence[RunResult], folder: Path, resume: bool, progress: Progress
+) -> Placement:
+    """Answer a placement recipe with the modes of this study's run without a friction beam.
+
+    Raises
+    ------
+    InputError : no bare run or no geometry, a recipe that names a structure of its own, and what ``ema.place`` refuses.
+    """
+    from ema.place import recipe as recipes
+    from ema.place.job import place
+    from ema.place.sources import verdict_of
+
+    told = recipes.load(path)
+    if told.campaign or told.modes:
+        raise InputError("the placement recipe names a structure of its own", where=str(path),
+                         got=told.campaign or told.modes, expected="neither campaign nor modes",
+                         advice="the study's own modes are used; or run `ema place` on the recipe")  # fmt: skip
+    bare = [one for one in runs if one.run.id == told.run or (not told.run and not one.run.condition.joints)]
+    if not bare:
+        raise InputError("the study has no run without the friction beam", where=str(path),
+                         got=", ".join(one.run.id for one in runs) or "no run", expected=told.run or "a bare run",
+                         advice="add the bare run to the study")  # fmt: skip
+    if campaign.geometry is None:
+        raise InputError("the campaign has no geometry", where=campaign.name,
+                         advice="add [geometry] to campaign.toml: places come from it")  # fmt: skip
+    modes = replace(bare[0].modes, name=bare[0].modes.name or f"run {bare[0].run.id}")
+    found = place(told, modes, campaign.geometry, verdict_of(told, path.parent), folder=folder, resume=resume,
+                  progress=progress)  # fmt: skip
+    return replace(found, geometry=campaign.geometry)

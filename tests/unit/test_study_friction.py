@@ -1,0 +1,134 @@
+"""A study with ring-downs, loops and a placement: what its recipe may ask for, and what it refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ema
+from ema import store
+from ema.data import Channel, Geometry, ModalModel, Recording
+from ema.dof import Dof
+from ema.errors import InputError
+from tests.unit.placement_rig import RECIPE, bare_table
+
+RATE = 2000.0
+
+CAMPAIGN = """
+[campaign]
+name = "Release"
+files = "data"
+logo = "logo.png"
+
+[[runs]]
+id = "release"
+kind = "snap-back"
+files = "release.h5"
+
+[[runs]]
+id = "cycles"
+kind = "unknown"
+files = "cycles.h5"
+"""
+
+STUDY = """
+campaign = "campaign"
+
+[[ring_down]]
+run = "release"
+band = [50, 120]
+channel = "acc"
+
+[[loop]]
+run = "cycles"
+"""
+
+
+@pytest.fixture
+def released(tmp_path: Path) -> Path:
+    data = tmp_path / "campaign" / "data"
+    data.mkdir(parents=True)
+    t = np.arange(4000) / RATE
+    ringing = np.exp(-0.01 * 2 * np.pi * 80 * t) * np.cos(2 * np.pi * 80 * t)
+    acc = Channel("acc", Dof(1, "+Z"), "acceleration", unit="m/s^2")
+    store.save(data / "release.h5", Recording(ringing[None], RATE, (acc,), name="release"))
+    slip, force = 1e-5 * np.sin(2 * np.pi * 10 * t), 3.0 * np.cos(2 * np.pi * 10 * t)
+    channels = (Channel("slip", quantity="displacement", unit="m"), Channel("cell", quantity="force", unit="N"))
+    store.save(data / "cycles.h5", Recording(np.stack([slip, force]), RATE, channels, name="cycles"))
+    (tmp_path / "campaign" / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
+    (tmp_path / "campaign" / "logo.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    return tmp_path / "study.toml"
+
+
+def test_ring_downs_and_loops_of_a_recipe(released: Path, without_report: None):
+    result = ema.Study.load(released).run()
+    (decay,), (loop,) = result.decays, result.loops
+    assert result.runs == () and decay.name == "release"
+    assert np.median(decay.damping_ratios) == pytest.approx(0.01, rel=0.02)
+    assert (loop.area == pytest.approx(np.pi * 1e-5 * 3.0, rel=1e-3) and loop.cycles == 20 - 1) or loop.cycles == 20
+    assert result.campaign.logo.endswith("logo.png")
+    held = store.load(released.parent / "_build" / "study.h5")
+    assert held.decays[0].name == "release" and held.loops[0].area == loop.area
+
+
+def test_what_the_recipe_cannot_mean(released: Path, without_report: None):
+    released.write_text(STUDY + 'force = "cel"\n', encoding="utf-8")
+    with pytest.raises(InputError, match="no such force; got cel, expected one of slip, cell"):
+        ema.Study.load(released).run()
+    released.write_text(STUDY + 'placement = "p.toml"\n', encoding="utf-8")
+    with pytest.raises(InputError, match=r"unknown key 'placement' in \[loop\]"):
+        ema.Study.load(released)
+    (released.parent / "campaign" / "logo.png").unlink()
+    released.write_text(STUDY, encoding="utf-8")
+    with pytest.raises(InputError, match=r"there is no such logo; got logo.png"):
+        ema.Study.load(released).run()
+
+
+def table_study(folder: Path) -> Path:
+    """Two modes of the work table as a hammer test of FRFs, and a recipe that asks where a beam goes."""
+    from ema.synthesis import frfs
+
+    bare, geometry = bare_table()
+    kept = bare.natural_frequencies < 1000
+    modes = ModalModel(
+        bare.poles[kept],
+        bare.shapes[:, kept],
+        bare.dofs,
+        bare.participation[:, kept],
+        bare.inputs,
+        scaling=bare.scaling,
+    )
+    measured = frfs(modes, np.arange(300, 1000, 0.5), "accelerance", outputs=bare.dofs, inputs=[Dof(91, "+Z")])
+    folder.mkdir(parents=True)
+    return store_frfs(folder, measured, geometry)
+
+
+def store_frfs(folder: Path, measured, geometry: Geometry) -> Path:
+    from dataclasses import replace
+
+    import acquisition
+
+    acquisition.write(folder / "bare.uff", replace(measured, unit="(m/s^2)/N"), geometry, binary=True)
+    (folder / "place.toml").write_text(RECIPE.replace('modes = "bare.h5"\n', ""), encoding="utf-8")
+    (folder / "study.toml").write_text(
+        'campaign = "bare.uff"\nplacement = "place.toml"\n[fit]\nband = [400, 900]\norders = [2, 16, 2]\n',
+        encoding="utf-8",
+    )
+    return folder / "study.toml"
+
+
+def test_a_study_answers_where_the_beam_goes(tmp_path: Path, without_report: None):
+    recipe = table_study(tmp_path / "table")
+    result = ema.Study.load(recipe).run()
+    found = result.placement
+    assert found is not None and found.geometry is not None
+    best = found.ranking.best
+    assert best.damping.min() > 1.3 * 0.00638 and best.normal_force in (60.0, 120.0, 240.0)
+    assert any(finding.code == "not-compared" for finding in result.findings)
+    held = store.load(tmp_path / "table" / "_build" / "study.h5")
+    assert held.placement.ranking.best.normal_force == best.normal_force
+
+    (recipe.parent / "place.toml").write_text(RECIPE, encoding="utf-8")
+    with pytest.raises(InputError, match=r"names a structure of its own; got bare.h5"):
+        ema.Study.load(recipe).run(resume=True)
