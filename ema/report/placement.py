@@ -48,7 +48,8 @@ def placement_sections(placement: Placement, book: Book) -> list[Section]:
         Section("FRF before and after, predicted", "placement-frf", _predicted(placement, book)),
     ]
     if placement.forecast is not None:
-        sections.insert(0, Section("Forecast for the best place", "forecast", forecast_blocks(placement.forecast, book)))
+        told = forecast_blocks(placement.forecast, book)
+        sections.insert(0, Section("Forecast for the best place", "forecast", told))
     if placement.control is not None:
         sections.append(Section("A controlled normal force", "control", _control(placement, book)))
     return sections

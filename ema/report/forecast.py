@@ -1,0 +1,67 @@
+"""A forecast of a placed beam in a report, with what was measured afterwards."""
+
+import numpy as np
+
+from ema import show
+from ema.data.forecast import Forecast, ForecastCheck
+from ema.report.blocks import Block, Book, Cell, Text
+from ema.report.numbers import plain
+
+
+def verdict(told: ForecastCheck) -> str:
+    """One sentence: how many measured values fell inside their bands."""
+    share = told.inside / max(told.values, 1)
+    close = "as it should be for 95 % bands" if share >= 0.9 else "fewer than 95 % bands promise"
+    return f"{told.inside} of {told.values} measured values lie inside the 95 % bands that were told before, {close}."
+
+
+def forecast_blocks(told: Forecast | ForecastCheck, book: Book) -> list[Block]:
+    """Bands as a picture and as a table; measured values beside them where there are some."""
+    check = told if isinstance(told, ForecastCheck) else None
+    forecast = told.forecast if isinstance(told, ForecastCheck) else told
+    x, y = forecast.centre
+    where = f"{forecast.beam or 'beam'} at ({x:.3f}, {y:.3f}) m"
+    lead = [] if check is None else [Text(verdict(check))]
+    note = "" if check is None else " Points: measured; a cross lies outside its band."
+    return [
+        *lead,
+        book.picture(
+            show.forecast_bands(told), f"Predicted frequency and damping with {where}, with 95 % bands.{note}",
+            f"Frequency and damping with {where}: prediction (dash) and 95 % band from {forecast.draws} draws of "
+            f"shapes, friction and contact stiffness.{note}",
+        ),
+        book.table(
+            "forecast", "Predicted values with their 95 % bands" + ("." if check is None else ", and measured ones."),
+            _columns(check), _rows(forecast, check),
+        ),
+    ]  # fmt: skip
+
+
+def _columns(check: ForecastCheck | None) -> list[str]:
+    names = ["Mode", "F_N [N]", "F_E [N]"]
+    for quantity in ("f [Hz]", "ζ [%]"):
+        names += [quantity, "low", "high", *([] if check is None else ["measured", "inside"])]
+    return names
+
+
+def _rows(forecast: Forecast, check: ForecastCheck | None) -> list[list[Cell]]:
+    rows: list[list[Cell]] = []
+    for m, mode in enumerate(forecast.modes):
+        for force, normal in enumerate(forecast.normal_forces):
+            for level, drive in enumerate(forecast.force_levels):
+                at = (m, level, force)
+                row: list[Cell] = [str(mode), plain(float(normal), 4), plain(float(drive), 3)]
+                for what, scale, digits in (("frequency", 1.0, 6), ("damping", 100.0, 3)):
+                    values = [getattr(forecast, what + end)[at] for end in ("", "_low", "_high")]
+                    row += [plain(scale * float(value), digits) for value in values]
+                    if check is not None:
+                        row += _measured(check, what, at, scale, digits)
+                rows.append(row)
+    return rows
+
+
+def _measured(check: ForecastCheck, what: str, at: tuple[int, int, int], scale: float, digits: int) -> list[Cell]:
+    value = float(getattr(check, f"measured_{what}")[at])
+    if not np.isfinite(value):
+        return ["not measured", ""]
+    return [plain(scale * value, digits), "yes" if getattr(check, f"{what}_inside")[at] else "no"]
