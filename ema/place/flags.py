@@ -55,13 +55,13 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
         target = float(prediction.bare_frequencies[m])
         for what, code, frequencies in (
             ("the contact springs under the beam's mass", "contact-resonance", np.array([contact])),
-            ("the beam on its joints", "beam-resonance", sliding[sliding > 1.0]),
+            ("the beam and its joints", "beam-resonance", sliding[sliding > 1.0]),
         ):
             nearest = float(frequencies[np.argmin(np.abs(frequencies - target))])
             if abs(nearest - target) <= NEAR * target:
                 found.append(Finding(
                     "warning", code, where,
-                    f"{what} resonate at {nearest:.0f} Hz, within 30 % of mode {mode + 1} at {target:.0f} Hz.",
+                    f"{what} have a resonance at {nearest:.0f} Hz, within 30 % of mode {mode + 1} at {target:.0f} Hz.",
                     nearest, target, "Two peaks or an absorber effect: check with all modes together.",
                 ))  # fmt: skip
         if np.all(prediction.slip[candidate, m, :, force] < 1):

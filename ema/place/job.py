@@ -10,6 +10,7 @@ from ema.data import Finding, Geometry, ModalModel, Provenance
 from ema.data.comparison import Verdict
 from ema.data.placement import Placement
 from ema.errors import InputError
+from ema.place.bands import forecast
 from ema.place.candidates import grid
 from ema.place.control import control_study
 from ema.place.ranking import search
@@ -75,11 +76,18 @@ def place(
             task, candidates, best.candidate, best.normal_force, recipe.control.load, lag=recipe.control.lag,
             objective=wanted, progress=progress,
         )  # fmt: skip
+    told = None
+    if recipe.forecast is not None:
+        asked = recipe.forecast
+        told = forecast(
+            task, candidates, ranking.best.candidate, asked.force or recipe.force, asked.normal_force, asked.draws,
+            asked.seed, executor, progress,
+        )  # fmt: skip
     return Placement(
         recipe.title or f"Friction beam on {where}", ranking, surface.origin, surface.axes, surface.extent,
         surface.points, recipe.keep_out(), _warning(verdict), study,
         (*ranking.findings, *hung, *_about_verdict(verdict)),
-        Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
+        Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)), geometry, told,
     )  # fmt: skip
 
 

@@ -89,6 +89,18 @@ class ControlTable(Table):
     lag: Seconds | None = None
 
 
+class ForecastTable(Table):
+    """``[forecast]``: frequency and damping at the best place with 95 % bands, at chosen conditions.
+
+    ``force`` is that of the recipe by default; ``normal_force`` per joint.
+    """
+
+    normal_force: Forces
+    force: Forces | None = None
+    draws: int = Field(default=60, ge=10)
+    seed: int = 0
+
+
 class PlaceRecipe(Table):
     """The whole recipe. ``campaign`` (with ``run``) or ``modes`` (a file) gives the structure without the beam.
 
@@ -115,6 +127,7 @@ class PlaceRecipe(Table):
     joint: PlacedJointTable
     search: SearchTable = SearchTable()
     control: ControlTable | None = None
+    forecast: ForecastTable | None = None
 
     @model_validator(mode="after")
     def _sound(self) -> "PlaceRecipe":
@@ -164,6 +177,7 @@ LAWS = ("masing", "iwan", "regularised masing", "dahl")
 TABLES: dict[str, type[BaseModel]] = {
     "": PlaceRecipe, "objective": ObjectiveTable, "beams": BeamTable, "joint": PlacedJointTable, "joint.law": LawTable,
     "search": SearchTable, "control": ControlTable,
+    "forecast": ForecastTable,
 }  # fmt: skip
 
 
