@@ -12,7 +12,7 @@ from ipaddress import ip_address
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from ema.app import views
+from ema.app import places, views
 from ema.app.state import Workbench
 from ema.errors import EmaError, FailureError, InputError, require
 from ema.show.moving import script
@@ -137,6 +137,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Say nothing: the page shows what went wrong."""
 
     def do_GET(self) -> None:
+        """Answer with the page, its parts, a view as JSON, or an export."""
         url = urlsplit(self.path)
         query = {name: values[0] for name, values in parse_qs(url.query).items()}
         if not self._welcome(query.get("token", "")):
@@ -156,6 +157,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(404, "application/json", b'{"error": "there is no such page"}')
 
     def do_POST(self) -> None:
+        """Do what the page asks for, if our page asks, and answer with the overview."""
         url = urlsplit(self.path)
         query = {name: values[0] for name, values in parse_qs(url.query).items()}
         try:
@@ -207,6 +209,10 @@ class _Handler(BaseHTTPRequestHandler):
                 return views.pulse(bench, int(query.get("hit", 0)))
             case "chart":
                 return views.chart(bench, int(query.get("map", 0)))
+            case "placement":
+                return places.placement_view(bench, int(query.get("number", 0)))
+            case "place":
+                return places.place_view(bench, int(query.get("number", 0)), int(query.get("candidate", 0)))
         raise InputError("there is no such view", got=name)
 
     def _act(self, name: str, told: dict[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,18 @@ from threading import RLock
 import numpy as np
 
 from ema import fit, shapes, store, synthesis
-from ema.data import FrfSet, HitGallery, ModalMap, ModalModel, PoleTable, Provenance, Repair, RunResult, StudyResult
+from ema.data import (
+    FrfSet,
+    HitGallery,
+    ModalMap,
+    ModalModel,
+    Placement,
+    PoleTable,
+    Provenance,
+    Repair,
+    RunResult,
+    StudyResult,
+)  # fmt: skip
 from ema.errors import InputError
 
 _PICKED = "picked rows of the pole table"
@@ -66,6 +77,7 @@ class Workbench:
     again : computes a run again without some blows; ``None`` where the signals are not at hand.
     keep : is told with every save which blows of which run are excluded since the study was opened.
     maps : modal maps whose points lead to runs.
+    placements : where friction beams go.
     """
 
     result: StudyResult
@@ -77,6 +89,7 @@ class Workbench:
     revision: int = 0
     saved: bool = True
     who: str = ""
+    placements: tuple[Placement, ...] = ()
     _now: Moment = field(init=False)
     _past: list[Moment] = field(init=False, default_factory=list)
     _lock: RLock = field(init=False, default_factory=RLock)

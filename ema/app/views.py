@@ -58,6 +58,7 @@ def overview(bench: Workbench) -> dict[str, Any]:
             if each.severity != "info"
         ],
         "maps": [chart.name or f"map {number}" for number, chart in enumerate(bench.maps, 1)],
+        "placements": [one.title or f"placement {number}" for number, one in enumerate(bench.placements, 1)],
     }  # fmt: skip
 
 

@@ -7,13 +7,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
 from ema.app.state import Again, Exclusion, Workbench
 from ema.cli.ending import FINE, ends_well
-from ema.data import Campaign, FrfSet, HitGallery, Lazy, ModalMap, PoleTable, Recording, Run, StudyResult
+from ema.data import (
+    Campaign,
+    FrfSet,
+    HitGallery,
+    Lazy,
+    MapResult,
+    ModalMap,
+    Placement,
+    PoleTable,
+    Recording,
+    Run,
+    StudyResult,
+)
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, silent
 
@@ -21,6 +33,8 @@ if TYPE_CHECKING:
     from ema.study import Study
 
 app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
+
+T = TypeVar("T")
 
 _BEGIN = "# Blows excluded in the browser:"
 
@@ -41,6 +55,9 @@ def browse(
     charts: Annotated[
         list[Path] | None, typer.Option("--map", help="A file (.h5) with a modal map to show (may be repeated).")
     ] = None,
+    placed: Annotated[
+        list[Path] | None, typer.Option("--placement", help="A file (.h5) that `ema place` wrote (may be repeated).")
+    ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the result.")] = None,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
 ) -> int:
@@ -50,6 +67,7 @@ def browse(
 
     with screen.Bars() as bars:
         bench = workbench(campaign, output, bars, [chart for path in charts or [] for chart in maps_of(path)])
+        bench.placements += tuple(one for path in placed or [] for one in placements_of(path))
     running = serve(bench, host, port)
     print(f"Open {running.address}  (Ctrl-C ends)", flush=True)
     if show:
@@ -77,7 +95,7 @@ def workbench(
     from ema.study import Study
 
     if path.suffix.lower() == ".h5" and (held := _result(path)) is not None:
-        return Workbench(held, _picked(path), maps=tuple(maps))
+        return _with_answers(Workbench(held, _picked(path), maps=tuple(maps)))
     study = Study.load(path, output)
     campaign = study.open(progress)
     picked = _picked(study.result)
@@ -90,7 +108,28 @@ def workbench(
     again: Again = partial(_again, campaign, study)
     where = campaign_file(study.campaign)
     keep = None if where is None else Keeper(where).keep
-    return Workbench(result, picked, again, keep, tuple(maps))
+    return _with_answers(Workbench(result, picked, again, keep, tuple(maps)))
+
+
+def _with_answers(bench: Workbench) -> Workbench:
+    """The workbench with the maps and the placement that its study holds."""
+    bench.maps = (*(one.chart for one in bench.result.maps), *bench.maps)
+    if bench.result.placement is not None:
+        bench.placements = (bench.result.placement,)
+    return bench
+
+
+def placements_of(path: Path) -> list[Placement]:
+    """The placements in a file of ours.
+
+    Raises
+    ------
+    InputError : there is none.
+    """
+    found = _nouns(path, Placement)
+    if not found:
+        raise InputError("the file holds no placement", where=str(path), advice="`ema place` writes placement.h5")
+    return found
 
 
 def maps_of(path: Path) -> list[ModalMap]:
@@ -100,14 +139,19 @@ def maps_of(path: Path) -> list[ModalMap]:
     ------
     InputError : there is none.
     """
+    found = [*_nouns(path, ModalMap), *(one.chart for one in _nouns(path, MapResult))]
+    if not found:
+        raise InputError("the file holds no modal map", where=str(path))
+    return found
+
+
+def _nouns(path: Path, kind: type[T]) -> list[T]:
+    """The nouns of one kind in a file of ours."""
     from ema import store
 
     held = store.load(path)
     nouns = held.values() if isinstance(held, Mapping) else held if isinstance(held, list | tuple) else [held]
-    found = [noun for noun in nouns if isinstance(noun, ModalMap)]
-    if not found:
-        raise InputError("the file holds no modal map", where=str(path))
-    return found
+    return [noun for noun in nouns if isinstance(noun, kind)]
 
 
 def campaign_file(path: Path) -> Path | None:

@@ -302,3 +302,23 @@ def test_other_machines_need_the_token(bench: Workbench):
 def test_a_port_in_use_is_told(served):
     with pytest.raises(FailureError, match=r"in use.*choose another port with --port"):
         serve(served.bench, port=served.server.server_address[1])
+
+
+def test_places_of_a_placement(bench: Workbench):
+    from ema.app.places import place_view, placement_view
+    from tests.unit.friction_nouns import placement
+    from tests.unit.test_report import plate
+
+    bench.placements = (placement(plate(5, 4)),)
+    told = placement_view(bench, 0)
+    assert told["ranked"] == [13, 0, 3] and told["unit"] == "%" and len(told["edges"]) == 31
+    assert told["score"][2] == pytest.approx(1.1) and told["kinds"] == ["steel 60 x 50 at 0°"]
+    best = place_view(bench, 0, 13)
+    assert best["rank"] == 1 and best["force"] == 123.0 and best["high"] == [[2.3, 2.0]]
+    other = place_view(bench, 0, 7)
+    assert other["rank"] == 0 and other["zeta"] == [[1.35, 1.35]] and other["low"] == [[None, None]]
+    json.dumps([told, best, other], allow_nan=False)
+    with pytest.raises(InputError, match="no such place; got 15"):
+        place_view(bench, 0, 15)
+    with pytest.raises(InputError, match="no such placement; got 2"):
+        placement_view(bench, 1)

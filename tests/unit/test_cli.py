@@ -117,7 +117,7 @@ def test_report_is_written_again_from_the_result(done, tmp_path):
     assert ended.stdout.strip() == f"Report: {tmp_path / 'again.html'}"
     assert "Five points, two runs" in (tmp_path / "again.html").read_text(encoding="utf-8")
     ended = ema("report", folder / "campaign" / "data" / "first_1.h5")
-    assert ended.returncode == 2 and "no result of a study; got Recording" in ended.stderr
+    assert ended.returncode == 2 and "nothing to report; got Recording" in ended.stderr
 
 
 def test_formats_names_suffixes_and_extras():

@@ -62,11 +62,12 @@ class Served:
     process: Any = None
     address: str = ""
     requests: list[str] = field(default_factory=list)
+    more: tuple[str, ...] = ()
 
     def start(self) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-c", "from ema.cli import main; main()", "app", str(self.folder / "recipe.toml"),
-             "--port", "0", "--no-open"],
+             "--port", "0", "--no-open", *self.more],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"},
         )  # fmt: skip
         line = self.process.stdout.readline()

@@ -173,6 +173,76 @@ async function drawMap(overview) {
   }
 }
 
+async function drawPlacement(overview) {
+  part("placements").hidden = !overview.placements.length;
+  if (!overview.placements.length || page.placed) return;
+  page.placed = true;
+  if (part("placement").options.length !== overview.placements.length) part("placement").replaceChildren(...overview.placements.map(name => new Option(name)));
+  page.placement = await get(`api/placement?number=${Math.max(part("placement").selectedIndex, 0)}`);
+  const told = page.placement;
+  part("warning").hidden = !told.warning; part("warning").textContent = told.warning;
+  part("kind").replaceChildren(...told.kinds.map(name => new Option(name)));
+  part("kind").selectedIndex = told.kind[told.ranked[0]];
+  listPlaces();
+  await drawPlaces();
+  await drawPlace(told.ranked[0]);
+}
+
+function listPlaces() {
+  const told = page.placement, kind = part("kind").selectedIndex;
+  const name = candidate => { const rank = told.ranked.indexOf(candidate), [x, y] = told.centres[candidate];
+    return new Option(`${rank < 0 ? "" : `rank ${rank + 1}: `}${x}, ${y} m`, candidate); };
+  const here = told.centres.flatMap((_, candidate) => told.kind[candidate] === kind ? [candidate] : []);
+  const order = candidate => { const rank = told.ranked.indexOf(candidate); return rank < 0 ? told.ranked.length + candidate : rank; };
+  part("place").replaceChildren(...here.sort((a, b) => order(a) - order(b)).map(name));
+}
+
+async function drawPlaces(joints) {
+  const told = page.placement, kind = part("kind").selectedIndex;
+  const here = told.centres.flatMap((_, candidate) => told.kind[candidate] === kind ? [candidate] : []);
+  const known = here.filter(one => told.score[one] != null), holes = here.filter(one => told.score[one] == null);
+  const at = (rows, axis) => rows.map(one => told.centres[one][axis]);
+  const [[x0, x1], [y0, y1]] = told.extent;
+  const broken = axis => told.edges.flatMap(edge => [edge[0][axis], edge[1][axis], null]);
+  const traces = [
+    { x: broken(0), y: broken(1), mode: "lines", line: { color: faint, width: 1 }, hoverinfo: "skip" },
+    { x: told.points.map(one => one[0]), y: told.points.map(one => one[1]), mode: "markers", marker: { symbol: "cross-thin", size: 5, line: { color: faint, width: 1 } }, hoverinfo: "skip" },
+    { x: [x0, x1, x1, x0, x0], y: [y0, y0, y1, y1, y0], mode: "lines", line: { color: grey, width: 1 }, hoverinfo: "skip" },
+    ...told.keep_out.map(area => ({ x: [...area, area[0]].map(one => one[0]), y: [...area, area[0]].map(one => one[1]), mode: "lines", fill: "toself", fillcolor: "rgba(213,94,0,0.15)", line: { color: vermilion, width: 1 }, hoverinfo: "skip" })),
+    { x: at(known, 0), y: at(known, 1), customdata: known, mode: "markers", name: "places",
+      marker: { size: Math.max(7, Math.min(16, 220 / Math.sqrt(known.length || 1))), color: known.map(one => told.score[one]), colorscale: "Cividis", colorbar: { title: { text: `one mode [${told.unit}]` }, thickness: 12 } },
+      hovertemplate: known.map(one => `${told.centres[one][0]}, ${told.centres[one][1]} m<br>${told.score[one]} ${told.unit}<extra></extra>`) },
+    { x: at(holes, 0), y: at(holes, 1), customdata: holes, mode: "markers", marker: { symbol: "x-thin", size: 7, line: { color: grey, width: 1 } }, hovertemplate: "no resonance found<extra></extra>" },
+  ];
+  if (joints) traces.push({ x: joints.map(one => one[0]), y: joints.map(one => one[1]), mode: "lines+markers", line: { color: vermilion, width: 4 }, marker: { color: "#fff", size: 10, line: { color: vermilion, width: 2 } }, hoverinfo: "skip" });
+  const ranks = told.ranked.flatMap((one, rank) => told.kind[one] === kind ? [{ x: told.centres[one][0], y: told.centres[one][1], text: String(rank + 1), showarrow: false, yshift: 14, font: { color: rank ? grey : vermilion, size: 12 } }] : []);
+  await Plotly.react("places", traces, base({ annotations: ranks, uirevision: `${part("placement").selectedIndex}`, xaxis: axis("x [m]", { showgrid: false, constrain: "domain" }), yaxis: axis("y [m]", { showgrid: false, scaleanchor: "x", constrain: "domain" }) }), quiet);
+  const place = part("places");
+  if (!place.dataset.wired) {
+    place.dataset.wired = "1";
+    place.on("plotly_click", event => { const point = event.points.find(one => one.customdata !== undefined); if (point) drawPlace(point.customdata).catch(error => fail(error.message)); });
+  }
+}
+
+async function drawPlace(candidate) {
+  const told = await get(`api/place?number=${Math.max(part("placement").selectedIndex, 0)}&candidate=${candidate}`);
+  part("place").value = String(candidate);
+  const bolts = told.joints.map(([x, y]) => `(${x}, ${y}) m`).join(" and ");
+  part("told").textContent = `${told.rank ? `Rank ${told.rank}. ` : ""}Bolts at ${bolts}; F_N ${told.force} N in every joint` +
+    (told.best_forces.length ? ` (best for each level: ${told.best_forces.join(", ")} N)` : "") + `. Predicted with ${told.method === "all modes" ? "all modes together" : "one mode at a time"}.`;
+  const number = (value, digits) => value == null ? "–" : Number(value).toFixed(digits);
+  const rows = told.modes.flatMap((mode, m) => told.levels.map((level, k) => {
+    const row = document.createElement("tr");
+    const band = told.low[m][k] == null ? "–" : `${number(told.low[m][k], 2)} … ${number(told.high[m][k], 2)}`;
+    for (const text of [mode.mode, level, number(told.f[m][k], 2), number(told.zeta[m][k], 3), band, number(mode.bare_zeta, 3)]) row.insertCell().textContent = text;
+    return row;
+  }));
+  part("forecast").tBodies[0].replaceChildren(...rows);
+  part("flags").replaceChildren(...told.flags.map(text => Object.assign(document.createElement("li"), { textContent: text })));
+  await drawPlaces(told.joints);
+  part("places").dataset.candidate = candidate;
+}
+
 async function show(overview) {
   if (overview.revision === page.revision && page.run === overview.run && page.saved === overview.saved) return;
   page.revision = overview.revision; page.run = overview.run; page.saved = overview.saved;
@@ -187,7 +257,7 @@ async function show(overview) {
   part("save").title = `s; to ${overview.path}`;
   if (!part("who").value) part("who").value = overview.who;
   drawModes(overview);
-  await Promise.all([drawPoles(overview), drawMotion(), drawMac(), drawFrf(), drawHits(), drawMap(overview)]);
+  await Promise.all([drawPoles(overview), drawMotion(), drawMac(), drawFrf(), drawHits(), drawMap(overview), drawPlacement(overview)]);
   document.body.dataset.revision = overview.revision;
 }
 const refresh = () => { queue = queue.then(async () => { try { await show(await get("api/overview")); } catch (error) { fail(error.message); } }); };
@@ -200,6 +270,9 @@ part("output").addEventListener("change", () => drawFrf().catch(error => fail(er
 part("input").addEventListener("change", () => drawFrf().catch(error => fail(error.message)));
 part("hit").addEventListener("change", drawPulse);
 part("map").addEventListener("change", () => { page.mapped = false; get("api/overview").then(drawMap).catch(error => fail(error.message)); });
+part("placement").addEventListener("change", () => { page.placed = false; get("api/overview").then(drawPlacement).catch(error => fail(error.message)); });
+part("kind").addEventListener("change", () => { listPlaces(); drawPlace(Number(part("place").value)).catch(error => fail(error.message)); });
+part("place").addEventListener("change", () => drawPlace(Number(part("place").value)).catch(error => fail(error.message)));
 part("near").addEventListener("submit", event => { event.preventDefault(); act("near", { frequency: Number(part("frequency").value) }); });
 part("exclude").addEventListener("submit", event => { event.preventDefault(); act("exclude", { hit: Number(part("hit").value) - 1, why: part("why").value, who: part("who").value }); });
 part("export").addEventListener("change", async () => {

@@ -1,0 +1,110 @@
+"""What the page draws of a placement: the places on the structure, and what is known about one of them."""
+
+from typing import Any
+
+import numpy as np
+
+from ema.app.state import Workbench
+from ema.app.views import numbers
+from ema.data.placement import Place, Placement, Prediction
+from ema.errors import InputError
+from ema.place.objective import Objective, of_rows, scores
+from ema.show.placement import seen_edges
+
+
+def placement_view(bench: Workbench, number: int) -> dict[str, Any]:
+    """Structure, areas kept free and all places with their score; holes are ``None``.
+
+    Raises
+    ------
+    InputError : there is no such placement.
+    """
+    told = _placement(bench, number)
+    ranking = told.ranking
+    candidates = ranking.prediction.candidates
+    decibels = _in_decibels(told)
+    kinds = sorted({(round(float(angle), 6), int(beam)) for angle, beam in zip(candidates.angles, candidates.beams)})
+    return {
+        "title": told.title, "warning": told.warning, "unit": "dB" if decibels else "%",
+        "objective": ranking.objective, "extent": [numbers(axis) for axis in told.extent],
+        "edges": [[numbers(end, 6) for end in edge] for edge in seen_edges(told)],
+        "points": [numbers(point, 6) for point in told.points],
+        "keep_out": [[numbers(corner, 6) for corner in area] for area in told.keep_out],
+        "kinds": [_kind(told, angle, beam) for angle, beam in kinds],
+        "kind": [
+            kinds.index((round(float(angle), 6), int(beam)))
+            for angle, beam in zip(candidates.angles, candidates.beams, strict=True)
+        ],
+        "centres": [numbers(centre, 6) for centre in candidates.centres],
+        "score": numbers((1 if decibels else 100) * ranking.scores, 4),
+        "ranked": [place.candidate for place in ranking.places],
+    }  # fmt: skip
+
+
+def place_view(bench: Workbench, number: int, candidate: int) -> dict[str, Any]:
+    """One place: its joints, normal force, and frequency and damping of every mode at every level, with 95 % intervals.
+
+    A ranked place is told with all modes together where it was checked so; any other by the one-mode predictor, at the
+    normal force that its objective prefers with equal weights of the modes.
+
+    Raises
+    ------
+    InputError : there is no such placement or place.
+    """
+    told = _placement(bench, number)
+    ranking, prediction = told.ranking, told.ranking.prediction
+    if not 0 <= candidate < len(ranking.scores):
+        raise InputError("no such place", got=candidate, expected=f"0 to {len(ranking.scores) - 1}")
+    rank = next((place for place, one in enumerate(ranking.places, 1) if one.candidate == candidate), 0)
+    modes = [
+        {"mode": mode + 1, "bare_f": numbers([f], 6)[0], "bare_zeta": numbers([100 * z], 4)[0]}
+        for mode, f, z in zip(prediction.modes, prediction.bare_frequencies, prediction.bare_damping, strict=True)
+    ]
+    found = _of_rank(ranking.places[rank - 1]) if rank else _of_map(told, candidate)
+    return {
+        "candidate": candidate, "rank": rank, "modes": modes, "levels": numbers(prediction.force_levels, 5),
+        "joints": [numbers(joint, 4) for joint in prediction.candidates.joints(candidate)], **found,
+    }  # fmt: skip
+
+
+def _placement(bench: Workbench, number: int) -> Placement:
+    if not 0 <= number < len(bench.placements):
+        raise InputError("no such placement", got=number + 1, expected=f"one of {len(bench.placements)}")
+    return bench.placements[number]
+
+
+def _in_decibels(told: Placement) -> bool:
+    return told.ranking.objective.startswith(("peak", "chatter"))
+
+
+def _kind(told: Placement, angle: float, beam: int) -> str:
+    one = told.ranking.prediction.candidates.catalogue[beam]
+    return f"{one.name or f'beam {beam + 1}'} at {np.degrees(angle):.0f}°"
+
+
+def _of_rank(place: Place) -> dict[str, Any]:
+    return {
+        "method": place.method, "force": numbers([place.normal_force], 4)[0],
+        "best_forces": numbers(place.normal_forces, 4),
+        "f": [numbers(row, 6) for row in place.frequency], "zeta": [numbers(100 * row, 4) for row in place.damping],
+        "low": [numbers(100 * row, 4) for row in place.damping_low],
+        "high": [numbers(100 * row, 4) for row in place.damping_high],
+        "flags": [str(finding) for finding in place.findings],
+    }  # fmt: skip
+
+
+def _of_map(told: Placement, candidate: int) -> dict[str, Any]:
+    ranking = told.ranking
+    checked = ranking.checked is not None and candidate in ranking.shortlist
+    row = ranking.shortlist.index(candidate) if checked else candidate
+    prediction: Prediction = of_rows(ranking.checked if checked and ranking.checked else ranking.prediction, [row])
+    aim, _, over = ranking.objective.partition(", ")
+    worth = scores(prediction, Objective(aim, "mean" if over.startswith("mean") else "least"))[0]
+    force = int(np.argmax(worth))
+    unknown = [[None] * len(prediction.force_levels)] * len(prediction.modes)
+    return {
+        "method": prediction.method, "force": numbers([prediction.normal_forces[force]], 4)[0], "best_forces": [],
+        "f": [numbers(row[:, force], 6) for row in prediction.frequency[0]],
+        "zeta": [numbers(100 * row[:, force], 4) for row in prediction.damping[0]],
+        "low": unknown, "high": unknown, "flags": [],
+    }  # fmt: skip
