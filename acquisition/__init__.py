@@ -8,7 +8,9 @@ _NAMES = {
     "formats": "acquisition.registry",
     "open_campaign": "acquisition.folder",
     "open_model": "acquisition.model_file",
+    "open_rig": "acquisition.taking",
     "read": "acquisition.registry",
+    "record": "acquisition.taking",
     "write": "acquisition.registry",
 }
 

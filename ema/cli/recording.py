@@ -13,8 +13,8 @@ from ema.data import Channel, Recording, Run, Source
 from ema.errors import EmaError, FailureError
 
 if TYPE_CHECKING:
-    from acquisition.record import Session, Take
     from acquisition.rig_file import RigFile
+    from acquisition.session import Session, Take
     from ema.simulate import VirtualRig
 
 app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
@@ -32,7 +32,7 @@ def record(
 ) -> int:
     """Measure a hammer test: each take is judged and on disk before the next is armed; the same command goes on."""
     from acquisition import rig_file
-    from acquisition.record import Session
+    from acquisition.session import Session
     from ema.estimate import check_hit
 
     rig = rig_file.load(folder)

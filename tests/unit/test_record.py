@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +16,15 @@ import pytest
 import acquisition
 from acquisition import rig_file
 from acquisition.live.trigger import Trigger
-from acquisition.record import Session
+from acquisition.session import Session
 from ema import store
 from ema.cli.recording import opened
-from ema.data import Finding
+from ema.data import Channel, Finding, Recording
+from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from ema.estimate import check_hit
+from ema.simulate import RovingHammer, VirtualRig
+from ema.simulate.rig import RingCell
 from ema.study import table
 
 RIG = """
@@ -271,7 +276,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from acquisition import rig_file
-from acquisition.record import Session
+from acquisition.session import Session
 folder = Path(sys.argv[1])
 one = Session(folder, rig_file.load(folder), "sine", lambda record: ())
 source = rig_file.open_rig(one.rig)
@@ -353,3 +358,79 @@ def test_the_command_ends_with_sentences(tmp_path: Path, capsys: pytest.CaptureF
     assert ended.out.startswith("2 of 6 takes are in") and "6 of 6 takes; 0 rejected" in ended.out
     ema_command(capsys, "record", tmp_path).says(2, "expected a rig.toml")
     ema_command(capsys, "record", folder, "--run", "a/b").says(2, "a run is named by letters")
+
+
+def rig_of(points: tuple[int, ...], sensors: int = 2, rate: float = 4096.0) -> VirtualRig:
+    """The work table under a hammer that strikes these points one after the other."""
+    responses = tuple(
+        Channel(f"acc {n}", Dof(node, "+Z"), quantity="acceleration", unit="m/s^2") for n, node in ((1, 1), (2, 67))
+    )
+    dofs = tuple(Dof(point, "-Z") for point in points)
+    drive = RovingHammer(dofs, hits=1, contact_time=0.4e-3, pre_trigger=0.05, spacing=1.0)
+    return VirtualRig(table.with_beam(), drive, responses[:sensors], rate, rings=(RingCell("J1", 1020.0, 3.0),))
+
+
+@dataclass
+class Watched:
+    """A source that remembers that it was closed."""
+
+    source: VirtualRig
+    closed: bool = False
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        return self.source.channels
+
+    @property
+    def sampling_rate(self) -> float:
+        return self.source.sampling_rate
+
+    def takes(self) -> Iterator[Recording]:
+        return self.source.takes()
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_recording_from_python_makes_a_campaign_and_goes_on(tmp_path: Path):
+    folder = virtual(tmp_path / "day")
+    with acquisition.record(folder, rig_of((1, 1, 5)), "beam", check_hit) as takes:
+        told = [(take.point, take.accepted) for take in takes.first(3)]
+    assert told == [(1, True), (1, True), (5, True)]
+    with acquisition.record(folder, rig_of((5, 67, 67)), "beam", check_hit) as takes:
+        assert takes.session.done == 3 and takes.session.point == 5
+        assert [take.point for take in takes] == [5, 67, 67]
+        assert takes.session.point is None
+    run = acquisition.open_campaign(folder)["beam"]
+    assert len(run.recordings) == 6
+    assert [str(channel.dof) for channel in run.recordings[2].channels[:2]] == ["5:-Z", "1:+Z"]
+    assert run.condition.joints[0].mean == pytest.approx(1020, abs=10)
+
+
+@pytest.mark.parametrize(
+    ("rig", "told"),
+    [
+        (rig_of((1,), sensors=1), "other channels than the rig.toml; got hammer, acc 1, ring J1"),
+        (rig_of((1,), rate=2048.0), "another rate than the rig.toml says; got 2048 Hz, expected 4096 Hz"),
+    ],
+)
+def test_a_source_that_is_not_the_rig_is_refused_and_closed(tmp_path: Path, rig: VirtualRig, told: str):
+    watched = Watched(rig)
+    with pytest.raises(InputError, match=told), acquisition.record(virtual(tmp_path / "day"), watched):
+        pytest.fail("recorded")
+    assert watched.closed
+
+
+def test_a_virtual_device_is_no_hardware(tmp_path: Path):
+    with pytest.raises(InputError, match="no such kind of device; got virtual"):
+        acquisition.open_rig(virtual(tmp_path / "day"))
+
+
+def test_the_simulated_device_of_a_rig_file(tmp_path: Path):
+    pytest.importorskip("opendaq")
+    source = acquisition.open_rig(folder_with(tmp_path / "daq", SIMULATED))
+    try:
+        assert [channel.name for channel in source.channels] == ["hammer", "acc", "ring"]
+        assert next(source.takes()).signals.shape == (3, 300)
+    finally:
+        source.close()

@@ -1,0 +1,114 @@
+"""Recording from Python: a rig file, a source, and takes that are on disk before they are told."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import islice
+from os import PathLike
+from pathlib import Path
+
+from acquisition import rig_file
+from acquisition.rig_file import RigFile
+from acquisition.session import Judge, Session, Take
+from ema.data import Channel, Finding, Recording, Source
+from ema.errors import InputError
+
+
+def open_rig(rig: "str | PathLike[str] | RigFile") -> Source:
+    """The hardware that a ``rig.toml`` describes, ready to take; close it afterwards.
+
+    Parameters
+    ----------
+    rig : the file, the folder that holds it, or what was read from it.
+
+    Raises
+    ------
+    InputError : no such file, a key that is unknown, missing or wrong, or a device that is none (``virtual`` is known
+        to `ema record` alone: make an ``ema.simulate.VirtualRig``).
+    MissingExtraError : the device needs an optional package.
+    FailureError : the device does not answer.
+    """
+    return rig_file.open_rig(rig if isinstance(rig, RigFile) else rig_file.load(Path(rig)))
+
+
+def _all(record: Recording) -> tuple[Finding, ...]:
+    """Every take counts."""
+    return ()
+
+
+@contextmanager
+def record(
+    folder: "str | PathLike[str]", source: Source | None = None, run: str = "run", judge: Judge = _all
+) -> Iterator["Takes"]:
+    """Measure a run into a folder with a ``rig.toml``; it becomes a campaign, and an interrupted run goes on.
+
+    Parameters
+    ----------
+    source : what delivers the records, a virtual rig for instance; the device of the ``rig.toml`` by default. It is
+        closed at the end.
+    run : its id; letters, digits, - and _.
+    judge : what is wrong with a take (``ema.estimate.check_hit``); an error rejects it. By default every take counts.
+
+    Raises
+    ------
+    InputError : no ``rig.toml``, or a source with other channels or another sampling rate.
+    MissingExtraError, FailureError : as ``open_rig``; the folder cannot be written.
+    """
+    rig = rig_file.load(Path(folder))
+    session = Session(Path(folder), rig, run, judge)
+    opened = open_rig(rig) if source is None else source
+    try:
+        _refuse_other(rig, opened)
+        yield Takes(session, opened)
+    finally:
+        opened.close()
+
+
+@dataclass(frozen=True)
+class Takes:
+    """The takes of a run as they are measured; each is on disk before it is told.
+
+    Going through them ends when every point has its takes, or the source has no more.
+    """
+
+    session: Session
+    source: Source
+
+    def __iter__(self) -> Iterator[Take]:
+        return self.session.takes(_WithoutPlaces(self.source))
+
+    def first(self, count: int) -> Iterator[Take]:
+        """At most ``count`` takes, rejected ones included."""
+        return islice(iter(self), count)
+
+
+@dataclass(frozen=True)
+class _WithoutPlaces:
+    """A source whose channels name no point: where the hammer struck is the session's to say."""
+
+    source: Source
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        return tuple(replace(channel, dof=None) for channel in self.source.channels)
+
+    @property
+    def sampling_rate(self) -> float:
+        return self.source.sampling_rate
+
+    def takes(self) -> Iterator[Recording]:
+        for one in self.source.takes():
+            yield replace(one, channels=tuple(replace(channel, dof=None) for channel in one.channels))
+
+    def close(self) -> None:
+        self.source.close()
+
+
+def _refuse_other(rig: RigFile, source: Source) -> None:
+    names, wanted = ([one.name for one in part] for part in (source.channels, rig.channels))
+    if names != wanted:
+        raise InputError("the source has other channels than the rig.toml", got=", ".join(names),
+                         expected=", ".join(wanted))  # fmt: skip
+    if abs(source.sampling_rate - rig.rig.sampling_rate) > 1e-9 * rig.rig.sampling_rate:
+        raise InputError("the source samples at another rate than the rig.toml says",
+                         got=f"{source.sampling_rate:g} Hz", expected=f"{rig.rig.sampling_rate:g} Hz")  # fmt: skip
