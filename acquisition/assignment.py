@@ -40,6 +40,7 @@ class Item:
         fields = self.fields | more
 
         def value(found: re.Match[str]) -> str:
+            """What stands for a field in braces."""
             if found[1] not in fields:
                 raise InputError(
                     f"nothing says what {found[0]} is", where=where, got=repr(text),
@@ -61,6 +62,7 @@ def data_folder(text: str, campaign: Path) -> Path:
     """
 
     def value(found: re.Match[str]) -> str:
+        """What stands for an environment variable."""
         name = found[1]
         if name in os.environ and name != "EMA_DATASETS":
             return os.environ[name]

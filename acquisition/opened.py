@@ -79,6 +79,7 @@ class Files:
 
 def _reader_of(path: Path, name: str, place: int) -> Callable[[], Recording]:
     def read() -> Recording:
+        """The record, read anew from its file."""
         held = store.load(path)
         if isinstance(held, Recording):
             return held

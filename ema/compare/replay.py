@@ -87,6 +87,7 @@ def _run(model: BeamModel, like: Run, tolerance: float) -> Run:
     loaded = model.with_normal_force(forces)
 
     def again(number: int) -> Recording:
+        """One record of the model under the forces of the measured one."""
         from ema.simulate.friction_rig import FrictionRig
         from ema.simulate.inputs import RecordedForces
 

@@ -193,6 +193,7 @@ def _weights(
     curve = np.abs(data.s) ** (2 * derivative)
 
     def powers(rows: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Noise power (stated, or that of the residual) and squared size of the fitted FRF for some rows."""
         fitted = weighted.model(data, state, rows)
         size = (fitted.real**2 + fitted.imag**2) * curve
         if known is not None:

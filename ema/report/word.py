@@ -80,6 +80,7 @@ class _Writer:
         return target.getvalue()
 
     def front(self, document: Document) -> None:
+        """The front page: title, answers, worries and expected numbers."""
         if document.logo is not None:
             self._logo(document.logo)
         self.paragraph("EXPERIMENTAL MODAL ANALYSIS", size=8, colour=_ACCENT, bold=True)

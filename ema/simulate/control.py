@@ -71,6 +71,7 @@ class _TurningPoints:
         self.shortest, self.before, self.last = shortest, 0.0, float("-inf")
 
     def passed(self, seen: Measured) -> bool:
+        """Whether the velocity has changed its sign, and not too soon after the last time."""
         turned = seen.velocity * self.before < 0 and seen.time > self.last + self.shortest
         self.before = seen.velocity
         self.last = seen.time if turned else self.last

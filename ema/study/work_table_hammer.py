@@ -41,6 +41,7 @@ def generate(
         stem, begins = folder / name, START + timedelta(seconds=number * _HOUR)
 
         def save(take: int, rig: Rig = rig, stem: Path = stem, begins: datetime = begins) -> None:
+            """Measure one take and write it."""
             record = rig.take(take)
             channels = tuple(replace(channel, dof=None) for channel in record.channels)
             start = begins + timedelta(seconds=take * (duration + 15))

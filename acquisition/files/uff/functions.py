@@ -248,6 +248,7 @@ def _blocks(made: Gathered, lines: list[_Line], where: str) -> list[list[_Line]]
         return [lines]
 
     def full(mine: str, other: str) -> list[list[_Line]]:
+        """The lines grouped by the DOFs on side ``mine`` that have the same DOFs on the other side."""
         across: dict[Dof, set[Dof]] = {}
         for line in lines:
             across.setdefault(getattr(line, mine), set()).add(getattr(line, other))
