@@ -1,5 +1,6 @@
 """The commands. Each parses, calls, prints; heavy modules are imported when a command needs them."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,7 +9,7 @@ import typer
 
 import ema
 from ema.cli import browsing, comparing, mapping, placing, recording, simulating
-from ema.cli.common import Formats, Json, LimitOfRecipe, split_formats, status
+from ema.cli.common import Formats, Jobs, Json, LimitOfRecipe, split_formats, status
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
 
@@ -61,17 +62,20 @@ def run(
     resume: Annotated[bool, typer.Option("--resume", help="Keep runs finished before with the same inputs.")] = False,
     formats: Formats = "html",
     limit: LimitOfRecipe = None,
+    jobs: Jobs = None,
     json: Json = False,
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
     from ema.cli import screen
+    from ema.cli.placing import workers
     from ema.report import write
     from ema.study import Study, summary
 
     others = [name for name in split_formats(formats) if name != "html"]
     study = Study.load(recipe, output)
-    with screen.Bars() as bars:
-        result = study.run(progress=bars, resume=resume)
+    processes = (jobs or os.cpu_count() or 1) if study.recipe.placement else 1
+    with screen.Bars() as bars, workers(None, processes) as executor:
+        result = study.run(progress=bars, resume=resume, executor=executor)
         if others:
             write(result, study.report, others)
     if json:

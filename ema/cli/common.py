@@ -20,6 +20,9 @@ _LIMIT = typer.Option("--limit", help="End with status 1 if there is a finding a
 Limit = Annotated[Severity, _LIMIT]
 LimitOfRecipe = Annotated[Severity | None, _LIMIT]
 """Where nothing is said, the recipe's limit holds."""
+Jobs = Annotated[
+    int | None, typer.Option("--jobs", min=1, help="Processes that compute places; as many as cores by default.")
+]
 Formats = Annotated[str, typer.Option("--format", help="Of the report: html, pdf, docx, separated by commas.")]
 
 _GRAVE: dict[str, tuple[str, ...]] = {"warning": ("warning", "error"), "error": ("error",), "never": ()}

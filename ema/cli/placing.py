@@ -56,7 +56,7 @@ def place(
     verdict = verdict_of(read, origin)
     with screen.Bars() as bars:
         bare, geometry = bare_of_model(model) if model is not None else _bare(read, origin, bars)
-        with _workers(cluster, jobs) as executor:
+        with workers(cluster, jobs) as executor:
             found = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
     found = replace(found, geometry=geometry)
     written = _write(found, folder, wanted)
@@ -155,7 +155,7 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
 
 
 @contextmanager
-def _workers(cluster: str | None, jobs: int) -> Iterator[Executor | None]:
+def workers(cluster: str | None, jobs: int) -> Iterator[Executor | None]:
     """Where the checks run: a cluster, processes, or here."""
     if cluster is not None:
         with _cluster(cluster) as executor:

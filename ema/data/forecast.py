@@ -25,6 +25,8 @@ class Forecast:
     modes : numbers of the target modes in the bare structure, from 1; ``bare_frequencies`` Hz, ``bare_damping``.
     force_levels, normal_forces : N; F_N per joint.
     draws : samples behind the bands.
+    method : as in ``ModalMap``: "measured" is what a one-mode fit of a stepped sine about the resonance reads, "frozen"
+        the equivalent damping of the steady state at resonance.
     """
 
     centre: tuple[float, float]
@@ -42,6 +44,7 @@ class Forecast:
     damping_low: Float[np.ndarray, "mode level force"]
     damping_high: Float[np.ndarray, "mode level force"]
     draws: int
+    method: str = "measured"
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     provenance: Provenance = field(default=Provenance(), compare=False)
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from ema.data._arrays import freeze
 from ema.data.campaign import Campaign, Repair, Run
 from ema.data.findings import Finding
+from ema.data.forecast import ForecastCheck
 from ema.data.frf import FrfSet
 from ema.data.hits import HitGallery
 from ema.data.maps import ModalMap
@@ -122,7 +123,8 @@ class StudyResult:
 
     ``conditions`` gathers the runs by what they repeat; ``differences`` holds each of them against the first one.
     ``maps`` follow a mode over force level and normal force; ``statements`` are those of a publication. ``decays`` are
-    ring-downs, ``loops`` hysteresis loops; ``placement`` says where a friction beam goes.
+    ring-downs, ``loops`` hysteresis loops; ``placement`` says where a friction beam goes, ``forecast_check`` how its
+    forecast was met.
     """
 
     campaign: Campaign
@@ -139,3 +141,4 @@ class StudyResult:
     decays: tuple[Decay, ...] = ()
     loops: tuple[Loop, ...] = ()
     placement: Placement | None = None
+    forecast_check: ForecastCheck | None = None

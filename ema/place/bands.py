@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +17,7 @@ from ema.place.shortlist import question, verify_all
 from ema.place.task import Task, only, predicted
 from ema.progress import Progress, advance, silent
 
+Method = Literal["measured", "frozen"]
 _ENOUGH = 0.8
 """Share of the draws that have to have a steady state for a band to be told."""
 _NEAR = 0.05
@@ -24,7 +26,7 @@ _NEAR = 0.05
 def forecast(
     task: Task, candidates: Candidates, place: int, force_levels: Sequence[float] | Float[np.ndarray, "level"],
     normal_forces: Sequence[float] | Float[np.ndarray, "force"], draws: int = 60, seed: int = 0,
-    executor: Executor | None = None, progress: Progress = silent,
+    method: Method = "measured", executor: Executor | None = None, progress: Progress = silent,
 ) -> Forecast:  # fmt: skip
     """Frequency and damping of the target modes with the beam at one place, all modes together, with 95 % bands.
 
@@ -37,6 +39,8 @@ def forecast(
     place : row in ``candidates``.
     force_levels, normal_forces : conditions in N; F_N per joint.
     draws : samples for the bands, at least 10.
+    method : "measured" tells what a one-mode fit of a stepped sine about the resonance will read, which at a friction
+        peak differs from "frozen", the equivalent damping of the steady state at resonance.
     executor : where they are computed; here and now by default.
 
     Raises
@@ -53,7 +57,7 @@ def forecast(
     )
     rng = np.random.default_rng(seed)
     tasks = [asked, *drawn(asked, draws, rng)]
-    questions = [question(one, predicted(one, here), 0) for one in tasks]
+    questions = [question(one, predicted(one, here), 0, method == "measured") for one in tasks]
     values = np.empty((len(tasks), len(task.modes), 2, len(asked.force_levels), len(asked.normal_forces)))
     for count, (number, found) in enumerate(verify_all(questions, executor), 1):
         values[number] = found[:, :2]
@@ -72,7 +76,7 @@ def forecast(
         (float(here.centres[0, 0]), float(here.centres[0, 1])), float(here.angles[0]), beam.name,
         tuple(mode + 1 for mode in task.modes), np.abs(bare) / (2 * np.pi), -bare.real / np.abs(bare),
         asked.force_levels, asked.normal_forces, middle[:, 0], middle[:, 0] - width, middle[:, 0] + width,
-        middle[:, 1], middle[:, 1] * np.exp(-scale), middle[:, 1] * np.exp(scale), draws, findings,
+        middle[:, 1], middle[:, 1] * np.exp(-scale), middle[:, 1] * np.exp(scale), draws, method, findings,
         Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
     )  # fmt: skip
 

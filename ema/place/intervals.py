@@ -26,7 +26,8 @@ def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
     """The task with draws of the smoothed shapes, of the shapes at the excited DOF, of mu and of k_T.
 
     The shape at a measured DOF is as uncertain as the scatter of the points about the surface; mu and k_T are
-    log-normal with ``friction_std`` and ``stiffness_std`` of the joint, alike in all joints.
+    log-normal with ``friction_std`` and ``stiffness_std`` of the joint, alike in all joints; the scale of all shapes is
+    drawn with ``scale_std`` of the task.
     """
     surface, law = task.surface, task.joint.law
     roots = []
@@ -44,9 +45,10 @@ def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
         )  # fmt: skip
         shapes = task.bare.shapes.copy()
         shapes[rows] += surface.noise * rng.standard_normal((len(rows), len(surface.noise)))
+        scale = 1 + task.scale_std * rng.standard_normal() if task.scale_std > 0 else 1.0
         yield task._replace(
-            bare=replace(task.bare, shapes=shapes), joint=replace(task.joint, law=changed),
-            surface=replace(surface, coefficients=surface.coefficients + shift),
+            bare=replace(task.bare, shapes=scale * shapes), joint=replace(task.joint, law=changed),
+            surface=replace(surface, coefficients=scale * (surface.coefficients + shift)),
         )  # fmt: skip
 
 

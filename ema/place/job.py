@@ -81,7 +81,7 @@ def place(
         asked = recipe.forecast
         told = forecast(
             task, candidates, ranking.best.candidate, asked.force or recipe.force, asked.normal_force, asked.draws,
-            asked.seed, executor, progress,
+            asked.seed, asked.method, executor, progress,
         )  # fmt: skip
     return Placement(
         recipe.title or f"Friction beam on {where}", ranking, surface.origin, surface.axes, surface.extent,

@@ -92,13 +92,25 @@ class ControlTable(Table):
 class ForecastTable(Table):
     """``[forecast]``: frequency and damping at the best place with 95 % bands, at chosen conditions.
 
-    ``force`` is that of the recipe by default; ``normal_force`` per joint.
+    ``force`` is that of the recipe by default; ``normal_force`` per joint. ``maps`` names maps of the study that were
+    measured with the beam at its place.
     """
 
     normal_force: Forces
     force: Forces | None = None
     draws: int = Field(default=60, ge=10)
     seed: int = 0
+    method: Literal["measured", "frozen"] = "measured"
+    maps: list[str] = Field(default=[])
+
+
+class PlaceExpectTable(Table):
+    """``[expect]`` of a placement within a study: the best place, and how many measured values lie in their bands."""
+
+    centre: Annotated[list[HalfHeight], Field(min_length=2, max_length=2)] | None = None
+    within: Length = 0.03
+    normal_force: Annotated[Force, Field(gt=0)] | None = None
+    inside: int | None = Field(default=None, ge=0)
 
 
 class PlaceRecipe(Table):
@@ -128,6 +140,7 @@ class PlaceRecipe(Table):
     search: SearchTable = SearchTable()
     control: ControlTable | None = None
     forecast: ForecastTable | None = None
+    expect: PlaceExpectTable | None = None
 
     @model_validator(mode="after")
     def _sound(self) -> "PlaceRecipe":
@@ -177,7 +190,7 @@ LAWS = ("masing", "iwan", "regularised masing", "dahl")
 TABLES: dict[str, type[BaseModel]] = {
     "": PlaceRecipe, "objective": ObjectiveTable, "beams": BeamTable, "joint": PlacedJointTable, "joint.law": LawTable,
     "search": SearchTable, "control": ControlTable,
-    "forecast": ForecastTable,
+    "forecast": ForecastTable, "expect": PlaceExpectTable,
 }  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, Finding
+from ema.data import BeamModel, Finding, ModalMap
 from ema.data.placement import Prediction
 from ema.dof import Dof
 from ema.errors import EmaError, FailureError, InputError
@@ -27,13 +27,17 @@ _IN_FLIGHT = 32
 
 
 class Question(NamedTuple):
-    """What a worker is asked: resonances of one model in one band per mode, over force levels and normal forces."""
+    """What a worker is asked: resonances of one model in one band per mode, over force levels and normal forces.
+
+    With ``fitted`` it is what a one-mode fit of a stepped sine about each resonance reads.
+    """
 
     model: BeamModel
     at: Dof
     force_levels: Float[np.ndarray, "level"]
     normal_forces: Float[np.ndarray, "force"]
     bands: tuple[tuple[float, float], ...]
+    fitted: bool = False
 
 
 def answer(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
@@ -41,13 +45,11 @@ def answer(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
 
     The height follows from the balance of power, F |X| pi = 2 pi zeta w^2 a^2 of the modal amplitude a.
     """
-    from ema.simulate import damping_map
-
     levels, forces = np.asarray(question.force_levels), np.asarray(question.normal_forces)
     result = np.full((len(question.bands), 3, len(levels), len(forces)), np.nan)
     for row, band in enumerate(question.bands):
         try:
-            chart = damping_map(question.model, levels, forces, question.at, question.at, band, TOLERANCE)
+            chart = _chart(question, band)
         except InputError:
             continue
         assert chart.modal_amplitude is not None
@@ -55,6 +57,18 @@ def answer(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
         lost = 2 * chart.damping * (2 * np.pi * chart.frequency * chart.modal_amplitude) ** 2
         result[row] = np.where(inside, [chart.frequency, chart.damping, lost / levels[:, None]], np.nan)
     return result
+
+
+def _chart(question: Question, band: tuple[float, float]) -> ModalMap:
+    from ema.compare import measure
+    from ema.simulate import damping_map
+
+    levels, forces = np.asarray(question.force_levels), np.asarray(question.normal_forces)
+    if not question.fitted:
+        return damping_map(question.model, levels, forces, question.at, question.at, band, TOLERANCE)
+    some = np.full((len(levels), len(forces)), np.sqrt(band[0] * band[1]))
+    wanted = ModalMap(levels, forces, some, np.full_like(some, 0.01), method="measured")
+    return measure(question.model, wanted, question.at, question.at, band, TOLERANCE)
 
 
 def verify(
@@ -110,7 +124,7 @@ def _joined(few: Prediction, rows: np.ndarray, answers: dict[int, np.ndarray]) -
     )  # fmt: skip
 
 
-def question(task: Task, prediction: Prediction, row: int) -> Question:
+def question(task: Task, prediction: Prediction, row: int, fitted: bool = False) -> Question:
     """The model of one place, and for every mode the band of its predicted frequencies, a little wider."""
     bands = []
     for m, bare in enumerate(prediction.bare_frequencies):
@@ -122,7 +136,7 @@ def question(task: Task, prediction: Prediction, row: int) -> Question:
     )
     return Question(
         model, Dof.parse(task.at), np.asarray(prediction.force_levels), np.asarray(prediction.normal_forces),
-        tuple(bands),
+        tuple(bands), fitted,
     )  # fmt: skip
 
 

@@ -17,7 +17,8 @@ from ema.shapes import Surface
 class Task(NamedTuple):
     """The measured structure, the joint, the range of forces, and the target modes (rows of ``bare``, from 0).
 
-    ``at`` is the excited DOF, ``output`` the one whose response counts (the excited one where ``None``).
+    ``at`` is the excited DOF, ``output`` the one whose response counts (the excited one where ``None``). ``scale_std``: relative
+    standard uncertainty of the scale common to all shapes, half that of the calibration of the test.
     """
 
     bare: ModalModel
@@ -28,6 +29,7 @@ class Task(NamedTuple):
     normal_forces: Float[np.ndarray, "force"]
     modes: tuple[int, ...]
     output: Dof | str | None = None
+    scale_std: float = 0.0
 
 
 def predicted(task: Task, candidates: Candidates) -> Prediction:

@@ -7,6 +7,7 @@ from ema.report.blocks import Block, Book, Section, Table
 from ema.report.change import change_sections
 from ema.report.comparison import comparisons
 from ema.report.expected import counted_expectations, expectation_table
+from ema.report.forecast import verdict
 from ema.report.friction import loops, ring_down_sentences, ring_downs
 from ema.report.maps import map_lines, map_sections, statement_lines, statements
 from ema.report.modes import mode_table, run_sentence
@@ -74,6 +75,7 @@ def compose(result: StudyResult, book: Book) -> Document:
         photos=photos(campaign),
         summary=[
             *([] if placement is None else answers(placement)),
+            *([] if result.forecast_check is None else [verdict(result.forecast_check)]),
             *([run_sentence(run) for run in runs] or ["No run was analysed."]), *told, *map_lines(result),
             *statement_lines(result), *ring_down_sentences(result.decays), counted(worries),
             *counted_expectations(result),
@@ -88,7 +90,7 @@ def _chapters(result: StudyResult, book: Book) -> list[Chapter]:
     repaired = repairs(result, book)
     chapters = [Chapter(repaired.title, repaired.anchor, repaired.blocks)]
     if result.placement is not None:
-        parts = placement_sections(result.placement, book)
+        parts = placement_sections(result.placement, book, result.forecast_check)
         chapters.append(Chapter("The place in detail", "placement-detail", sections=parts))
     if changed := change_sections(list(result.runs), book):
         chapters.append(Chapter("Before and after", "change", sections=changed))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ema import show
-from ema.data import FrfSet, ModalModel, poles_from
+from ema.data import ForecastCheck, FrfSet, ModalModel, poles_from
 from ema.data.placement import Place, Placement
 from ema.dof import Dof
 from ema.report.blocks import Block, Book, Cell, Section, Text
@@ -41,14 +41,14 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
     ]  # fmt: skip
 
 
-def placement_sections(placement: Placement, book: Book) -> list[Section]:
-    """What stands behind the answer."""
+def placement_sections(placement: Placement, book: Book, check: ForecastCheck | None = None) -> list[Section]:
+    """What stands behind the answer, and ``check`` what was measured afterwards."""
     sections = [
         Section("Recommended normal force", "placement-force", _force(placement, book)),
         Section("FRF before and after, predicted", "placement-frf", _predicted(placement, book)),
     ]
     if placement.forecast is not None:
-        told = forecast_blocks(placement.forecast, book)
+        told = forecast_blocks(placement.forecast if check is None else check, book)
         sections.insert(0, Section("Forecast for the best place", "forecast", told))
     if placement.control is not None:
         sections.append(Section("A controlled normal force", "control", _control(placement, book)))

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from ema.data import Expectation, RunResult, Statement
+from ema.data import Expectation, ForecastCheck, Placement, RunResult, Statement
 from ema.errors import InputError
+from ema.place.recipe import PlaceRecipe
 from ema.study.recipe import ExpectTable
 
 
@@ -68,6 +69,27 @@ def _findings(table: ExpectTable, result: RunResult) -> list[Expectation]:
         count = sum(finding.code == code for finding in result.findings)
         compared.append(Expectation(f"{table.run}: finding {code} (at least one)", 1.0, 0.0, float(count), count >= 1))
     return compared
+
+
+def of_placement(
+    asked: str | PlaceRecipe, placement: Placement | None, checked: ForecastCheck | None
+) -> tuple[Expectation, ...]:
+    """The best place, its normal force, and how many measured values lie in their bands, where the recipe says."""
+    if isinstance(asked, str) or asked.expect is None or placement is None:
+        return ()
+    told, best, result = asked.expect, placement.ranking.best, []
+    if told.centre is not None:
+        pairs = zip("xy", told.centre, best.centre, strict=True)
+        result += [_compare(f"best place: {axis} of the middle [m]", one, told.within, at) for axis, one, at in pairs]
+    if told.normal_force is not None:
+        tolerance = 0.01 * told.normal_force
+        result.append(_compare("best place: F_N [N]", told.normal_force, tolerance, best.normal_force))
+    if told.inside is not None:
+        found = 0 if checked is None else checked.inside
+        result.append(Expectation(
+            "measured values inside their bands (at least)", float(told.inside), 0.0, float(found), found >= told.inside
+        ))  # fmt: skip
+    return tuple(result)
 
 
 def _compare(what: str, expected: float, tolerance: float, found: float) -> Expectation:

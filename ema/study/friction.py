@@ -1,11 +1,13 @@
 """What a study says about friction beside its modes: ring-downs, hysteresis loops, and where a beam goes."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
-from ema.data import Campaign, Decay, Loop, Placement, Recording, Run, RunResult
+from ema.data import Campaign, Decay, ForecastCheck, Loop, MapResult, Placement, Recording, Run, RunResult
 from ema.errors import InputError
+from ema.place.recipe import PlaceRecipe
 from ema.progress import Progress
 from ema.study.recipe import LoopTable, RingDownTable
 
@@ -56,9 +58,10 @@ def _records(run: Run) -> list[tuple[str, Recording]]:
 
 
 def placed(
-    path: Path, campaign: Campaign, runs: Sequence[RunResult], folder: Path, resume: bool, progress: Progress
-) -> Placement:
-    """Answer a placement recipe with the modes of this study's run without a friction beam.
+    asked: str | PlaceRecipe, source: Path, campaign: Campaign, runs: Sequence[RunResult], folder: Path, resume: bool,
+    executor: Executor | None, progress: Progress,
+) -> Placement:  # fmt: skip
+    """Answer a placement recipe, or the one in a file beside ``source``, with the modes of this study's bare run.
 
     Raises
     ------
@@ -68,7 +71,8 @@ def placed(
     from ema.place.job import place
     from ema.place.sources import verdict_of
 
-    told = recipes.load(path)
+    path = source.parent / asked if isinstance(asked, str) else source
+    told = recipes.load(path) if isinstance(asked, str) else asked
     if told.campaign or told.modes:
         raise InputError("the placement recipe names a structure of its own", where=str(path),
                          got=told.campaign or told.modes, expected="neither campaign nor modes",
@@ -82,6 +86,28 @@ def placed(
         raise InputError("the campaign has no geometry", where=campaign.name,
                          advice="add [geometry] to campaign.toml: places come from it")  # fmt: skip
     modes = replace(bare[0].modes, name=bare[0].modes.name or f"run {bare[0].run.id}")
-    found = place(told, modes, campaign.geometry, verdict_of(told, path.parent), folder=folder, resume=resume,
-                  progress=progress)  # fmt: skip
+    found = place(told, modes, campaign.geometry, verdict_of(told, path.parent), executor=executor,
+                  folder=folder, resume=resume, progress=progress)  # fmt: skip
     return replace(found, geometry=campaign.geometry)
+
+
+def forecast_check(
+    asked: str | PlaceRecipe, placement: Placement | None, maps: Sequence[MapResult]
+) -> ForecastCheck | None:
+    """The forecast of the placement against the maps that its recipe names; ``None`` where it names none.
+
+    Raises
+    ------
+    InputError : no such map, and what ``ema.place.check`` refuses.
+    """
+    from ema.place import check
+
+    told = None if isinstance(asked, str) else asked.forecast
+    if told is None or not told.maps or placement is None or placement.forecast is None:
+        return None
+    known = {one.name: one.chart for one in maps}
+    for name in told.maps:
+        if name not in known:
+            raise InputError("the forecast is to be held against a map that is not there", where="placement.forecast",
+                             got=name, expected="one of " + (", ".join(known) or "no map"))  # fmt: skip
+    return check(placement.forecast, [known[name] for name in told.maps])

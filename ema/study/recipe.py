@@ -5,11 +5,15 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from acquisition.toml_lines import line_of
 from ema.errors import InputError
+from ema.place.recipe import TABLES as PLACEMENT
+from ema.place.recipe import PlaceRecipe
 
+_FILE, _TABLE = "<file>", "<table>"
+"""Marks of the two ways to give a placement; no key of a file looks like them."""
 Band = Annotated[tuple[float, float], Field(description="Hz")]
 
 
@@ -177,7 +181,8 @@ class StatementTable(Table):
 class Recipe(Table):
     """The whole recipe. ``campaign`` is a folder or file, ``report`` and ``result`` are written; all relative to the
     recipe. ``finding_limit`` is the severity from which a finding makes the command end with status 1. ``placement`` is
-    a placement recipe, answered for the first run without a friction beam; ``logo`` an image for the report."""
+    a placement recipe, or the path of one, answered for the first run without a friction beam; ``logo`` an image for
+    the report."""
 
     campaign: str
     title: str = ""
@@ -191,14 +196,21 @@ class Recipe(Table):
     statements: list[StatementTable] = []
     ring_down: list[RingDownTable] = []
     loop: list[LoopTable] = []
-    placement: str = ""
+    placement: Annotated[
+        Annotated[str, Tag(_FILE)] | Annotated[PlaceRecipe, Tag(_TABLE)],
+        Discriminator(lambda value: _FILE if isinstance(value, str) else _TABLE),
+    ] = ""
     logo: str = ""
 
 
-_TABLES: dict[str, type[Table]] = {
+_TABLES: dict[str, type[BaseModel]] = {
     "": Recipe, "estimate": EstimateTable, "fit": FitTable, "expect": ExpectTable, "map": MapTable,
     "statements": StatementTable, "ring_down": RingDownTable, "loop": LoopTable,
+    **{f"placement.{name}".rstrip("."): table for name, table in PLACEMENT.items()},
 }  # fmt: skip
+
+
+_MARKS = ("tuple[", "list[", _FILE, _TABLE)
 
 
 def load(path: Path) -> Recipe:
@@ -231,11 +243,11 @@ def _sentence(error: ValidationError, text: str, where: str) -> InputError:
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     detail = details[0]
     # a mark that the checker adds for the parts of an alternative is no place in the file
-    steps = [step for step in detail["loc"] if isinstance(step, int) or not step.startswith(("tuple[", "list["))]
+    steps = [step for step in detail["loc"] if isinstance(step, int) or not step.startswith(_MARKS)]
     place = f"{where}, line {line_of(text, steps)}"
     name = ".".join(str(step) for step in steps) or "the recipe"
     if detail["type"] == "extra_forbidden":
-        table = next((step for step in steps[:-1] if isinstance(step, str)), "")
+        table = ".".join(step for step in steps[:-1] if isinstance(step, str))
         known = list(_TABLES[table].model_fields)
         close = difflib.get_close_matches(str(steps[-1]), known, n=1, cutoff=0.5)
         advice = f"did you mean {close[0]}?" if close else "known keys: " + ", ".join(known)

@@ -4,6 +4,7 @@ import platform
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -82,12 +83,16 @@ class Study:
         """
         return opened(self.campaign, progress)
 
-    def run(self, progress: Progress = silent, resume: bool = False) -> StudyResult:
+    def run(
+        self, progress: Progress = silent, resume: bool = False, executor: Executor | None = None
+    ) -> StudyResult:
         """Do it: every run from signals to modes, expectations, result file and report.
 
         Parameters
         ----------
         resume : take runs finished earlier from the same inputs with the same settings as they are.
+        executor : where places for a beam are computed; here and now by default. Anything with ``submit`` of
+            ``concurrent.futures`` will do: threads, processes, a cluster's.
 
         Raises
         ------
@@ -108,7 +113,7 @@ class Study:
             maps = tuple(self._map(campaign, table, data, progress, resume) for table in self.recipe.map)
             used = dict.fromkeys([*(run.id for run in runs), *(name for one in maps for name in one.runs)])
             inputs = tuple(print_ for name in used for print_ in data[name])
-            beside = self._friction(campaign, finished, progress, resume)
+            beside = self._friction(campaign, finished, progress, resume, executor)
             return self._conclude(campaign, tuple(finished), maps, beside, inputs, progress)
 
     def _runs(self, campaign: Campaign) -> tuple[Run, ...]:
@@ -120,13 +125,15 @@ class Study:
         return tuple(run for run in campaign.runs if run.id not in mapped)
 
     def _friction(
-        self, campaign: Campaign, runs: Sequence[RunResult], progress: Progress, resume: bool
-    ) -> tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None]:
+        self, campaign: Campaign, runs: Sequence[RunResult], progress: Progress, resume: bool,
+        executor: Executor | None,
+    ) -> tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None]:  # fmt: skip
         """Ring-downs, hysteresis loops and the placement that the recipe asks for."""
         told, placement = self.recipe, None
         if told.placement:
-            path = self.source.parent / told.placement
-            placement = friction.placed(path, campaign, runs, self.kept / "placement", resume, progress)
+            placement = friction.placed(
+                told.placement, self.source, campaign, runs, self.kept / "placement", resume, executor, progress
+            )
         return (
             friction.ring_downs(campaign, told.ring_down), friction.hysteresis_loops(campaign, told.loop), placement,
         )  # fmt: skip
@@ -171,16 +178,20 @@ class Study:
         findings += tuple(finding for one in loops for finding in one.findings)
         if placement is not None:
             findings += (*placement.findings, *placement.ranking.best.findings)
+        checked = friction.forecast_check(self.recipe.placement, placement, maps)
         judged = statements.judge(self.recipe.statements, maps, runs)
         if self.recipe.logo:
             campaign = replace(campaign, logo=str((self.source.parent / self.recipe.logo).resolve()))
         result = StudyResult(
             campaign=campaign, runs=runs, findings=findings, title=self.recipe.title or campaign.name,
             repairs=tuple(dict.fromkeys(repair for one in runs for repair in one.run.repairs)),
-            expectations=(*expectations.check(self.recipe.expect, runs), *expectations.of_verdicts(judged)),
+            expectations=(
+                *expectations.check(self.recipe.expect, runs), *expectations.of_verdicts(judged),
+                *expectations.of_placement(self.recipe.placement, placement, checked),
+            ),
             provenance=replace(self._made(campaign, inputs), steps=("ema.study",), created=datetime.now(UTC)),
             conditions=conditions, differences=differences, maps=maps, statements=judged, decays=decays, loops=loops,
-            placement=placement,
+            placement=placement, forecast_check=checked,
         )  # fmt: skip
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))

@@ -126,12 +126,10 @@ def _sensors(full_scale: float) -> tuple[Channel, ...]:
 
 
 def _stepped(condition: Condition, seed: int) -> Recording:
-    """Steady states of the table with the beam, one frequency after the other."""
+    """Steady states of the table with the beam, one frequency after the other; the controller holds the force."""
     middle = 0.5 * (condition.begins + condition.ends)
     model = table.with_beam(SETTING, condition.force).with_normal_force(pressed(condition, middle)[:, 0].tolist())
-    drive = SteppedSine(
-        Dof(table.DRIVE_NODE, "+Z"), condition.level, condition.lines, shaker.STAY, shaker=shaker.SHAKER
-    )
+    drive = SteppedSine(Dof(table.DRIVE_NODE, "+Z"), condition.level, condition.lines, shaker.STAY)
     rig = FrictionRig(model, drive, _sensors(200.0), shaker.SAMPLING_RATE, force_range=200.0,
                       noise={"acceleration": 0.02, "force": 0.02}, bits=24, seed=seed, name=condition.run)  # fmt: skip
     takes = list(rig.takes())
@@ -140,7 +138,7 @@ def _stepped(condition: Condition, seed: int) -> Recording:
 
 def _bare_sweep(path: Path) -> None:
     """The bare table by the same shaker: what a map of the beam is held against."""
-    record = shaker.linear_sweep(table.bare(table.shaker_points(SETTING)), 41, path.stem)
+    record = shaker.linear_sweep(table.bare(table.shaker_points(SETTING)), 41, path.stem, mount_mass=0.0)
     _save(path, record, START + timedelta(seconds=_DAY))
 
 

@@ -159,13 +159,13 @@ def _linear(path: Path, model: ModalModel, seed: int) -> None:
     store.save(path, _written(record, START + timedelta(seconds=100 * seed), path.stem))
 
 
-def linear_sweep(model: ModalModel, seed: int, name: str) -> Recording:
-    """A slow sweep over both modes of a table without friction; the load cell also drives the mass below it."""
+def linear_sweep(model: ModalModel, seed: int, name: str, mount_mass: float = SHAKER.mount_mass) -> Recording:
+    """A slow sweep over both modes of a table without friction; the load cell also drives the mass below it, kg."""
     drive = SweptShaker(Dof(table.DRIVE_NODE, "+Z"), 20.0, (BAND[0] - 20, BAND[1] + 20), 16.0, 20.0)
     rig = VirtualRig(model, drive, _sensors(), SAMPLING_RATE, seed=seed, name=name, **_FRONT_END)  # type: ignore[arg-type]
     record = rig.take(0)
     signals = np.array(record.signals)
-    signals[0] += SHAKER.mount_mass * signals[1]
+    signals[0] += mount_mass * signals[1]
     return replace(record, signals=signals)
 
 
