@@ -201,7 +201,8 @@ def prune(
         if weakest:
             smaller = _without(data, fit, weakest, 3)
         else:
-            weakest, smaller = _merged(data, fit, gain, noise.required)
+            pairs = overlapping(fit) if dropped is None else [*overlapping(fit), *confused(data, fit)]
+            weakest, smaller = _merged(data, fit, gain, noise.required, pairs)
             reasons = dict.fromkeys(weakest, "together with a neighbour it explains no more than one mode does")
         if not weakest:
             break
@@ -229,15 +230,30 @@ def _single_lines(data: Observations, fit: ModalFit, required: float) -> list[in
 
 
 def _merged(
-    data: Observations, fit: ModalFit, gain: Float[np.ndarray, "pole"], required: float
+    data: Observations,
+    fit: ModalFit,
+    gain: Float[np.ndarray, "pole"],
+    required: float,
+    pairs: list[tuple[int, int]],
 ) -> tuple[list[int], ModalFit]:
-    """The fit without the weaker of two overlapping poles of one shape, where one mode does as well as the two."""
-    for a, b in overlapping(fit):
+    """The fit without the weaker of two poles, where one mode does as well as the two."""
+    for a, b in dict.fromkeys(pairs):
         weaker = a if gain[a] < gain[b] else b
         smaller = _without(data, fit, [weaker], 10)
         if smaller.cost - fit.cost <= required:
             return [weaker], smaller
     return [], fit
+
+
+def confused(data: Observations, fit: ModalFit) -> list[tuple[int, int]]:
+    """Neighbours within one bandwidth of each other whose place noise leaves uncertain by a third of their distance."""
+    covariance = likelihood.covariance(fit, likelihood.variance_factor(data, fit))
+    uncertain = 2 * np.pi * np.sqrt(np.maximum(covariance[:, 0, 0], 0))
+    distance = np.abs(fit.poles[:, None] - fit.poles[None, :])
+    near = distance < np.abs(fit.poles.real)[:, None] + np.abs(fit.poles.real)[None, :]
+    doubtful = 3 * np.maximum(uncertain[:, None], uncertain[None, :]) > distance
+    first, second = np.nonzero(np.triu(near & doubtful, 1))
+    return list(zip(first.tolist(), second.tolist(), strict=True))
 
 
 def overlapping(fit: ModalFit) -> list[tuple[int, int]]:

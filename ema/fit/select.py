@@ -35,6 +35,8 @@ _SCATTER = 0.25
 """Variance of a shape over its energy beyond which a MAC of 0.8 with the true one is not expected."""
 _SHAPE_FREEDOM = 6
 """Degrees of freedom of that variance."""
+_LIKELY = 0.75
+"""Confidence below which a mode is not reported where noise is all there is to doubt."""
 _COINCIDENT = 0.03
 """Distance of two poles over their decay rate below which they are a repeated root."""
 _COLLINEAR = 0.6
@@ -96,6 +98,8 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
     told = _told(result.data, fit, factor, prepared.values.shape[1])
     is_mode &= _certain(result.data, fit, told, trusting, dropped, is_mode)
     confidence = _confidence(fit, told, everything, trusting)
+    if trusting:
+        is_mode &= _likely(fit, confidence, is_mode, dropped)
     taken = fit.poles[is_mode]
     lost = [d for d in dropped if np.all(np.abs(taken - d.pole) > np.abs(taken.real) + abs(d.pole.real))]
     return Selection(fit, result.data, result.noise, result.starts, is_mode, confidence, factor, tuple(lost))
@@ -408,6 +412,22 @@ def _certain(
         if reason:
             good[place] = False
             dropped.append(Dropped(complex(fit.poles[place]), reason))
+    return good
+
+
+def _likely(
+    fit: ModalFit,
+    confidence: Float[np.ndarray, "pole"],
+    candidates: Bool[np.ndarray, "pole"],
+    dropped: list[Dropped],
+) -> Bool[np.ndarray, "pole"]:
+    """Whether a mode is told well enough to be reported: noise is all there is to doubt, and it leaves little doubt."""
+    good = np.ones(len(fit.poles), bool)
+    for place in np.flatnonzero(candidates & (confidence < _LIKELY)):
+        if not _repeated(fit, int(place)):
+            good[place] = False
+            why = f"the probability that it is a mode with this place and shape is {confidence[place]:.0%}"
+            dropped.append(Dropped(complex(fit.poles[place]), why))
     return good
 
 

@@ -164,6 +164,7 @@ def linearise(data: Weighted, state: State) -> Linearisation:
     keep = np.concatenate([np.arange(modes), modes + state.free])
     keep = np.concatenate([keep, keep + modes * (1 + references)])
     information, gradient = np.zeros((len(keep), len(keep))), np.zeros(len(keep))
+    before = np.zeros(len(keep))
     determined = np.flatnonzero(state.determined)
     outputs, size = len(data.signals), len(determined)
     local, slope = np.empty((outputs, size, size)), np.empty((outputs, size, len(keep)))
@@ -183,9 +184,39 @@ def linearise(data: Weighted, state: State) -> Linearisation:
         slope[rows] = -found @ coupling
         offset[rows] = np.einsum("oab,ob->oa", found, right)
         gain += float(np.sum(offset[rows] * right))
+        before += np.diagonal(inside)[keep]
         information += inside[np.ix_(keep, keep)] + np.einsum("oli,olj->ij", coupling, slope[rows], optimize=True)
         gradient += own[keep] + np.einsum("oli,ol->i", slope[rows], right)
-    return Linearisation(0.5 * (information + information.T), gradient, local, slope, offset, energy, gain)
+    information, idle = _definite(0.5 * (information + information.T), before, state)
+    gradient[idle] = 0
+    return Linearisation(information, gradient, local, slope, offset, energy, gain)
+
+
+def _definite(
+    information: Float[np.ndarray, "unknown unknown"], before: Float[np.ndarray, "unknown"], state: State
+) -> tuple[Float[np.ndarray, "unknown unknown"], Bool[np.ndarray, "unknown"]]:
+    """Positive definite information, and which unknowns are held for that.
+
+    A pole far outside the band may tell nothing that the rest does not. What the elimination leaves of its information
+    ``before`` is rounding, even negative, and would spoil the intervals of all: such poles keep their place.
+    """
+    modes = len(state.poles)
+    owners = np.tile(np.concatenate([np.arange(modes), state.free % max(modes, 1)]), 2)
+    left = np.diagonal(information) / np.maximum(before, np.finfo(float).tiny)
+    least = np.array([left[owners == mode].min() for mode in range(modes)])
+    idle = np.zeros(len(before), bool)
+    for mode in np.argsort(least):
+        try:
+            scale = unit_scale(information)
+            np.linalg.cholesky(information * np.outer(scale, scale) + _RIDGE * np.eye(len(scale)))
+        except np.linalg.LinAlgError:
+            own = owners == mode
+            information[own] = information[:, own] = 0
+            information[own, own] = np.maximum(before[own], np.finfo(float).tiny)
+            idle |= own
+        else:
+            break
+    return information, idle
 
 
 def _times(
