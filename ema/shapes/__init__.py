@@ -8,6 +8,7 @@ from ema.shapes.complexity import (
     quality,
     realise,
 )
+from ema.shapes.continuation import with_plate
 from ema.shapes.correlation import Comparison, auto_mac, co_mac, compare, frac, mac
 from ema.shapes.expansion import Expansion, expand
 from ema.shapes.rigid import with_rigid_body
@@ -16,5 +17,5 @@ from ema.shapes.surface import Surface, smooth
 __all__ = [
     "Comparison", "Expansion", "MacUncertainty", "Surface", "auto_mac", "co_mac", "compare", "expand", "frac", "mac",
     "mac_uncertainty", "mean_phase", "mean_phase_deviation", "modal_phase_collinearity", "quality", "realise", "smooth",
-    "with_rigid_body",
+    "with_plate", "with_rigid_body",
 ]  # fmt: skip

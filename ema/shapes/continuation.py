@@ -1,0 +1,147 @@
+"""Modes above the measured ones, as those of the plate that the measured modes imply."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ema.data import Finding, ModalModel, poles_from
+from ema.errors import InputError
+from ema.shapes.surface import Surface
+
+_AGREES = 0.15
+"""Relative error of the plate's natural frequencies up to which it is believed."""
+_FEWEST = 4
+"""Measured elastic modes, at least: there are four bending stiffnesses."""
+
+
+class Plate(NamedTuple):
+    """An orthotropic plate over the measured rectangle: kg/m^2; bending stiffnesses along, across, coupled, of twist in
+    N m; its natural frequencies in Hz (rigid-body motion first) and mass-normalised coefficients (term, mode)."""
+
+    mass: float
+    stiffness: Float[np.ndarray, "4"]
+    frequencies: Float[np.ndarray, "mode"]
+    coefficients: Float[np.ndarray, "term mode"]
+    powers: Int[np.ndarray, "term 2"]
+
+
+def with_plate(
+    model: ModalModel, surface: Surface, degree: int = 14
+) -> tuple[ModalModel, Surface, tuple[Finding, ...]]:
+    """Continue the measured modes of a free plate-like structure by those of the plate they imply.
+
+    What is bolted to a structure also feels how it yields around the bolts. That lives in modes above the measured
+    band; leaving them out makes the structure too stiff there. Mass per area and the four bending stiffnesses of an
+    orthotropic plate follow from the measured shapes, their curvatures and frequencies by least squares; its modes
+    above the measured ones are appended, with shapes on the surface alone (zero at the measured DOFs). Where such a
+    plate does not have the measured frequencies within 15 %, nothing is appended and a finding says so.
+
+    Parameters
+    ----------
+    model, surface : the modes, rigid-body ones included, and their smooth shapes (``ema.shapes.smooth``).
+    degree : total degree of the polynomials; their shortest half wave is about the extent over two thirds of it.
+
+    Raises
+    ------
+    InputError : the surface has another number of modes, or a degree below that of the surface.
+
+    Source: Rayleigh's quotient of an orthotropic Kirchhoff plate, linear in its stiffnesses; residual flexibility as
+    modes above the band as in Craig and Kurdila (2006), chapter 17.
+    """
+    where = model.name or "modal model"
+    if surface.coefficients.shape[1] != len(model.poles):
+        raise InputError("the surface has other modes", where=where, got=f"{surface.coefficients.shape[1]} modes",
+                         expected=f"{len(model.poles)}")  # fmt: skip
+    most = int(surface.powers.sum(axis=1).max())
+    if degree < most:
+        raise InputError("the degree is below that of the surface", where=where, got=degree, expected=f"{most} or more")
+    omega = np.abs(model.poles)
+    elastic = np.flatnonzero(omega > 0.1 * np.median(omega))
+    if len(elastic) < _FEWEST:
+        return model, surface, (_without(where, f"{len(elastic)} elastic modes are too few to tell a plate by."),)
+    plate = _plate(surface, omega, elastic, degree)
+    expected = plate.frequencies[3 : 3 + len(elastic)]
+    error = float(np.max(np.abs(expected / (np.sort(omega[elastic]) / (2 * np.pi)) - 1)))
+    if error > _AGREES:
+        return model, surface, (_without(where, f"the nearest plate misses a measured frequency by {error:.0%}."),)
+    told = Finding(
+        "info", "plate", where, f"modes above the measured ones are those of a plate of {plate.mass:.3g} kg/m^2, whose "
+        f"frequencies differ from the measured ones by at most {error:.1%}.", error, _AGREES,
+    )  # fmt: skip
+    return *_continued(model, surface, plate, 3 + len(elastic)), (told,)
+
+
+def _plate(surface: Surface, omega: np.ndarray, elastic: np.ndarray, degree: int) -> Plate:
+    """The plate whose mass and stiffness matrices between the measured modes are nearest to unity and omega^2."""
+    from scipy.linalg import eigh
+    from scipy.optimize import nnls
+
+    powers = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)], dtype=np.int64)
+    count = len(powers)
+    fine = replace(surface, powers=powers, coefficients=np.zeros((count, 0)), covariance=np.zeros((0, count, count)),
+                   noise=np.zeros(0))  # fmt: skip
+    inertia, bending = _energies(fine, degree)
+    measured = _embedded(surface, powers)[:, elastic]
+    seen = measured.T @ inertia @ measured
+    mass = float(np.sum(np.diag(seen)) / np.sum(seen**2))
+    scale = np.outer(omega[elastic], omega[elastic])
+    columns = np.stack([(measured.T @ part @ measured / scale).ravel() for part in bending], axis=1)
+    stiffness, _ = nnls(columns, np.eye(len(elastic)).ravel())
+    total = np.einsum("k,kij->ij", stiffness, bending)
+    squares, vectors = eigh(total, mass * inertia)
+    return Plate(mass, stiffness, np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), vectors, powers)
+
+
+def _energies(surface: Surface, degree: int) -> tuple[Float[np.ndarray, "term term"], Float[np.ndarray, "4 term term"]]:
+    """Integrals over the rectangle: of products of deflections, and of the four bending energies per stiffness."""
+    points, weights = np.polynomial.legendre.leggauss(degree + 1)
+    sides = surface.extent[:, 1] - surface.extent[:, 0]
+    grid = np.stack([part.ravel() for part in np.meshgrid(points, points, indexing="ij")], axis=1)
+    grid = surface.extent[:, 0] + 0.5 * (grid + 1) * sides
+    weight = (np.outer(weights, weights).ravel() * sides.prod() / 4)[:, None]
+    flat = surface.rows(grid)
+    along, across, slanted = (surface.rows(grid, 2, angle) for angle in (0.0, np.pi / 2, np.pi / 4))
+    twist = slanted - 0.5 * (along + across)
+    coupled = along.T @ (weight * across)
+    bending = [
+        along.T @ (weight * along), across.T @ (weight * across), coupled + coupled.T, 4 * twist.T @ (weight * twist)
+    ]  # fmt: skip
+    return flat.T @ (weight * flat), np.stack(bending)
+
+
+def _embedded(surface: Surface, powers: Int[np.ndarray, "term 2"]) -> Float[np.ndarray, "term mode"]:
+    """The coefficients of the surface among those of more polynomials."""
+    result = np.zeros((len(powers), surface.coefficients.shape[1]))
+    result[_rows(surface, powers)] = surface.coefficients
+    return result
+
+
+def _rows(surface: Surface, powers: Int[np.ndarray, "term 2"]) -> list[int]:
+    known = {(int(i), int(j)): row for row, (i, j) in enumerate(powers)}
+    return [known[int(i), int(j)] for i, j in surface.powers]
+
+
+def _continued(model: ModalModel, surface: Surface, plate: Plate, first: int) -> tuple[ModalModel, Surface]:
+    """Model and surface with the modes of the plate from ``first`` on."""
+    count, terms = len(plate.frequencies) - first, len(plate.powers)
+    damping = float(np.median(model.damping_ratios))
+    poles = np.concatenate([model.poles, poles_from(plate.frequencies[first:], np.full(count, damping))])
+    still = [np.zeros((len(rows), count)) for rows in (model.shapes, model.participation)]
+    longer = ModalModel(
+        poles, np.hstack([model.shapes, still[0]]), model.dofs, np.hstack([model.participation, still[1]]),
+        model.inputs, scaling=model.scaling, condition=model.condition, provenance=model.provenance,
+        findings=model.findings, name=model.name,
+    )  # fmt: skip
+    rows = _rows(surface, plate.powers)
+    covariance = np.zeros((len(poles), terms, terms))
+    covariance[np.ix_(range(len(model.poles)), rows, rows)] = surface.covariance
+    coefficients = np.hstack([_embedded(surface, plate.powers), plate.coefficients[:, first:]])
+    noise = np.append(surface.noise, np.zeros(count))
+    return longer, replace(surface, powers=plate.powers, coefficients=coefficients, covariance=covariance, noise=noise)
+
+
+def _without(where: str, why: str) -> Finding:
+    return Finding("warning", "no-plate", where, f"nothing is known above the measured modes: {why}", None, None,
+                   "The structure yields more around the joints than is predicted.")  # fmt: skip
