@@ -1,20 +1,43 @@
 """The pages on reports, browser and recording: links lead somewhere, commands exist, the rig file is understood."""
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
 from typer.main import get_command
 
+import acquisition
 from acquisition import rig_file
 from ema.cli.app import app
 
-PAGES = ("report.md", "browser.md", "record.md", "coming-from.md", "extending.md", "getting-started.md", "../README.md")
+PAGES = (
+    "report.md",
+    "browser.md",
+    "record.md",
+    "coming-from.md",
+    "extending.md",
+    "getting-started.md",
+    "formats.md",
+    "journeys.md",
+    "../README.md",
+)
 
 
 @pytest.fixture(params=PAGES)
 def page(request: pytest.FixtureRequest, root: Path) -> Path:
     return root / "docs" / request.param
+
+
+@pytest.mark.parametrize("name", ["formats.md", "journeys.md"])
+def test_pages_that_are_written_by_the_program_are_not_stale(root: Path, name: str):
+    script = runpy.run_path(str(root / "docs" / "write_pages.py"))
+    text = (root / "docs" / name).read_text(encoding="utf-8")
+    assert text == script["written"](name), "run python docs/write_pages.py"
+    told = (
+        [one.title for one in acquisition.formats()] if name == "formats.md" else [f"Journey {n}" for n in range(1, 6)]
+    )
+    assert all(one in text for one in told)
 
 
 def test_links_lead_to_files(page: Path):
