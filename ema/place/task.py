@@ -17,8 +17,8 @@ from ema.shapes import Surface
 class Task(NamedTuple):
     """The measured structure, the joint, the range of forces, and the target modes (rows of ``bare``, from 0).
 
-    ``at`` is the excited DOF, ``output`` the one whose response counts (the excited one where ``None``). ``scale_std``: relative
-    standard uncertainty of the scale common to all shapes, half that of the calibration of the test.
+    ``at`` is the excited DOF, ``output`` the one whose response counts (the excited one where ``None``). ``scale_std``
+    is the relative standard uncertainty of the scale common to all shapes, half that of the calibration of the test.
     """
 
     bare: ModalModel
