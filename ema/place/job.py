@@ -8,7 +8,8 @@ import numpy as np
 
 from ema.data import Finding, Geometry, ModalModel, Provenance
 from ema.data.comparison import Verdict
-from ema.data.placement import Placement
+from ema.data.forecast import Forecast
+from ema.data.placement import Candidates, Placement
 from ema.errors import InputError
 from ema.place.bands import forecast
 from ema.place.candidates import grid
@@ -17,7 +18,7 @@ from ema.place.ranking import search
 from ema.place.recipe import PlaceRecipe
 from ema.place.task import Task
 from ema.progress import Progress, silent
-from ema.shapes import smooth, with_rigid_body
+from ema.shapes import smooth, with_plate, with_rigid_body
 
 _FAR = 0.05
 
@@ -76,19 +77,30 @@ def place(
             task, candidates, best.candidate, best.normal_force, recipe.control.load, lag=recipe.control.lag,
             objective=wanted, progress=progress,
         )  # fmt: skip
-    told = None
-    if recipe.forecast is not None:
-        asked = recipe.forecast
-        told = forecast(
-            task, candidates, ranking.best.candidate, asked.force or recipe.force, asked.normal_force, asked.draws,
-            asked.seed, asked.method, executor, progress,
-        )  # fmt: skip
+    told, beyond = _told(recipe, task, candidates, ranking.best.candidate, executor, progress)
     return Placement(
         recipe.title or f"Friction beam on {where}", ranking, surface.origin, surface.axes, surface.extent,
         surface.points, recipe.keep_out(), _warning(verdict), study,
-        (*ranking.findings, *hung, *_about_verdict(verdict)),
+        (*ranking.findings, *hung, *beyond, *_about_verdict(verdict)),
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)), geometry, told,
     )  # fmt: skip
+
+
+def _told(
+    recipe: PlaceRecipe, task: Task, candidates: Candidates, best: int, executor: Executor | None, progress: Progress
+) -> tuple[Forecast | None, tuple[Finding, ...]]:
+    """The forecast that the recipe asks for, if any, and what is to be known about the modes behind it."""
+    asked = recipe.forecast
+    if asked is None:
+        return None, ()
+    bare, surface, beyond = task.bare, task.surface, tuple[Finding, ...]()
+    if asked.above == "plate":
+        bare, surface, beyond = with_plate(bare, surface)
+    task = task._replace(bare=bare, surface=surface, scale_std=0.5 * asked.calibration_std)
+    return forecast(
+        task, candidates, best, asked.force or recipe.force, asked.normal_force, asked.draws, asked.seed, asked.method,
+        executor, progress,
+    ), beyond  # fmt: skip
 
 
 def _elastic(bare: ModalModel) -> ModalModel:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
+from acquisition.model_building import law_of
 from acquisition.model_file import (
     Density,
     Force,
@@ -24,7 +25,6 @@ from acquisition.model_file import (
     read_text,
 )
 from acquisition.toml_tables import validated
-from ema.data import FrictionLaw
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.errors import InputError
 from ema.place.objective import Objective
@@ -93,7 +93,8 @@ class ForecastTable(Table):
     """``[forecast]``: frequency and damping at the best place with 95 % bands, at chosen conditions.
 
     ``force`` is that of the recipe by default; ``normal_force`` per joint. ``maps`` names maps of the study that were
-    measured with the beam at its place.
+    measured with the beam at its place. ``above = "plate"`` continues the measured modes by those of the plate they
+    imply: the structure yields around the bolts. ``calibration_std`` is that of acceleration over force in the test.
     """
 
     normal_force: Forces
@@ -101,6 +102,8 @@ class ForecastTable(Table):
     draws: int = Field(default=60, ge=10)
     seed: int = 0
     method: Literal["measured", "frozen"] = "measured"
+    above: Literal["nothing", "plate"] = "nothing"
+    calibration_std: Ratio = 0.0
     maps: list[str] = Field(default=[])
 
 
@@ -156,14 +159,8 @@ class PlaceRecipe(Table):
     def bolted_joint(self) -> BoltedJoint:
         """The joint as a noun."""
         table = self.joint
-        told = table.law.model_dump(exclude_none=True)
-        general = {key: told.pop(key) for key in ("friction_coefficient", "contact_stiffness", "stiffness_exponent",
-                                                  "reference_force", "stiffness_cap")}  # fmt: skip
-        name = told.pop("name")
-        told.pop("isotropic", None)
-        parameters = tuple((key, float(value)) for key, value in told.items())
         return BoltedJoint(
-            FrictionLaw(name, parameters=parameters, **general), table.normal_stiffness, table.surface_height,
+            law_of(table.law), table.normal_stiffness, table.surface_height,
             table.normal_exponent, table.tangential_loss, table.normal_loss, table.friction_std, table.stiffness_std,
         )  # fmt: skip
 
