@@ -209,6 +209,8 @@ class _Handler(BaseHTTPRequestHandler):
                 return views.pulse(bench, int(query.get("hit", 0)))
             case "chart":
                 return views.chart(bench, int(query.get("map", 0)))
+            case "point":
+                return views.point(bench, *(int(query.get(name, 0)) for name in ("map", "level", "force")))
             case "placement":
                 return places.placement_view(bench, int(query.get("number", 0)))
             case "place":

@@ -20,6 +20,7 @@ from ema.data import (
     PoleTable,
     Provenance,
     Repair,
+    Run,
     RunResult,
     StudyResult,
 )  # fmt: skip
@@ -46,6 +47,10 @@ class Exclusion:
 
 Again = Callable[[str, Sequence[Exclusion]], tuple[FrfSet, HitGallery | None, PoleTable]]
 """FRFs, blows and poles of a run when these blows do not count."""
+
+
+Look = Callable[[str], FrfSet]
+"""FRFs of a run of the campaign, whether it was fitted or not."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,7 @@ class Workbench:
     keep : is told with every save which blows of which run are excluded since the study was opened.
     maps : modal maps whose points lead to runs.
     placements : where friction beams go.
+    look : gives the FRFs behind a point of a map; ``None`` where the signals are not at hand.
     """
 
     result: StudyResult
@@ -90,6 +96,7 @@ class Workbench:
     saved: bool = True
     who: str = ""
     placements: tuple[Placement, ...] = ()
+    look: Look | None = None
     _now: Moment = field(init=False)
     _past: list[Moment] = field(init=False, default_factory=list)
     _lock: RLock = field(init=False, default_factory=RLock)
@@ -244,18 +251,40 @@ class Workbench:
         ------
         InputError : there is no such point, or no run states a force level and a normal force.
         """
+        return self._nearest([work.result.run for work in self._now.works], chart, level, force)
+
+    def seen_at(self, chart: int, level: int, force: int) -> tuple[str, FrfSet]:
+        """The run of the campaign that lies next to a point of a map, fitted or not, and its FRFs.
+
+        Raises
+        ------
+        InputError : there is no such point, no run near it, or no signals to compute from.
+        """
+        fitted = {work.result.run.id: work.result for work in self._now.works}
+        others = [run for run in self.result.campaign.runs if run.id not in fitted]
+        name = self._nearest([*(one.run for one in fitted.values()), *others], chart, level, force)
+        if name in fitted:
+            return name, fitted[name].frfs
+        if self.look is None:
+            raise InputError(
+                "the FRFs behind this point cannot be shown: the signals are not at hand", where=f"run {name}",
+                advice="open the campaign's folder or recipe instead of a result file",
+            )  # fmt: skip
+        return name, self.look(name)
+
+    def _nearest(self, runs: Sequence[Run], chart: int, level: int, force: int) -> str:
+        """The run next to a point of a map; of equal ones, the first."""
         if not 0 <= chart < len(self.maps):
             raise InputError("no such map", got=chart + 1, expected=f"one of {len(self.maps)}")
         one = self.maps[chart]
         if not (0 <= level < len(one.force_levels) and 0 <= force < len(one.normal_forces)):
             raise InputError("no such point of the map", got=f"level {level}, force {force}")
+        wanted = np.array([one.force_levels[level], one.normal_forces[force]])
         told = {}
-        for work in self._now.works:
-            state = work.result.run.condition
-            pair = np.array([state.excitation.level, state.normal_force])
+        for run in runs:
+            pair = np.array([run.condition.excitation.level, run.condition.normal_force])
             if np.isfinite(pair).all() and (pair > 0).all():
-                wanted = np.array([one.force_levels[level], one.normal_forces[force]])
-                told[work.result.run.id] = float(np.linalg.norm(np.log2(pair / wanted)))
+                told[run.id] = float(np.linalg.norm(np.log2(pair / wanted)))
         if not told:
             raise InputError(
                 "no run lies behind this point", where=one.name, expected="runs with a force level and a normal force"

@@ -11,6 +11,7 @@ import numpy as np
 from ema.app.state import Workbench
 from ema.errors import InputError
 from ema.fit import cmif
+from ema.show.frf import drive_points
 from ema.show.moving import moving_shapes
 from ema.show.style import frf_label
 
@@ -169,6 +170,27 @@ def chart(bench: Workbench, place: int) -> dict[str, Any]:
         "levels": numbers(one.force_levels), "forces": numbers(one.normal_forces),
         "damping": [numbers(100 * row, 5) for row in one.damping],
         "frequency": [numbers(row) for row in one.frequency], "name": one.name, "method": one.method,
+    }  # fmt: skip
+
+
+def point(bench: Workbench, place: int, level: int, force: int) -> dict[str, Any]:
+    """The FRF behind a point of a map, about its mode, with what the map says there.
+
+    Raises
+    ------
+    InputError : there is no such point, no run near it, or no signals to compute from.
+    """
+    name, frfs = bench.seen_at(place, level, force)
+    one = bench.maps[place]
+    frequency = float(one.frequency[level, force])
+    if np.isfinite(frequency) and frfs.frequencies[0] < 1.1 * frequency and frfs.frequencies[-1] > 0.9 * frequency:
+        frfs = frfs.band(0.9 * frequency, 1.1 * frequency)
+    output, input_ = next(iter(drive_points(frfs)), (0, 0))
+    return {
+        "run": name, "label": frfs.label(output, input_), "unit": frf_label(frfs.quantity, frfs.unit),
+        "measured": _curve(frfs.frequencies, frfs.values[:, output, input_]), "f": numbers([frequency], 6)[0],
+        "zeta": numbers([100 * float(one.damping[level, force])], 4)[0],
+        "level": numbers([one.force_levels[level]], 4)[0], "force": numbers([one.normal_forces[force]], 4)[0],
     }  # fmt: skip
 
 

@@ -108,7 +108,8 @@ def workbench(
     again: Again = partial(_again, campaign, study)
     where = campaign_file(study.campaign)
     keep = None if where is None else Keeper(where).keep
-    return _with_answers(Workbench(result, picked, again, keep, tuple(maps)))
+    bench = Workbench(result, picked, again, keep, tuple(maps), look=partial(_look, campaign, study))
+    return _with_answers(bench)
 
 
 def _with_answers(bench: Workbench) -> Workbench:
@@ -228,6 +229,13 @@ def _again(
     orders = None if settings.orders is None else range(settings.orders[0], settings.orders[1] + 1, settings.orders[2])
     whole = frfs.pick([frfs.outputs.index(dof) for dof in alive.outputs], [frfs.inputs.index(d) for d in alive.inputs])
     return whole, hits, fit.stabilise(alive, orders=orders)
+
+
+def _look(campaign: Campaign, study: "Study", run: str) -> FrfSet:
+    """FRFs of a run, as the study estimates them."""
+    from ema.study.measured import frfs_of
+
+    return frfs_of(campaign[run], study.recipe.estimate)[0]
 
 
 def _without(run: Run, excluded: Sequence[Exclusion]) -> Run:

@@ -42,8 +42,8 @@ def _widths(table: Table) -> list[int]:
     columns = list(zip(table.columns, *(row for row in table.rows), strict=False))[: table.shown]
     weights = []
     for head, *cells in columns:
-        longest = max((len(word) + 2 for word in str(head).split()), default=0)
-        weights.append(max(6, longest, min(40, max((len(str(cell)) + 1 for cell in cells), default=0))))
+        longest = max((len(word) + 5 for word in str(head).split()), default=0)
+        weights.append(max(8, longest, min(40, max((len(str(cell)) + 3 for cell in cells), default=0))))
     return [int(Cm(_TEXT_WIDTH * weight / sum(weights))) for weight in weights]
 
 
@@ -259,10 +259,12 @@ class _Writer:
     def _page_numbers(self, paragraph: Any, title: str) -> None:
         from docx.oxml import OxmlElement
         from docx.oxml.ns import qn
+        from docx.shared import Pt
 
         self._run(paragraph, f"{title[:90]}   ", size=8, colour=_SOFT)
         for kind, code in (("begin", ""), ("", "PAGE"), ("end", "")):
             run = paragraph.add_run()
+            run.font.size = Pt(8)
             if kind:
                 mark = OxmlElement("w:fldChar")
                 mark.set(qn("w:fldCharType"), kind)

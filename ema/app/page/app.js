@@ -169,8 +169,22 @@ async function drawMap(overview) {
   const place = part("chart");
   if (!place.dataset.wired) {
     place.dataset.wired = "1";
-    place.on("plotly_click", event => { const [force, level] = event.points[0].pointIndex; act("behind", { map: part("map").selectedIndex, level, force }); });
+    place.on("plotly_click", event => { const [force, level] = event.points[0].pointIndex; drawPoint(level, force).catch(error => fail(error.message)); });
   }
+}
+
+async function drawPoint(level, force) {
+  const map = part("map").selectedIndex;
+  const told = await get(`api/point?map=${map}&level=${level}&force=${force}`);
+  fine();
+  const line = { color: "#1a1a1a", width: 1.3 };
+  await Plotly.react("point", [{ x: told.measured.f, y: told.measured.magnitude, mode: "lines+markers", marker: { size: 3 }, line },
+                               { x: told.measured.f, y: told.measured.phase, yaxis: "y2", mode: "lines", line }],
+    base({ xaxis: axis("Frequency [Hz]", { anchor: "y2" }), yaxis: axis(told.unit, { type: "log", domain: [0.36, 1], exponentformat: "power" }), yaxis2: axis("Phase [°]", { domain: [0, 0.3], tickvals: [-180, 0, 180] }),
+      shapes: told.f == null ? [] : [{ type: "line", x0: told.f, x1: told.f, yref: "paper", y0: 0, y1: 1, line: { color: vermilion, width: 1, dash: "dash" } }] }), quiet);
+  part("seen").textContent = `Run ${told.run}, ${told.label}, next to F_E ${told.level} N and F_N ${told.force} N` + (told.f == null ? "; a hole of the map" : `: ${told.f} Hz, ${told.zeta} %`);
+  part("point").dataset.run = told.run;
+  if ([...part("run").options].some(one => one.value === told.run) && part("run").value !== told.run) await act("behind", { map, level, force });
 }
 
 async function drawPlacement(overview) {
