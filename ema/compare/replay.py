@@ -13,7 +13,7 @@ from ema.progress import Progress, advance, silent
 
 _WIDTH = 0.04
 """Part of its frequency by which a mode may leave the range of the measured map."""
-_LINES, _BANDWIDTHS = 41, 4.0
+_LINES, _BANDWIDTHS = 25, 4.0
 """Lines about a resonance, and its half-power bandwidths to either side that they span."""
 
 

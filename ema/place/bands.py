@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from ema.data import Finding, ModalMap, Provenance
 from ema.data.forecast import Forecast, ForecastCheck
-from ema.data.modal import COVERAGE_FACTOR
 from ema.data.placement import Candidates
 from ema.errors import InputError
 from ema.place.intervals import drawn
@@ -47,6 +46,8 @@ def forecast(
     ------
     InputError : fewer than 10 draws, no such place, and what ``ema.place.predict`` raises.
     """
+    from scipy.stats import t as student
+
     if draws < 10:
         raise InputError("too few draws for a band", where=f"place {place}", got=draws, expected="10 or more")
     if not 0 <= place < len(candidates):
@@ -64,8 +65,9 @@ def forecast(
         advance(progress, "bands of the forecast", count, len(tasks))
     middle, spread = values[0], values[1:]
     known = np.mean(np.isfinite(spread), axis=0) >= _ENOUGH
-    width = np.where(known, COVERAGE_FACTOR * np.nanstd(spread, axis=0, ddof=1), np.nan)[:, 0]
-    scale = np.where(known, COVERAGE_FACTOR * np.nanstd(np.log(spread), axis=0, ddof=1), np.nan)[:, 1]
+    reach = float(student.ppf(0.975, draws - 1)) * np.sqrt(1 + 1 / draws)
+    width = np.where(known, reach * np.nanstd(spread, axis=0, ddof=1), np.nan)[:, 0]
+    scale = np.where(known, reach * np.nanstd(np.log(spread), axis=0, ddof=1), np.nan)[:, 1]
     beam = here.catalogue[int(here.beams[0])]
     holes = int(np.sum(~known[:, 1]))
     findings = () if not holes else (
