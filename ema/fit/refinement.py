@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from ema.data import FrfSet
-from ema.fit import likelihood, noise, search, weighted
+from ema.fit import likelihood, noise, scatter, search, weighted
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT
 from ema.fit.select import Dropped, Selection
@@ -27,9 +27,10 @@ class Refined:
     """The optimum in units of ``unit`` rad/s; ``kept`` (mode,) are the poles of the selection that it has,
     ``dropped`` the modes that it has not, and why.
 
-    ``inflation`` (mode,) is the variance of the pole of each mode over what the weights say, ``inflation_of_shapes``
-    that of its shape: residual energy over that of the assumed noise, times the loss by errors that are correlated over
-    lines. ``basis`` says in words what the noise level rests on.
+    ``inflation`` (unknown,) is the variance of each shared unknown over what the weights say, ``inflation_of_shapes``
+    (mode,) that of shapes: residual energy over that of the assumed noise, times the loss by errors that are correlated
+    over lines, and for poles times what changes between the outputs. ``basis`` says in words what the noise level rests
+    on.
     """
 
     state: State
@@ -37,7 +38,7 @@ class Refined:
     kept: Int[np.ndarray, "mode"]
     dropped: tuple[Dropped, ...]
     unit: float
-    inflation: Float[np.ndarray, "mode"]
+    inflation: Float[np.ndarray, "unknown"]
     inflation_of_shapes: Float[np.ndarray, "mode"]
     basis: str
 
@@ -79,7 +80,14 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
         normal = weighted.linearise(flat, state)
     factor = weighted.cost(flat, state) / weighted.freedom(flat, state)
     of_poles, of_shapes = _loss(flat, state)
-    return Refined(state, normal, kept, dropped, unit, factor * of_poles, factor * of_shapes, basis)
+    between = scatter.between_outputs(flat, state, normal, factor * of_poles)
+    if np.any(between[:, chosen.is_mode[kept]] > 1):
+        basis += "; of some poles, scatter between the FRFs, which is beyond that"
+    inflation = np.tile(factor * of_poles[state.owners], 2)
+    half, modes = len(inflation) // 2, len(state.poles)
+    inflation[:modes] *= between[0]
+    inflation[half : half + modes] *= between[1]
+    return Refined(state, normal, kept, dropped, unit, inflation, factor * of_shapes, basis)
 
 
 def _pruned(

@@ -55,12 +55,6 @@ def attach(model: ModalModel, optimum: Refined, order: Int[np.ndarray, "mode"]) 
     return replace(model, covariance=blocks, uncertainty=found)
 
 
-def _owners(state: State) -> np.ndarray:
-    """Mode to which each shared unknown belongs."""
-    modes = len(state.poles)
-    return np.tile(np.concatenate([np.arange(modes), state.free % max(modes, 1)]), 2)
-
-
 def _root(optimum: Refined) -> Float[np.ndarray, "unknown cause"]:
     """Square root of the covariance of the shared unknowns."""
     normal = optimum.normal
@@ -73,7 +67,7 @@ def _root(optimum: Refined) -> Float[np.ndarray, "unknown cause"]:
             ridge *= 100
             continue
         inverse = scipy.linalg.solve_triangular(factor, np.eye(len(scale)), lower=True, check_finite=False)
-        return np.sqrt(optimum.inflation[_owners(optimum.state)])[:, None] * scale[:, None] * inverse.T
+        return np.sqrt(optimum.inflation)[:, None] * scale[:, None] * inverse.T
 
 
 def _errors(optimum: Refined, root: Float[np.ndarray, "unknown cause"], mode: int) -> _Errors:
@@ -110,7 +104,7 @@ class _Mode:
     """What follows for one mode of the model."""
 
     def __init__(self, model: ModalModel, place: int, state: State, errors: _Errors, mode: int, unit: float) -> None:
-        self.pole, self.unit, self.mode, self.owners = state.poles[mode], unit, mode, _owners(state)
+        self.pole, self.unit, self.mode, self.owners = state.poles[mode], unit, mode, np.tile(state.owners, 2)
         self.psi, self.entries = state.shapes[:, mode], state.participation[:, mode]
         self.errors, self.scaled = errors, model.scaling == "unit modal mass"
         self.final = model.shapes[:, place]

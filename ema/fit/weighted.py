@@ -75,6 +75,12 @@ class State:
         return together.reshape(-1, together.shape[2])
 
     @property
+    def owners(self) -> Int[np.ndarray, "unknown"]:
+        """Mode to which each complex shared unknown belongs: poles, then free entries of the participation."""
+        modes = len(self.poles)
+        return np.concatenate([np.arange(modes), self.free % max(modes, 1)])
+
+    @property
     def free(self) -> np.ndarray:
         """Entries of the participation that are unknown, as positions in its flattened (in, mode) array."""
         largest = np.argmax(np.abs(self.participation), axis=0)
@@ -154,13 +160,11 @@ def linearise(data: Weighted, state: State) -> Linearisation:
     references = len(state.participation)
     direct, mirrored = _functions(data.s, poles)
     opposite = mirrored.conj()
-    second = direct[:modes] ** 2, opposite[:modes] ** 2
     known = slice(0, len(poles))
     squared = direct[known] ** 2 + opposite[known] ** 2
     powers = np.stack([np.ones(len(data.s)), data.s**-2, data.s**-4])
     sums = np.concatenate([direct[known] + opposite[known], squared, powers]).view(float)
-    plus = np.concatenate([direct + opposite, second[0] + second[1]]).view(float)
-    minus = (1j * np.concatenate([opposite - direct, second[1] - second[0]])).view(float)
+    plus, minus = _with_slopes(direct, opposite, modes)
     keep = np.concatenate([np.arange(modes), modes + state.free])
     keep = np.concatenate([keep, keep + modes * (1 + references)])
     information, gradient = np.zeros((len(keep), len(keep))), np.zeros(len(keep))
@@ -173,8 +177,7 @@ def linearise(data: Weighted, state: State) -> Linearisation:
         weights = data.weights[rows].reshape(-1, len(data.s))
         residual = (data.signals[rows] - model(data, state, rows)).reshape(weights.shape)
         energy += float(np.sum(weights * (residual.real**2 + residual.imag**2)))
-        h = _times(weights * residual.real, plus) + _times(weights * residual.imag, minus)
-        block = _Block(state, rows, _times(weights, sums), h)
+        block = _Block(state, rows, _times(weights, sums), _pull(weights, residual, plus, minus))
         normal, right = block.linear()
         normal, right = normal[:, determined[:, None], determined], right[:, determined]
         coupling = block.coupling()[:, determined[:, None], keep]
@@ -192,6 +195,25 @@ def linearise(data: Weighted, state: State) -> Linearisation:
     return Linearisation(information, gradient, local, slope, offset, energy, gain)
 
 
+def scores(data: Weighted, state: State, normal: Linearisation) -> Float[np.ndarray, "out unknown"]:
+    """Share of each output in the gradient of the shared unknowns, its linear unknowns adapted; at an optimum the sum
+    over the outputs vanishes.
+    """
+    modes, references = len(state.poles), len(state.participation)
+    direct, mirrored = _functions(data.s, state.every_pole)
+    plus, minus = _with_slopes(direct, mirrored.conj(), modes)
+    keep = np.concatenate([np.arange(modes), modes + state.free])
+    keep = np.concatenate([keep, keep + modes * (1 + references)])
+    found = np.empty((len(data.signals), len(keep)))
+    for rows in data.blocks():
+        weights = data.weights[rows].reshape(-1, len(data.s))
+        residual = (data.signals[rows] - model(data, state, rows)).reshape(weights.shape)
+        h = _pull(weights, residual, plus, minus).reshape(len(data.signals[rows]), references, -1)
+        right = _on_linear(state, h)[:, state.determined]
+        found[rows] = _on_shared(state, rows, h)[:, keep] + np.einsum("oli,ol->oi", normal.slope[rows], right)
+    return found
+
+
 def _definite(
     information: Float[np.ndarray, "unknown unknown"], before: Float[np.ndarray, "unknown"], state: State
 ) -> tuple[Float[np.ndarray, "unknown unknown"], Bool[np.ndarray, "unknown"]]:
@@ -201,7 +223,7 @@ def _definite(
     ``before`` is rounding, even negative, and would spoil the intervals of all: such poles keep their place.
     """
     modes = len(state.poles)
-    owners = np.tile(np.concatenate([np.arange(modes), state.free % max(modes, 1)]), 2)
+    owners = np.tile(state.owners, 2)
     left = np.diagonal(information) / np.maximum(before, np.finfo(float).tiny)
     least = np.array([left[owners == mode].min() for mode in range(modes)])
     idle = np.zeros(len(before), bool)
@@ -228,10 +250,52 @@ def _times(
     return (weights @ columns).view(complex)
 
 
+def _with_slopes(
+    direct: Complex[np.ndarray, "function freq"], opposite: Complex[np.ndarray, "function freq"], modes: int
+) -> tuple[Float[np.ndarray, "f line"], Float[np.ndarray, "f line"]]:
+    """What real and imaginary parts of residuals are multiplied by: all functions, then second powers for the modes."""
+    second = direct[:modes] ** 2, opposite[:modes] ** 2
+    plus = np.concatenate([direct + opposite, second[0] + second[1]]).view(float)
+    minus = (1j * np.concatenate([opposite - direct, second[1] - second[0]])).view(float)
+    return plus, minus
+
+
+def _pull(
+    weights: Float[np.ndarray, "frf freq"],
+    residual: Complex[np.ndarray, "frf freq"],
+    plus: Float[np.ndarray, "f line"],
+    minus: Float[np.ndarray, "f line"],
+) -> Complex[np.ndarray, "frf f"]:
+    """Weighted products of residuals and functions."""
+    return _times(weights * residual.real, plus) + _times(weights * residual.imag, minus)
+
+
+def _on_linear(state: State, h: Complex[np.ndarray, "out in f"]) -> Float[np.ndarray, "out l"]:
+    """Right-hand side of shapes and rest from the products of residuals and functions."""
+    modes, terms = len(state.poles), state.rest.shape[2]
+    shapes = np.einsum("im,oim->om", state.participation, h[:, :, :modes])
+    rest = h[:, :, modes : modes + terms].reshape(len(h), -1)
+    return _parts(np.concatenate([shapes, rest], axis=1))
+
+
+def _on_shared(state: State, rows: slice, h: Complex[np.ndarray, "out in f"]) -> Float[np.ndarray, "out l"]:
+    """Right-hand side of poles and participation, each output."""
+    modes, terms, shapes = len(state.poles), state.rest.shape[2], state.shapes[rows]
+    poles = np.einsum("im,om,oim->om", state.participation, shapes, h[:, :, modes + terms :])
+    participation = (shapes[:, None] * h[:, :, :modes]).reshape(len(h), -1)
+    return _parts(np.concatenate([poles, participation], axis=1))
+
+
+def _parts(z: Complex[np.ndarray, "out l"]) -> Float[np.ndarray, "out m"]:
+    """Gradient with respect to real, then imaginary parts."""
+    return np.concatenate([z.real, -z.imag], axis=1)
+
+
 class _Block:
     """Normal equations of a few outputs, from the sums over their lines."""
 
     def __init__(self, state: State, rows: slice, sums: np.ndarray, h: np.ndarray) -> None:
+        self.state, self.rows = state, rows
         self.modes, self.terms = len(state.poles), state.rest.shape[2]
         self.participation, self.shapes = state.participation, state.shapes[rows]
         self.references = len(self.participation)
@@ -245,7 +309,6 @@ class _Block:
         """Normal matrix and right-hand side of shapes and rest."""
         modes, terms, size = self.modes, self.terms, self.modes + self.references * self.terms
         p, q = (np.zeros((len(self.shapes), size, size), complex) for _ in range(2))
-        h = np.zeros((len(self.shapes), size), complex)
         for i, entries in enumerate(self.participation):
             p11, q11 = self.p[0][:, i], self.q[0][:, i]
             own = slice(modes + i * terms, modes + (i + 1) * terms)
@@ -256,9 +319,7 @@ class _Block:
             p[:, own, :modes] = p[:, :modes, own].conj().transpose(0, 2, 1)
             q[:, own, :modes] = q[:, :modes, own].transpose(0, 2, 1)
             p[:, own, own], q[:, own, own] = p11[:, modes:, modes:], q11[:, modes:, modes:]
-            h[:, :modes] += entries * self.h[:, i, :modes]
-            h[:, own] = self.h[:, i, modes : modes + terms]
-        return _real(p, q), np.concatenate([h.real, -h.imag], axis=1)
+        return _real(p, q), _on_linear(self.state, self.h)
 
     def coupling(self) -> np.ndarray:
         """Information shared by (shapes, rest) and (poles, participation)."""
@@ -280,10 +341,8 @@ class _Block:
 
     def shared(self) -> tuple[np.ndarray, np.ndarray]:
         """Normal matrix and right-hand side of poles and participation, summed over the outputs."""
-        modes, terms, width = self.modes, self.terms, self.modes * (1 + self.references)
+        modes, width, shapes = self.modes, self.modes * (1 + self.references), self.shapes
         p, q = (np.zeros((width, width), complex) for _ in range(2))
-        h = np.zeros(width, complex)
-        shapes = self.shapes
         # Products of shapes over the outputs weigh the sums over lines.
         twice, across = shapes.conj()[:, :, None] * shapes[:, None, :], shapes[:, :, None] * shapes[:, None, :]
         for i, entries in enumerate(self.participation):
@@ -297,9 +356,7 @@ class _Block:
             p[:modes, own], q[:modes, own] = p[own, :modes].conj().T, q[own, :modes].T
             p[own, own] = np.sum(p11[:, :, :modes] * twice, axis=0)
             q[own, own] = np.sum(q11[:, :, :modes] * across, axis=0)
-            h[:modes] += entries * np.sum(shapes * self.h[:, i, modes + terms :], axis=0)
-            h[own] = np.sum(shapes * self.h[:, i, :modes], axis=0)
-        return _real(p, q), np.concatenate([h.real, -h.imag])
+        return _real(p, q), np.sum(_on_shared(self.state, self.rows, self.h), axis=0)
 
 
 def _products(

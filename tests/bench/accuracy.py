@@ -175,6 +175,13 @@ def residues(kept: Kept, count: int, noise: float = 0.01) -> dict:
 
     done = kept.items("residues", count, make)
     result = {name: [one[name] for one in done] for name in done[0]}
+    print(
+        f"residues: median {100 * np.median(result['median']):.3f} %, largest {100 * np.max(result['largest']):.2f} % "
+        f"(the bound allows {100 * np.median(result['bound median']):.3f} and "
+        f"{100 * np.max(result['bound largest']):.2f} %), over the bound "
+        f"{np.sqrt(np.mean(np.square(result['over bound']))):.3f}, missed {sum(result['missed'])}",
+        flush=True,
+    )
     return {"noise": noise, "seed": seed, "systems": count, **result}
 
 
@@ -186,7 +193,14 @@ def cost(kept: Kept, count: int) -> dict:
         frfs = case_160(noise=0.01, seed=seed + number).frfs
         return min((_timed(modal, frfs) for _ in range(3)), key=lambda one: one["poles"] + one["modes"])
 
-    return {"seed": seed, "runs": kept.items("cost", count, make)}
+    runs = kept.items("cost", count, make)
+    poles, chosen, whole = (float(np.median([run[part] for run in runs])) for part in ("poles", "selection", "modes"))
+    print(
+        f"cost: poles {poles:.3f} s, selection {chosen:.3f} s, after it {whole - chosen:.3f} s, "
+        f"{(whole - chosen) / (poles + chosen):.2f} times poles and selection",
+        flush=True,
+    )
+    return {"seed": seed, "runs": runs}
 
 
 def _timed(module: ModuleType, frfs: FrfSet) -> dict:
