@@ -21,14 +21,17 @@ from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.transient import Problem, prepare, sampled_normal_forces
 
-_CONVERGED = 1e-9
-_QUADRATURE = 1e-5
+_CONVERGED, _GOOD_ENOUGH, _DENSE = 1e-9, 1000.0, 80
+"""Residual over the size of the amplitudes, and how much larger it may stay where no step lowers it; unknowns above
+which steps are found by GMRES."""
+_QUADRATURE = 1e-6
 _FINEST = 32
 _YIELDING, _MOST_SHAPES = 0.2, 8
 _SAFETY, _LEAST = 2.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
-_FEWEST, _MOST_RUNS = 3, 400
-"""Harmonics of the first try; Newton runs per frequency, after which it counts as one without a steady state."""
+_FEWEST, _MOST_RUNS, _MOST_ROUGH = 3, 400, 60
+"""Harmonics of the first try; Newton runs per frequency, after which it counts as one without a steady state, and
+where a neighbour would do as well."""
 
 
 @dataclass
@@ -82,10 +85,13 @@ class Condensed:
         self.squares, self.decay = base.frequencies[self.coupled] ** 2, base.decay[self.coupled]
         self.load = self.force * base.row(self.problem.system, self.driven)
         self.limits, self.stiffness = np.ascontiguousarray(contacts.limits), np.ascontiguousarray(contacts.stiffness)
-        self.laws = self.problem.laws.arguments
         self.exact = bool(np.all(self.problem.laws.codes == 0))
+        self.general = None if self.exact else 1
+        laws = self.problem.laws.arguments
+        # a law of the user's own makes every call of a kernel slow
+        self.laws = (*laws[:-1], None) if self.exact else laws
         self.members = np.arange(len(self.limits))[:, None].copy()
-        self.odd, self.fine, self.left = True, 1, _MOST_RUNS
+        self.odd, self.fine, self.left, self.share = True, 1, _MOST_RUNS, 1.0
         self.rows = np.array([base.row(self.problem.system, dof) for dof in self.problem.outputs])
         self._bases: dict[int, np.ndarray] = {}
         self._coarse: dict[int, _Coarse] = {}
@@ -133,12 +139,14 @@ class Condensed:
         out[:, place], out[:, place + 1] = response.real, -response.imag
         return out
 
-    def contact_forces(self, amplitudes: np.ndarray, omega: float, fine: int = 1) -> tuple[np.ndarray, ...]:
-        """Friction deviations (contact, 2 H), their Jacobian, losses and who slips."""
+    def contact_forces(
+        self, amplitudes: np.ndarray, omega: float, fine: int = 1, level: float = 1.0
+    ) -> tuple[np.ndarray, ...]:
+        """Friction deviations (contact, 2 H), their Jacobian, losses and who slips; slip forces raised by ``level``."""
         count = amplitudes.shape[1] // 2
         result: tuple[np.ndarray, ...] = self.kernels.contact_forces(
             np.ascontiguousarray(amplitudes), self.orders(count), self.basis(count), self.odd, fine, omega,
-            self.stiffness, self.limits, self.members, self.laws,
+            self.stiffness, level * self.limits, self.members, self.laws, self.general,
         )  # fmt: skip
         return result
 
@@ -176,16 +184,84 @@ class Condensed:
         return found if found[0] >= 0 else None
 
     def _run(self, omega: float, start: np.ndarray, gains: np.ndarray, level: float, most: int) -> tuple[Any, ...]:
-        """The kernel ``newton`` with this model."""
-        count = gains.shape[1]
-        coarse = self.coarse(omega, gains)
-        found: tuple[Any, ...] = self.kernels.newton(
-            start, self.orders(count), self.basis(count), self.odd, self.fine, omega, self.drive(omega, count), gains,
-            self.stiffness, level * self.limits, self.members, self.laws, coarse.shapes, coarse.weights,
-            coarse.inverse, _CONVERGED, most,
-        )  # fmt: skip
-        coarse.inverse = found[6]
-        return found
+        """Solve u - u_drive + Z G(u) = 0 from a start, with step halving; slip forces are raised by ``level``.
+
+        Returns the number of steps (-1: failed), amplitudes, forces, Jacobian, losses, who slips. With ``most`` of 0 a
+        single step is made, and its result is in the amplitudes though it counts as failed.
+        """
+        drive = self.share * self.drive(omega, gains.shape[1])
+        amplitudes = trial = np.ascontiguousarray(start)
+        step, norm, length, steps = np.zeros_like(trial), np.inf, 1.0, 0
+        while True:
+            forces, jacobian, lost, slips = self.contact_forces(trial, omega, self.fine, level)
+            rest = self.kernels.residual(trial, drive, gains, forces)
+            new, size = _norm(rest), _norm(trial)
+            if new <= _CONVERGED * size:
+                return steps, trial, forces, jacobian, lost, slips
+            if not new < (1 - 0.1 * length) * norm:
+                # a contact that rolls over a tiny wave may leave no better place than this one
+                if new <= _GOOD_ENOUGH * _CONVERGED * size:
+                    return steps, trial, forces, jacobian, lost, slips
+                length *= 0.5
+                if length < 0.005 or not np.isfinite(new):
+                    break
+                trial = amplitudes - length * step
+                continue
+            amplitudes, norm, length, steps = trial, new, 1.0, steps + 1
+            step = self._step(omega, gains, jacobian, slips, rest)
+            trial = amplitudes - step
+            if steps > most:
+                break
+        return -1, trial, forces, jacobian, lost, slips
+
+    def _step(
+        self, omega: float, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray
+    ) -> Float[np.ndarray, "contact size"]:
+        """Newton's step, (I + Z dG/dU) step = rest: by GMRES where many contacts slip, else by elimination."""
+        if np.count_nonzero(slips) * rest.shape[1] > _DENSE:
+            coarse = self.coarse(omega, gains)
+            system = gains, jacobian, self.members, slips, rest, coarse.shapes, coarse.weights
+            step, turns = rest, -1
+            if len(coarse.inverse):
+                step, turns = self.kernels.krylov_step(*system, coarse.inverse)
+            if coarse.shapes.shape[1] and not 0 <= turns <= 6 + gains.shape[1]:
+                coarse.inverse = self._coarse_inverse(coarse, gains, jacobian, slips)
+                step, turns = self.kernels.krylov_step(*system, coarse.inverse)
+            if turns >= 0:
+                return np.asarray(step)
+        return self._dense_step(gains, jacobian, slips, rest)
+
+    def _dense_step(
+        self, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray
+    ) -> Float[np.ndarray, "contact size"]:
+        """The slipping contacts, and those on whose motion they depend, by elimination; the stuck ones follow."""
+        moving = np.zeros(len(slips), dtype=bool)
+        on = self.members[slips]
+        moving[on[on >= 0]] = True
+        places = np.flatnonzero(moving)
+        if not len(places):
+            return rest
+        matrix = self.kernels.newton_matrix(gains, jacobian, self.members, slips, places)
+        step = np.zeros_like(rest)
+        step[moving] = np.linalg.solve(matrix, rest[moving].ravel()).reshape(len(places), -1)
+        pushed = self.kernels.linear_change(step, jacobian, self.members, slips)
+        step[~moving] = -self.kernels.residual(np.zeros_like(rest), rest, gains, pushed)[~moving]
+        return step
+
+    def _coarse_inverse(
+        self, coarse: "_Coarse", gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray
+    ) -> Float[np.ndarray, "seen seen"]:
+        """Inverse of (I + Z dG/dU) seen by few shapes of the contacts at all orders."""
+        held = slips[:, None] & (self.members >= 0)
+        lever = np.where(held[:, :, None], coarse.shapes[self.members], 0.0)
+        contacts, count = coarse.shapes.shape
+        size = jacobian.shape[2]
+        change = np.einsum("jwb,jwrc->rjbc", lever, jacobian).reshape(size, contacts, count * size)
+        seen = np.matmul(coarse.weights, gains)
+        upper = np.matmul(seen[0], change[::2]) + np.matmul(seen[1], change[1::2])
+        lower = np.matmul(seen[0], change[1::2]) - np.matmul(seen[1], change[::2])
+        matrix = np.stack([upper, lower], axis=1).reshape(size, count, count * size).transpose(1, 0, 2)
+        return np.linalg.inv(np.eye(count * size) + matrix.reshape(count * size, count * size))
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt."""
@@ -215,7 +291,7 @@ class Condensed:
 
     def rough(self, frequency: float, start: np.ndarray | None, count: int) -> _Point | None:
         """Solution with ``count`` harmonics and without an error estimate, to see where the response is large."""
-        omega, self.left = 2 * np.pi * frequency, _MOST_RUNS
+        omega, self.left = 2 * np.pi * frequency, _MOST_ROUGH
         gains = self.gains(omega, count)
         found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
         if found is None:
@@ -251,7 +327,7 @@ class Condensed:
                 if point is not None and point.error == 1.0:
                     point.error = self.judged(point)
                 return point
-            _, amplitudes, forces, _, lost, slips, _ = found
+            _, amplitudes, forces, _, lost, slips = found
             if not slips.any():
                 return _Point(omega, amplitudes, forces, lost, 0.0)
             if not self.exact:
@@ -351,6 +427,11 @@ class Condensed:
         lossy = base.decay * speed if base.damping is None else speed @ base.damping
         damping = 0.5 * float(np.real(np.sum(np.conj(speed) * lossy)))
         return supplied, float(point.lost.sum()) * point.omega / (2 * np.pi), damping
+
+
+def _norm(table: np.ndarray) -> float:
+    flat = table.ravel()
+    return float(np.sqrt(flat @ flat))
 
 
 def _with_harmonics(amplitudes: np.ndarray, count: int) -> Float[np.ndarray, "contact size"]:

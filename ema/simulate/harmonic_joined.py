@@ -17,9 +17,8 @@ from ema.errors import InputError
 from ema.simulate.harmonic import Condensed, _Point, _with_harmonics
 from ema.simulate.normal_kernels import FORCE
 
-_CONVERGED = 1e-9
 _MOST_PERIODS = 40
-_LOOSE = 0.3
+_LOOSE = 0.03
 """Weight of the error of sampling against that of the quadrature of single contacts."""
 
 
@@ -49,6 +48,7 @@ class JoinedCondensed(Condensed):
             )  # fmt: skip
         else:
             self.ties = joined.arguments
+        self.laws = self.problem.laws.arguments
         self.exact, self.odd = False, contacts.normals == 0 and _mirrored(self.pressing)
         frequencies = self.problem.base.frequencies
         if not self.odd and frequencies.min() <= 1e-6 * frequencies.max():
@@ -92,32 +92,16 @@ class JoinedCondensed(Condensed):
         )  # fmt: skip
         return result
 
-    def contact_forces(self, amplitudes: np.ndarray, omega: float, fine: int = 1) -> tuple[np.ndarray, ...]:
-        """Deviations (contact, 2 H), their Jacobian, losses and who deviates."""
+    def contact_forces(
+        self, amplitudes: np.ndarray, omega: float, fine: int = 1, level: float = 1.0
+    ) -> tuple[np.ndarray, ...]:
+        """Deviations (contact, 2 H), their Jacobian, losses and who deviates; ``self.level`` raises slip forces."""
         return self._forces(amplitudes, omega, fine)[:4]
 
-    def _run(self, omega: float, start: np.ndarray, gains: np.ndarray, level: float, most: int) -> tuple[Any, ...]:
-        drive = self.share * self.drive(omega, gains.shape[1])
-        amplitudes, step, norm, length, steps = start, np.zeros_like(start), np.inf, 1.0, 0
-        trial = start
-        while True:
-            forces, jacobian, lost, slips, _ = self._forces(trial, omega, self.fine)
-            rest = self.kernels.residual(trial, drive, gains, forces)
-            new, size = float(np.linalg.norm(rest)), float(np.linalg.norm(trial))
-            if new <= _CONVERGED * size:
-                return steps, trial, forces, jacobian, lost, slips, np.zeros((0, 0))
-            if not new < (1 - 0.1 * length) * norm:
-                length *= 0.5
-                if length < 0.005 or not np.isfinite(new):
-                    break
-                trial = amplitudes - length * step
-                continue
-            amplitudes, norm, length, steps = trial, new, 1.0, steps + 1
-            step = self.kernels.dense_step(gains, jacobian, self.members, slips, rest)
-            trial = amplitudes - step
-            if steps > most:
-                break
-        return -1, trial, forces, jacobian, lost, slips, np.zeros((0, 0))
+    def _step(
+        self, omega: float, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray
+    ) -> Float[np.ndarray, "contact size"]:
+        return self._dense_step(gains, jacobian, slips, rest)
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From a small exciting force, under which nothing slips or parts, to the whole one.

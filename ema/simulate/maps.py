@@ -103,13 +103,13 @@ def _summit(condensed: Condensed, rows: np.ndarray, around: list[float], first: 
             break
     if settled is None:
         return None
-    known = {frequency: settled}
+    known, fewer = {frequency: settled}, {}
     if settled.count // 3 >= _ROUGH:
-        fewer = _climbed(condensed, rows, {}, around, limits, settled.amplitudes, settled.count // 3)
+        fewer = _climbed(condensed, rows, {}, around, limits, {frequency: settled}, settled.count // 3)
         if fewer:
             best = max(fewer, key=lambda f: _height(condensed, rows, fewer[f]))
             around = [float(np.clip(best * (1 + step), *limits)) for step in (-_APART, 0, _APART)]
-    found = _climbed(condensed, rows, known, sorted(set(around)), limits, settled.amplitudes, settled.count)
+    found = _climbed(condensed, rows, known, sorted(set(around)), limits, {**fewer, **known}, settled.count)
     best = max(found, key=lambda f: _height(condensed, rows, found[f]))
     point = found[best]
     if np.isnan(point.error):
@@ -125,23 +125,27 @@ def _height(condensed: Condensed, rows: np.ndarray, point: _Point) -> float:
 
 def _climbed(
     condensed: Condensed, rows: np.ndarray, known: dict[float, _Point], around: list[float],
-    limits: tuple[float, float], start: np.ndarray, count: int,
+    limits: tuple[float, float], hints: dict[float, _Point], count: int,
 ) -> dict[float, _Point]:  # fmt: skip
     """Solutions with ``count`` harmonics up to the summit, by parabolas through 1/height^2, nearly one there.
 
-    ``known`` are those made before, ``around`` the frequencies to begin with.
+    ``known`` are those made before, ``around`` the frequencies to begin with; each solution starts from the nearest
+    one, be it one of the ``hints``, which have other numbers of harmonics.
     """
     points, heights = dict(known), {f: _height(condensed, rows, point) for f, point in known.items()}
 
-    def look(frequency: float, start: np.ndarray) -> None:
-        point = None if frequency in points else condensed.rough(frequency, start, count)
+    def look(frequency: float) -> None:
+        if frequency in points:
+            return
+        starts = {**hints, **points}
+        start = starts[min(starts, key=lambda f: abs(f - frequency))].amplitudes
+        point = condensed.rough(frequency, start, count)
         if point is not None:
             points[frequency], heights[frequency] = point, _height(condensed, rows, point)
 
     middle = around[len(around) // 2]
     for frequency in sorted(around, key=lambda f: abs(f - middle)):
-        look(frequency, start)
-        start = points[middle].amplitudes if middle in points else start
+        look(frequency)
     for _ in range(25):
         places = sorted(points)
         if len(places) < 2:
@@ -150,7 +154,7 @@ def _climbed(
         guess = _next(places, heights, best, limits)
         if guess is None:
             break
-        look(guess, points[best].amplitudes)
+        look(guess)
     return points
 
 

@@ -8,6 +8,8 @@ So the Fourier integrals of its force, their derivatives and its loss are sums o
 import numba as nb
 import numpy as np
 
+from ema.simulate.contact_kernels import copy_into
+
 _CLOSE = 1e-7
 
 
@@ -189,15 +191,17 @@ def masing_period(
     The last arguments up to ``sine`` are workspace, with room for all turning points and twice the highest order.
     """
     size, highest = len(amplitudes), cosine.shape[1]
-    forces[:] = 0.0
-    jacobian[:] = 0.0
+    for r in range(size):
+        forces[r] = 0.0
+        for c in range(size):
+            jacobian[r, c] = 0.0
     turns = turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine)
     if turns < 2:
         return 0.0
     mean = amplitudes[0] if orders[0] == 0 else 0.0
     memory = np.zeros((turns + 1, size))
     cos_moments, sin_moments = np.zeros(highest), np.zeros(highest)
-    constant = np.zeros(size)
+    constant, before = np.zeros(size), np.empty(size)
     cos_here, sin_here = np.empty(highest), np.empty(highest)
     lost = 0.0
     ends = turns // 2 if odd else turns
@@ -223,16 +227,18 @@ def masing_period(
                     )
                 else:
                     x, target = from_x, value[start]
-                    cos_here[:], sin_here[:] = cosine[start], sine[start]
+                    copy_into(cos_here, cosine[start])
+                    copy_into(sin_here, sine[start])
                 _add_stretch(x, cos_here, sin_here, place[m], cosine[m], sine[m], orders, sign * top, constant)
                 _add_moments(x, cos_here, sin_here, place[m], cosine[m], sine[m], k, odd, cos_moments, sin_moments)
                 lost += top * abs(value[m] - target)
             else:
                 x = place[m]
-                cos_here[:], sin_here[:] = cosine[m], sine[m]
+                copy_into(cos_here, cosine[m])
+                copy_into(sin_here, sine[m])
             if last >= 0:
                 held = memory[last]
-                before = held.copy()
+                copy_into(before, held)
                 _add_stretch(from_x, cosine[start], sine[start], x, cos_here, sin_here, orders, k, held)
                 for r in range(size):
                     constant[r] -= rest * (held[r] - before[r])
@@ -262,5 +268,6 @@ def masing_period(
             jacobian[r, c] *= -scale
     if orders[0] == 0:
         forces[0] *= 0.5
-        jacobian[0] *= 0.5
+        for c in range(size):
+            jacobian[0, c] *= 0.5
     return lost * (2.0 if odd else 1.0)

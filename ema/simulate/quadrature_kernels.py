@@ -103,8 +103,10 @@ def smooth_period(
     ``fine`` multiplies the number of nodes. The other arguments are those of ``masing_period``.
     """
     size = len(amplitudes)
-    forces[:] = 0.0
-    jacobian[:] = 0.0
+    for r in range(size):
+        forces[r] = 0.0
+        for c in range(size):
+            jacobian[r, c] = 0.0
     turns = turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine)
     if turns < 2 or limit <= 0.0:
         for r in range(size):
@@ -149,11 +151,16 @@ def smooth_period(
             grown[n, c] = weight[n] * (total - k * basis[n, c])
         force[n] = weight[n] * (force[n] - k * u[n])
     scale = (2.0 if odd else 1.0) / np.pi
-    forces[:] = scale * (force @ basis)
-    jacobian[:] = scale * (basis.T @ grown)
+    for n in range(count):
+        for r in range(size):
+            lever = scale * basis[n, r]
+            forces[r] += lever * force[n]
+            for c in range(size):
+                jacobian[r, c] += lever * grown[n, c]
     if orders[0] == 0:
         forces[0] *= 0.5
-        jacobian[0] *= 0.5
+        for c in range(size):
+            jacobian[0, c] *= 0.5
     return lost * (2.0 if odd else 1.0)
 
 
