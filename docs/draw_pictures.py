@@ -1,6 +1,6 @@
-"""Draw the pictures of README and docs from the built-in campaign's result: `python docs/draw_pictures.py`.
+"""Draw the pictures of README and docs from the results of built-in campaigns: `python docs/draw_pictures.py`.
 
-Run `ema run reports/table_hammer.toml` first.
+Run `ema run reports/table_hammer.toml` and `ema run reports/table_placement.toml` first.
 """
 
 from pathlib import Path
@@ -8,12 +8,12 @@ from pathlib import Path
 from ema import fit, show, store
 
 ROOT = Path(__file__).resolve().parent.parent
-RESULT = ROOT / "reports" / "_build" / "table_hammer.h5"
+BUILT = ROOT / "reports" / "_build"
 
 
 def main() -> None:
-    """Mode shapes of the table with its beam, and the stabilisation diagram that they were chosen from."""
-    result = store.load(RESULT)
+    """Shapes of the table with its beam, the stabilisation diagram behind them, and the forecast of a placed beam."""
+    result = store.load(BUILT / "table_hammer.h5")
     beam = next(run for run in result.runs if run.run.id == "beam_1kN")
     pictures = ROOT / "docs" / "pictures"
     pictures.mkdir(exist_ok=True)
@@ -21,6 +21,8 @@ def main() -> None:
     inside = beam.frfs.band(*beam.poles.band)
     diagram = show.stabilisation(beam.poles, beam.modes, inside.frequencies, fit.cmif(inside))
     diagram.savefig(pictures / "stabilisation.png", dpi=110)
+    placed = store.load(BUILT / "table_placement.h5")
+    show.forecast_bands(placed.forecast_check).savefig(pictures / "forecast.png", dpi=110)
 
 
 if __name__ == "__main__":

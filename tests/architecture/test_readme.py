@@ -15,7 +15,7 @@ def test_the_first_two_blocks_are_the_two_commands(root):
         assert "\n" not in line
         assert line.startswith("python3 -m venv .venv && .venv/bin/python -m pip install -q ")
         assert "/bin/ema" in line or line.endswith("-m pytest")
-    assert job.endswith("ema run reports/table_hammer.toml")
+    assert job.endswith("ema run reports/table_placement.toml")
     assert tests.endswith(".venv/bin/python -m pytest")
 
 
