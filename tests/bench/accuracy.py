@@ -302,7 +302,11 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--only", default=",".join(SECTIONS), help="sections to run")
     parser.add_argument("--resume", action="store_true", help="go on with the draws of the last run")
     parser.add_argument("--noise", help="noise levels instead of 0.001,0.01,0.05")
-    parser.add_argument("--knowledge", default="unknown,known", help="of unknown, known, from 5 averages")
+    parser.add_argument(
+        "--knowledge",
+        default="unknown,known",
+        help="of unknown, known, from 5 averages; by default the last in small too",
+    )
     parser.add_argument("--peers", default=",".join(PEERS), help="peers to run")
     parser.add_argument("--cache", type=Path, default=CACHE, help="folder of the environments and of the draws kept")
     parser.add_argument("--timeout", type=float, default=900.0, help="seconds after which a peer is given up")
@@ -319,11 +323,12 @@ def main() -> None:
     noises = tuple(map(float, options.noise.split(","))) if options.noise else NOISES
     every = {one.name: one for one in (draws.UNTOLD, draws.KNOWN, draws.FIVE)}
     told = tuple(every[name.strip()] for name in options.knowledge.split(","))
+    small_told = told if told != (draws.UNTOLD, draws.KNOWN) else (*told, draws.FIVE)
     kept = Kept(None if options.quick else options.cache / "accuracy.jsonl", options.resume)
     peer_names = [name for name in options.peers.split(",") if name]
     sections: dict[str, Callable[[], object]] = {
         "case": lambda: case_draws(kept, sizes.case, noises, told),
-        "small": lambda: small_draws(kept, sizes.small, (noises[len(noises) // 2],), (*told, draws.FIVE)),
+        "small": lambda: small_draws(kept, sizes.small, (noises[len(noises) // 2],), small_told),
         "random": lambda: random_systems(kept, sizes.random),
         "residues": lambda: residues(kept, sizes.residues),
         "cost": lambda: cost(kept, sizes.cost),

@@ -13,12 +13,16 @@ from tests.bench.write_docs import TOLD, misses, name, number, selection, stamp,
 RESULT = Path(__file__).parent / "results" / "accuracy.json"
 
 NOT_CONTAINED = (
-    "## What the intervals do not contain",
-    "The intervals of a fit hold the noise of its FRFs. They do not hold what changes between two tests, or within one, "
-    "while each FRF stays clean:",
-    "- blows of different strength, direction and place, a moved hammer or sensor and its mass; a resonance that wanders by a "
-    "hundredth of a half-power width from one point to the next is more than the noise of a good test;\n"
-    "- suspension, temperature, and a structure that is not linear: friction depends on the amplitude;\n"
+    "## What the intervals contain, and what not",
+    "The intervals of a fit hold the noise of its FRFs as the scatter over lines shows it. Those of frequencies and damping "
+    "ratios also hold what changes from one FRF to the next, as under a roving hammer, where leaving out one FRF after "
+    "the other (the jackknife) shows more than chance explains; the basis of the uncertainty then says so. From few points "
+    "this is told badly, and the interval is widened for it (Student's t).",
+    "They do not hold what all FRFs of one test share while each stays clean:",
+    "- what changes between two tests, or during the averages of one: blows of different strength, direction and place, a "
+    "moved hammer or sensor and its mass, temperature, suspension. A resonance that wanders by a hundredth of a "
+    "half-power width is more than the noise of a good test;\n"
+    "- a structure that is not linear: friction depends on the amplitude;\n"
     "- errors that neighbouring lines share: leakage, windows, smoothing over lines, a short record;\n"
     "- assembly: screws tightened anew, the normal force going up and down.",
     "Repeats show them. `ema run` separates noise from the scatter between assemblies and calls a difference significant "
@@ -195,7 +199,9 @@ def halves(section: dict) -> str:
     text = (
         "Two halves of one real measurement, each fitted by itself, told nothing. *Within*: the difference is less than "
         "1.96 s with s = sqrt(s1² + s2²) of the two stated standard deviations; for intervals that hold all scatter it "
-        "would be 95 %, and the median difference 0.67 s."
+        "would be 95 %, and the median difference 0.67 s. Hammer points are hit one after the other: their scatter is in "
+        "the intervals. Blows at one point and parts of one record are averaged before the fit: what changes between "
+        "them is not."
     )
     return "\n\n".join(["## Real measurements, halves against each other", text, table(head, lines), measured(section)])
 

@@ -1,8 +1,8 @@
 """pydvma: one mode at a time near frequencies it is told, then its joint refinement of all modes.
 
 A mode is fitted between the points half way to its neighbours, on the eight FRFs that are strongest there, and all modes
-together on the sixteen strongest FRFs: on all 160 the joint refinement with its numerical derivatives does not end
-within ten minutes.
+together on the two strongest FRFs: the joint refinement with its numerical derivatives did not end within ten minutes
+on sixteen.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ def identify(case):
 
 def select(case, starts):
     columns = case.values.reshape(len(case.frequencies), -1)
-    columns = columns[:, np.argsort(np.linalg.norm(columns, axis=0))[-16:]]
+    columns = columns[:, np.argsort(np.linalg.norm(columns, axis=0))[-2:]]
     rows = np.zeros((len(starts), 2 + 4 * columns.shape[1]))
     rows[:, :2] = starts
     fitted = datastructure.ModalData(rows[0], settings=None, id_link=None, test_name=None)
