@@ -10,7 +10,7 @@ from ema.data.placement import Place, Placement
 from ema.dof import Dof
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
-from ema.report.numbers import plain, short
+from ema.report.numbers import plain
 from ema.synthesis import frfs as synthesis
 from ema.units import FRF_UNIT
 
@@ -164,30 +164,30 @@ def answer(placement: Placement) -> str:
 
 
 def _table(placement: Placement, book: Book) -> Block:
-    rows = [_row(number, place) for number, place in enumerate(placement.ranking.places, 1)]
-    modes = placement.ranking.prediction.modes
-    columns = ["Rank", "x [m]", "y [m]", "Angle [deg]", "Beam", "Objective", "F_N [N]"]
-    for mode in modes:
-        columns += [f"ζ{mode + 1} [%]", f"95 % of ζ{mode + 1}", f"f{mode + 1} [Hz]"]
     decibels = placement.ranking.objective.startswith(("peak", "chatter"))
+    scale, unit = (1, "dB") if decibels else (100, "%")
+    rows = [_row(number, place, scale) for number, place in enumerate(placement.ranking.places, 1)]
+    columns = ["Rank", "x [m]", "y [m]", "Angle [deg]", "Beam", f"Objective [{unit}]", "F_N [N]"]
+    for mode in placement.ranking.prediction.modes:
+        columns += [f"ζ{mode + 1} [%]", f"95 % of ζ{mode + 1} [%]", f"f{mode + 1} [Hz]"]
     caption = (
-        f"The best places: {placement.ranking.objective}{' [dB]' if decibels else ''}. Middle of the beam, normal "
-        "force of every joint for all levels, least damping over the levels."
+        f"The best places: {placement.ranking.objective}. Middle of the beam, normal force of every joint for all "
+        "levels, least damping over the levels."
     )
     return book.table("places", caption, [*columns, "Flags"], rows)
 
 
-def _row(number: int, place: Place) -> list[Cell]:
+def _row(number: int, place: Place, scale: float) -> list[Cell]:
     cells: list[Cell] = [
         number, plain(place.centre[0], 3), plain(place.centre[1], 3), plain(float(np.degrees(place.angle)), 3),
-        place.beam, plain(place.score, 3), plain(place.normal_force, 3),
+        place.beam, plain(scale * place.score, 3), plain(place.normal_force, 3),
     ]  # fmt: skip
     for m in range(len(place.damping)):
         row = int(np.nanargmin(place.damping[m]))
         low, high = 100 * place.damping_low[m, row], 100 * place.damping_high[m, row]
         cells += [
             plain(100 * float(place.damping[m, row]), 3),
-            f"{short(round(low, 2))} ... {short(round(high, 2))}" if np.isfinite(low) else "–",
+            f"{low:.2f} ... {high:.2f}" if np.isfinite(low) else "–",
             plain(float(place.frequency[m, row]), 4),
         ]  # fmt: skip
     return [*cells, ", ".join(sorted({finding.code for finding in place.findings})) or "none"]

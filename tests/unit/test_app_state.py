@@ -17,7 +17,7 @@ import acquisition
 from ema import store
 from ema.app import Workbench, serve
 from ema.app.state import Exclusion, nearest
-from ema.app.views import chart, export, frf, hits, matrix, motion, overview, poles, pulse
+from ema.app.views import chart, export, frf, hits, matrix, motion, overview, point, poles, pulse
 from ema.cli.browsing import Keeper, workbench
 from ema.data import Condition, Excitation, JointForce, ModalMap, StudyResult
 from ema.errors import FailureError, InputError
@@ -221,6 +221,40 @@ def test_a_point_of_a_map_leads_to_the_run_behind_it(bench: Workbench):
     bench.maps = (some_map(),)
     with pytest.raises(InputError, match="no run lies behind"):
         bench.behind(0, 0, 0)
+
+
+def test_a_point_of_a_map_shows_an_frf_of_a_run_that_was_not_fitted(bench: Workbench):
+    (first, second) = bench.result.runs
+    placed = [
+        replace(one.run, condition=Condition(Excitation("sweep", level), (JointForce("J", 100.0),)))
+        for one, level in ((first, 1.0), (second, 10.0))
+    ]
+    campaign = replace(bench.result.campaign, runs=tuple(placed))
+    told = replace(bench.result, campaign=campaign, runs=(replace(first, run=placed[0]),))
+    told = Workbench(told, Path("x.h5"), maps=(some_map(name="mode 1"),), look=lambda name: second.frfs)
+    assert point(told, 0, 0, 1)["run"] == "first"
+    seen = point(told, 0, 1, 1)
+    assert seen["run"] == "second" and seen["zeta"] == 3.0 and seen["label"] == "1:+Z/1:+Z"
+    told.look = None
+    with pytest.raises(InputError, match="signals are not at hand"):
+        point(told, 0, 1, 1)
+
+
+def test_5000_points_stay_usable():
+    """Process time and size of what the page asks for, with 5000 points in the geometry and 3000 places."""
+    from ema.app.places import place_view, placement_view
+    from tests.unit.friction_nouns import placement
+    from tests.unit.test_report import plate, run_result, study
+
+    geometry = plate(100, 50)
+    run = run_result("table", geometry, 6, lines=12)
+    bench = Workbench(study((run,), geometry), Path("x.h5"), placements=(placement(geometry, across=1000),))
+    start = time.process_time()
+    moving, told = motion(bench), placement_view(bench, 0)
+    place_view(bench, 0, 1500)
+    assert time.process_time() - start < 2.0 * slowness()
+    assert len(moving["points"]) == 5000 and moving["modes"]
+    assert len(json.dumps(moving)) < 3_000_000 and len(json.dumps(told)) < 3_000_000
 
 
 def test_views_can_be_written_as_json(bench: Workbench):

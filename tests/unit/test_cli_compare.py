@@ -78,6 +78,8 @@ def test_two_files_of_modes(tmp_path):
     assert "The model agrees." in good.output
     assert isinstance(store.load(tmp_path / "good/comparison.h5")["comparison"], ModeComparison)
     assert (tmp_path / "good/modes.csv").read_text().count("\n") == 3
+    page = (tmp_path / "good/comparison.html").read_text(encoding="utf-8")
+    assert page.index("In short") < page.index("The model agrees.") < page.index("<h2>Modes compared")
     bad = call(tmp_path / "a.h5", tmp_path / "c.h5", "--out", tmp_path / "bad", "--json")
     assert bad.exit_code == 1
     told = json.loads(bad.output)
@@ -101,6 +103,10 @@ def test_a_map_against_a_model_before_and_after_an_update(measured, model, tmp_p
     assert isinstance(kept["comparison"], MapComparison)
     assert kept["model"].joints[0].law.friction_coefficient == pytest.approx(row["value"])
     assert (tmp_path / "after/map_comparison.png").stat().st_size > 10_000
+    page = (tmp_path / "after/comparison.html").read_text(encoding="utf-8")
+    assert "Identified: friction_coefficient 0.2" in page and "Best F_N of the model [N]" in page
+    points = (tmp_path / "after/comparison_tables/points.csv").read_text(encoding="utf-8").splitlines()
+    assert len(points) == 1 + 3 * 4
 
 
 def test_two_maps(measured, tmp_path):

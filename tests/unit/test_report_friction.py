@@ -70,6 +70,7 @@ def test_places_forces_and_control_are_tables(page: Page):
     folder = page.path.parent
     (first, *_others) = rows(folder, "places")
     assert [float(first[key]) for key in ("x [m]", "y [m]", "F_N [N]")] == pytest.approx([1.0, 0.4, 123.0])
+    assert float(first["Objective [%]"]) == pytest.approx(1.9) and first["95 % of ζ1 [%]"] == "1.50 ... 2.00"
     levels = rows(folder, "recommended_force")
     assert [float(row["Best F_N [N]"]) for row in levels] == [110.0, 140.0]
     assert [float(row["ζ1 high [%]"]) for row in levels] == pytest.approx([2.3, 2.0])
