@@ -283,6 +283,16 @@ class Condensed:
                     return None
             wanted = max(level * ratio, 1.0)
 
+    def _reached(self, omega: float, start: np.ndarray | None, gains: np.ndarray) -> tuple[Any, ...] | None:
+        """Solution with the harmonics of ``gains``: from the start, from one with half of them, or from nothing."""
+        count = gains.shape[1]
+        found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
+        if found is None and count >= 2 * _FEWEST:
+            fewer = self._reached(omega, start, np.ascontiguousarray(gains[:, : count // 2]))
+            if fewer is not None:
+                found = self._newton(omega, _with_harmonics(fewer[1], count), gains)
+        return self._cold_start(omega, gains) if found is None else found
+
     def at(self, force: float, limits: Float[np.ndarray, "contact"]) -> "Condensed":
         """The same structure under another force amplitude in N and with other slip forces (contact,) in N."""
         other = copy(self)
@@ -292,10 +302,7 @@ class Condensed:
     def rough(self, frequency: float, start: np.ndarray | None, count: int) -> _Point | None:
         """Solution with ``count`` harmonics and without an error estimate, to see where the response is large."""
         omega, self.left = 2 * np.pi * frequency, _MOST_ROUGH
-        gains = self.gains(omega, count)
-        found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
-        if found is None:
-            found = self._cold_start(omega, gains)
+        found = self._reached(omega, start, self.gains(omega, count))
         return None if found is None else _Point(omega, found[1], found[2], found[4], np.nan)
 
     def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
@@ -320,9 +327,7 @@ class Condensed:
         while True:
             all_gains = self.gains(omega, count + max(min(count, 6), count // 2))
             gains = np.ascontiguousarray(all_gains[:, :count])
-            found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
-            if found is None:
-                found = self._cold_start(omega, gains)
+            found = self._reached(omega, start, gains)
             if found is None:
                 if point is not None and point.error == 1.0:
                     point.error = self.judged(point)
