@@ -68,7 +68,6 @@ def run(
     """Do a whole study: signals to modes, expectations and a report."""
     from ema.cli import screen
     from ema.cli.placing import workers
-    from ema.report import write
     from ema.study import Study, summary
 
     others = [name for name in split_formats(formats) if name != "html"]
@@ -77,6 +76,8 @@ def run(
     with screen.Bars() as bars, workers(None, processes) as executor:
         result = study.run(progress=bars, resume=resume, executor=executor)
         if others:
+            from ema.report import write
+
             write(result, study.report, others)
     if json:
         screen.as_json(summary(result) | {"report": str(study.report), "result": str(study.result)})

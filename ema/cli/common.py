@@ -64,6 +64,6 @@ def split_formats(formats: str) -> Sequence[str]:
     InputError : there is no such format.
     MissingExtraError : a format needs a package that is not installed.
     """
-    from ema.report.writing import checked_formats
+    from ema.report.formats import checked_formats
 
     return checked_formats(formats.split(",")) if formats else ()

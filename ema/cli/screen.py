@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -14,7 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from ema.data import ConditionDifference, Finding, ModalModel, RepeatGroup, RunResult, StudyResult
-from ema.fit.opinion import SecondOpinion
+
+if TYPE_CHECKING:
+    from ema.fit.opinion import SecondOpinion
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "dim"}
 _PLAIN_WIDTH = 160
@@ -152,7 +154,7 @@ def _table(title: str, columns: dict[str, Sequence[str]]) -> Table:
     return table
 
 
-def opinion_table(opinion: SecondOpinion, title: str) -> Table:
+def opinion_table(opinion: "SecondOpinion", title: str) -> Table:
     """Two estimators side by side; differences in combined standard deviations."""
     table = Table(
         title=f"{title}: second opinion (ERA), differences in combined standard deviations s, limit "

@@ -1,20 +1,15 @@
 """A study, placement, comparison or simulation as a report in one format or several, its tables as CSV beside it."""
 
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ema.errors import FailureError, InputError, require
+from ema.errors import FailureError
 from ema.report.alone import document_of
 from ema.report.blocks import Book
 from ema.report.document import Document
 from ema.report.files import as_csv, write_bytes
-
-FORMATS = ("html", "pdf", "docx")
-"""A page for the browser with moving shapes, a page for paper, and a text to be edited."""
-
-_NEEDS = {"pdf": ("weasyprint", "report"), "docx": ("docx", "office")}
+from ema.report.formats import FORMATS, checked_formats
 
 
 def write(result: Any, path: str | Path, formats: Sequence[str] = ()) -> Path:
@@ -57,23 +52,6 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = ()) -> Path:
     for each, content in zip(paths, contents, strict=True):
         write_bytes(each, content)
     return paths[0]
-
-
-def checked_formats(formats: Sequence[str]) -> tuple[str, ...]:
-    """Each format once; told before the work that a format cannot be written.
-
-    Raises
-    ------
-    InputError : there is no such format.
-    MissingExtraError : the package that a format needs is not installed.
-    """
-    wanted = tuple(dict.fromkeys(name.strip().lower().lstrip(".") for name in formats))
-    for name in wanted:
-        if name not in FORMATS:
-            raise InputError("no such format of a report", got=name, expected=", ".join(FORMATS))
-        if name in _NEEDS and find_spec(_NEEDS[name][0]) is None:
-            require(*_NEEDS[name])
-    return wanted
 
 
 def _of_suffix(path: Path) -> tuple[str, ...]:
