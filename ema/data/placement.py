@@ -63,7 +63,8 @@ class BoltedJoint:
     normal_stiffness : N/m at ``law.reference_force``; k_N(F_N) grows with ``normal_exponent``.
     surface_height : m from the neutral plane of the structure to the interface.
     tangential_loss, normal_loss : loss factors of the sticking contact.
-    friction_std, stiffness_std : relative standard uncertainties of mu and of k_T.
+    friction_std, stiffness_std : relative standard uncertainties of mu and of k_T, alike in all joints.
+    scatter : relative standard deviation of mu and of k_T from joint to joint.
     """
 
     law: FrictionLaw
@@ -74,6 +75,7 @@ class BoltedJoint:
     normal_loss: float = 0.0
     friction_std: float = 0.0
     stiffness_std: float = 0.0
+    scatter: float = 0.0
 
 
 @dataclass(frozen=True)

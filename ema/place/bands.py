@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.placement import Candidates
 from ema.errors import InputError
 from ema.place.intervals import drawn
-from ema.place.shortlist import question, verify_all
+from ema.place.shortlist import Question, question, verify_all
 from ema.place.task import Task, only, predicted
 from ema.progress import Progress, advance, silent
 
@@ -29,9 +30,10 @@ def forecast(
 ) -> Forecast:  # fmt: skip
     """Frequency and damping of the target modes with the beam at one place, all modes together, with 95 % bands.
 
-    Every draw of what is uncertain (smoothed shapes, shape at the exciter, mu and k_T of every joint) is computed by
-    harmonic balance of the full model. The band of the damping is that of its logarithm. Errors of the joint law
-    itself, and what a new assembly changes beyond the stated scatter, are not contained.
+    Every draw of what is uncertain (smoothed shapes, shape at the exciter, mu and k_T of all joints and their scatter
+    from joint to joint) is computed by harmonic balance of the full model. The band of the damping is that of its
+    logarithm. Errors of the joint law itself, and what a new assembly changes beyond the stated scatter, are not
+    contained.
 
     Parameters
     ----------
@@ -59,6 +61,7 @@ def forecast(
     rng = np.random.default_rng(seed)
     tasks = [asked, *drawn(asked, draws, rng)]
     questions = [question(one, predicted(one, here), 0, method == "measured") for one in tasks]
+    questions[1:] = [_uneven(one, task.joint.scatter, rng) for one in questions[1:]]
     values = np.empty((len(tasks), len(task.modes), 2, len(asked.force_levels), len(asked.normal_forces)))
     for count, (number, found) in enumerate(verify_all(questions, executor), 1):
         values[number] = found[:, :2]
@@ -81,6 +84,22 @@ def forecast(
         middle[:, 1], middle[:, 1] * np.exp(-scale), middle[:, 1] * np.exp(scale), draws, method, findings,
         Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
     )  # fmt: skip
+
+
+def _uneven(asked: Question, scatter: float, rng: np.random.Generator) -> Question:
+    """The question with mu and k_T of every joint drawn on their own."""
+    if scatter == 0:
+        return asked
+    joints = []
+    for joint in asked.model.joints:
+        mu, stiffness = np.exp(scatter * rng.standard_normal(2))
+        law = replace(
+            joint.law, friction_coefficient=float(mu * joint.law.friction_coefficient),
+            contact_stiffness=float(stiffness * joint.law.contact_stiffness),
+            stiffness_cap=float(stiffness * joint.law.stiffness_cap),
+        )  # fmt: skip
+        joints.append(replace(joint, law=law))
+    return asked._replace(model=replace(asked.model, joints=tuple(joints)))
 
 
 def check(told: Forecast, charts: Sequence[ModalMap]) -> ForecastCheck:

@@ -165,7 +165,7 @@ def beam_matrices(
     for place, length in enumerate(lengths):
         rows = slice(3 * place, 3 * place + 6)
         part = element(float(length), beam.width, beam.height, beam.young_modulus, beam.density)
-        mass[rows, rows] += part[0]
+        mass[rows, rows] += part[0] + _rotary(float(length), beam)
         stiffness[rows, rows] += part[1]
     tangential, normal = np.zeros((beam.joints, size)), np.zeros((beam.joints, size))
     for joint in range(beam.joints):
@@ -173,6 +173,18 @@ def beam_matrices(
         tangential[joint, 3 * node], tangential[joint, 3 * node + 2] = 1.0, 0.5 * beam.height
         normal[joint, 3 * node + 1] = 1.0
     return mass, stiffness, tangential, normal
+
+
+def _rotary(length: float, beam: FrictionBeam) -> Float[np.ndarray, "6 6"]:
+    """Mass of an element by the rotation of its sections (Rayleigh): friction beams are short and thick."""
+    bending, result = np.array([1, 2, 4, 5]), np.zeros((6, 6))
+    result[np.ix_(bending, bending)] = (
+        beam.density * beam.width * beam.height**3 / 12 / (30 * length) * np.array(
+            [[36, 3 * length, -36, 3 * length], [3 * length, 4 * length**2, -3 * length, -(length**2)],
+             [-36, -3 * length, 36, -3 * length], [3 * length, -(length**2), -3 * length, 4 * length**2]]
+        )
+    )  # fmt: skip
+    return result
 
 
 def _free(catalogue: Sequence[FrictionBeam], omega: float) -> tuple[np.ndarray, ...]:

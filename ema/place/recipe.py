@@ -67,6 +67,7 @@ class PlacedJointTable(Table):
     normal_loss: Ratio = 0.0
     friction_std: Ratio = 0.0
     stiffness_std: Ratio = 0.0
+    scatter: Ratio = 0.0
 
 
 class SearchTable(Table):
@@ -162,6 +163,7 @@ class PlaceRecipe(Table):
         return BoltedJoint(
             law_of(table.law), table.normal_stiffness, table.surface_height,
             table.normal_exponent, table.tangential_loss, table.normal_loss, table.friction_std, table.stiffness_std,
+            table.scatter,
         )  # fmt: skip
 
     def catalogue(self) -> tuple[FrictionBeam, ...]:

@@ -29,7 +29,7 @@ from tests.validation.blind_table import score as scoring
 
 HERE = predictor.HERE
 FULL_SCALE = 32000
-COMPETITORS = 6
+COMPETITORS = 4
 
 
 def by_opensees(task: str, question: dict[str, Any]) -> dict[str, Any]:
@@ -78,10 +78,10 @@ def truth(folder: Path) -> None:
 
 
 def rivals(places: list[dict[str, Any]], seed: int) -> list[dict[str, Any]]:
-    """The predicted place, the next ones that are no mirror image of one before, and three drawn from all others."""
+    """The predicted place, two of the next that are no mirror image of one before, and two drawn from all others."""
     chosen, seen = [], set()
     for one in places:
-        if _image(one["column"], one["row"]) not in seen and len(chosen) < COMPETITORS - 2:
+        if _image(one["column"], one["row"]) not in seen and len(chosen) < COMPETITORS - 1:
             seen.add(_image(one["column"], one["row"]))
             chosen.append({key: one[key] for key in ("column", "row", "normal_force")})
     rest = [(c, r) for c in range(1, 8) for r in range(1, 6)]

@@ -34,7 +34,8 @@ LEGS = {(2, 1): 9.0, (10, 1): 5.0, (2, 5): 6.0, (10, 5): 7.4}
 """kg under the bolt holes (column, row)."""
 MASS_DAMPING = 40.0
 STEEL, STEEL_SHEAR, STEEL_DENSITY = 210e9, 80.8e9, 7850.0
-BEAM_PARTS = 6
+BEAM_PARTS = 18
+"""Masses are at the nodes: with 6 parts the beam would turn 4 % harder than it does."""
 SPRINGS = 6
 SETTLED = 3e-3
 """Relative change of the extrapolated amplitude from one block of periods to the next."""
