@@ -50,19 +50,19 @@ def compose(result: StudyResult, book: Book) -> Document:
     campaign, placement = result.campaign, result.placement
     runs = list(result.runs)
     # tables and figures are numbered in the order in which they are made, so the order of these lines is the reader's
-    answers_: list[Section] = []
+    front: list[Section] = []
     if placement is not None:
-        answers_.append(Section("Where the beam goes", "placement", place_blocks(placement, book)))
+        front.append(Section("Where the beam goes", "placement", place_blocks(placement, book)))
     modes = [mode_table(run, book) for run in runs]
     told, compared = comparisons(runs, book)
     worries = grouped(all_findings(result))
-    answers_ += [Section("Modes", "modes", modes)]
-    answers_ += [Section("Runs compared", "comparison", compared)] if compared else []
-    answers_ += statements(result, book) + map_sections(result, book)
+    front += [Section("Modes", "modes", modes)]
+    front += [Section("Runs compared", "comparison", compared)] if compared else []
+    front += statements(result, book) + map_sections(result, book)
     if result.decays:
-        answers_.append(Section("Ring-down", "ring-down", ring_downs(result.decays, book)))
+        front.append(Section("Ring-down", "ring-down", ring_downs(result.decays, book)))
     if result.loops:
-        answers_.append(Section("Hysteresis", "hysteresis", loops(result.loops, book)))
+        front.append(Section("Hysteresis", "hysteresis", loops(result.loops, book)))
     facts = {
         "Structure": campaign.structure, "Campaign": campaign.name, "Operator": campaign.operator,
         "Date": campaign.date,
@@ -80,7 +80,7 @@ def compose(result: StudyResult, book: Book) -> Document:
             *statement_lines(result), *ring_down_sentences(result.decays), counted(worries),
             *counted_expectations(result),
         ],
-        answers=answers_, worries=worries, findings=findings, expectations=expectations,
+        answers=front, worries=worries, findings=findings, expectations=expectations,
         chapters=_chapters(result, book), logo=logo(campaign),
     )  # fmt: skip
 

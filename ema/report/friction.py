@@ -9,15 +9,18 @@ from ema import show
 from ema.data import Decay, Loop
 from ema.estimate import phases
 from ema.report.blocks import Block, Book, Cell
-from ema.report.numbers import MISSING, fixed, plain, short
+from ema.report.numbers import MISSING, count, fixed, plain, short
 
 _TOGETHER = 6
 """Series that one picture can tell apart."""
+_MOST_TOLD = 4
 
 
 def ring_down_sentences(decays: Sequence[Decay]) -> list[str]:
-    """The answer of every ring-down: frequency and damping of each phase, and where the joint begins to stick."""
-    return [_sentence(decay, number) for number, decay in enumerate(decays, 1)]
+    """The answer of the first ring-downs: frequency and damping of each phase, and where the joint begins to stick."""
+    told = [_sentence(decay, number) for number, decay in enumerate(decays[:_MOST_TOLD], 1)]
+    more = len(decays) - len(told)
+    return [*told, f"{count(more, 'more ring-down')} in the table of phases."] if more else told
 
 
 def _named(decay: Decay, number: int) -> str:

@@ -15,6 +15,7 @@ from ema.data import FrfSet, StudyResult
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.report.change import _common
+from ema.report.friction import ring_down_sentences
 from ema.report.pictures import Image, drawn
 from ema.show.placement import seen_edges
 from tests.unit.friction_nouns import decay, loop, placement
@@ -213,3 +214,9 @@ def test_what_cannot_be_reported_is_refused(tmp_path: Path):
     with pytest.raises(InputError, match="nothing to report; got Geometry"):
         ema.report.write({"a": plate(2, 2)}, tmp_path / "r.html")
     assert not (tmp_path / "r.html").exists()
+
+
+def test_many_ring_downs_do_not_bury_the_front_page():
+    told = ring_down_sentences([decay(f"release {n}") for n in range(7)])
+    assert len(told) == 5 and told[3].startswith("Ring-down of release 3")
+    assert told[4] == "3 more ring-downs in the table of phases."
