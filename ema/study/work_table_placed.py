@@ -24,7 +24,7 @@ HITS, PEAK, CONTACT_TIME, SPACING = 2, 500.0, 0.4e-3, 0.9
 SAMPLING_RATE = 8192.0
 """Of the hammer test, whose blows reach beyond 2 kHz."""
 _DAY, _PAUSE, _REFIT, _WAIT = 86400.0, 20.0, 300.0, 5.0
-_RING_STEP, _RING_NOISE, _SETTLING, _TIME, _UNEVEN = 0.5, 0.05, 0.02, 120.0, (0.02, -0.02)
+_SETTLING, _TIME, _UNEVEN = 0.02, 120.0, (0.02, -0.02)
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def generate(
             done += 1
             advance(progress, "measuring the virtual table", done, total)
     _bare_sweep(folder / "bare_sweep.h5")
-    _rings(folder / "rings.csv", listed)
+    shaker.write_rings(folder / "rings.csv", listed, pressed, seed=17)
     return (
         f'setting = "{SETTING.name}"\nbeam_mass = {SETTING.mass:.4f}  # kg\nmiddle = {list(SETTING.middle)}  # m\n'
         f"natural_frequencies = {list(table.FREQUENCIES)}  # Hz, of the bare table\ndamping = {table.DAMPING}\n"
@@ -146,15 +146,3 @@ def _save(path: Path, record: Recording, start: datetime) -> None:
     """As the front end stores it: single precision, and without knowing where the sensors sat."""
     channels = tuple(replace(channel, dof=None) for channel in record.channels)
     store.save(path, replace(record, signals=record.signals.astype(np.float32), channels=channels, start=start))
-
-
-def _rings(path: Path, listed: tuple[Condition, ...]) -> None:
-    """Both ring cells while runs were measured, a line twice a second."""
-    rng = np.random.default_rng(17)
-    rows = []
-    for condition in listed:
-        times = np.arange(condition.begins, condition.ends + 0.1, _RING_STEP)
-        reading = pressed(condition, times)
-        reading = reading + rng.normal(size=reading.shape) * (_RING_NOISE + 5e-4 * condition.force)
-        rows += [f"{t:.1f},{j1:.3f},{j2:.3f}" for t, j1, j2 in zip(times, *reading, strict=True)]
-    path.write_text("t [s],J1 [N],J2 [N]\n" + "\n".join(rows) + "\n", encoding="utf-8")

@@ -1,9 +1,10 @@
 """Shaker campaigns on the work table with a friction beam: stepped sines over (F_E, F_N), ring cells, baselines."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -106,7 +107,7 @@ def generate(setting: table.Setting, modes: tuple[int, ...], chirps: bool) -> Ca
             held = table.with_beam(setting, CHIRP_FORCE)
             for place, (period, count) in enumerate(CHIRPS):
                 store.save(folder / f"chirp_{period:.0f}s.h5", _chirp(held, period, count, 10 + place))
-        _rings(folder / "rings.csv", listed)
+        write_rings(folder / "rings.csv", listed, pressed, seed=7)
         return (
             f'setting = "{setting.name}"\nbeam_mass = {setting.mass:.4f}  # kg\n'
             f"natural_frequencies = {list(table.FREQUENCIES)}  # Hz, of the bare table\ndamping = {table.DAMPING}\n"
@@ -179,13 +180,18 @@ def _chirp(model: BeamModel, period: float, count: int, seed: int) -> Recording:
     return _written(replace(record, signals=signals), START + timedelta(hours=8, seconds=60 * seed), rig.name)
 
 
-def _rings(path: Path, listed: tuple[Condition, ...]) -> None:
-    """Both ring cells over the whole campaign, a line every few seconds while a run was measured."""
-    rng = np.random.default_rng(7)
+def write_rings(
+    path: Path, listed: Sequence[Any], pressing: Callable[[Any, np.ndarray], np.ndarray], seed: int
+) -> None:
+    """Both ring cells over the whole campaign, a line twice a second while a run was measured.
+
+    ``pressing(condition, times)`` N (joint, time) presses the joints in a run that ``begins`` and ``ends``.
+    """
+    rng = np.random.default_rng(seed)
     rows = []
     for condition in listed:
         times = np.arange(condition.begins, condition.ends + 0.1, _RING_STEP)
-        reading = pressed(condition, times)
+        reading = pressing(condition, times)
         reading = reading + rng.normal(size=reading.shape) * (_RING_NOISE + 5e-4 * condition.force)
         rows += [f"{t:.1f},{j1:.3f},{j2:.3f}" for t, j1, j2 in zip(times, *reading, strict=True)]
     path.write_text("t [s],J1 [N],J2 [N]\n" + "\n".join(rows) + "\n", encoding="utf-8")

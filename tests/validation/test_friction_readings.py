@@ -26,6 +26,7 @@ from ema.data import (
 from ema.dof import Dof
 from ema.simulate import FrictionRig, RovingHammer, SweptShaker
 from ema.study import work_table_hammer
+from tests.closed_forms import masing_oscillator
 
 F0, ZETA = 499.0, 0.00638
 OMEGA = 2 * np.pi * F0
@@ -34,22 +35,9 @@ AT = Dof(1, "+X")
 
 
 def steady(ratio, kappa):
-    """FRF of unit mass over the lines, slip force ``ratio`` times the force, and the largest A / x_c; closed form."""
-    k, w = kappa * OMEGA**2, 2 * np.pi * LINES
-
-    def stiffness(amplitude):
-        y = np.minimum(ratio / (k * amplitude), 1.0)
-        theta = np.arccos(1 - 2 * y)
-        contact = k / np.pi * (theta - np.sin(2 * theta) / 2) + 4j * k * y * (1 - y) / np.pi
-        return OMEGA**2 - w**2 + 2j * ZETA * OMEGA * w + contact
-
-    low, high = np.full(len(w), np.log(1e-12)), np.zeros(len(w))
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        below = np.abs(stiffness(np.exp(middle))) * np.exp(middle) < 1
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    amplitude = np.exp(low)
-    return 1 / stiffness(amplitude), float(amplitude.max() * k / ratio)
+    """FRF of unit mass over the lines, slip force ``ratio`` times the force, and the largest A / x_c."""
+    values, amplitude = masing_oscillator(LINES, F0, ZETA, ratio, kappa)
+    return values, float(amplitude.max() * kappa * OMEGA**2 / ratio)
 
 
 def frozen(slip, kappa):

@@ -9,27 +9,15 @@ from ema import estimate
 from ema.data import Condition, Excitation, FrfSet
 from ema.dof import Dof
 from ema.errors import InputError
+from tests.closed_forms import masing_oscillator
 
-OMEGA, ZETA = 2 * np.pi * 499.0, 0.00638
+ZETA = 0.00638
 LINES = np.arange(440.0, 580.0, 0.25)
 
 
 def masing_frf(slip_over_force, kappa=0.03):
-    """First harmonic of an oscillator of unit mass with a Masing spring kappa w^2, found at every line by bisection."""
-    k, w = kappa * OMEGA**2, 2 * np.pi * LINES
-
-    def stiffness(amplitude):
-        y = np.minimum(slip_over_force / (k * amplitude), 1.0)
-        theta = np.arccos(1 - 2 * y)
-        contact = k / np.pi * (theta - np.sin(2 * theta) / 2) + 4j * k * y * (1 - y) / np.pi
-        return OMEGA**2 - w**2 + 2j * ZETA * OMEGA * w + contact
-
-    low, high = np.full(len(w), np.log(1e-12)), np.zeros(len(w))
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        below = np.abs(stiffness(np.exp(middle))) * np.exp(middle) < 1
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return 1 / stiffness(np.exp(low))
+    """First harmonic of an oscillator of unit mass with a Masing spring kappa w^2."""
+    return masing_oscillator(LINES, 499.0, ZETA, slip_over_force, kappa)[0]
 
 
 def measured(values, level, noise=0.0, seed=0):
