@@ -1,9 +1,10 @@
 """The simulator of friction beams against its peers, in the same run: OpenSeesPy in time, pyHarm in frequency.
 
-``python -m tests.bench.simulate`` (``--quick``: one normal force, a short run; ``--part time`` or ``--part frequency``
-renews that part and keeps the other) writes ``results/simulate.json``. One thread; processor time per simulated second,
-best of a few repeats for runs below 5 s. The truth of every error is the reference mode at half its spacing; errors are
-the largest over the run, divided by the initial deflection.
+``python -m tests.bench.simulate`` writes ``results/simulate.json`` row by row: a run that is interrupted goes on where
+it ended, and rows of ``--quick`` (short runs, few points) are replaced by those of a full run. ``--only WORD`` takes the
+rows whose name begins with it, ``--again`` measures them anew. One thread; processor time, best of a few repeats for
+short runs. The truth of every error in time is the reference mode at half its spacing; errors are the largest over the
+run, divided by the initial deflection.
 """
 
 import os
@@ -18,6 +19,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from datetime import date
+from functools import partial
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -125,7 +127,6 @@ def snapbacks(force: float, duration: float) -> dict:
             "method": reference.method, "energy": reference.energy.error,
         },
     }  # fmt: skip
-    print(f"{force:g} N: fast {row['fast']}, reference {row['reference']}", flush=True)
     row["opensees"] = peer_rows(force, duration, truth)
     return row
 
@@ -138,34 +139,51 @@ def first_call(call: str) -> float:
     return float(done.stdout.split()[-1])
 
 
-def time_part(quick: bool) -> dict[str, Any]:
-    """First calls and snap-backs."""
-    # compiled, or read from the cache, before anything is timed
-    for solver in (snapback, snapback_reference):
-        solver(double_beam(Masing(MU, STIFFNESS), 1000.0), LOAD, TIP, 0.01)
-    forces, duration = ((1000.0,), 0.1) if quick else (FORCES, 1.0)
-    rows = [snapbacks(force, duration) for force in forces]
-    calls = {name: first_call(call) for name, call in FIRST_CALLS.items()}
-    print(calls, flush=True)
-    return {"date": date.today().isoformat(), "machine": machine.description(), "snap-back": rows, "first calls": calls}
+def compiled(solver: Callable[..., Any]) -> None:
+    """Compile a time solver, or read it from the cache, before anything is timed."""
+    solver(double_beam(Masing(MU, STIFFNESS), 1000.0), LOAD, TIP, 0.01)
+
+
+def snapback_row(force: float, quick: bool) -> dict:
+    """Both modes and the peer at one normal force."""
+    compiled(snapback)
+    compiled(snapback_reference)
+    return snapbacks(force, 0.1 if quick else 1.0)
+
+
+def jobs() -> dict[str, Callable[[bool], dict]]:
+    """Every row by its name: what measures it, given whether it is to be quick."""
+    from tests.bench import simulate_frequency as frequency
+
+    rows: dict[str, Callable[[bool], dict]] = {
+        f"first call, {name}": lambda _, call=call: {"cpu": first_call(call)}  # type: ignore[misc]
+        for name, call in FIRST_CALLS.items()
+    }
+    rows |= {f"snap-back, {force:g} N": partial(snapback_row, force) for force in FORCES}
+    rows |= {f"point, {ratio:g}": partial(frequency.points, ratio) for ratio in frequency.PEER_RATIOS}
+    rows |= {f"map, {name}": partial(frequency.map_row, exponent) for name, exponent in frequency.MAPS.items()}
+    return rows | {"robustness": frequency.robustness, "peaks": frequency.peaks}
 
 
 def main() -> None:
-    """Run and write the result."""
+    """Run what is missing and write it."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--part", choices=("time", "frequency"))
+    parser.add_argument("--only", default="")
+    parser.add_argument("--again", action="store_true")
     parser.add_argument("--out", type=Path, default=RESULT)
     told = parser.parse_args()
-    result = json.loads(told.out.read_text()) if told.part and told.out.exists() else {}
-    if told.part != "frequency":
-        result["time"] = time_part(told.quick)
-    if told.part != "time":
-        from tests.bench import simulate_frequency
-
-        result["frequency"] = simulate_frequency.run(told.quick)
-    told.out.parent.mkdir(exist_ok=True)
-    told.out.write_text(json.dumps(result, indent=1) + "\n")
+    rows = json.loads(told.out.read_text())["rows"] if told.out.exists() else {}
+    for name, job in jobs().items():
+        known = rows.get(name)
+        done = known is not None and (told.quick or not known["quick"])
+        if not name.startswith(told.only) or (done and not told.again):
+            continue
+        row = {"quick": told.quick, "date": date.today().isoformat(), "machine": machine.description()}
+        rows[name] = row | job(told.quick)
+        print(name, {key: value for key, value in rows[name].items() if key != "machine"}, flush=True)
+        told.out.parent.mkdir(exist_ok=True)
+        told.out.write_text(json.dumps({"rows": rows}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

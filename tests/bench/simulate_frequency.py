@@ -27,6 +27,7 @@ TIP, MU, STIFFNESS = "beam 2:20:+Z", 0.3, 1e9
 BAND = (14.0, 34.0)
 DAMPING = Damping(mass_factor=1.0)
 RATIOS = (30.0, 100.0, 300.0, 1000.0, 4000.0)
+MAPS = {"constant k_T": 0.0, "k_T(F_N)": 0.5}
 PEER_RATIOS = (30.0, 300.0, 4000.0)
 """Where pyHarm is run too: seconds per point."""
 
@@ -76,8 +77,14 @@ def peer_sweep(model: BeamModel, frequencies: np.ndarray, harmonics: int) -> dic
         return dict(json.loads(result.read_text()))
 
 
+def compiled() -> None:
+    """Compile the solver, or read it from the cache, before anything is timed."""
+    frf(model_at(300.0), np.array([20.0, 20.5]), 1.0, TIP, [TIP])
+
+
 def points(ratio: float, quick: bool) -> dict[str, Any]:
     """One sweep at fixed harmonics, ours and theirs, and ours with as many as the error asks for."""
+    compiled()
     frequencies = np.linspace(*BAND, 5 if quick else 11)
     model = model_at(ratio)
     fixed, same = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP], harmonics=5))
@@ -99,34 +106,30 @@ def points(ratio: float, quick: bool) -> dict[str, Any]:
             "ratio": sweep["cpu"] * len(frequencies) / fixed,
         }  # fmt: skip
     row |= {name: theirs[name] for name in ("version", "error") if name in theirs}
-    print(row, flush=True)
     return row
 
 
-def maps(quick: bool) -> dict[str, Any]:
-    """Resonances over 20 x 20 forces whose ratios all differ, with constant k_T and with k_T(F_N)."""
+def map_row(exponent: float, quick: bool) -> dict[str, Any]:
+    """Resonances over 20 x 20 forces whose ratios all differ, with k_T ~ F_N^exponent."""
+    compiled()
     count = 5 if quick else 20
     levels = np.sort(np.random.default_rng(0).uniform(1, 40, count))
     forces = np.geomspace(20, 8000, count)
-    row: dict[str, Any] = {"levels": count, "forces": count}
-    for name, exponent in (("constant", 0.0), ("power law", 0.5)):
-        law = Masing(MU, STIFFNESS, stiffness_exponent=exponent)
-        model = double_beam(law, 1000.0, damping=DAMPING)
-        start = process_time()
-        chart = damping_map(model, levels, forces, TIP, TIP, (10.0, 36.0))
-        row[f"cpu {name}"] = process_time() - start
-        wrong = []
-        for level, force in zip(levels[::3], forces[::3], strict=True):
-            one = resonance(model.with_normal_force(force), level, TIP, TIP, (10.0, 36.0), tolerance=1e-3)
-            place = np.flatnonzero(levels == level)[0], np.flatnonzero(forces == force)[0]
-            wrong.append(abs(chart.modal_amplitude[place] / one.modal_amplitude - 1))
-        row[f"largest error of the peaks, {name}"] = float(max(wrong))
-    print(row, flush=True)
-    return row
+    law = Masing(MU, STIFFNESS, stiffness_exponent=exponent)
+    model = double_beam(law, 1000.0, damping=DAMPING)
+    start = process_time()
+    chart = damping_map(model, levels, forces, TIP, TIP, (10.0, 36.0))
+    cpu, wrong = process_time() - start, []
+    for level, force in zip(levels[::3], forces[::3], strict=True):
+        one = resonance(model.with_normal_force(force), level, TIP, TIP, (10.0, 36.0), tolerance=1e-3)
+        place = np.flatnonzero(levels == level)[0], np.flatnonzero(forces == force)[0]
+        wrong.append(float(abs(chart.modal_amplitude[place] / one.modal_amplitude - 1)))
+    return {"levels": count, "forces": count, "cpu": cpu, "errors of peaks": wrong}
 
 
 def robustness(quick: bool) -> dict[str, Any]:
     """Cold starts at random frequencies, F_N/F_E from 10 to 10 000."""
+    compiled()
     ratios, each = (20, 10) if quick else (100, 20)
     generator = np.random.default_rng(3)
     failed, errors, times, powers = [], [], [], []
@@ -142,12 +145,10 @@ def robustness(quick: bool) -> dict[str, Any]:
             errors.append(point.error)
             supplied, friction, damping = condensed.powers(point)
             powers.append(abs(supplied - friction - damping) / supplied)
-    row = {
+    return {
         "points": ratios * each, "failed": failed, "cpu": float(np.mean(times)), "longest": max(times),
         "largest error": max(errors), "above the tolerance": sum(e > 5e-3 for e in errors), "power": max(powers),
     }  # fmt: skip
-    print(row, flush=True)
-    return row
 
 
 def steady(condensed: Condensed, point: Any) -> _State:
@@ -165,8 +166,9 @@ def steady(condensed: Condensed, point: Any) -> _State:
     return _State(q, p, base.slip @ q, force, memory)
 
 
-def peaks(quick: bool, elements: int = 10) -> list[dict[str, float]]:
+def peaks(quick: bool, elements: int = 10) -> dict[str, Any]:
     """Heights of resonances against the exact time solver, started on the harmonic solution and left alone."""
+    compiled()
     tip, rows = f"beam 2:{elements}:+Z", []
     for ratio in RATIOS[1:4] if quick else RATIOS:
         model = model_at(ratio, elements)
@@ -183,17 +185,4 @@ def peaks(quick: bool, elements: int = 10) -> list[dict[str, float]]:
             "ratio": ratio, "frequency": peak.frequency, "damping": peak.damping, "stated": peak.error_estimate,
             "error": float(abs(abs(peak.amplitude) / found - 1)), "harmonics": int(condensed.orders(point.count)[-1]),
         })  # fmt: skip
-        print(rows[-1], flush=True)
-    return rows
-
-
-def run(quick: bool) -> dict[str, Any]:
-    """All rows of the frequency solver."""
-    # compiled, or read from the cache, before anything is timed
-    frf(model_at(300.0), np.array([20.0, 20.5]), 1.0, TIP, [TIP])
-    return {
-        "points": [points(ratio, quick) for ratio in ((300.0,) if quick else PEER_RATIOS)],
-        "maps": maps(quick),
-        "robustness": robustness(quick),
-        "peaks": peaks(quick),
-    }
+    return {"peaks": rows}

@@ -1,19 +1,40 @@
-"""The time solver on the page about speed, from the figures of ``python -m tests.bench.simulate``."""
+"""The simulator on the page about speed, from the rows of ``python -m tests.bench.simulate``."""
 
 from typing import Any
 
 from tests.bench.write_docs import number, table
 
+Rows = dict[str, dict[str, Any]]
 
-def time_solver(result: dict[str, Any]) -> str:
-    """Section about snap-backs and first calls."""
+
+def simulator(rows: Rows) -> str:
+    """Section about the simulator: snap-backs, steady states, maps, robustness, first calls."""
+    parts = [
+        "## Simulator: double beam, 2 x 20 elements, 20 node pairs, Eq. (4)",
+        *snap_backs(of(rows, "snap-back, ")),
+        *steady_states(of(rows, "point, ")),
+        *maps(of(rows, "map, ")),
+        *robustness(rows),
+        *peaks(rows),
+        *first_calls(of(rows, "first call, ")),
+        stamp(rows),
+    ]
+    return "\n\n".join(parts)
+
+
+def of(rows: Rows, begin: str) -> Rows:
+    """The rows whose name begins so, by the rest of it."""
+    return {name.removeprefix(begin): row for name, row in rows.items() if name.startswith(begin)}
+
+
+def snap_backs(rows: Rows) -> list[str]:
+    """Both modes against OpenSeesPy."""
     lines = []
-    for row in result["snap-back"]:
-        force, fast, exact = f"{row['force']:g}", row["fast"], row["reference"]
-        ended = [run for run in row["opensees"] if "error" not in run]
+    for row in rows.values():
+        force, ended = f"{row['force']:g}", [run for run in row["opensees"] if "error" not in run]
         # the peer's coarsest step whose error is allowed, or its finest
         peer = ended[-1] if ended else None
-        for name, own in (("friction-ema, fast", fast), ("friction-ema, reference", exact)):
+        for name, own in (("friction-ema, fast", row["fast"]), ("friction-ema, reference", row["reference"])):
             ratio = number(peer["cpu"] / own["cpu"]) if peer else "-"
             lines.append([force, name, number(own["cpu"]), f"{own['deviation']:.1e}", f"{own['energy']:.1e}", ratio])
         lines += [
@@ -25,12 +46,83 @@ def time_solver(result: dict[str, Any]) -> str:
         "F_N [N]", "system", "processor time per simulated second [s]", "error / initial deflection",
         "energy balance / initial energy", "times faster than OpenSeesPy's last row",
     ]  # fmt: skip
-    calls = [[name, number(seconds)] for name, seconds in result["first calls"].items()]
-    return "\n\n".join([
-        "## Snap-back: double beam, 2 x 20 elements, 20 node pairs, Eq. (4), 20 N",
-        table(head, lines),
+    text = (
         "OpenSeesPy is run with ever finer steps until its error falls below a thousandth. The truth is the reference "
-        "mode at half its spacing. First calls, in a new process that has to compile everything:",
-        table(["first call", "processor time [s]"], calls),
-        f"Measured {result['date']} on {result['machine']['processor']}. From `python -m tests.bench.simulate`.",
-    ])  # fmt: skip
+        "mode at half its spacing."
+    )
+    return ["Snap-back from 20 N:", table(head, lines), text] if lines else []
+
+
+def steady_states(rows: Rows) -> list[str]:
+    """One frequency after the other, at five harmonics and at as many as the error asks for, against pyHarm."""
+    lines = []
+    for row in rows.values():
+        cells = [f"{row['ratio']:g}", number(1e3 * row["cpu five harmonics"]), number(1e3 * row["cpu as many as needed"]),
+                 str(row["most harmonics"]), f"{row['stated']:.1e}", f"{row['power']:.1e}"]  # fmt: skip
+        for name in ("all", "odd"):
+            peer = row.get(f"pyHarm {name}")
+            cells += ["-", "-"] if peer is None else [number(1e3 * peer["cpu"]), number(peer["ratio"])]
+        lines.append(cells)
+    head = [
+        "F_N / F_E", "1st, 3rd, 5th harmonic [ms]", "as many as needed [ms]", "highest", "stated error",
+        "power balance / input", "pyHarm, all to the 5th [ms]", "slower by", "pyHarm, odd ones [ms]", "slower by",
+    ]  # fmt: skip
+    versions = {row["version"] for row in rows.values() if "version" in row}
+    text = f"Processor time per frequency of a sweep, 14-34 Hz. pyHarm-os {', '.join(sorted(versions)) or '(did not run)'}."
+    return [text, table(head, lines)] if lines else []
+
+
+def maps(rows: Rows) -> list[str]:
+    """Damping over excitation and normal force."""
+    lines = [
+        [name, f"{row['levels']} x {row['forces']}", number(row["cpu"]), number(100 * max(row["errors of peaks"]))]
+        for name, row in rows.items()
+    ]
+    head = ["contact stiffness", "F_E x F_N", "processor time [s]", "largest error of the peaks [%]"]
+    text = (
+        "Maps of damping: the largest response in a band of 10-36 Hz at every pair of forces. Peaks are compared with "
+        "single resonances at a tolerance of 0.1 %."
+    )
+    return [text, table(head, lines)] if lines else []
+
+
+def robustness(rows: Rows) -> list[str]:
+    """Cold starts."""
+    row = rows.get("robustness")
+    if row is None:
+        return []
+    return [
+        f"Cold starts at {row['points']} random frequencies, F_N / F_E from 10 to 10 000: {len(row['failed'])} failed; "
+        f"{number(1e3 * row['cpu'])} ms in the mean, {number(row['longest'])} s at the longest; "
+        f"{row['above the tolerance']} state an error above the tolerance of 0.5 %, the largest "
+        f"{number(100 * row['largest error'])} %; power balance {row['power']:.1e} of the input."
+    ]
+
+
+def peaks(rows: Rows) -> list[str]:
+    """Heights of resonances against the reference mode."""
+    if "peaks" not in rows:
+        return []
+    lines = [
+        [f"{row['ratio']:g}", number(row["frequency"], 4), number(100 * row["damping"]), number(100 * row["error"], 2),
+         number(100 * row["stated"], 2), str(row["harmonics"])]
+        for row in rows["peaks"]["peaks"]
+    ]  # fmt: skip
+    head = ["F_N / F_E", "peak [Hz]", "damping [%]", "error of the peak [%]", "stated [%]", "highest harmonic"]
+    return ["Resonances (2 x 10 elements) against the reference mode in time:", table(head, lines)]
+
+
+def first_calls(rows: Rows) -> list[str]:
+    """Compilation."""
+    lines = [[name, number(row["cpu"])] for name, row in rows.items()]
+    text = "First calls, in a new process that has to compile everything; later ones read the compiled code from disk:"
+    return [text, table(["first call", "processor time [s]"], lines)] if lines else []
+
+
+def stamp(rows: Rows) -> str:
+    """Where and when, and what was shortened."""
+    dates = sorted({row["date"] for row in rows.values()})
+    quick = [name for name, row in rows.items() if row["quick"]]
+    short = f" Short runs (`--quick`): {'; '.join(quick)}." if quick else ""
+    processor = next(iter(rows.values()))["machine"]["processor"]
+    return f"Measured {' to '.join(dates)} on {processor}. From `python -m tests.bench.simulate`.{short}"

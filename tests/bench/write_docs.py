@@ -258,8 +258,8 @@ def main() -> None:
         if file.exists()
     ]
     simulator = RESULT.with_name("simulate.json")
-    if simulator.exists() and "time" in (parts := json.loads(simulator.read_text())):
-        others.append(simulate_page.time_solver(parts["time"]))
+    if simulator.exists():
+        others.append(simulate_page.simulator(json.loads(simulator.read_text())["rows"]))
     pages = {
         "speed.md": [SPEED, *map(speed, cases), *others],
         "accuracy.md": [accuracy_page.HEAD, *accuracy_page.sections(), *map(accuracy, cases)],
