@@ -11,7 +11,7 @@ import pytest
 
 import acquisition
 from ema import estimate, fit
-from ema.simulate import frf
+from ema.simulate import damping_map, frf
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
 from ema.study import Study, mapping, recipe, statements, work_table, work_table_shaker
@@ -234,3 +234,23 @@ def forces_on_the_table(record, frequencies):
         float(np.hypot(*np.linalg.lstsq(np.column_stack([wave.real, wave.imag]), stay, rcond=None)[0]))
         for wave, stay in zip(waves, stays, strict=True)
     ]
+
+
+def test_both_ridges_of_bending_slip_move_with_the_excitation():
+    """At every level the damping has two maxima over F_N, one for each joint; twice the force moves both by two."""
+    forces = np.geomspace(18, 130, 17)
+    model = work_table.with_beam(work_table.BENDING, 100.0)
+    at = f"{work_table.DRIVE_NODE}:+Z"
+    damping = damping_map(model, np.array([15.0, 30.0]), forces, at, at, (465, 525), 5e-3).damping
+
+    def summits(row):
+        inner = np.flatnonzero((row[1:-1] > row[:-2]) & (row[1:-1] > row[2:])) + 1
+        found = []
+        for k in inner:
+            curve = np.polyfit(np.log(forces[k - 1 : k + 2]), row[k - 1 : k + 2], 2)
+            found.append(np.exp(-curve[1] / curve[0] / 2))
+        return np.array(found)
+
+    lower, higher = summits(damping[0]), summits(damping[1])
+    assert len(lower) == len(higher) == 2
+    assert higher / lower == pytest.approx(2.0, abs=0.4)
