@@ -248,13 +248,17 @@ def hammer_tests(result: dict) -> str:
 
 def main() -> None:
     """Write both pages."""
-    from tests.bench import accuracy_page, simulate_page  # they use the tables of this module
+    from tests.bench import accuracy_page, simulate_page, study  # they use the tables of this module
 
     rows = json.loads(RESULT.read_text())["rows"]
     cases = [row for key, row in rows.items() if key != "random"]
     others = [
         section(json.loads(file.read_text()))
-        for file, section in ((UFF, universal_files), (RESULT.with_name("hammer.json"), hammer_tests))
+        for file, section in (
+            (UFF, universal_files),
+            (RESULT.with_name("hammer.json"), hammer_tests),
+            (study.RESULT, study.section),
+        )
         if file.exists()
     ]
     simulator = RESULT.with_name("simulate.json")
