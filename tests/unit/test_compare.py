@@ -71,6 +71,17 @@ def test_a_map_agrees_with_itself_and_not_with_another_joint():
     assert "the most damping is at" in str(moved.verdict)
 
 
+def test_a_flat_ridge_has_no_place_to_disagree_about():
+    """Two summits of nearly the same height: which of them is higher says nothing."""
+    left, right = chart(factor=0.5), chart(factor=0.5, scale=5.0)
+    both = left.damping + right.damping - 0.006
+    tilt = 1 + 0.02 * np.linspace(-1, 1, both.shape[1])
+    seen, made = (ModalMap(left.force_levels, left.normal_forces, left.frequency, both * t) for t in (tilt, 1 / tilt))
+    found = compare.maps(seen, made)
+    assert np.any(found.ridge[:, 0] > 1.6 * found.ridge[:, 1]) and found.verdict.agrees
+    assert "as far as it can be told" in str(found.verdict) and "within 15 %" in str(found.verdict)
+
+
 def test_holes_do_not_count():
     damping = chart().damping.copy()
     damping[1, 2] = np.nan
