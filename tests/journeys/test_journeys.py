@@ -46,7 +46,7 @@ def test_shaker_runs_become_a_map_that_a_model_is_held_against(place: Path, monk
     assert (place / "reports" / "_build" / "journey_map.svg").read_text(encoding="utf-8").startswith("<?xml")
 
     found = journey(3, place, monkeypatch)["found"]
-    assert found.inside == 1 and np.median(found.damping_ratio) == pytest.approx(1, abs=0.02)
+    assert found.verdict.agrees and found.inside == 1 and np.median(found.damping_ratio) == pytest.approx(1, abs=0.02)
     assert np.abs(found.frequency_error).max() < 0.004
     told = "100% of 14 points lie within the bounds."
     assert told in capsys.readouterr().out
