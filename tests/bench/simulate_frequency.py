@@ -65,13 +65,16 @@ def peer_case(model: BeamModel, frequencies: np.ndarray, force: float, harmonics
     }  # fmt: skip
 
 
-def peer_sweep(model: BeamModel, frequencies: np.ndarray, harmonics: int) -> dict[str, Any]:
-    """pyHarm's sweep in its own process and environment."""
+def peer_sweep(model: BeamModel, frequencies: np.ndarray, harmonics: int, longest: float) -> dict[str, Any]:
+    """pyHarm's sweep in its own process and environment, given up after ``longest`` s."""
     with tempfile.TemporaryDirectory() as folder:
         case, result = Path(folder) / "case.npz", Path(folder) / "result.json"
         np.savez(case, **peer_case(model, frequencies, 1.0, harmonics))
-        done = subprocess.run([interpreter("pyharm"), "-P", str(PEER), str(case), str(result)], capture_output=True,
-                              text=True, check=False, cwd=folder)  # fmt: skip
+        command = [interpreter("pyharm"), "-P", str(PEER), str(case), str(result)]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, timeout=longest)
+        except subprocess.TimeoutExpired:
+            return {"error": f"given up after {longest:g} s"}
         if done.returncode != 0:
             return {"error": done.stderr.strip().splitlines()[-1]}
         return dict(json.loads(result.read_text()))
@@ -94,7 +97,7 @@ def points(ratio: float, quick: bool) -> dict[str, Any]:
         "cpu as many as needed": free / len(frequencies), "most harmonics": int(ours.orders[-1]),
         "stated": float(np.nanmax(ours.error_estimate)), "power": ours.power_error, "solved": bool(ours.converged.all()),
     }  # fmt: skip
-    theirs = peer_sweep(model, frequencies, 5)
+    theirs = peer_sweep(model, frequencies, 5, 120 if quick else 3600)
     for name in ("all", "odd"):
         if name not in theirs:
             continue

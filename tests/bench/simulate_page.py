@@ -69,6 +69,8 @@ def steady_states(rows: Rows) -> list[str]:
     ]  # fmt: skip
     versions = {row["version"] for row in rows.values() if "version" in row}
     text = f"Processor time per frequency of a sweep, 14-34 Hz. pyHarm-os {', '.join(sorted(versions)) or '(did not run)'}."
+    gone = [f"at {row['ratio']:g}: {row['error']}" for row in rows.values() if "error" in row]
+    text += f" It did not end {'; '.join(gone)}." if gone else ""
     return [text, table(head, lines)] if lines else []
 
 
