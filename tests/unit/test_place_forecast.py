@@ -66,6 +66,19 @@ def test_the_band_is_that_of_the_draws(task, told, pool):
     assert np.array_equal(again.damping_high, told.damping_high)
 
 
+def test_scatter_between_the_joints_widens_the_band(task, pool):
+    """Uneven joints do what a common error of both does not: at the ridge the band opens."""
+    sure = replace(JOINT, friction_std=0.0, stiffness_std=0.0)
+    even, uneven = (
+        place.forecast(task._replace(joint=joint), SPOT, 1, LEVELS, FORCES, draws=12, seed=5, method="frozen",
+                       executor=pool)
+        for joint in (sure, replace(sure, scatter=0.1))
+    )  # fmt: skip
+    widths = [np.log(one.damping_high / one.damping_low).mean() for one in (even, uneven)]
+    assert widths[1] > 1.3 * widths[0]
+    assert np.array_equal(even.damping, uneven.damping)
+
+
 def test_a_truth_drawn_from_the_same_doubt_falls_inside(task, told):
     """Of 12 tables with other friction and stiffness, 24 to 48 values each lie in their bands as often as promised."""
     rng, inside = np.random.default_rng(11), 0
