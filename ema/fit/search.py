@@ -184,9 +184,16 @@ def _settled(data: Observations, fit: ModalFit, required: float) -> ModalFit:
 
 
 def prune(
-    data: Observations, fit: ModalFit, noise: Noise, dropped: list[tuple[complex, str]] | None = None
+    data: Observations,
+    fit: ModalFit,
+    noise: Noise,
+    dropped: list[tuple[complex, str]] | None = None,
+    thorough: bool = False,
 ) -> ModalFit:
-    """Take out, the weakest first, the poles that noise explains once the others have adapted."""
+    """Take out, the weakest first, the poles that noise explains once the others have adapted.
+
+    ``thorough`` also tries neighbours whose places noise leaves uncertain as one; only where the residual is noise.
+    """
     while len(fit.poles):
         gain = likelihood.gains(fit)
         needed = noise.explains(data, fit.poles, fit.participation.T, fit)
@@ -201,7 +208,7 @@ def prune(
         if weakest:
             smaller = _without(data, fit, weakest, 3)
         else:
-            pairs = overlapping(fit) if dropped is None else [*overlapping(fit), *confused(data, fit)]
+            pairs = [*overlapping(fit), *(confused(data, fit) if thorough else [])]
             weakest, smaller = _merged(data, fit, gain, noise.required, pairs)
             reasons = dict.fromkeys(weakest, "together with a neighbour it explains no more than one mode does")
         if not weakest:

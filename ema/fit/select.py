@@ -120,7 +120,8 @@ def _trusting(
     state = _reweight(state, 12)
     if grown:
         state = _grown(prepared, state, band)
-    final = prune(state.data, state.fit, Noise.of(state.data, state.fit), gone)
+    thorough = likelihood.correlation(state.data, state.fit) <= 0.5 * MISFIT
+    final = prune(state.data, state.fit, Noise.of(state.data, state.fit), gone, thorough)
     state = state.with_fit(likelihood.refine(state.data, final))
     dropped += [
         Dropped(pole, why)
