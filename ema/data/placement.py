@@ -26,6 +26,8 @@ class FrictionBeam:
     spacing : m between the first and the last joint; ``overhang`` m beyond either.
     width, height : m; ``young_modulus`` Pa; ``density`` kg/m^3.
     joints : number of joints, two or more.
+    rotary : whether its sections have rotary inertia (Rayleigh), as short thick beams do; the beams of the simulator
+        have none.
     """
 
     spacing: float
@@ -36,6 +38,7 @@ class FrictionBeam:
     overhang: float = 0.0
     joints: int = 2
     name: str = ""
+    rotary: bool = False
 
     @property
     def length(self) -> float:

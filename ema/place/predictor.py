@@ -165,7 +165,7 @@ def beam_matrices(
     for place, length in enumerate(lengths):
         rows = slice(3 * place, 3 * place + 6)
         part = element(float(length), beam.width, beam.height, beam.young_modulus, beam.density)
-        mass[rows, rows] += part[0] + _rotary(float(length), beam)
+        mass[rows, rows] += part[0] + (_rotary(float(length), beam) if beam.rotary else 0.0)
         stiffness[rows, rows] += part[1]
     tangential, normal = np.zeros((beam.joints, size)), np.zeros((beam.joints, size))
     for joint in range(beam.joints):
@@ -176,7 +176,7 @@ def beam_matrices(
 
 
 def _rotary(length: float, beam: FrictionBeam) -> Float[np.ndarray, "6 6"]:
-    """Mass of an element by the rotation of its sections (Rayleigh): friction beams are short and thick."""
+    """Mass of an element by the rotation of its sections (Rayleigh)."""
     bending, result = np.array([1, 2, 4, 5]), np.zeros((6, 6))
     result[np.ix_(bending, bending)] = (
         beam.density * beam.width * beam.height**3 / 12 / (30 * length) * np.array(

@@ -54,6 +54,7 @@ class BeamTable(Table):
     joints: int = Field(default=2, ge=2)
     youngs_modulus: Modulus = 210e9
     density: Density = 7850.0
+    rotary: bool = False
 
 
 class PlacedJointTable(Table):
@@ -170,7 +171,7 @@ class PlaceRecipe(Table):
         """The beams as nouns."""
         return tuple(
             FrictionBeam(one.spacing, one.width, one.height, one.youngs_modulus, one.density, one.overhang, one.joints,
-                         one.name or f"beam {number}")
+                         one.name or f"beam {number}", one.rotary)
             for number, one in enumerate(self.beams, 1)
         )  # fmt: skip
 
