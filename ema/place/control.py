@@ -11,7 +11,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.model import model_at
 from ema.place.objective import Objective, at_level, scores
-from ema.place.task import Task, only, predicted
+from ema.place.task import Task, only, predicted, without_suspension
 from ema.progress import Progress, advance, silent
 from ema.simulate import controlled_snapback
 from ema.simulate.control import Actuator, AmplitudeScheduled, ControlLaw, ReleasePulse, constant
@@ -53,7 +53,9 @@ def control_study(
     chosen = task.modes[0] if mode is None else mode
     period = float(2 * np.pi / np.abs(task.bare.poles[chosen]))
     actuator = Actuator(period / SAMPLES_PER_PERIOD, period / 20 if lag is None else lag)
-    model, at = model_at(task.bare, task.surface, candidates, place, task.joint, normal_force), Dof.parse(task.at)
+    # the energy of a structure that sways on its suspension says nothing about the joints
+    held, at = without_suspension(task), Dof.parse(task.at)
+    model = model_at(held.bare, held.surface, candidates, place, task.joint, normal_force)
     start = _amplitude(model, load, at, period, actuator)
     kinds: dict[str, Callable[[float], ControlLaw]] = {
         "constant": constant,

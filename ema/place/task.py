@@ -13,6 +13,9 @@ from ema.dof import Dof
 from ema.place.predictor import predict
 from ema.shapes import Surface
 
+_SWAY = 0.1
+"""Frequency over that of the lowest target below which a mode is taken for swaying on the suspension."""
+
 
 class Task(NamedTuple):
     """The measured structure, the joint, the range of forces, and the target modes (rows of ``bare``, from 0).
@@ -37,6 +40,24 @@ def predicted(task: Task, candidates: Candidates) -> Prediction:
     return predict(
         task.bare, task.surface, candidates, task.joint, task.at, task.force_levels, task.normal_forces, task.modes,
         task.output,
+    )  # fmt: skip
+
+
+def without_suspension(task: Task) -> Task:
+    """The task without the modes far below its targets: a freely hung structure sways long after a release."""
+    sizes = np.abs(task.bare.poles)
+    keep = np.flatnonzero(sizes >= _SWAY * sizes[list(task.modes)].min())
+    bare, surface = task.bare, task.surface
+    return task._replace(
+        bare=replace(
+            bare, poles=bare.poles[keep], shapes=bare.shapes[:, keep], participation=bare.participation[:, keep],
+            covariance=None if bare.covariance is None else bare.covariance[keep], confidence=None, uncertainty=None,
+        ),
+        surface=replace(
+            surface, coefficients=surface.coefficients[:, keep], covariance=surface.covariance[keep],
+            noise=surface.noise[keep],
+        ),
+        modes=tuple(int(np.flatnonzero(keep == mode)[0]) for mode in task.modes),
     )  # fmt: skip
 
 

@@ -85,3 +85,19 @@ def test_bad_input_is_told():
         with_rigid_body(model, geometry, -1.0)
     with pytest.raises(InputError, match="need scaled shapes"):
         with_rigid_body(replace(model, scaling="unscaled"), geometry)
+
+
+def test_a_release_is_judged_without_the_sway_on_the_suspension():
+    from ema import place
+    from ema.data import FrictionLaw
+    from ema.data.placement import BoltedJoint
+    from ema.place.task import without_suspension
+
+    model, geometry = hung()
+    whole, _ = with_rigid_body(model, geometry)
+    joint = BoltedJoint(FrictionLaw("masing", 0.2, 2e8), 1e9, 0.045)
+    task = place.Task(whole, smooth(whole, geometry), joint, "1:+Z", np.array([1.0]), np.array([1.0]), (0,))
+    held = without_suspension(task)
+    assert held.bare.natural_frequencies == pytest.approx([500.0]) and held.modes == (0,)
+    assert held.surface.coefficients.shape[1] == len(held.surface.noise) == 1
+    assert np.array_equal(held.bare.shapes, model.shapes)
