@@ -23,23 +23,25 @@ def hits(gallery: HitGallery, unit: str = "N") -> Figure:
         return figure
     accepted = [hit for hit in gallery.hits if hit.accepted]
     rejected = _by_reason(gallery)
-    panels = figure.subplot_mosaic([["accepted", "rejected"], ["peaks", "peaks"]], height_ratios=[1.3, 1])
-    if accepted:
+    kinds = [kind for kind, some in (("accepted", accepted or not rejected), ("rejected", rejected)) if some]
+    panels = figure.subplot_mosaic([kinds, ["peaks"] * len(kinds)], height_ratios=[1.3, 1])
+    if "accepted" in panels:
         faint = max(0.15, min(0.9, 15 / len(accepted)))
         pulses = LineCollection([np.column_stack(_pulse(hit)) for hit in accepted], colors=BLUE, lw=0.6, alpha=faint)
         pulses.set_rasterized(True)
         panels["accepted"].add_collection(pulses)
         panels["accepted"].autoscale()
-    panels["accepted"].set_title(f"accepted: {len(accepted)}")
+        panels["accepted"].set_title(f"accepted: {len(accepted)}")
+        _limit_time(panels["accepted"], gallery)
     for place, (reason, group) in enumerate(rejected.items()):
         colour, style, _ = SERIES[(place + 1) % len(SERIES)]
         for number, hit in enumerate(group):
             panels["rejected"].plot(*_pulse(hit), color=colour, ls=style, lw=1.0, label=reason if number == 0 else None)
-    panels["rejected"].set_title(f"rejected: {len(gallery.hits) - len(accepted)}")
-    for name in ("accepted", "rejected"):
+    if "rejected" in panels:
+        panels["rejected"].set_title(f"rejected: {len(gallery.hits) - len(accepted)}")
+    for name in kinds:
         panels[name].set_xlabel("Time from the peak [ms]")
         panels[name].set_ylabel(f"Force [{unit}]")
-    _limit_time(panels["accepted"], gallery)
     order = {id(hit): number for number, hit in enumerate(gallery.hits, 1)}
     below = panels["peaks"]
     below.plot(

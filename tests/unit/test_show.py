@@ -286,6 +286,11 @@ def test_rejected_blows_carry_their_reasons():
     assert labels == {"accepted", "double hit", "overload"}
 
 
+def test_no_panel_stays_empty():
+    assert len(show.hits(gallery(["", ""])).axes) == 2
+    assert len(show.hits(gallery(["overload", "overload"])).axes) == 2
+
+
 def test_many_reasons_are_gathered():
     figure = show.hits(gallery([f"reason {n}" for n in range(30)]))
     assert len(figure.legends[0].get_texts()) <= 7
