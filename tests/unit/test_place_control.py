@@ -38,7 +38,7 @@ def recipe() -> PlaceRecipe:
 
 def test_a_model_that_does_not_agree_places_only_anyway(tmp_path):
     from ema.place.job import place as placed
-    from ema.report.placement import write
+    from ema.report import write
 
     bare, geometry = bare_table()
     verdict = Verdict(False, ("Simulated over measured damping is 2.1.",))

@@ -13,7 +13,7 @@ import numba as nb
 import numpy as np
 import pytest
 
-from ema.simulate import Masing, RegularisedMasing, double_beam, snapback, transient
+from ema.simulate import Masing, RegularisedMasing, double_beam, flow, snapback, transient
 from ema.simulate.structure import assemble
 
 TIP = "beam 2:20:+Z"
@@ -30,9 +30,9 @@ def share_left(run):
     return run.energy.total / run.energy.total[0]
 
 
-def trapezoidal(base, h):
+def trapezoidal(frequencies, _decay, h):
     """Newmark's rule with gamma 1/2 and beta 1/4 for every mode, in place of the exact motion."""
-    square = base.frequencies**2
+    square = frequencies**2
     a = square * h**2 / 4
     flow = np.empty((len(a), 2, 3))
     flow[:, 0] = np.array([1 - a, h + 0 * a, h**2 / 2 + 0 * a]).T / (1 + a)[:, None]
@@ -51,7 +51,7 @@ def fixed_steps(force, h, duration):
 
 @pytest.mark.parametrize("force", [6000.0, 8000.0, 10000.0])
 def test_the_study_states_what_coarse_steps_leave(force, monkeypatch):
-    monkeypatch.setattr(transient, "_flow", trapezoidal)
+    monkeypatch.setattr(flow, "_flow", trapezoidal)
     assert fixed_steps(force, 4e-5, 2.0) == pytest.approx(STUDY[force], abs=0.01)
 
 
