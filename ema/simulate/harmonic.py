@@ -324,10 +324,18 @@ class Condensed:
         omega = 2 * np.pi * frequency
         count = self.harmonics or max(_FEWEST, 0 if start is None else start.shape[1] // 2)
         point: _Point | None = None
+        coarser: tuple[Any, ...] | None = None
+        finest = _FINEST
         while True:
             all_gains = self.gains(omega, count + max(min(count, 6), count // 2))
             gains = np.ascontiguousarray(all_gains[:, :count])
-            found = self._reached(omega, start, gains)
+            if coarser is None or start is None:
+                found = self._reached(omega, start, gains)
+            else:
+                found = self._newton(omega, start, gains)
+                if found is None:  # a law with kinks may balance on few nodes only: keep what there is
+                    self.fine = finest = self.fine // 2
+                    found = coarser
             if found is None:
                 if point is not None and point.error == 1.0:
                     point.error = self.judged(point)
@@ -337,9 +345,10 @@ class Condensed:
                 return _Point(omega, amplitudes, forces, lost, 0.0)
             if not self.exact:
                 lost, blur = self._refined(amplitudes, forces, lost, omega)
-                if blur > _QUADRATURE and self.fine < _FINEST:
-                    self.fine, start = 2 * self.fine, amplitudes
+                if blur > _QUADRATURE and self.fine < finest:
+                    self.fine, start, coarser = 2 * self.fine, amplitudes, found
                     continue
+            coarser = None
             before, point = point, _Point(omega, amplitudes, forces, lost, 1.0)
             start = amplitudes
             if self.harmonics:
