@@ -44,6 +44,8 @@ _SOFT = (1.0, 0.3, 0.0)
 _SOFT_DAMPING, _SOFT_FREQUENCY = 0.15, 2e-3
 """The search begins with uncertainties widened by this much and narrows them in steps: precise frequencies make a long
 bent valley, which is only followed from nearby."""
+_JUMP = 20.0
+"""Difference of the derivatives to either side, in standard uncertainties per unit, from which it may be a jump."""
 _LOST = 5.0
 """Residual of a point at which the model has no resonance, in standard uncertainties."""
 
@@ -303,8 +305,9 @@ def _result(problem: _Problem, values: np.ndarray, bias: np.ndarray, reference: 
 
     off = problem.residuals(values, bias)
     steps = _STEP * np.eye(len(values))
-    ends = [problem.residuals(values + h, bias) - problem.residuals(values - h, bias) for h in steps]
-    slopes = np.stack(ends, axis=1) / (2 * _STEP)
+    above = np.stack([problem.residuals(values + h, bias) - off for h in steps], axis=1) / _STEP
+    below = np.stack([off - problem.residuals(values - h, bias) for h in steps], axis=1) / _STEP
+    slopes = sound_slopes(above, below)
     count = len(values)
     data = off[:-count]
     freedom = max(len(data) - count - 1, 1)
@@ -327,6 +330,18 @@ def _result(problem: _Problem, values: np.ndarray, bias: np.ndarray, reference: 
         _stated_at(model, reference), problem.names, plain, intervals, told, correlation,
         float(np.exp(np.nanmedian(shift))), misfit, findings,
     )  # fmt: skip
+
+
+def sound_slopes(
+    above: Float[np.ndarray, "residual parameter"], below: Float[np.ndarray, "residual parameter"]
+) -> Float[np.ndarray, "residual parameter"]:
+    """Derivatives from differences to either side: their mean, or the smaller where a simulated peak jumped.
+
+    A resonance that changes to a neighbouring summit, or is lost, within the step would pass for precise knowledge.
+    """
+    smaller = np.where(np.abs(above) < np.abs(below), above, below)
+    jumped = np.abs(above - below) > np.maximum(_JUMP, 2 * np.abs(smaller))
+    return np.where(jumped, smaller, 0.5 * (above + below))
 
 
 def _restated(

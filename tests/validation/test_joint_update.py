@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from ema import compare, store
+from ema.compare.fitting import sound_slopes
 from ema.data import Channel, Condition, Damping, Excitation, JointForce, Run
 from ema.dof import Dof
 from ema.errors import InputError
@@ -176,3 +177,8 @@ def test_bad_input_is_told_in_a_sentence(exact):
     lost = replace(exact, normal_forces=np.full(len(FORCES), np.nan), joint_forces=None, joints=())
     with pytest.raises(InputError, match="without normal force"):
         compare.measure(model(), lost, AT, OUT, BAND)
+
+
+def test_a_peak_that_jumps_within_the_step_is_no_knowledge():
+    above, below = np.array([[30.0, 400.0, -5.0, 0.0]]), np.array([[34.0, 20.0, 160.0, 167.0]])
+    assert sound_slopes(above, below).tolist() == [[32.0, 20.0, -5.0, 0.0]]
