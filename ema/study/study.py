@@ -83,9 +83,7 @@ class Study:
         """
         return opened(self.campaign, progress)
 
-    def run(
-        self, progress: Progress = silent, resume: bool = False, executor: Executor | None = None
-    ) -> StudyResult:
+    def run(self, progress: Progress = silent, resume: bool = False, executor: Executor | None = None) -> StudyResult:
         """Do it: every run from signals to modes, expectations, result file and report.
 
         Parameters
