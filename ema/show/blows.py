@@ -1,5 +1,7 @@
 """The blows of a hammer test."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -24,7 +26,8 @@ def hits(gallery: HitGallery, unit: str = "N") -> Figure:
     accepted = [hit for hit in gallery.hits if hit.accepted]
     rejected = _by_reason(gallery)
     kinds = [kind for kind, some in (("accepted", accepted or not rejected), ("rejected", rejected)) if some]
-    panels = figure.subplot_mosaic([kinds, ["peaks"] * len(kinds)], height_ratios=[1.3, 1])
+    rows: list[Any] = [kinds, ["peaks"] * len(kinds)]
+    panels = figure.subplot_mosaic(rows, height_ratios=[1.3, 1])
     if "accepted" in panels:
         faint = max(0.15, min(0.9, 15 / len(accepted)))
         pulses = LineCollection([np.column_stack(_pulse(hit)) for hit in accepted], colors=BLUE, lw=0.6, alpha=faint)
