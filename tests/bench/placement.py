@@ -70,6 +70,20 @@ def stages(count: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def section(found: dict[str, Any]) -> str:
+    """The figures as a section of the page on speed."""
+    one, two = found["predictor"], found["stages"]
+    return "\n".join([
+        "## Placement", "",
+        f"The one-mode predictor takes {one['ms per candidate']:.2f} ms of processor time per candidate (2 modes x 8 F_N x "
+        f"3 F_E, {one['candidates']} places, best of five; a first prototype took {one['prototype']:.0f} ms). Of "
+        f"{two['candidates']} places, the two-stage search ends at {two['best of two stages over best of all']:.4f} of "
+        f"the best score that checking every place with all modes together finds, in {two['s two stages']:.1f} s instead "
+        f"of {two['s all']:.0f} s of processor time. From `python -m tests.bench.placement --candidates "
+        f"{two['candidates']}`, {found['date']}.",
+    ])  # fmt: skip
+
+
 def main() -> None:
     """Measure and write."""
     options = argparse.ArgumentParser(description=__doc__)

@@ -248,7 +248,7 @@ def hammer_tests(result: dict) -> str:
 
 def main() -> None:
     """Write both pages."""
-    from tests.bench import accuracy_page, simulate_page, study  # they use the tables of this module
+    from tests.bench import accuracy_page, placement, simulate_page, study  # they use the tables of this module
 
     rows = json.loads(RESULT.read_text())["rows"]
     cases = [row for key, row in rows.items() if key != "random"]
@@ -257,6 +257,7 @@ def main() -> None:
         for file, section in (
             (UFF, universal_files),
             (RESULT.with_name("hammer.json"), hammer_tests),
+            (placement.RESULT, placement.section),
             (study.RESULT, study.section),
         )
         if file.exists()
