@@ -38,14 +38,14 @@ def shifts(
 
 
 def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tuple[Finding, ...]:
-    """Resonances near a target mode, joints that never slide or always do, places beyond the measured points."""
+    """Resonances near a target mode, and joints that never slide, for one of the ranked places of ``prediction``."""
     from scipy.linalg import eigh
 
     candidates = prediction.candidates
     beam = candidates.catalogue[int(candidates.beams[candidate])]
     normal = prediction.normal_forces[force : force + 1]
     mass, stiffness, _, rows = beam_matrices(beam)
-    where = f"place {candidate}"
+    where = f"rank {candidate + 1}"
     found = []
     k_t = float(contact_stiffness(task.joint, normal)[0])
     springs = float(normal_stiffness(task.joint, normal)[0]) * rows.T @ rows

@@ -9,10 +9,14 @@ from jaxtyping import Float
 from ema.data import Finding, Geometry, ModalModel
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.shapes.surface import FLAT, plane
+from ema.shapes.surface import FLAT, Plane, plane
 
 _BELOW = 0.01
 """Frequency of the added modes over that of the first elastic one: any value far below serves."""
+_GAP = 10.0
+"""Ratio of neighbouring frequencies from which the lower one is of the suspension; bending beams stay below 6.3."""
+_FLAT_SHARE = 0.9
+"""Share of its shape that a plane then has to explain."""
 _DAMPING = 0.05
 _EXPLAINED = 0.8
 """Share of the mass lines that rigid motion has to explain before it is believed."""
@@ -41,7 +45,8 @@ def with_rigid_body(
     What is attached to a free structure feels its rigid-body motion as well. A test that begins above the suspension
     frequencies leaves it in the lower residual terms ("mass lines"), known at the measured DOFs only; here they become
     modes, known everywhere. With ``mass`` in kg the structure counts as a uniform plate over the measured extent.
-    Without it, mass, centre and radii of gyration come from the mass lines, where rigid motion explains them.
+    Without it, mass, centre and radii of gyration come from the mass lines, where rigid motion explains them. A model
+    whose lowest mode is one of the suspension already keeps its modes.
 
     Raises
     ------
@@ -58,11 +63,13 @@ def with_rigid_body(
                          expected="unit modal mass")  # fmt: skip
     place = plane(model, geometry)
     low, high = place.points.min(axis=0), place.points.max(axis=0)
+    if _measured(model, place):
+        return model, (Finding("info", "rigid-body", where, "rigid-body modes are among the measured ones."),)
     if mass is not None:
         body = Body(mass, 0.5 * (low + high), _gyration(high - low))
         told = Finding("info", "rigid-body", where, f"rigid-body modes are those of a uniform plate of {mass:.4g} kg.")
-        return _extended(model, geometry, body), (told,)
-    found = _from_mass_lines(model, geometry)
+        return _extended(model, geometry, place, body), (told,)
+    found = _from_mass_lines(model, geometry, place)
     if found is None:
         return model, (Finding(
             "warning", "no-rigid-body", where,
@@ -76,7 +83,19 @@ def with_rigid_body(
         f"rigid-body modes come from the mass lines, {explained:.0%} of which are those of {body.mass:.3g} kg.",
         explained, _EXPLAINED,
     )  # fmt: skip
-    return _extended(model, geometry, body), (told,)
+    return _extended(model, geometry, place, body), (told,)
+
+
+def _measured(model: ModalModel, place: Plane) -> bool:
+    """Whether the lowest mode lies far below others, beyond a gap, and moves the points as a plane."""
+    omega = np.abs(model.poles)
+    ordered, lowest = np.sort(omega), int(np.argmin(omega))
+    if np.max(ordered[1:] / ordered[:-1], initial=1.0) < _GAP:
+        return False
+    shape = np.real(model.shapes[place.rows[:, 0].astype(int), lowest]) * place.rows[:, 1]
+    flat = np.column_stack([np.ones(len(shape)), place.points])
+    left = shape - flat @ np.linalg.lstsq(flat, shape, rcond=None)[0]
+    return bool(np.sum(left**2) <= (1 - _FLAT_SHARE) * np.sum(shape**2))
 
 
 def _gyration(sides: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
@@ -84,9 +103,8 @@ def _gyration(sides: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
     return np.asarray(np.where(sides < FLAT * sides.max(), np.inf, sides / np.sqrt(12)))
 
 
-def _motion(dofs: tuple[Dof, ...], geometry: Geometry, model: ModalModel, body: Body) -> Float[np.ndarray, "dof 3"]:
+def _motion(dofs: tuple[Dof, ...], geometry: Geometry, place: Plane, body: Body) -> Float[np.ndarray, "dof 3"]:
     """The three shapes at DOFs; zero where a DOF does not move with them or its place is unknown."""
-    place = plane(model, geometry)
     result = np.zeros((len(dofs), 3))
     for row, dof in enumerate(dofs):
         if dof.axis in ("X", "Y", "Z") and dof.node in geometry:
@@ -95,14 +113,13 @@ def _motion(dofs: tuple[Dof, ...], geometry: Geometry, model: ModalModel, body: 
     return result
 
 
-def _from_mass_lines(model: ModalModel, geometry: Geometry) -> tuple[Body, float] | None:
+def _from_mass_lines(model: ModalModel, geometry: Geometry, place: Plane) -> tuple[Body, float] | None:
     """The body whose mass lines are nearest to the measured ones, and the share of them that it explains."""
     from scipy.optimize import least_squares
 
     if model.residuals is None:
         return None
     lines = np.real(model.residuals.lower)
-    place = plane(model, geometry)
     low, high = place.points.min(axis=0), place.points.max(axis=0)
     plate = _gyration(high - low)
     usable = [dof.node in geometry and dof.axis in ("X", "Y", "Z") for dof in model.inputs]
@@ -121,7 +138,7 @@ def _from_mass_lines(model: ModalModel, geometry: Geometry) -> tuple[Body, float
 
     def lacking(told: np.ndarray, scatter: float) -> np.ndarray:
         one = body(told)
-        made = _motion(dofs, geometry, model, one) @ _motion(inputs, geometry, model, one).T
+        made = _motion(dofs, geometry, place, one) @ _motion(inputs, geometry, place, one).T
         prior = scatter * np.sqrt(measured.size) * told[1:] / _DOUBT
         return np.concatenate([((made - measured) / size).ravel(), prior])
 
@@ -134,12 +151,12 @@ def _from_mass_lines(model: ModalModel, geometry: Geometry) -> tuple[Body, float
     return (body(told), explained) if explained >= _EXPLAINED else None
 
 
-def _extended(model: ModalModel, geometry: Geometry, body: Body) -> ModalModel:
+def _extended(model: ModalModel, geometry: Geometry, place: Plane, body: Body) -> ModalModel:
     """The model with three modes far below the others, which take the place of the mass lines.
 
     They come last: the measured modes keep their numbers.
     """
-    moved, driven = (_motion(dofs, geometry, model, body) for dofs in (model.dofs, model.inputs))
+    moved, driven = (_motion(dofs, geometry, place, body) for dofs in (model.dofs, model.inputs))
     keep = np.any(moved != 0, axis=0)
     moved, driven = moved[:, keep], driven[:, keep]
     omega = _BELOW * float(np.abs(model.poles).min()) * np.linspace(0.8, 1.0, int(keep.sum()))

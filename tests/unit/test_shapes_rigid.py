@@ -101,3 +101,21 @@ def test_a_release_is_judged_without_the_sway_on_the_suspension():
     assert held.bare.natural_frequencies == pytest.approx([500.0]) and held.modes == (0,)
     assert held.surface.coefficients.shape[1] == len(held.surface.noise) == 1
     assert np.array_equal(held.bare.shapes, model.shapes)
+
+
+def test_measured_rigid_body_modes_are_not_added_again():
+    model, geometry = hung()
+    whole, _ = with_rigid_body(model, geometry, MASS)
+    for mass in (None, MASS):
+        same, (told,) = with_rigid_body(whole, geometry, mass)
+        assert same is whole and told.code == "rigid-body" and "measured" in told.message
+
+
+def test_the_first_bending_mode_of_a_cantilever_is_no_rigid_body():
+    """It is nearly a plane, but its neighbour is only 6.3 times higher."""
+    model, geometry = hung()
+    x = points()[:, :1] / SIDES[0]
+    bent = np.hstack([model.shapes, x**1.7 / np.sqrt(MASS)])
+    poles = poles_from(np.array([500.0, 80.0]), np.full(2, 0.006))
+    held = replace(model, poles=poles, shapes=bent, participation=bent[[0, 39]] / (2j * poles.imag), residuals=None)
+    assert with_rigid_body(held, geometry)[1][0].code == "no-rigid-body"
