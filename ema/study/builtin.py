@@ -19,7 +19,7 @@ from ema.progress import Progress, advance, silent
 from ema.simulate import Fault, RovingHammer, VirtualRig
 from ema.study import table, work_table, work_table_hammer, work_table_placed, work_table_shaker
 
-VERSION = 1
+VERSION = 2
 """Raised when a generator changes what it writes; files of an older version are written anew."""
 
 RAW = "raw"
