@@ -11,6 +11,7 @@ from ema.data import Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_
 from ema.errors import InputError
 from ema.fit import uncertainty
 from ema.fit.candidates import HEAVIEST
+from ema.fit.companions import companions
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.refinement import refined
 from ema.fit.scaling import scale_to_unit_modal_mass
@@ -134,6 +135,7 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
         name=band.name,
     )
     model = scale_to_unit_modal_mass(model) if band.scaled else model
+    model = replace(model, findings=(*model.findings, *companions(model)))
     return uncertainty.attach(model, optimum, order)
 
 

@@ -7,7 +7,7 @@ from ema.data.repeats import NOISE_ONLY
 from ema.errors import InputError
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.modes import condition_text, interval, standard_deviations
-from ema.report.numbers import MISSING, Value, count, fixed, plain, signed
+from ema.report.numbers import MISSING, Value, count, fixed, listed, plain, signed
 from ema.report.repeats import scatter
 from ema.shapes import Comparison, compare
 
@@ -41,8 +41,9 @@ def comparisons(runs: list[RunResult], book: Book) -> tuple[list[str], list[Bloc
 
 
 def _changes(base: RunResult, other: RunResult, found: Comparison) -> tuple[np.ndarray, np.ndarray]:
-    """Ratios of natural frequencies and of damping ratios of the pairs, other over base."""
-    left, right = ([pair[k] for pair in found.pairs] for k in (0, 1))
+    """Ratios of natural frequencies and of damping ratios of the pairs that are certain, other over base."""
+    certain = [pair for pair, rivals in zip(found.pairs, found.rivals, strict=True) if not rivals]
+    left, right = ([pair[k] for pair in certain] for k in (0, 1))
     frequency = other.modes.natural_frequencies[right] / base.modes.natural_frequencies[left]
     with np.errstate(divide="ignore", invalid="ignore"):
         damping = other.modes.damping_ratios[right] / base.modes.damping_ratios[left]
@@ -52,12 +53,21 @@ def _changes(base: RunResult, other: RunResult, found: Comparison) -> tuple[np.n
 def _sentence(base: RunResult, other: RunResult, found: Comparison) -> str:
     if not found.pairs:
         return f"{other.run.id} against {base.run.id}: no two modes have like shapes."
+    head = f"{other.run.id} against {base.run.id}"
+    doubts = "".join(
+        f" Mode {i + 1} ({base.modes.natural_frequencies[i]:.4g} Hz) resembles modes "
+        f"{listed([str(k + 1) for k in sorted((j, *rivals))])} of {other.run.id}: not counted."
+        for (i, j), rivals in zip(found.pairs, found.rivals, strict=True)
+        if rivals
+    )
     frequency, damping = _changes(base, other, found)
+    if not len(frequency):
+        return f"{head}: no certain pair of modes.{doubts}"
     shift, low, high = (signed(100 * (f - 1), 2) for f in (np.median(frequency), frequency.min(), frequency.max()))
     return (
-        f"{other.run.id} against {base.run.id}, {count(len(found.pairs), 'pair')} of modes: frequency {shift} % "
+        f"{head}, {count(len(frequency), 'pair')} of modes: frequency {shift} % "
         f"(median; {low} to {high} %), damping times {plain(float(np.median(damping)), 3)} "
-        f"(median; {plain(float(damping.min()), 3)} to {plain(float(damping.max()), 3)})."
+        f"(median; {plain(float(damping.min()), 3)} to {plain(float(damping.max()), 3)}).{doubts}"
     )
 
 
@@ -67,6 +77,7 @@ def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> 
         f"ζ in {other.run.id} [%]", "ζ ratio [-]", "MAC [-]",
     ]  # fmt: skip
     partners = dict(found.pairs)
+    rivals = dict(zip(partners, found.rivals, strict=True))
     deviations = [standard_deviations(run.modes) for run in (base, other)]
     rows: list[list[Cell]] = []
     for i in range(len(base.modes.poles)):
@@ -78,16 +89,22 @@ def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> 
             rows.append([i + 1, "none", left[0], MISSING, MISSING, left[1], MISSING, MISSING, fixed(best, 3)])
             continue
         f_j, z_j = float(other.modes.natural_frequencies[j]), 100 * float(other.modes.damping_ratios[j])
+        partner = f"{j + 1}, or {', '.join(str(k + 1) for k in rivals[i])}" if rivals[i] else j + 1
         rows.append([
-            i + 1, j + 1, left[0], interval(f_j, deviations[1][0][j], 6),
+            i + 1, partner, left[0], interval(f_j, deviations[1][0][j], 6),
             Value(change := 100 * (f_j / f_i - 1), f"{change:+.2f}"),
             left[1], interval(z_j, deviations[1][1][j], 3), fixed(z_j / z_i if z_i else None, 2),
             fixed(float(found.mac[i, j]), 3),
         ])  # fmt: skip
     alone = sorted(set(range(len(other.modes.poles))) - set(partners.values()))
     rest = f" Modes of {other.run.id} without a partner: {', '.join(str(j + 1) for j in alone)}." if alone else ""
+    doubt = (
+        " Where several partners are named, shapes do not tell which it is: the values are those of the first."
+        if any(found.rivals)
+        else ""
+    )
     caption = (
         f"{base.run.id} ({condition_text(base)}) against {other.run.id} ({condition_text(other)}): modes paired by MAC "
-        f"over {len(found.dofs)} common DOFs; intervals: {NOISE_ONLY}.{rest}"
+        f"over {len(found.dofs)} common DOFs; intervals: {NOISE_ONLY}.{rest}{doubt}"
     )
     return book.table(f"comparison_{base.run.id}_{other.run.id}", caption, columns, rows)

@@ -1,6 +1,7 @@
 """Numbers as a reader wants them: rounded by their uncertainty, and never more digits than are known."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 MISSING = "–"
@@ -77,3 +78,8 @@ def signed(value: float, digits: int = 3) -> Value:
 def count(number: int, noun: str) -> str:
     """``1 mode``, ``2 modes``."""
     return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def listed(words: Sequence[str]) -> str:
+    """``1``, ``1 and 2``, ``1, 2 and 3``."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -89,6 +89,12 @@ def frac(a: Inexact[np.ndarray, "freq *frf"], b: Inexact[np.ndarray, "freq *frf"
     return np.minimum(np.abs(np.sum(left.conj() * right, axis=0)) ** 2, 1.0).reshape(a.shape[1:])
 
 
+_SURE = 0.9
+"""MAC from which on a pair is taken for the same mode, whatever else resembles it."""
+_APART = 0.2
+"""Difference of MAC within which two candidates for a partner are not told apart."""
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Two modal models over the DOFs they share.
@@ -100,6 +106,21 @@ class Comparison:
     mac: Float[np.ndarray, "mode_a mode_b"]
     dofs: tuple[Dof, ...]
     pairs: tuple[tuple[int, int], ...]
+
+    @property
+    def rivals(self) -> tuple[tuple[int, ...], ...]:
+        """For each pair, the other modes of b whose shapes are nearly as like: not empty where it is ambiguous.
+
+        A rival's MAC is within 0.2 of that of the pair, which itself stays below 0.9, and is higher than the rival has
+        with the mode that it is paired with.
+        """
+        own = {j: float(self.mac[i, j]) for i, j in self.pairs}
+        found = []
+        for i, j in self.pairs:
+            row = np.nan_to_num(self.mac[i])
+            near = np.flatnonzero((row > row[j] - _APART) & (row[j] < _SURE))
+            found.append(tuple(int(k) for k in near if k != j and row[k] > own.get(int(k), 0.0)))
+        return tuple(found)
 
 
 def compare(a: ModalModel, b: ModalModel, threshold: float = 0.5) -> Comparison:

@@ -177,6 +177,11 @@ def test_version():
     assert ended.returncode == 0 and ended.stdout.strip() == f"friction-ema {package.__version__}"
 
 
+def test_the_package_runs_as_the_command():
+    ended = subprocess.run([sys.executable, "-m", "ema", "--version"], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0 and ended.stdout == ema("--version").stdout
+
+
 @pytest.mark.parametrize(
     ("raised", "status", "sentence"),
     [

@@ -39,6 +39,8 @@ from ema.data import (
 )  # fmt: skip
 from ema.dof import Dof
 from ema.errors import FailureError
+from ema.report.blocks import Book
+from ema.report.comparison import comparisons
 from ema.report.pictures import Image
 from ema.synthesis import frfs as synthesise
 
@@ -245,6 +247,20 @@ def test_comparison_pairs_the_modes_and_says_what_the_interval_holds(page: Page)
     assert {row["ζ ratio [-]"] for row in rows} == {"1.90"}
     assert {row["MAC [-]"] for row in rows} == {"1.000"}
     assert "noise only; assembly scatter unknown" in page.words()
+
+
+def test_a_mode_with_two_likely_partners_is_named_and_not_counted():
+    """Mode 2 comes back in two parts that are about equally like it."""
+    geometry = plate(5, 4)
+    base, other = run_result("bare", geometry, 3), run_result("slipping", geometry, 4, 1.01, 2.0)
+    shapes = np.array(other.modes.shapes)
+    tail = shapes[:, 3] * np.linalg.norm(shapes[:, 1]) / np.linalg.norm(shapes[:, 3])
+    shapes[:, 3] = 0.8 * shapes[:, 1] + 0.6 * tail
+    shapes[:, 1] = 0.8 * shapes[:, 1] - 0.6 * tail
+    other = replace(other, modes=replace(other.modes, shapes=shapes))
+    (line, *_), _ = comparisons([base, other], Book())
+    assert line.startswith("slipping against bare, 2 pairs of modes")
+    assert line.endswith("resembles modes 2 and 4 of slipping: not counted.")
 
 
 def test_worries_are_grouped_and_sorted_by_severity(page: Page):

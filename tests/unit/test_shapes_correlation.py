@@ -102,3 +102,21 @@ def test_compare_leaves_unlike_modes_unpaired():
 def test_compare_without_common_dofs_is_an_error():
     with pytest.raises(InputError, match="no DOF in common"):
         compare(model(np.ones((1, 1)), ["1X"]), model(np.ones((1, 1)), ["1Y"]))
+
+
+def test_a_pair_names_the_modes_that_are_nearly_as_like():
+    """Shapes made of the modes of a: 0 comes back once for sure, 1 in two parts that are about equally like."""
+    a = model(np.eye(6)[:, :3], ["1Z", "2Z", "3Z", "4Z", "5Z", "6Z"])
+    columns = np.array([[1.0, 0, 0], [0, 0.8, 0.75], [0, 0, 0], [0, 0.6, 0], [0, 0, 0.66], [0, 0, 0]])
+    found = compare(a, model(columns, ["1Z", "2Z", "3Z", "4Z", "5Z", "6Z"]))
+    assert found.pairs == ((0, 0), (1, 1))
+    assert found.rivals == ((), (2,))
+
+
+def test_a_mode_that_is_another_ones_partner_is_no_rival():
+    a = model(np.array([[1.0, 0.8], [0, 0.6], [0, 0]]), ["1Z", "2Z", "3Z"])
+    b = model(np.array([[0.9, 0.8], [0, 0.6], [0.43, 0.0]]), ["1Z", "2Z", "3Z"])
+    found = compare(a, b)
+    assert found.pairs == ((0, 0), (1, 1))
+    assert found.mac[0, 1] > found.mac[0, 0] - 0.2
+    assert found.rivals == ((), ())

@@ -1,0 +1,58 @@
+"""Modes that may be parts of one resonance: what a linear fit makes of a joint that slips under the blow."""
+
+import numpy as np
+from jaxtyping import Bool, Int
+from scipy.sparse.csgraph import connected_components
+
+from ema.data import Finding, ModalModel
+from ema.shapes import auto_mac, modal_phase_collinearity
+
+_LIKE = 0.4
+"""MAC from which on the shapes of overlapping modes count as alike."""
+_COLLINEAR = 0.8
+"""Modal phase collinearity below which a shape is no real mode's."""
+_FEWEST = 6
+"""DOFs from which on like shapes say something."""
+
+
+def companions(model: ModalModel) -> tuple[Finding, ...]:
+    """A finding for each group of modes that overlap in frequency and look alike, where shapes are not real.
+
+    A joint that slips at first and sticks in the late ring-down answers with a frequency and damping that change on the
+    way; a linear model takes several poles for that one resonance, with shares of one shape and phases between them.
+    Two true modes that are near each other, as those of an absorber, have shapes that stay real.
+    """
+    if len(model.dofs) < _FEWEST or len(model.poles) < 2:
+        return ()
+    complex_shape = modal_phase_collinearity(model.shapes) < _COLLINEAR
+    linked = _overlapping(model) & (np.nan_to_num(auto_mac(model.shapes)) >= _LIKE)
+    groups, group = connected_components(linked, directed=False)
+    found = []
+    for number in range(groups):
+        modes = np.flatnonzero(group == number)
+        if len(modes) > 1 and complex_shape[modes].any():
+            found.append(_finding(model, modes))
+    return tuple(found)
+
+
+def _overlapping(model: ModalModel) -> Bool[np.ndarray, "mode mode"]:
+    """Whether the half-power bands of two modes touch."""
+    decay = -model.poles.real
+    frequency = model.poles.imag
+    return np.asarray(np.abs(frequency[:, None] - frequency) <= decay[:, None] + decay)
+
+
+def _finding(model: ModalModel, modes: Int[np.ndarray, "part"]) -> Finding:
+    frequencies, damping = model.natural_frequencies[modes], 100 * model.damping_ratios[modes]
+    least = int(np.argmin(damping))
+    told = ", ".join(f"{f:.1f} Hz {z:.2g} %" for f, z in zip(frequencies, damping, strict=True))
+    numbers = ", ".join(str(mode + 1) for mode in modes)
+    where = f"{model.name or 'fit'}, modes {numbers}"
+    return Finding(
+        "warning", "one-resonance-in-parts", where,
+        f"These modes overlap and share a shape that is not real ({told}): they may be one resonance whose frequency "
+        f"and damping change with amplitude, as where a joint slips under the blow. The least damped one, "
+        f"{frequencies[least]:.1f} Hz, is then that of small amplitudes.",
+        value=float(len(modes)), limit=1.0,
+        advice="Compare soft and hard blows, read the ring-down over amplitude, or sweep at constant force.",
+    )  # fmt: skip
