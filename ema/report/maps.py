@@ -1,5 +1,7 @@
 """Maps of a mode over excitation and normal force, and statements of a publication beside them."""
 
+from itertools import groupby
+
 import numpy as np
 
 from ema import show
@@ -54,10 +56,13 @@ def map_sentence(one: MapResult) -> str:
     if not np.isfinite(damping).any():
         return f"{one.name}: no mode was found in any condition."
     row, column = np.unravel_index(int(np.nanargmax(damping)), damping.shape)
-    best = [
-        f"{short(one.chart.normal_forces[int(np.nanargmax(line))])} N at {short(level)} N"
-        for level, line in zip(one.chart.force_levels, damping, strict=True) if np.isfinite(line).any()
-    ]  # fmt: skip
+    known = np.isfinite(damping).any(axis=1)
+    levels = [float(level) for level in np.asarray(one.chart.force_levels)[known]]
+    forces = [float(one.chart.normal_forces[int(np.nanargmax(line))]) for line in damping[known]]
+    best = []
+    for force, group in groupby(zip(forces, levels, strict=True), key=lambda pair: pair[0]):
+        own = [level for _, level in group]
+        best.append(f"{short(force)} N at {short(own[0])}" + (f" to {short(own[-1])} N" if len(own) > 1 else " N"))
     return (
         f"{one.name}: most damping {plain(100 * float(damping[row, column]), 3)} % at F_E "
         f"{short(one.chart.force_levels[row])} N and F_N {short(one.chart.normal_forces[column])} N; best normal force "

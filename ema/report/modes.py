@@ -49,10 +49,9 @@ def run_sentence(run: RunResult) -> str:
     if len(frequencies) == 1:
         found += f" at {short(frequencies[0])} Hz, damping {plain(damping[0], 2)} %"
     elif len(frequencies):
-        found += (
-            f" from {short(frequencies.min())} to {short(frequencies.max())} Hz, damping {plain(damping.min(), 2)} to "
-            f"{plain(damping.max(), 2)} %"
-        )
+        low, high = str(plain(damping.min(), 2)), str(plain(damping.max(), 2))
+        found += f" from {short(frequencies.min())} to {short(frequencies.max())} Hz, damping "
+        found += f"{low} %" if low == high else f"{low} to {high} %"
     return f"Run {run.run.id} ({condition_text(run)}): {found}."
 
 

@@ -10,7 +10,7 @@ from ema.data.placement import Place, Placement
 from ema.dof import Dof
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
-from ema.report.numbers import plain
+from ema.report.numbers import plain, short
 from ema.synthesis import frfs as synthesis
 from ema.units import FRF_UNIT
 
@@ -127,7 +127,7 @@ def _control(placement: Placement, book: Book) -> list[Block]:
         Text(study.verdict),
         book.picture(
             show.control_gain(study), "Energy over time after a release under constant and controlled force.",
-            f"Left: release from {study.load:.3g} N at the excited point. Right: steady vibration over the "
+            f"Left: release from {short(study.load)} N at the excited point. Right: steady vibration over the "
             "excitation force, one normal force for all levels or one for each.",
         ),
         book.table(

@@ -1,0 +1,21 @@
+"""The sentence on a map: levels that share a best normal force are told together."""
+
+import numpy as np
+
+from ema.data import MapResult, ModalMap
+from ema.report.maps import map_sentence
+
+
+def result(damping: np.ndarray) -> MapResult:
+    chart = ModalMap(np.array([6.0, 10.0, 15.0, 30.0, 40.0]), np.array([25.0, 60.0]), 490 + 0 * damping, damping)
+    return MapResult("mode 1", chart, np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.full((5, 2), np.nan))
+
+
+def test_levels_with_one_best_force_are_a_range():
+    told = map_sentence(result(np.array([[3, 1], [4, 1], [5, 1], [np.nan, np.nan], [1, 2.0]]) / 100))
+    assert told.startswith("mode 1: most damping 5.00 % at F_E 15 N and F_N 25 N")
+    assert told.endswith("best normal force over the excitation: 25 N at 6 to 15 N, 60 N at 40 N.")
+
+
+def test_an_empty_map_says_so():
+    assert map_sentence(result(np.full((5, 2), np.nan))) == "mode 1: no mode was found in any condition."
