@@ -20,17 +20,49 @@ def own_coefficients(
 
     ``frequencies`` rad/s, ``decay`` 1/s, ``h`` s. The second table is empty without damping.
     """
-    flow = _flow(frequencies, decay, h)
-    table = np.concatenate([flow[:, 0], flow[:, 1]], axis=1).T
+    tables, forms = long_coefficients(frequencies, decay, h, 0)
+    return tables[0], forms[0]
+
+
+def long_coefficients(
+    frequencies: Float[np.ndarray, "mode"], decay: Float[np.ndarray, "mode"], h: float, doublings: int
+) -> tuple[Float[np.ndarray, "length 6 mode"], Float[np.ndarray, "length form mode"]]:
+    """The same for the lengths h, 2 h, 4 h ..."""
+    lengths = h * 2.0 ** np.arange(doublings + 1)
+    tables = [
+        np.concatenate([flow[:, 0], flow[:, 1]], axis=1).T for flow in (_flow(frequencies, decay, t) for t in lengths)
+    ]
     if not np.any(decay > 0):
-        return np.ascontiguousarray(table), np.zeros((0, table.shape[1]))
-    points, weights = np.polynomial.legendre.leggauss(int(min(16 + 1.5 * (frequencies * h).max(), 200)))
-    form = np.zeros((len(flow), 3, 3))
+        return np.array(tables), np.zeros((len(lengths), 0, len(decay)))
+    halvings = max(int(np.ceil(np.log2(float(max(frequencies.max(), decay.max())) * h))), 0)
+    forms = [_loss(frequencies, decay, h / 2**halvings)]
+    for t in h * 2.0 ** np.arange(-halvings, doublings):
+        forms.append(forms[-1] + _after(frequencies, decay, t, forms[-1]))
+    pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+    kept = np.array(forms[halvings:])
+    return np.array(tables), np.stack([kept[:, :, i, j] * (1 if i == j else 2) for i, j in pairs], axis=1)
+
+
+def _loss(
+    frequencies: Float[np.ndarray, "mode"], decay: Float[np.ndarray, "mode"], h: float
+) -> Float[np.ndarray, "mode 3 3"]:
+    """Loss to damping over a step in which no mode turns by more than a radian, as a form of (q, p, force)."""
+    points, weights = np.polynomial.legendre.leggauss(_NODES)
+    form = np.zeros((len(decay), 3, 3))
     for point, weight in zip((points + 1) / 2, weights / 2, strict=True):
         row = _flow(frequencies, decay, h * point)[:, 1]
         form += weight * h * decay[:, None, None] * row[:, :, None] * row[:, None, :]
-    pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
-    return np.ascontiguousarray(table), np.stack([form[:, i, j] * (1 if i == j else 2) for i, j in pairs])
+    return form
+
+
+def _after(
+    frequencies: Float[np.ndarray, "mode"], decay: Float[np.ndarray, "mode"], h: float,
+    form: Float[np.ndarray, "mode 3 3"],
+) -> Float[np.ndarray, "mode 3 3"]:  # fmt: skip
+    """A form of the state after ``h`` as one of the state before."""
+    whole = np.zeros((len(decay), 3, 3))
+    whole[:, :2], whole[:, 2, 2] = _flow(frequencies, decay, h), 1.0
+    return whole.transpose(0, 2, 1) @ form @ whole
 
 
 def _flow(
@@ -46,7 +78,8 @@ def _flow(
     flow[:, 1, 0], flow[:, 1, 1] = -(frequencies**2) * fade * sine, fade * (cosine - half * sine)
     small = frequencies * h < 1e-3
     square = np.where(small, 1.0, frequencies**2)
-    flow[:, 0, 2] = np.where(small, h**2 / 2 * (1 - decay * h / 3), (1 - flow[:, 0, 0]) / square)
+    series = 1 - decay * h / 3 - (frequencies**2 - decay**2) * h**2 / 12
+    flow[:, 0, 2] = np.where(small, h**2 / 2 * series, (1 - flow[:, 0, 0]) / square)
     flow[:, 1, 2] = flow[:, 0, 1]
     return flow
 

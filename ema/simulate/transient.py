@@ -16,7 +16,7 @@ from ema.data import BeamModel, EnergyBalance, Finding, Response
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.flow import joint_coefficients, own_coefficients
+from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
 from ema.simulate.friction import PackedLaws, pack
 from ema.simulate.joined import Joined, joined, kept_at_rest, pressure, refuse_joined
 from ema.simulate.reduction import ModalBase, modal_base
@@ -113,20 +113,21 @@ class Stepper:
         self.dissipated, self.sliding = np.zeros(len(self.u)), np.zeros(len(self.u))
         self.limits = problem.system.contacts.limits.copy()
         self.leaps: dict[int, tuple[np.ndarray, ...]] = {}
+        self.strides: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self.sweeps, self.residual = 0, 0.0
         self.general = None if problem.laws.single_springs else 1
         self.kept, self.done = kept_at_rest(problem.system), 0
 
     def run(
-        self, steps: int, every: int, limits: Float[np.ndarray, "row contact"], loads: Float[np.ndarray, "end load"]
-    ) -> dict[str, np.ndarray]:
+        self, steps: int, every: int, limits: Float[np.ndarray, "row contact"], loads: Float[np.ndarray, "end load"],
+        into: dict[str, np.ndarray] | None = None,
+    ) -> dict[str, np.ndarray]:  # fmt: skip
         """Take ``steps`` steps and return samples of q, p (mode), u, f (contact) and energies (6)."""
         from ema.simulate import transient_kernels
 
         kernels: Any = transient_kernels
-        modes, count, contacts = len(self.problem.base.frequencies), steps // every, len(self.u)
-        q, p = np.empty((count, modes)), np.empty((count, modes))
-        u, f, energy = np.empty((count, contacts)), np.empty((count, contacts)), np.zeros((count, 6))
+        run = room_for(self.problem, steps // every) if into is None else into
+        q, p, u, f, energy = (run[name] for name in ("q", "p", "u", "f", "energy"))
         structure = (
             steps, every, self.h, (self.flow[0], self.loss[0], self.squares[0]),
             (self.slip, self.gains, self.problem.system.contacts.stiffness), limits, loads, self.rows[0],
@@ -135,20 +136,21 @@ class Stepper:
         state = (self.q[0], self.p[0], self.u, self.f, self.z), (self.energies[0], self.dissipated, self.sliding)
         if self.problem.joined is None:
             sweeps, residual = kernels.advance(
-                *structure, *state, self.limits, self.coupled, (q, p, u, f, energy), self.general
-            )
+                *structure, *state, self.limits, self.coupled, (q, p, u, f, energy), self.general,
+                (*self._strides(every if len(limits) == 1 else 1), _quiet(loads)),
+            )  # fmt: skip
         else:
             sweeps, residual = self._advance_joined(structure, state, (q, p, u, f, energy))
         self.sweeps, self.residual = max(self.sweeps, sweeps), max(self.residual, residual)
         if len(loads):
             flow, loss = self.flow[1], self.loss[1]
         else:
-            (flow, loss), steps, every = self._leap(every), count, 1
+            (flow, loss), steps, every = self._leap(every), steps // every, 1
         kernels.advance_linear(
             steps, every, flow, loss, self.squares[1], loads, self.rows[1], self.q[1], self.p[1], self.energies[1],
             self.free, q, p, energy,
         )  # fmt: skip
-        return {"q": q, "p": p, "u": u, "f": f, "energy": energy}
+        return run
 
     def _advance_joined(self, structure: tuple[Any, ...], state: tuple[Any, ...], samples: Any) -> tuple[int, float]:
         """Steps of contacts that hang together."""
@@ -162,12 +164,41 @@ class Stepper:
         self.done += structure[0]
         return int(most), float(worst)
 
+    def _strides(self, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coefficients of the coupled modes over 2, 4, 8 ... steps, and how far they move the contact forces meanwhile.
+
+        There are none where every step has to be looked at: laws that slip at any force, modes that damping couples.
+        """
+        if every not in self.strides:
+            base, part = self.problem.base, self.coupled
+            omega, stiffness = base.frequencies[part], self.problem.system.contacts.stiffness
+            alone = self.general is None and base.damping is None and bool(np.all(omega > 0))
+            levels = int(np.log2(every)) if alone else 0
+            flows, losses = long_coefficients(omega, base.decay[part], self.h, levels)
+            turns = omega * self.h * 2.0 ** np.arange(1, levels + 1)[:, None]
+            spans = np.minimum(turns, 2.0)[:, None, :] * np.abs(stiffness[:, None] * self.slip)
+            self.strides[every] = flows[1:].copy(), losses[1:].copy(), spans
+        return self.strides[every]
+
     def _leap(self, every: int) -> tuple[np.ndarray, ...]:
         """Coefficients of the uncoupled modes from sample to sample: without forces exact over any length."""
         if every not in self.leaps:
             base, free = self.problem.base, self.free
             self.leaps[every] = own_coefficients(base.frequencies[free], base.decay[free], every * self.h)
         return self.leaps[every]
+
+
+def room_for(problem: Problem, samples: int) -> dict[str, np.ndarray]:
+    """Room for the samples of a run: q, p (mode), u, f (contact) and energies (6)."""
+    modes, contacts = len(problem.base.frequencies), len(problem.system.contacts.limits)
+    widths = {"q": modes, "p": modes, "u": contacts, "f": contacts, "energy": 6}
+    return {name: np.zeros((samples, width)) for name, width in widths.items()}
+
+
+def _quiet(loads: np.ndarray) -> int:
+    """The step from which on no load acts."""
+    acting = np.flatnonzero(np.any(loads != 0, axis=1)) if len(loads) else np.zeros(0)
+    return int(acting[-1]) + 1 if len(acting) else 0
 
 
 def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
@@ -197,13 +228,13 @@ def integrate(
     problem: Problem, state: _State, h: float, every: int, samples: int, drive: "Drive",
 ) -> tuple[dict[str, np.ndarray], Stepper]:  # fmt: skip
     """One run with one step length: samples at 0 and after every ``every`` steps, ``samples`` intervals."""
-    stepper = Stepper(problem, state, h, drive.at)
-    first = _initial(stepper, state)
-    steps = samples * every
+    stepper, steps = Stepper(problem, state, h, drive.at), samples * every
+    run = room_for(problem, samples + 1)
+    for name, part in _initial(stepper, state).items():
+        run[name][:1] = part
     loads, limits = drive.loads(h, steps), drive.limits(problem, h, steps)
-    return {
-        name: np.concatenate([first[name], part]) for name, part in stepper.run(steps, every, limits, loads).items()
-    }, stepper
+    stepper.run(steps, every, limits, loads, {name: part[1:] for name, part in run.items()})
+    return run, stepper
 
 
 @dataclass(frozen=True)

@@ -228,20 +228,63 @@ def accept(change, slip, flow, g, q1, p1, pull, force, moved):
         g[i] += change[i]
 
 
+@nb.njit(cache=True, fastmath=FAST)
+def amplitudes(squares, q, p, pull, out):
+    """Of all modes about the place where the contact forces hold them; damping can only lower them."""
+    for r in range(len(out)):
+        away = q[r] + pull[r] / squares[r]
+        out[r] = np.sqrt(away * away + p[r] * p[r] / squares[r])
+
+
+@nb.njit(cache=True)
+def stride(spans, amplitude, reach, known, limit, f, left):
+    """Longest stride (2, 4, 8 ... steps: level 0, 1, 2 ...) in which no contact can come to its limit; -1 is none.
+
+    ``spans`` (level, contact, mode): how far a unit amplitude can change the contact forces meanwhile; ``reach``
+    (level, contact) keeps that of the present amplitudes for the first ``known`` levels; ``left``: steps at most.
+    """
+    level = 0
+    while level < spans.shape[0] and 2 << level <= left:
+        if level >= known[0]:
+            matvec(spans[level], amplitude, reach[level])
+            known[0] = level + 1
+        for i in range(len(limit)):
+            if abs(f[i]) + reach[level, i] >= limit[i]:
+                return level - 1
+        level += 1
+    return level - 1
+
+
+@nb.njit(cache=True)
+def glide(flow, loss, slip, stiffness, g, q, p, force, pull, q1, p1, u, f, z):
+    """A stride in which every contact sticks: exact over any length. Returns the loss to damping."""
+    for r in range(len(q)):
+        force[r] = -pull[r]
+    propagate(flow, Q_Q, q, p, force, q1)
+    propagate(flow, P_Q, q, p, force, p1)
+    matvec(slip, q1, u)
+    for i in range(len(u)):
+        f[i] = g[i] + stiffness[i] * u[i]
+        z[i, 0] = f[i]
+    return damping_loss(loss, q, p, force) if loss.shape[0] > 0 else 0.0
+
+
 @nb.njit(cache=True)
 def advance(
-    steps, every, h, modal, contact, limits, loads, rows, laws, state, sums, last_limits, places, samples, general
-):
+    steps, every, h, modal, contact, limits, loads, rows, laws, state, sums, last_limits, places, samples, general,
+    strides,
+):  # fmt: skip
     """Take ``steps`` steps from ``state`` (q, p, u, f, z), which is updated; sample every ``every``-th.
 
     modal: tables of ``ema.simulate.flow`` and squared frequencies of the modes; contact: rows of the relative
     displacements, compliance over a step, stiffness; limits (row, contact): slip forces, one row for all steps or one
     per step; loads (row, load): external forces at the ends of the steps, no row without them. ``general`` is
-    None when every contact is one Masing spring: its exact solution is then all that is compiled. Returns the largest
-    number of rounds and the worst residual.
+    None when every contact is one Masing spring: its exact solution is then all that is compiled. strides: tables of
+    2, 4, 8 ... steps at once, ``spans`` of ``stride``, and the step from which on they may be taken: that motion is
+    the same, with fewer looks at contacts that stick. Returns the largest number of rounds and the worst residual.
     """
     (flow, loss, squares), (slip, gains, stiffness), (q, p, u, f, z) = modal, contact, state
-    energies, dissipated, sliding = sums
+    (flows, losses, spans, quiet), (energies, dissipated, sliding) = strides, sums
     contacts, modes = slip.shape
     force, outside, pull, moved = np.empty(modes), np.zeros(modes), np.zeros(modes), np.empty(modes)
     q0, p0, q1, p1, x = q.copy(), p.copy(), np.empty(modes), np.empty(modes), np.empty(2 * modes)
@@ -250,42 +293,59 @@ def advance(
     z1, a, b, table, used = (
         np.zeros_like(z), np.zeros_like(z), np.zeros_like(z), np.empty((contacts, contacts)), np.zeros(1, np.int64)
     )  # fmt: skip
+    amplitude, reach, known = np.empty(modes), np.empty((len(spans), contacts)), np.zeros(1, np.int64)
     if general is None:
         fresh_table(gains, stiffness, signs, table)
     contact_pull(slip, stiffness, u, f, g, pull)
-    worst, most, loaded = 0.0, 0, loads.shape[0] > 0
-    for n in range(steps):
+    worst, most, loaded, n, rounds = 0.0, 0, loads.shape[0] > 0, 0, 1
+    while n < steps:
         limit = limits[n if limits.shape[0] > 1 else 0]
-        if n == 0 or limits.shape[0] > 1:
-            lower_limits(limit, last_limits, stiffness, laws, slip, f, g, pull, z, energies)
-        if loaded:
-            mean_load(rows, loads, n, outside)
-        for r in range(modes):
-            force[r] = outside[r] - pull[r]
-        move(flow, squares, q0, p0, force, x, q1, p1)
-        matvec(slip, q1, free)
-        if general is None:
-            rounds, residual = slide_or_stick(
-                table, gains, stiffness, limit, g, free, signs, used, slid, u1, f1, change
+        level = -1
+        # all stuck since the last step: until one slips, the motion is known in closed form
+        if rounds == 0 and n >= quiet:
+            if known[0] == 0:
+                amplitudes(squares, q0, p0, pull, amplitude)
+            level = stride(spans, amplitude, reach, known, limit, f, every - n % every)
+        if level >= 0:
+            energies[DAMPING] += glide(
+                flows[level], losses[level], slip, stiffness, g, q0, p0, force, pull, q1, p1, u, f, z
             )
+            n += 2 << level
         else:
-            rounds, residual = sweep_contacts(
-                gains, free, stiffness, limit, laws, u, f, h, z, z1, a, b, 1e-12, 1000, u1, f1, change
-            )
-        most, worst = max(most, rounds), max(worst, residual)
-        if rounds > 0:
-            accept(change, slip, flow, g, q1, p1, pull, force, moved)
-        energies[DAMPING] += lost(flow, loss, squares, q0, p0, force, x)
-        if loaded:
-            energies[SUPPLIED] += work(outside, q1, q0)
+            if n == 0 or limits.shape[0] > 1:
+                lower_limits(limit, last_limits, stiffness, laws, slip, f, g, pull, z, energies)
+            if loaded:
+                mean_load(rows, loads, n, outside)
+            for r in range(modes):
+                force[r] = outside[r] - pull[r]
+            move(flow, squares, q0, p0, force, x, q1, p1)
+            matvec(slip, q1, free)
+            if general is None:
+                rounds, residual = slide_or_stick(
+                    table, gains, stiffness, limit, g, free, signs, used, slid, u1, f1, change
+                )
+            else:
+                rounds, residual = sweep_contacts(
+                    gains, free, stiffness, limit, laws, u, f, h, z, z1, a, b, 1e-12, 1000, u1, f1, change
+                )
+            most, worst = max(most, rounds), max(worst, residual)
+            if rounds > 0:
+                accept(change, slip, flow, g, q1, p1, pull, force, moved)
+                known[0] = 0
+            energies[DAMPING] += lost(flow, loss, squares, q0, p0, force, x)
+            if loaded:
+                energies[SUPPLIED] += work(outside, q1, q0)
+            if general is None:
+                book_masing(stiffness, signs, u, f, z, u1, f1, energies, dissipated, sliding)
+            else:
+                book(stiffness, laws, u, f, z, u1, f1, z1, b, energies, dissipated, sliding)
+            n += 1
         q0, q1, p0, p1 = q1, q0, p1, p0
-        if general is None:
-            book_masing(stiffness, signs, u, f, z, u1, f1, energies, dissipated, sliding)
-        else:
-            book(stiffness, laws, u, f, z, u1, f1, z1, b, energies, dissipated, sliding)
-        if (n + 1) % every == 0:
+        if n % every == 0:
             contact_pull(slip, stiffness, u, f, g, pull)
-            record((n + 1) // every - 1, stiffness, laws, squares, (q0, p0, u, f, z), energies, places, samples)
+            record(n // every - 1, stiffness, laws, squares, (q0, p0, u, f, z), energies, places, samples)
+            if loss.shape[0] > 0:
+                known[0] = 0
     copy_into(q, q0)
     copy_into(p, p0)
     return most, worst

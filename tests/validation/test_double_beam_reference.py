@@ -10,7 +10,15 @@ from scipy.integrate import solve_ivp
 
 from ema.data import Damping
 from ema.errors import InputError
-from ema.simulate import Iwan, Masing, RegularisedMasing, double_beam, snapback, snapback_reference
+from ema.simulate import (
+    Iwan,
+    Masing,
+    ParallelMasing,
+    RegularisedMasing,
+    double_beam,
+    snapback,
+    snapback_reference,
+)
 from ema.simulate.structure import assemble
 from ema.simulate.transient import prepare, released
 
@@ -44,6 +52,20 @@ def test_fast_mode_keeps_its_stated_error(exact, force, tolerance):
     assert true <= tolerance
     assert true <= 2 * fast.error_estimate
     np.testing.assert_allclose(fast.dissipated.sum(), exact[force].dissipated.sum(), rtol=0.02, atol=1e-6)
+
+
+@pytest.mark.parametrize("force", [500.0, 2000.0, 3000.0, 5000.0, 7000.0])
+@pytest.mark.parametrize(
+    "law", [Masing(0.3, 1e9), ParallelMasing(0.3, 1e9, [0.6, 0.4], [0.3, 0.7])], ids=lambda law: law.name
+)
+def test_fast_mode_states_no_less_than_its_error(law, force):
+    """Ten elements, from sliding to sticking: the true error is below the stated one, and that below a thousandth."""
+    model, tip = double_beam(law, force, elements=10), "beam 2:10:+Z"
+    truth = snapback_reference(model, 20.0, tip, 0.05)
+    fast = snapback(model, 20.0, tip, 0.05)
+    true = np.abs(fast.displacements - truth.displacements).max() / np.abs(truth.displacements).max()
+    assert true <= fast.error_estimate <= 1e-3
+    assert fast.energy.error <= 1e-6 and truth.energy.error <= 1e-6
 
 
 def masing_by_events(model, start, tip, times):
