@@ -26,7 +26,11 @@ _CONVERGED, _GOOD_ENOUGH, _DENSE = 1e-9, 1000.0, 80
 which steps are found by GMRES."""
 _QUADRATURE = 1e-6
 _FINEST = 32
-_YIELDING, _MOST_SHAPES = 0.2, 8
+_YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 9
+"""Compliance over that of a contact from which on the coarse inverse holds a shape, how many of them, and at how many
+harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
+_FORCING, _ROUGHLY = 1e-3, 0.05
+"""How far GMRES solves for a step, and where only the size of the step matters."""
 _SAFETY, _LEAST = 2.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
 _FEWEST, _MOST_RUNS, _MOST_ROUGH = 3, 400, 60
@@ -52,12 +56,15 @@ class _Point:
 
 @dataclass
 class _Coarse:
-    """Shapes (contact, shape), weights with weights @ shapes = I, and the coarse inverse near a frequency in rad/s."""
+    """Shapes (contact, shape), weights with weights @ shapes = I, and the coarse inverse near a frequency in rad/s.
+
+    ``inverse``: of the lowest orders together, and of the higher ones one by one; empty where there is none yet.
+    """
 
     omega: float
     shapes: np.ndarray
     weights: np.ndarray
-    inverse: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    inverse: tuple[np.ndarray, ...] = ()
 
 
 @dataclass
@@ -71,7 +78,7 @@ class Condensed:
     driven: Dof
     force: float
     tolerance: float = 5e-3
-    most_orders: int = 24
+    most_orders: int = 48
     harmonics: int | None = None
     limits: np.ndarray = field(init=False)
 
@@ -183,7 +190,9 @@ class Condensed:
         found = self._run(omega, start, gains, level, 25)
         return found if found[0] >= 0 else None
 
-    def _run(self, omega: float, start: np.ndarray, gains: np.ndarray, level: float, most: int) -> tuple[Any, ...]:
+    def _run(
+        self, omega: float, start: np.ndarray, gains: np.ndarray, level: float, most: int, forcing: float = _FORCING
+    ) -> tuple[Any, ...]:
         """Solve u - u_drive + Z G(u) = 0 from a start, with step halving; slip forces are raised by ``level``.
 
         Returns the number of steps (-1: failed), amplitudes, forces, Jacobian, losses, who slips. With ``most`` of 0 a
@@ -208,25 +217,28 @@ class Condensed:
                 trial = amplitudes - length * step
                 continue
             amplitudes, norm, length, steps = trial, new, 1.0, steps + 1
-            step = self._step(omega, gains, jacobian, slips, rest)
+            step = self._step(omega, gains, jacobian, slips, rest, forcing)
             trial = amplitudes - step
             if steps > most:
                 break
         return -1, trial, forces, jacobian, lost, slips
 
     def _step(
-        self, omega: float, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray
-    ) -> Float[np.ndarray, "contact size"]:
+        self, omega: float, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray,
+        forcing: float = _FORCING,
+    ) -> Float[np.ndarray, "contact size"]:  # fmt: skip
         """Newton's step, (I + Z dG/dU) step = rest: by GMRES where many contacts slip, else by elimination."""
         if np.count_nonzero(slips) * rest.shape[1] > _DENSE:
             coarse = self.coarse(omega, gains)
             system = gains, jacobian, self.members, slips, rest, coarse.shapes, coarse.weights
             step, turns = rest, -1
-            if len(coarse.inverse):
-                step, turns = self.kernels.krylov_step(*system, coarse.inverse)
-            if coarse.shapes.shape[1] and not 0 <= turns <= 6 + gains.shape[1]:
+            if coarse.inverse:
+                step, turns = self.kernels.krylov_step(*system, *coarse.inverse, forcing)
+            if coarse.shapes.shape[1] and turns < 0:
                 coarse.inverse = self._coarse_inverse(coarse, gains, jacobian, slips)
-                step, turns = self.kernels.krylov_step(*system, coarse.inverse)
+                step, turns = self.kernels.krylov_step(*system, *coarse.inverse, forcing)
+            if turns > _MANY_TURNS + gains.shape[1] // 2:
+                coarse.inverse = ()  # of no use any more: the next step makes a new one
             if turns >= 0:
                 return np.asarray(step)
         return self._dense_step(gains, jacobian, slips, rest)
@@ -250,18 +262,20 @@ class Condensed:
 
     def _coarse_inverse(
         self, coarse: "_Coarse", gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray
-    ) -> Float[np.ndarray, "seen seen"]:
-        """Inverse of (I + Z dG/dU) seen by few shapes of the contacts at all orders."""
+    ) -> tuple[Float[np.ndarray, "seen seen"], Float[np.ndarray, "high pair pair"]]:
+        """Inverses of (I + Z dG/dU) seen by few shapes of the contacts: low orders together, higher ones one by one."""
         held = slips[:, None] & (self.members >= 0)
         lever = np.where(held[:, :, None], coarse.shapes[self.members], 0.0)
         contacts, count = coarse.shapes.shape
-        size = jacobian.shape[2]
-        change = np.einsum("jwb,jwrc->rjbc", lever, jacobian).reshape(size, contacts, count * size)
-        seen = np.matmul(coarse.weights, gains)
-        upper = np.matmul(seen[0], change[::2]) + np.matmul(seen[1], change[1::2])
-        lower = np.matmul(seen[0], change[1::2]) - np.matmul(seen[1], change[::2])
-        matrix = np.stack([upper, lower], axis=1).reshape(size, count, count * size).transpose(1, 0, 2)
-        return np.linalg.inv(np.eye(count * size) + matrix.reshape(count * size, count * size))
+        seen, low = np.matmul(coarse.weights, gains), min(gains.shape[1], _MOST_SEEN)
+        change = np.einsum("jwb,jwrc->rjbc", lever, jacobian[:, :, : 2 * low, : 2 * low])
+        matrix = _yielding(seen[:, :low], change.reshape(2 * low, contacts, -1)).reshape(low, 2, count, -1)
+        whole = matrix.transpose(2, 0, 1, 3).reshape(2 * low * count, -1)
+        orders = np.arange(low, gains.shape[1])[:, None]
+        own = jacobian[:, :, 2 * orders[:, :, None] + [[0], [1]], 2 * orders[:, :, None] + [[0, 1]]]
+        own = np.einsum("jwb,jwhrc->hrjbc", lever, own).reshape(-1, contacts, 2 * count)
+        blocks = _yielding(seen[:, low:], own).transpose(0, 2, 1, 3).reshape(-1, 2 * count, 2 * count)
+        return np.linalg.inv(np.eye(len(whole)) + whole), np.linalg.inv(np.eye(2 * count) + blocks)
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt."""
@@ -396,7 +410,7 @@ class Condensed:
     def _widened(self, point: _Point, gains: np.ndarray) -> tuple[Float[np.ndarray, "contact size"], float]:
         """A Newton step with all harmonics of ``gains``, and how much it changes the first one, relative."""
         start, count = point.amplitudes, gains.shape[1]
-        wide = self._run(point.omega, _with_harmonics(start, count), gains, 1.0, 0)[1]
+        wide = self._run(point.omega, _with_harmonics(start, count), gains, 1.0, 0, _ROUGHLY)[1]
         first = slice(0, 2) if self.odd else slice(2, 4)
         scale = max(float(np.linalg.norm(start[:, first])), 1e-300)
         return wide, float(np.linalg.norm(wide[:, first] - start[:, first])) / scale
@@ -441,6 +455,16 @@ class Condensed:
         lossy = base.decay * speed if base.damping is None else speed @ base.damping
         damping = 0.5 * float(np.real(np.sum(np.conj(speed) * lossy)))
         return supplied, float(point.lost.sum()) * point.omega / (2 * np.pi), damping
+
+
+def _yielding(
+    seen: Float[np.ndarray, "2 order shape contact"], change: Float[np.ndarray, "row contact column"]
+) -> Float[np.ndarray, "order 2 shape column"]:
+    """Cos and sin amplitudes that forces (cos and sin of every order are rows) bring about, seen by shapes."""
+    return np.stack([
+        np.matmul(seen[0], change[::2]) + np.matmul(seen[1], change[1::2]),
+        np.matmul(seen[0], change[1::2]) - np.matmul(seen[1], change[::2]),
+    ], axis=1)  # fmt: skip
 
 
 def _norm(table: np.ndarray) -> float:

@@ -99,8 +99,9 @@ class JoinedCondensed(Condensed):
         return self._forces(amplitudes, omega, fine)[:4]
 
     def _step(
-        self, omega: float, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray
-    ) -> Float[np.ndarray, "contact size"]:
+        self, omega: float, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray,
+        forcing: float = 0.0,
+    ) -> Float[np.ndarray, "contact size"]:  # fmt: skip
         return self._dense_step(gains, jacobian, slips, rest)
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:

@@ -11,8 +11,6 @@ from ema.simulate.contact_kernels import matvec
 from ema.simulate.period_kernels import masing_period
 from ema.simulate.quadrature_kernels import smooth_period
 
-_FORCING = 1e-3
-
 
 @nb.njit(cache=True, error_model="numpy")
 def largest(row):
@@ -78,7 +76,7 @@ def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limit
     return forces, jacobian, lost, slips
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def residual(amplitudes, drive, gains, forces):
     """u - u_drive + Z G in cos and sin amplitudes (X = a - j b)."""
     contacts, size = amplitudes.shape
@@ -123,7 +121,7 @@ def newton_matrix(gains, jacobian, members, slips, moving):
     return out
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def linear_change(change, jacobian, members, slips):
     """Change of the contact forces (contact, 2 H) that follows from a change of the amplitudes, dG/dU change."""
     out = np.zeros(change.shape)
@@ -160,40 +158,57 @@ def add(factor, what, out):
 
 
 @nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def precondition(vector, shapes, weights, inverse, seen, solved, out):
-    """The coarse inverse on what the shapes see of a vector (contact, 2 H), the identity on the rest."""
+def precondition(vector, shapes, weights, inverse, blocks, seen, out):
+    """A coarse inverse on what the shapes see of a vector (contact, 2 H), the identity on the rest.
+
+    ``inverse`` holds the lowest orders together, ``blocks`` (order, 2 shape, 2 shape) the higher ones one by one.
+    """
     contacts, count = shapes.shape
-    size = vector.shape[1]
-    for r in range(count * size):
-        seen[r] = 0.0
+    width = len(inverse) // count
     for a in range(count):
+        for c in range(vector.shape[1]):
+            seen[a, c] = 0.0
         for i in range(contacts):
-            for c in range(size):
-                seen[a * size + c] += weights[a, i] * vector[i, c]
-    matvec(inverse, seen, solved)
+            for c in range(vector.shape[1]):
+                seen[a, c] += weights[a, i] * vector[i, c]
     for i in range(contacts):
-        for c in range(size):
+        for c in range(vector.shape[1]):
             out[i, c] = vector[i, c]
-        for a in range(count):
-            for c in range(size):
-                out[i, c] += shapes[i, a] * (solved[a * size + c] - seen[a * size + c])
+    for a in range(count):
+        for c in range(vector.shape[1]):
+            change = -seen[a, c]
+            if c < width:
+                row = inverse[a * width + c]
+                for b in range(count):
+                    for d in range(width):
+                        change += row[b * width + d] * seen[b, d]
+            else:
+                row = blocks[(c - width) // 2, 2 * a + c % 2]
+                first = c - c % 2
+                for b in range(count):
+                    change += row[2 * b] * seen[b, first] + row[2 * b + 1] * seen[b, first + 1]
+            for i in range(contacts):
+                out[i, c] += shapes[i, a] * change
 
 
 @nb.njit(cache=True, error_model="numpy")
-def krylov_step(gains, jacobian, members, slips, rest, shapes, weights, inverse):
-    """Solve (I + Z dG/dU) step = rest by GMRES with the coarse inverse; the step and the number of turns (-1: no)."""
-    most = 30
+def krylov_step(gains, jacobian, members, slips, rest, shapes, weights, inverse, blocks, forcing):
+    """Solve (I + Z dG/dU) step = rest by GMRES with the coarse inverse to the share ``forcing`` of the rest.
+
+    Returns the step and the number of turns (-1: it takes too many).
+    """
+    most = 80
     contacts, width = rest.shape
     zero, step = np.zeros((contacts, width)), np.zeros((contacts, width))
-    turned, held = np.zeros((most + 1, contacts, width)), np.zeros((most, contacts, width))
-    seen, solved = np.empty(len(inverse)), np.empty(len(inverse))
+    turned, held = np.empty((most + 1, contacts, width)), np.empty((most, contacts, width))
+    seen = np.empty((shapes.shape[1], width))
     triangle, target = np.zeros((most + 1, most)), np.zeros(most + 1)
     cosine, sine = np.zeros(most), np.zeros(most)
     norm = np.sqrt(inner(rest, rest))
-    add(1.0 / norm, rest, turned[0])
+    turned[0] = rest / norm
     target[0] = norm
     for n in range(most):
-        precondition(turned[n], shapes, weights, inverse, seen, solved, held[n])
+        precondition(turned[n], shapes, weights, inverse, blocks, seen, held[n])
         new = residual(held[n], zero, gains, linear_change(held[n], jacobian, members, slips))
         for m in range(n + 1):
             triangle[m, n] = inner(new, turned[m])
@@ -207,12 +222,12 @@ def krylov_step(gains, jacobian, members, slips, rest, shapes, weights, inverse)
         cosine[n], sine[n] = triangle[n, n] / length, size / length
         triangle[n, n] = length
         target[n + 1], target[n] = -sine[n] * target[n], cosine[n] * target[n]
-        if abs(target[n + 1]) <= _FORCING * norm:
+        if abs(target[n + 1]) <= forcing * norm:
             for m in range(n, -1, -1):
                 for k in range(m + 1, n + 1):
                     target[m] -= triangle[m, k] * target[k]
                 target[m] /= triangle[m, m]
                 add(target[m], held[m], step)
             return step, n + 1
-        add(1.0 / size, new, turned[n + 1])
+        turned[n + 1] = new / size
     return step, -1

@@ -39,13 +39,25 @@ def motion(amplitudes, orders, cosine, sine):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _next_place(x, value, slope, low, high, before):
+    """Newton's next place, or the middle where it leaves the bracket or moves by more than half the step ``before``.
+
+    Without the second condition steps over a wave can go to and fro for ever. Returns the place and the step.
+    """
+    new = x - value / slope if slope != 0.0 else low - 1.0
+    if not low <= new <= high or abs(new - x) > 0.5 * before:
+        new = 0.5 * (low + high)
+    return new, abs(new - x)
+
+
+@nb.njit(cache=True, error_model="numpy")
 def _root(amplitudes, orders, second, x, low, high, rising, cosine, sine):
     """Zero of the first (or ``second``) derivative in a stretch where it changes its sign; leaves its waves behind.
 
     ``x`` is a guess; the derivative grows through the zero if ``rising``. What the zero is needed for is of second
     order in its error.
     """
-    need = orders[-1] + 1
+    need, change = orders[-1] + 1, 2.0 * (high - low)
     for _ in range(60):
         waves(x, need, cosine, sine)
         _, du, ddu, dddu = motion(amplitudes, orders, cosine, sine)
@@ -54,10 +66,7 @@ def _root(amplitudes, orders, second, x, low, high, rising, cosine, sine):
             low = x
         else:
             high = x
-        new = x - value / slope if slope != 0.0 else 0.5 * (low + high)
-        if not low <= new <= high:
-            new = 0.5 * (low + high)
-        change, x = abs(new - x), new
+        x, change = _next_place(x, value, slope, low, high, change)
         if change < _CLOSE or high - low < _CLOSE:
             break
     waves(x, len(cosine), cosine, sine)
@@ -120,7 +129,7 @@ def crossing(amplitudes, orders, target, low, high, u_low, u_high, cosine, sine)
     # between two turning points a motion is close to half a cosine
     x = low + (high - low) * np.arccos(min(max(1.0 - 2.0 * share, -1.0), 1.0)) / np.pi
     rising = u_high > u_low
-    need = orders[-1] + 1
+    need, change = orders[-1] + 1, 2.0 * (high - low)
     for _ in range(60):
         waves(x, need, cosine, sine)
         u, du, _, _ = motion(amplitudes, orders, cosine, sine)
@@ -129,10 +138,7 @@ def crossing(amplitudes, orders, target, low, high, u_low, u_high, cosine, sine)
             right = x
         else:
             left = x
-        new = x - rest / du if du != 0.0 else 0.5 * (left + right)
-        if not left <= new <= right:
-            new = 0.5 * (left + right)
-        change, x = abs(new - x), new
+        x, change = _next_place(x, rest, du, left, right, change)
         if change < _CLOSE or right - left < _CLOSE:
             break
     waves(x, len(cosine), cosine, sine)
