@@ -108,7 +108,7 @@ def _read(path: Path, options: dict[str, Any]) -> Contents:
 
 
 def _size(contents: Contents) -> int:
+    arrays = (array for frf in contents.frfs for array in (frf.values, frf.coherence, frf.variance, frf.deviations))
     return sum(recording.signals.nbytes for recording in contents.recordings) + sum(
-        frf.values.nbytes + sum(part.nbytes for part in (frf.coherence, frf.variance) if part is not None)
-        for frf in contents.frfs
+        array.nbytes for array in arrays if array is not None
     )

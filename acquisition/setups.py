@@ -1,12 +1,12 @@
 """FRFs measured file by file or set-up by set-up, joined into one set."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ema.data import Finding, FrfSet
+from ema.data import Deviations, Finding, FrfSet
 from ema.dof import Dof
 from ema.errors import InputError
 
@@ -70,7 +70,29 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
     return replace(
         first.frfs, values=values, outputs=signed_outputs, inputs=signed_inputs, coherence=coherence,
         variance=variance, averages=averages, findings=findings, name=name or first.frfs.name,
+        deviations=_deviations(parts, owners, shape),
     )  # fmt: skip
+
+
+def _deviations(
+    parts: Sequence[Part], owners: Mapping[tuple[int, int], tuple[Part, tuple[int, int], int]], shape: tuple[int, ...]
+) -> Deviations | None:
+    """What single blows changed; those of two parts are never the same blow."""
+    held = [part.frfs.deviations for part in parts]
+    most = max((len(one.blows) for one in held if one is not None), default=0)
+    if not most:
+        return None
+    counts = [0 if one is None else int(one.blows.max(initial=-1)) + 1 for one in held]
+    first = {id(part): sum(counts[:place]) for place, part in enumerate(parts)}
+    values, blows = np.zeros((most, *shape), np.complex64), np.full((most, *shape[1:]), -1)
+    for cell, (part, place, sign) in owners.items():
+        own = part.frfs.deviations
+        if own is not None:
+            some = slice(0, len(own.blows))
+            values[some, :, *cell] = sign * own.values[:, :, *place]
+            number = own.blows[:, *place]
+            blows[some, *cell] = np.where(number < 0, -1, number + first[id(part)])
+    return Deviations(values, blows)
 
 
 def _owners(

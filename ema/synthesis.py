@@ -105,6 +105,7 @@ def convert(frfs: FrfSet, quantity: FrfQuantity) -> FrfSet:
         frfs,
         values=frfs.values * factor,
         variance=None if frfs.variance is None else frfs.variance * np.abs(factor) ** 2,
+        deviations=None if frfs.deviations is None else frfs.deviations.scaled(factor),
         quantity=quantity,
         unit=FRF_UNIT[quantity] if frfs.scaled else UNSTATED,
     )

@@ -4,6 +4,7 @@ from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, Norm
 from ema.data.campaign import Campaign, Lazy, Repair, Run
 from ema.data.comparison import MapComparison, ModeComparison, ModelUpdate, SignalComparison, Verdict
 from ema.data.condition import Condition, Excitation, JointForce
+from ema.data.deviations import Deviations
 from ema.data.findings import Finding
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.frf import FrfSet
@@ -41,7 +42,7 @@ from ema.data.source import Source
 
 __all__ = [
     "BeamModel", "BoltedJoint", "Campaign", "Candidates", "Channel", "Condition", "ConditionDifference",
-    "ContactPressure", "ControlLine", "ControlStudy", "Damping", "Decay", "EnergyBalance", "Excitation",
+    "ContactPressure", "ControlLine", "ControlStudy", "Damping", "Decay", "Deviations", "EnergyBalance", "Excitation",
     "Expectation", "Finding", "Forecast", "ForecastCheck", "FrfSet", "FrictionBeam", "FrictionLaw", "Geometry",
     "HarmonicResponse", "Hit", "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "MapComparison", "MapResult",
     "Matrices", "ModalMap", "ModalModel", "ModalUncertainty", "ModeComparison", "ModeQuality", "ModelUpdate",

@@ -8,6 +8,7 @@ from jaxtyping import Complex, Float
 
 from ema.data._arrays import freeze
 from ema.data.condition import Condition
+from ema.data.deviations import Deviations
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
 from ema.dof import Dof
@@ -31,7 +32,7 @@ class FrfSet:
     estimator : H1, H2, Hv, ..., or where the FRFs came from.
     averages : number of averages behind each FRF, shape (out, in); ``None`` where unknown.
     added_decay : decay rate in rad/s that an exponential window added to every pole (the fit takes it off again).
-    input_noise_coherent : whether the noise of different columns comes from the same blow.
+    deviations : what the single blows or blocks changed in their average, where they were kept.
     """
 
     frequencies: Float[np.ndarray, "freq"]
@@ -49,6 +50,7 @@ class FrfSet:
     provenance: Provenance = Provenance()
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     name: str = ""
+    deviations: Deviations | None = None
 
     def __post_init__(self) -> None:
         freeze(
@@ -74,6 +76,7 @@ class FrfSet:
             values=self.values[keep],
             coherence=None if self.coherence is None else self.coherence[keep],
             variance=None if self.variance is None else self.variance[keep],
+            deviations=None if self.deviations is None else self.deviations.lines(keep),
         )
 
     def band(self, low: float, high: float) -> "FrfSet":
@@ -107,6 +110,7 @@ class FrfSet:
             coherence=cut(self.coherence),
             variance=cut(self.variance),
             averages=None if self.averages is None else self.averages[rows][:, columns],
+            deviations=None if self.deviations is None else self.deviations.pick(rows, columns),
         )
 
     def label(self, output: int, input_: int) -> str:

@@ -16,6 +16,7 @@ from ema.estimate import channels, hammer_findings, single_input
 from ema.estimate.block_end import RingDown, ring_down
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
+from ema.estimate.single_blows import SingleBlows
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.estimate.windows import exponential_window, force_window
@@ -121,9 +122,10 @@ def hammer_test(
     ring = _ring_down(takes, judged, length, rate)
     added = ring.needed if decay is None else decay
     sums: dict[_Key, Sums] = {}
-    effects: list[LevelEffect] = []
-    for key, part, effect in _transformed(run, takes, judged, length, before, added, options, progress):
-        sums[key] = sums[key] + part if key in sums else part
+    blows, effects = SingleBlows(), list[LevelEffect]()
+    for key, parts, effect in _transformed(run, takes, judged, length, before, added, options, progress):
+        sums[key] = reduce(add, parts, sums[key]) if key in sums else reduce(add, parts)
+        blows.keep(key, parts)
         effects += [effect] if effect is not None else []
     gallery = _gallery(takes, judged, sums, length, rate)
     findings += [
@@ -134,7 +136,7 @@ def hammer_test(
         *hammer_findings.about_levels(effects, level_bins(gallery), where),
         *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
     ]
-    return _assemble(run, takes[0], sums, length, added, options, findings), gallery
+    return _assemble(run, takes[0], sums, blows, length, added, options, findings), gallery
 
 
 def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tuple[list[Judged], list[Finding]]:
@@ -238,8 +240,8 @@ def _ring_down(takes: _Takes, judged: list[Judged], length: int, rate: float) ->
 def _transformed(
     run: Run, takes: _Takes, judged: list[Judged], length: int, before: int, decay: float, options: Options,
     progress: Progress,
-) -> Iterator[tuple[_Key, Sums, LevelEffect | None]]:  # fmt: skip
-    """Sums of spectra of each record, under (force DOF, response DOFs)."""
+) -> Iterator[tuple[_Key, list[Sums], LevelEffect | None]]:  # fmt: skip
+    """Sums of spectra of the blows of each record, under (force DOF, response DOFs)."""
     for place in range(len(takes.records)):
         accepted = [one for one in judged if one.place == place and one.accepted]
         if accepted:
@@ -248,8 +250,8 @@ def _transformed(
             spectra = [_spectra(record, layout, one, length, before, decay, options.window_force) for one in accepted]
             peaks = np.array([abs(one.blow.peak) for one in accepted])
             effect = level_effect(spectra, peaks)
-            parts = (single_input.summed(force, response) for force, response in spectra)
-            yield (layout.inputs[0], layout.outputs), reduce(add, parts), effect
+            parts = [single_input.summed(force, response) for force, response in spectra]
+            yield (layout.inputs[0], layout.outputs), parts, effect
         advance(progress, "transforming blows", place + 1, len(takes.records))
 
 
@@ -288,7 +290,7 @@ def _pulse(
 
 
 def _assemble(
-    run: Run, first: Recording, sums: dict[_Key, Sums], length: int, decay: float,
+    run: Run, first: Recording, sums: dict[_Key, Sums], blows: SingleBlows, length: int, decay: float,
     options: Options, findings: list[Finding],
 ) -> FrfSet:  # fmt: skip
     """The FRF set of all sums."""
@@ -308,6 +310,7 @@ def _assemble(
             part, options.estimator
         )
         averages[rows, column] = part.averages
+    factor = single_input.over_h1(coherence, options.estimator)
     where = channels.describe(run, first)
     layout = channels.layout(first, where)
     quantity, unit = channels.frf_quantity(
@@ -322,6 +325,7 @@ def _assemble(
         provenance=Provenance(
             steps=("estimate.hammer",), options=tuple((name, str(value)) for name, value in vars(options).items())
         ),
+        deviations=blows.deviations(values, sums, outputs, inputs, factor),
     )  # fmt: skip
 
 

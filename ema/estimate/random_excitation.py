@@ -8,9 +8,10 @@ import numpy as np
 import scipy.fft
 from jaxtyping import Complex, Float
 
-from ema.data import Finding, FrfSet, Provenance, Recording, Run
+from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
 from ema.estimate import channels, hammer_findings, local_model, spectra, windows
+from ema.estimate.single_blows import KEPT, MOST
 from ema.estimate.spectra import Estimator, Spectra
 from ema.progress import Progress, advance, silent
 
@@ -129,7 +130,8 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     weights: Any = 0.0
     noise: Any = 0.0
     power: Any = 0.0
-    count = 0
+    count, size = 0, 0
+    single: list[tuple[np.ndarray, np.ndarray]] = []
     for place, record in enumerate(records):
         this = channels.layout(record, channels.describe(run, record))
         for start in range(0, record.signals.shape[1] - length + 1, length):
@@ -138,6 +140,8 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
             split = len(this.references)
             found = local_model.local_model(lines[:, :split], lines[:, split:])
             weight = 1 / np.maximum(found.variance, 1e-300)
+            size += found.values.nbytes + weight.nbytes
+            single = [*single, (found.values, weight)] if size <= KEPT else []
             weighted, weights = weighted + weight * found.values, weights + weight
             noise, power, count = noise + found.noise, power + found.power, count + 1
         advance(progress, "modelling records", place + 1, len(records))
@@ -146,8 +150,26 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     return {
         "frequencies": np.arange(1, length // 2) * first.sampling_rate / length, "values": values,
         "coherence": np.repeat(coherence[:, :, None], values.shape[2], axis=2), "variance": 1 / weights,
-        "averages": np.full(values.shape[1:], float(count)),
+        "averages": np.full(values.shape[1:], float(count)), "deviations": _deviations(values, weights, single),
     }  # fmt: skip
+
+
+def _deviations(
+    values: Complex[np.ndarray, "freq out in"],
+    weights: Float[np.ndarray, "freq out in"],
+    blocks: Sequence[tuple[Complex[np.ndarray, "freq out in"], Float[np.ndarray, "freq out in"]]],
+) -> Deviations | None:
+    """Deviations of the weighted mean by its blocks, at most ``MOST`` groups of neighbours."""
+    if len(blocks) < 2:
+        return None
+    groups = np.array_split(np.arange(len(blocks)), min(len(blocks), MOST))
+    found = np.empty((len(groups), *values.shape), np.complex64)
+    for place, group in enumerate(groups):
+        share = sum(blocks[k][1] for k in group) / weights
+        change = sum(blocks[k][1] * (blocks[k][0] - values) for k in group) / weights
+        found[place] = change / np.sqrt(1 - np.minimum(share, 1 - 1e-9))
+    numbers = np.broadcast_to(np.arange(len(groups))[:, None, None], (len(groups), *values.shape[1:]))
+    return Deviations(found, numbers)
 
 
 def automatic_block(samples: int, inputs: int) -> int:

@@ -245,7 +245,8 @@ def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str) -> FrfSet:
         variance = variance.copy()
         variance[:, :, column] /= np.abs(share[:, None]) ** 4
     steps = (*frfs.provenance.steps, "estimate.without_mount_mass")
-    return replace(frfs, values=values, variance=variance, provenance=replace(frfs.provenance, steps=steps))
+    provenance = replace(frfs.provenance, steps=steps)
+    return replace(frfs, values=values, variance=variance, deviations=None, provenance=provenance)
 
 
 def control_level(

@@ -50,12 +50,22 @@ def estimate(
         variance = noise * inverse
     else:
         variance = np.full(coherence.shape, np.nan)
+    factor = over_h1(coherence, estimator)
+    return (h1, coherence, variance) if factor is None else (h1 * factor, coherence, variance * factor**2)
+
+
+def over_h1(coherence: Float[np.ndarray, "*shape"], estimator: Estimator) -> Float[np.ndarray, "*shape"] | None:
+    """Factor by which an estimate exceeds H1; ``None`` for H1 itself.
+
+    Raises
+    ------
+    InputError : an unknown estimator.
+    """
     if estimator == "H1":
-        return h1, coherence, variance
+        return None
     if estimator not in ("H2", "Hv"):
         raise InputError("unknown estimator", got=repr(estimator), expected="H1, H2 or Hv")
-    factor = reciprocal(coherence if estimator == "H2" else np.sqrt(coherence))
-    return h1 * factor, coherence, variance * factor**2
+    return reciprocal(coherence if estimator == "H2" else np.sqrt(coherence))
 
 
 def reciprocal(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:

@@ -81,8 +81,14 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     factor = weighted.cost(flat, state) / weighted.freedom(flat, state)
     of_poles, of_shapes = _loss(flat, state)
     between = scatter.between_outputs(flat, state, normal, factor * of_poles)
-    if np.any(between[:, chosen.is_mode[kept]] > 1):
+    is_mode = chosen.is_mode[kept]
+    if np.any(between[:, is_mode] > 1):
         basis += "; of some poles, scatter between the FRFs, which is beyond that"
+    if band.deviations is not None:
+        of_blows = scatter.between_blows(flat, state, normal, factor * of_poles, *_single_blows(band, data, flat))
+        if np.any(of_blows[:, is_mode] > between[:, is_mode]):
+            basis += "; of some poles, scatter between the blows, which is beyond that"
+        between = np.maximum(between, of_blows)
     inflation = np.tile(factor * of_poles[state.owners], 2)
     half, modes = len(inflation) // 2, len(state.poles)
     inflation[:modes] *= between[0]
@@ -169,26 +175,44 @@ def _known(band: FrfSet, data: Prepared) -> tuple[Float[np.ndarray, "out in freq
         return None, f"scatter of the residuals over the lines{why}"
     if data.swapped:
         variance = variance.transpose(0, 2, 1)
-    dofs, references = (band.inputs, band.outputs) if data.swapped else (band.outputs, band.inputs)
-    rows, columns = [dofs.index(dof) for dof in data.dofs], [references.index(dof) for dof in data.references]
+    rows, columns = _places(band, data)
     variance = variance[len(variance) - len(data.frequencies) :][:, rows][:, :, columns]
     source = "variance of the FRFs" if band.variance is not None else "coherence of the FRFs"
     return np.ascontiguousarray(variance.transpose(1, 2, 0)), f"{source}, scaled to the residuals"
+
+
+def _places(band: FrfSet, data: Prepared) -> tuple[list[int], list[int]]:
+    """Where the DOFs and the references of the fit are among those of the FRFs."""
+    dofs, references = (band.inputs, band.outputs) if data.swapped else (band.outputs, band.inputs)
+    return [dofs.index(dof) for dof in data.dofs], [references.index(dof) for dof in data.references]
+
+
+def _single_blows(
+    band: FrfSet, data: Prepared, flat: Weighted
+) -> tuple[Complex[np.ndarray, "blow out in freq"], Int[np.ndarray, "blow out in"]]:
+    """Deviations by single blows, arranged like the signals, and the numbers of the blows."""
+    assert band.deviations is not None
+    values, blows = band.deviations.values, band.deviations.blows
+    if data.swapped:
+        values, blows = values.transpose(0, 1, 3, 2), blows.transpose(0, 2, 1)
+    rows, columns = _places(band, data)
+    values = values[:, values.shape[1] - len(data.frequencies) :][:, :, rows][:, :, :, columns]
+    curve = (flat.s * flat.unit) ** -data.derivative
+    return values.transpose(0, 2, 3, 1) * curve, blows[:, rows][:, :, columns]
 
 
 def _misfit(data: Weighted, state: State, derivative: int, known: Float[np.ndarray, "out in freq"] | None) -> bool:
     """Whether the residual is no noise: correlated over lines, and beyond the known variance where there is one."""
     some = _some(data)
     residual = data.signals[some] - weighted.model(data, state, some)
+    if known is not None:
+        residual *= (np.abs(data.s) * data.unit) ** derivative / np.sqrt(known[some])
     energy = np.abs(residual) ** 2
     together = float(np.sum((residual[..., 1:] * residual[..., :-1].conj()).real))
     if together <= MISFIT * float(np.sum(energy)):
         return False
-    if known is None:
-        return True
     # A window correlates noise over lines too, but does not make it larger than its variance.
-    relative = energy * (np.abs(data.s) * data.unit) ** (2 * derivative) / known[some]
-    return float(np.mean(relative)) > _BEYOND
+    return known is None or float(np.mean(energy)) > _BEYOND
 
 
 def _weights(

@@ -195,9 +195,11 @@ def linearise(data: Weighted, state: State) -> Linearisation:
     return Linearisation(information, gradient, local, slope, offset, energy, gain)
 
 
-def scores(data: Weighted, state: State, normal: Linearisation) -> Float[np.ndarray, "out unknown"]:
+def scores(
+    data: Weighted, state: State, normal: Linearisation, change: Complex[np.ndarray, "out in freq"] | None = None
+) -> Float[np.ndarray, "out unknown"]:
     """Share of each output in the gradient of the shared unknowns, its linear unknowns adapted; at an optimum the sum
-    over the outputs vanishes.
+    over the outputs vanishes. With a ``change`` of the FRFs: what that adds to it.
     """
     modes, references = len(state.poles), len(state.participation)
     direct, mirrored = _functions(data.s, state.every_pole)
@@ -207,7 +209,8 @@ def scores(data: Weighted, state: State, normal: Linearisation) -> Float[np.ndar
     found = np.empty((len(data.signals), len(keep)))
     for rows in data.blocks():
         weights = data.weights[rows].reshape(-1, len(data.s))
-        residual = (data.signals[rows] - model(data, state, rows)).reshape(weights.shape)
+        own = data.signals[rows] - model(data, state, rows) if change is None else change[rows]
+        residual = own.reshape(weights.shape)
         h = _pull(weights, residual, plus, minus).reshape(len(data.signals[rows]), references, -1)
         right = _on_linear(state, h)[:, state.determined]
         found[rows] = _on_shared(state, rows, h)[:, keep] + np.einsum("oli,ol->oi", normal.slope[rows], right)

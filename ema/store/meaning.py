@@ -20,6 +20,8 @@ _FIXED: dict[tuple[str, str], Meaning] = {
     ("FrfSet", "frequencies"): Meaning("frequency", "Hz", "frequency lines"),
     ("FrfSet", "coherence"): Meaning("coherence", "1", "coherence (freq, out, in)"),
     ("FrfSet", "averages"): Meaning("count", "1", "averages behind each FRF (out, in)"),
+    ("Deviations", "values"): Meaning("deviation", "", "of the average by single blows (blow, freq, out, in)"),
+    ("Deviations", "blows"): Meaning("number", "1", "numbers of the blows (blow, out, in)"),
     ("PoleTable", "poles"): _POLES,
     ("PoleTable", "values"): Meaning("pole", "rad/s", "poles read with the low-bias constraint"),
     ("PoleTable", "order"): Meaning("count", "1", "model order"),
