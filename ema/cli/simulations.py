@@ -33,7 +33,7 @@ def snapback(
     rows: list[dict[str, Any]] = []
     for label, pressed in _pressed(model, forces).items():
         run = simulate.snapback(
-            pressed, table.load if load is None else load, table.at, duration or table.duration,
+            pressed, table.load if load is None else load, table.at, table.duration if duration is None else duration,
             [table.at, *(dof for dof in table.outputs if dof != table.at)], table.sampling_rate, table.tolerance,
             progress=progress,
         )  # fmt: skip

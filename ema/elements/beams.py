@@ -36,6 +36,20 @@ def element(
     return mass, stiffness
 
 
+def square_zeros(size: int, where: str) -> Float[np.ndarray, "n n"]:
+    """Room for a matrix.
+
+    Raises
+    ------
+    InputError : there is not so much memory.
+    """
+    try:
+        return np.zeros((size, size))
+    except (MemoryError, ValueError) as error:
+        raise InputError("the matrices do not fit the memory", where=where, got=f"{size} DOFs",
+                         expected="a few thousand", advice="take fewer elements") from error  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Section:
     """A uniform stretch of a beam: ``length``, ``width``, ``height`` m, Pa, kg/m^3, and its number of elements."""
@@ -69,14 +83,16 @@ def stepped_beam(sections: Sequence[Section], clamped: tuple[bool, bool] = (True
             if not value > 0 or not np.isfinite(value):
                 raise InputError("not a positive number", where=where, got=f"{name} = {value}", expected="above 0",
                                  advice="lengths in m, E in Pa, density in kg/m^3")  # fmt: skip
-    count = sum(section.elements for section in sections)
-    if not sections or min(section.elements for section in sections) < 1:
-        raise InputError("a beam needs elements", where=where, got=count, expected="1 or more")
+    numbers = [section.elements for section in sections]
+    if not sections or min(numbers) < 1 or any(number != int(number) for number in numbers):
+        raise InputError("a beam needs elements", where=where, got=", ".join(map(str, numbers)) or "no sections",
+                         expected="1 or more, a whole number")  # fmt: skip
+    count = int(sum(numbers))
     size, first = 3 * (count + 1), 0
-    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
+    mass, stiffness = square_zeros(size, where), square_zeros(size, where)
     for one in sections:
         blocks = element(one.length / one.elements, one.width, one.height, one.youngs_modulus, one.density)
-        for _ in range(one.elements):
+        for _ in range(int(one.elements)):
             rows = slice(first, first + 6)
             mass[rows, rows] += blocks[0]
             stiffness[rows, rows] += blocks[1]

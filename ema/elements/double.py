@@ -32,6 +32,7 @@ def double_beam(
     lower, upper = (
         beam(length, width, height, youngs_modulus, density, elements, part=f"beam {number}") for number in (1, 2)
     )
+    elements = int(elements)
     pairs = tuple((node, node) for node in range(1, elements + 1))
     areas = np.append(np.ones(elements - 1), 0.5)
     joint = Joint(

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from ema.data import Matrices
 from ema.dof import Dof
+from ema.elements.beams import square_zeros
 from ema.errors import InputError
 
 _POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3), (3, 1), (1, 3))
@@ -96,14 +97,14 @@ def plate_matrices(
         if not value > 0 or not np.isfinite(value):
             raise InputError("not a positive number", where=f"plate {part}".strip(), got=f"{name} = {value}",
                              expected="above 0", advice="lengths in m, E in Pa, density in kg/m^3")  # fmt: skip
-    if not -1 < poisson < 0.5 or min(elements) < 1:
+    if not -1 < poisson < 0.5 or min(elements) < 1 or any(number != int(number) for number in elements):
         raise InputError("not a plate", where=f"plate {part}".strip(), got=f"nu {poisson}, {elements} elements",
                          expected="-1 < nu < 0.5, one element or more each way")  # fmt: skip
     nx, ny = elements
     properties = (length / nx, width / ny, height, youngs_modulus, poisson, density)
     blocks = (bending(*properties), membrane(*properties))
     count = (nx + 1) * (ny + 1)
-    mass, stiffness = np.zeros((5 * count, 5 * count)), np.zeros((5 * count, 5 * count))
+    mass, stiffness = (square_zeros(5 * count, f"plate {part}".strip()) for _ in range(2))
     for i in range(nx):
         for j in range(ny):
             nodes = [(i + s) * (ny + 1) + j + t for s, t in _CORNERS]

@@ -17,6 +17,7 @@ from ema.data import BeamModel, Response
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
+from ema.simulate.checks import fits_memory, not_negative, positive
 from ema.simulate.transient import Drive, Problem, Stepper, _initial, _response, _State, prepare, released
 
 
@@ -60,7 +61,13 @@ class Actuator:
 
 
 def constant(force: float) -> ControlLaw:
-    """The passive joint."""
+    """The passive joint.
+
+    Raises
+    ------
+    InputError : the force is negative or no number.
+    """
+    not_negative("constant normal force", force=force)
     return lambda seen: force
 
 
@@ -86,6 +93,8 @@ class AmplitudeScheduled:
     """
 
     def __init__(self, force: float, reference: float, floor: float = 0.002, shortest: float = 0.0) -> None:
+        not_negative("amplitude-scheduled law", force=force, floor=floor, shortest=shortest)
+        positive("amplitude-scheduled law", reference=reference)
         self.force, self.reference, self.floor = force, reference, floor
         self.amplitude, self.turning = reference, _TurningPoints(shortest)
 
@@ -105,6 +114,8 @@ class ReleasePulse:
     """
 
     def __init__(self, force: float, width: float = 4e-3, shortest: float = 0.0) -> None:
+        not_negative("release pulse", force=force, shortest=shortest)
+        positive("release pulse", width=width)
         self.force, self.width, self.until = force, width, float("-inf")
         self.turning = _TurningPoints(max(width, shortest))
 
@@ -123,6 +134,7 @@ class BangBang:
     """
 
     def __init__(self, force: float) -> None:
+        not_negative("bang-bang law", force=force)
         self.force = force
 
     def __call__(self, seen: Measured) -> float:
@@ -152,11 +164,18 @@ def controlled_snapback(
     InputError : the law returns NaN or the wrong number of forces; a time is not positive.
     """
     actuator, dof = actuator or Actuator(), Dof.parse(at)
-    for name, value in (("duration", duration), ("step", step)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError("not a positive number", where=model.name, got=f"{name} = {value}", expected="above 0")
+    positive(model.name, duration=duration, step=step)
+    if step > actuator.sampling_time:
+        raise InputError("the step is longer than the sampling time", where=model.name, got=f"step = {step:g} s",
+                         expected=f"up to {actuator.sampling_time:g} s, a small part of it")  # fmt: skip
+    if not callable(law):
+        raise InputError("not a control law", where=model.name, got=f"{law!r}",
+                         expected="a function of what is measured, such as control.constant(100.0)")  # fmt: skip
     seen = Dof.parse(sensor) if sensor is not None else dof
     problem = prepare(model, list(dict.fromkeys([dof, seen])))
+    samples = max(round(duration / actuator.sampling_time), 1)
+    # the samples of every interval, and all of them again in one
+    fits_memory(model.name, samples, 4 * len(problem.base.frequencies) + 4 * len(problem.system.contacts.limits) + 12)
     ramped = problem if start_force is None else prepare(model.with_normal_force(start_force), [dof])
     before = [joint.normal_force if start_force is None else start_force for joint in model.joints]
     state = released(ramped, load, dof)

@@ -17,8 +17,9 @@ from ema.data import BeamModel, EnergyBalance, Finding, Response
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
+from ema.simulate.checks import fits_memory, positive
 from ema.simulate.friction import PIECEWISE_LINEAR, springs_of
-from ema.simulate.transient import Problem, check_positive, displacement_findings, energy_findings, prepare, released
+from ema.simulate.transient import Problem, displacement_findings, energy_findings, prepare, released
 
 _MEMORY = 2e8
 """Bytes for the modes of patterns that may come back."""
@@ -167,15 +168,26 @@ def run_reference(
 
     Raises
     ------
-    InputError : a law is not piecewise linear, the damping is not proportional to mass, a number is not positive.
+    InputError : a law is not piecewise linear, the damping is not proportional to mass, a number is not positive,
+        or the samples do not fit the memory.
     FailureError : too many events.
     """
     _check(problem)
-    check_positive(problem, duration=duration, sampling_rate=sampling_rate, spacing=1.0 if spacing is None else spacing)
+    where = problem.system.name
+    positive(where, duration=duration, sampling_rate=sampling_rate)
     count = max(round(duration * sampling_rate), 1)
+    # modal state of the coupled and of all modes, springs and contacts
+    fits_memory(where, count, 8 * len(problem.base.frequencies) + 6 * len(problem.system.contacts.limits))
     times = np.arange(count + 1) / sampling_rate
     reference = _Reference(problem, state, harmonic, count + 1)
-    spacing = spacing or (2 * np.pi / float(np.sqrt(reference.squares.max())) / 6)
+    shortest = 2 * np.pi / float(np.sqrt(reference.squares.max()))
+    if spacing is not None:
+        positive(where, spacing=spacing)
+        if spacing > 0.5 * shortest:
+            raise InputError("the spacing is too wide to see every event", where=where, got=f"{spacing:g} s",
+                             expected=f"up to half the shortest period, {0.5 * shortest:.2g} s",
+                             advice="leave it out: a sixth is chosen")  # fmt: skip
+    spacing = spacing or shortest / 6
     events = reference.follow(times, spacing, progress)
     return _reference_response(problem, reference, state, times, spacing, events)
 

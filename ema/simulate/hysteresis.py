@@ -41,6 +41,9 @@ def measured_loop(
     InputError : the record is shorter than one cycle, a sample is not finite, the times do not rise, nothing moves.
     """
     _check(times, displacements, forces, frequency, name)
+    if cycles < 1 or np.shape(normal_forces) not in ((), times.shape):
+        raise InputError("not a loop", where=name, got=f"{cycles} cycles, normal forces {np.shape(normal_forces)}",
+                         expected=f"one cycle or more; one normal force, or {len(times)} of them")  # fmt: skip
     findings = []
     end, begin = float(times[-1]), float(times[0])
     if steady:

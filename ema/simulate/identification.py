@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 from ema.data import Finding, Loop
 from ema.errors import InputError
+from ema.simulate.checks import positive
 
 _SLIDES = 1.2
 _MOST_SAMPLES = 20_000
@@ -67,8 +68,10 @@ def identify(loops: Sequence[Loop], reference_force: float = 1000.0) -> JointPar
 
     Raises
     ------
-    InputError : there is no loop, a normal force is unknown, a loop has too few samples or does not move.
+    InputError : there is no loop, a normal force is unknown, the reference force is not positive,
+        a loop has too few samples or does not move.
     """
+    positive("identification of a joint", reference_force=reference_force)
     if not loops:
         raise InputError("no loop to identify a joint from", expected="one for each normal force")
     for loop in loops:

@@ -10,6 +10,7 @@ from jaxtyping import Complex, Float
 from ema.data import Excitation, Recording
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.simulate.checks import finite, not_negative, positive
 from ema.simulate.waveforms import half_sine, hammer_pulse, stepped_sine, swept_sine
 
 
@@ -40,6 +41,11 @@ class Blow:
     time: float
     peak: float
     contact_time: float
+
+
+def _points(where: str, points: Sequence[Dof]) -> None:
+    if not len(points):
+        raise InputError("no point to drive", where=where, got="0 points", expected="one DOF or more")
 
 
 def spectrum_of(blows: tuple[Blow, ...], frequencies: Float[np.ndarray, "freq"]) -> Complex[np.ndarray, "freq"]:
@@ -80,6 +86,10 @@ class RovingHammer:
     ``peak`` N and ``contact_time`` s are means, their scatters are relative standard deviations; harder blows are
     shorter, as with a real tip. The first blow comes ``pre_trigger`` s after the start, the next ones ``spacing`` s
     apart with a standard deviation of ``jitter`` s.
+
+    Raises
+    ------
+    InputError : there is no point, a number is negative or none.
     """
 
     points: tuple[Dof, ...]
@@ -92,6 +102,15 @@ class RovingHammer:
     spacing: float = 1.1
     jitter: float = 0.01
     faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        _points("roving hammer", self.points)
+        positive("roving hammer", hits=self.hits, contact_time=self.contact_time, spacing=self.spacing)
+        finite("roving hammer", peak=self.peak)
+        not_negative(
+            "roving hammer", scatter=self.scatter, contact_scatter=self.contact_scatter, pre_trigger=self.pre_trigger,
+            jitter=self.jitter,
+        )  # fmt: skip
 
     @property
     def takes(self) -> int:
@@ -147,13 +166,25 @@ class RovingHammer:
 
 @dataclass(frozen=True)
 class RandomShakers(Waveform):
-    """Shakers that drive all ``points`` at once with independent random forces of ``level`` N (rms) in ``band`` Hz."""
+    """Shakers that drive all ``points`` at once with independent random forces of ``level`` N (rms) in ``band`` Hz.
+
+    Raises
+    ------
+    InputError : there is no point, a number is not positive, the band is empty.
+    """
 
     points: tuple[Dof, ...]
     level: float
     band: tuple[float, float]
     duration: float
     takes: int = 1
+
+    def __post_init__(self) -> None:
+        _points("random shakers", self.points)
+        positive("random shakers", level=self.level, duration=self.duration, takes=self.takes)
+        if not 0 <= self.band[0] < self.band[1] < np.inf:
+            raise InputError("not a band", where="random shakers", got=f"{self.band[0]} to {self.band[1]} Hz",
+                             expected="0 <= low < high")  # fmt: skip
 
     @property
     def excitation(self) -> Excitation:
@@ -183,6 +214,10 @@ class SweptShaker(Waveform):
     """One shaker whose force of ``level`` N (amplitude) sweeps linearly through ``band`` Hz in ``sweep_time`` s.
 
     It does so ``sweeps`` times without a pause (a periodic chirp); the record goes on for ``duration`` s in all.
+
+    Raises
+    ------
+    InputError : a number is not positive.
     """
 
     point: Dof
@@ -192,6 +227,12 @@ class SweptShaker(Waveform):
     duration: float
     takes: int = 1
     sweeps: int = 1
+
+    def __post_init__(self) -> None:
+        positive(
+            "swept shaker", level=self.level, start_frequency=self.band[0], end_frequency=self.band[1],
+            sweep_time=self.sweep_time, duration=self.duration, takes=self.takes, sweeps=self.sweeps,
+        )  # fmt: skip
 
     @property
     def excitation(self) -> Excitation:
@@ -215,11 +256,18 @@ class Shaker:
 
     ``damping`` N s/m by the back-EMF of the coil ((B l)^2 / R), ``moving_mass`` kg of armature and stinger,
     ``mount_mass`` kg between load cell and structure.
+
+    Raises
+    ------
+    InputError : a number is negative or none.
     """
 
     damping: float = 0.0
     moving_mass: float = 0.0
     mount_mass: float = 0.0
+
+    def __post_init__(self) -> None:
+        not_negative("shaker", damping=self.damping, moving_mass=self.moving_mass, mount_mass=self.mount_mass)
 
     def taken(self, frequency: float) -> complex:
         """Force in N per m of motion at the drive point that does not reach the structure."""
@@ -234,6 +282,10 @@ class SteppedSine:
     A record holds ``duration`` s of the steady state. With ``settle`` of None it is found by harmonic balance; else
     every record begins that many s after the force was switched on. With a ``shaker``, ``level`` is the force of its
     coil: what reaches the structure drops at resonance, and the load cell also drives the mass below it.
+
+    Raises
+    ------
+    InputError : there is no frequency, a number is not positive.
     """
 
     point: Dof
@@ -242,6 +294,15 @@ class SteppedSine:
     duration: float = 0.5
     settle: float | None = None
     shaker: Shaker | None = None
+
+    def __post_init__(self) -> None:
+        if not len(self.frequencies):
+            raise InputError("no frequency to stay at", where="stepped sine", got="0 frequencies",
+                             expected="one or more, in Hz")  # fmt: skip
+        positive("stepped sine", level=self.level, duration=self.duration)
+        for frequency in self.frequencies:
+            positive("stepped sine", frequency=frequency)
+        not_negative("stepped sine", settle=0.0 if self.settle is None else self.settle)
 
     @property
     def takes(self) -> int:
@@ -316,13 +377,23 @@ class RecordedForces(Waveform):
 
 @dataclass(frozen=True)
 class SnapBack:
-    """A load of ``load`` N raised slowly at ``point`` and let go ``pre_trigger`` s after the start of each record."""
+    """A load of ``load`` N raised slowly at ``point`` and let go ``pre_trigger`` s after the start of each record.
+
+    Raises
+    ------
+    InputError : the load is no number, a time is not positive.
+    """
 
     point: Dof
     load: float
     duration: float
     pre_trigger: float = 0.1
     takes: int = 1
+
+    def __post_init__(self) -> None:
+        finite("snap-back", load=self.load)
+        positive("snap-back", duration=self.duration, takes=self.takes)
+        not_negative("snap-back", pre_trigger=self.pre_trigger)
 
     @property
     def excitation(self) -> Excitation:

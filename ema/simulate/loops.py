@@ -7,7 +7,10 @@ from jaxtyping import Float
 
 from ema.data import FrictionLaw, Loop
 from ema.errors import InputError
+from ema.simulate.checks import not_negative, positive
 from ema.simulate.friction import PackedLaws, check_isotropic, pack, virgin_rate
+
+_FEWEST = 8
 
 
 def drive(
@@ -22,7 +25,7 @@ def drive(
 
     Raises
     ------
-    InputError : the normal force is negative or not finite, or the law is rigid.
+    InputError : the normal force or mu is negative or not finite, k_T is not positive, or the law is rigid.
     """
     from ema.simulate import friction_kernels
 
@@ -46,6 +49,9 @@ def _prepared(
     if not np.isfinite(law.contact_stiffness):
         raise InputError("a rigid law has no loop of its own", where=f"law {law.name}", got="infinite stick stiffness",
                          expected="a stiffness", advice="Coulomb(mu, stick_stiffness=...)")  # fmt: skip
+    where = f"law {law.name}"
+    not_negative(where, friction_coefficient=law.friction_coefficient)
+    positive(where, contact_stiffness=law.contact_stiffness)
     stiffness = law.contact_stiffness
     if law.stiffness_exponent:
         stiffness *= (float(force[0]) / law.reference_force) ** law.stiffness_exponent
@@ -89,7 +95,17 @@ def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int =
     """Stabilised loop of a law under a harmonic displacement of ``amplitude`` m: one cycle after very many.
 
     ``samples`` per cycle; ``frequency`` Hz matters to LuGre only.
+
+    Raises
+    ------
+    InputError : a number is not positive, there are fewer than eight samples; as for ``drive``.
     """
+    where = f"loop of the law {law.name}"
+    positive(where, amplitude=amplitude, frequency=frequency)
+    if samples < _FEWEST:
+        raise InputError(
+            "too few samples for a loop", where=where, got=samples, expected=f"{_FEWEST} or more per cycle"
+        )
     fine = amplitude * np.sin(np.linspace(0, 2 * np.pi, samples + 1) + np.pi / 2)
     turns = amplitude * np.resize([1.0, -1.0], 100_000) if law.name != "lugre" else np.tile(fine[:-1], 20)
     forces = drive(law, np.concatenate([[0.0], turns, fine]), normal_force, 1 / (frequency * samples))[-len(fine) :]

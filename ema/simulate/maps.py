@@ -65,6 +65,18 @@ def check_band(model: BeamModel, band: tuple[float, float]) -> tuple[float, floa
     return band
 
 
+def check_levels(model: BeamModel, **counts: int) -> None:
+    """Refuse empty lists of levels.
+
+    Raises
+    ------
+    InputError : as said.
+    """
+    for name, count in counts.items():
+        if not count:
+            raise InputError("an empty list", where=model.name, got=f"{name} = []", expected="one level or more, in N")
+
+
 def _peak(condensed: Condensed, band: tuple[float, float], coarse: int) -> Resonance:
     """The largest response: places from few harmonics on a coarse grid, then each summit with all it needs."""
     rows = np.array([condensed.problem.base.row(condensed.problem.system, condensed.problem.outputs[0])])
@@ -200,7 +212,13 @@ def backbone(
     band: tuple[float, float],
     tolerance: float = 5e-3, modes: int | None = None, progress: Progress = silent,
 ) -> tuple[Resonance, ...]:  # fmt: skip
-    """Resonance at every force level of ``forces`` (N): how frequency and damping depend on amplitude."""
+    """Resonance at every force level of ``forces`` (N): how frequency and damping depend on amplitude.
+
+    Raises
+    ------
+    InputError : the band is empty, there is no force or one that is not positive.
+    """
+    check_levels(model, forces=len(forces))
     result: list[Resonance] = []
     condensed: Condensed | None = None
     for number, force in enumerate(forces):
@@ -235,9 +253,10 @@ def damping_map(
 
     Raises
     ------
-    InputError : the band is empty, a force is not positive, nothing was found.
+    InputError : the band is empty, a list is empty, a force is not positive, nothing was found.
     """
     levels, normals = np.asarray(force_levels, dtype=float), np.asarray(normal_forces, dtype=float)
+    check_levels(model, force_levels=len(levels), normal_forces=len(normals))
     for level in levels:
         check_positive(model.name, "force", float(level))
     if not (np.all(np.isfinite(normals)) and np.all(normals >= 0)):

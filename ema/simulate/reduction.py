@@ -58,8 +58,8 @@ def modal_base(
     springs = system.contacts.stiffness if stiffness is None else stiffness
     matrix, mass = stuck_stiffness(system, springs), system.mass
     transform = None
-    if modes is not None and modes < 0:
-        raise InputError("not a number of modes", where=system.name, got=modes, expected="0 or more")
+    if modes is not None and not (isinstance(modes, int | np.integer) and modes >= 0):
+        raise InputError("not a number of modes", where=system.name, got=modes, expected="0 or more, a whole number")
     if modes is not None and modes + len(springs) + len(loads) < len(mass):
         transform = _with_static_correction(system, matrix, modes, loads)
         matrix, mass = transform.T @ matrix @ transform, transform.T @ mass @ transform

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from ema.data import BeamModel, Channel, ModalModel, Recording
 from ema.errors import InputError
+from ema.simulate.checks import finite, not_negative, positive
 from ema.simulate.inputs import RandomShakers, RecordedForces, RovingHammer, SnapBack, SteppedSine, SweptShaker
 
 Drive = RovingHammer | RandomShakers | SweptShaker | SteppedSine | SnapBack | RecordedForces
@@ -27,6 +28,10 @@ class RingCell:
 
     ``mean`` N is what presses the joint (NaN: what the model says), ``rms`` noise and ``drift`` over a record in N;
     ``gain`` is the reading over the true force, 1 for a cell calibrated in place.
+
+    Raises
+    ------
+    InputError : the mean or the noise is negative, the gain is not positive.
     """
 
     joint: str
@@ -34,6 +39,12 @@ class RingCell:
     rms: float = 0.0
     drift: float = 0.0
     gain: float = 1.0
+
+    def __post_init__(self) -> None:
+        where = f"ring {self.joint}"
+        not_negative(where, mean=0.0 if np.isnan(self.mean) else self.mean, rms=self.rms)
+        finite(where, drift=self.drift)
+        positive(where, gain=self.gain)
 
 
 def anti_alias(frequencies: Float[np.ndarray, "freq"], sampling_rate: float) -> Float[np.ndarray, "freq"]:
@@ -61,7 +72,7 @@ class Rig(ABC):
 
     Raises
     ------
-    InputError : a response is no motion, there is no such channel.
+    InputError : a response is no motion, there is no such channel, a number is negative or none.
     """
 
     model: ModalModel | BeamModel
@@ -80,6 +91,9 @@ class Rig(ABC):
     def __post_init__(self) -> None:
         if not (np.isfinite(self.sampling_rate) and self.sampling_rate > 0):
             raise InputError("not a sampling rate", where=self.name, got=self.sampling_rate, expected="above 0 Hz")
+        not_negative(self.name, **{f"noise of {quantity}": rms for quantity, rms in self.noise.items()})
+        positive(self.name, **{name: value for name, value in (("bits", self.bits), ("force_range", self.force_range))
+                               if value is not None})  # fmt: skip
         for channel in self.responses:
             if channel.quantity not in DERIVATIVES or channel.dof is None:
                 raise InputError(

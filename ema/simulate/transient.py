@@ -16,6 +16,7 @@ from ema.data import BeamModel, EnergyBalance, Finding, Response
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
+from ema.simulate.checks import fits_memory, is_number, positive
 from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
 from ema.simulate.friction import PackedLaws, pack
 from ema.simulate.joined import Joined, joined, kept_at_rest, pressure, refuse_joined
@@ -83,6 +84,8 @@ def prepare(
     laws = pack(system.contacts.laws, pair_counts(model, system))
     base = modal_base(system, modes=modes, loads=loads)
     dofs = tuple(Dof.parse(dof) for dof in outputs)
+    if not dofs:
+        raise InputError("no motion to keep", where=system.name, got="no outputs", expected="one DOF or more")
     return Problem(system, base, laws, dofs, system.findings, joined(system))
 
 
@@ -190,9 +193,12 @@ class Stepper:
 
 def room_for(problem: Problem, samples: int) -> dict[str, np.ndarray]:
     """Room for the samples of a run: q, p (mode), u, f (contact) and energies (6)."""
+    return {name: np.zeros((samples, width)) for name, width in _widths(problem).items()}
+
+
+def _widths(problem: Problem) -> dict[str, int]:
     modes, contacts = len(problem.base.frequencies), len(problem.system.contacts.limits)
-    widths = {"q": modes, "p": modes, "u": contacts, "f": contacts, "energy": 6}
-    return {name: np.zeros((samples, width)) for name, width in widths.items()}
+    return {"q": modes, "p": modes, "u": contacts, "f": contacts, "energy": 6}
 
 
 def _quiet(loads: np.ndarray) -> int:
@@ -271,10 +277,13 @@ def solve(
 
     Raises
     ------
-    InputError : duration, rate or tolerance is not positive.
+    InputError : duration, rate or tolerance is not positive, or the samples do not fit the memory.
     """
-    check_positive(problem, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
+    where = problem.system.name
+    positive(where, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
     samples = max(round(duration * sampling_rate), 1)
+    # the run at hand and the one before
+    fits_memory(where, samples, 2 * sum(_widths(problem).values()))
     interval = 1 / sampling_rate
     every = max(int(np.ceil(interval / (_FIRST_STEP if tolerance > 3e-3 else 0.5 * _FIRST_STEP))), 1)
     rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
@@ -364,7 +373,7 @@ def snapback(
     """
     dof = Dof.parse(at)
     problem = prepare(model, outputs or [dof], modes, [dof], plane=True, normal=normal_forces is None)
-    check_positive(problem, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
+    positive(model.name, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
     drive, limits = Drive(np.zeros(1)), None
     if normal_forces is not None:
         times = np.arange(max(round(duration * sampling_rate), 1) + 1) / sampling_rate
@@ -382,7 +391,7 @@ def released(problem: Problem, load: float, dof: Dof, limits: Float[np.ndarray, 
     InputError : the load is not finite.
     """
     system = problem.system
-    if not np.isfinite(load):
+    if not is_number(load):
         raise InputError("not a load", where=system.name, got=f"{load} N", expected="a finite force")
     state = ramp(system, problem.laws, load * system.row(dof), limits=limits, joined=problem.joined)
     q = problem.base.shapes.T @ (system.mass @ state.displacements)
@@ -408,29 +417,24 @@ def respond(
     InputError : the shapes do not fit, a force is not finite, a normal force is negative.
     """
     dofs = tuple(Dof.parse(dof) for dof in at)
-    if len(dofs) != len(forces) or forces.shape[1] < 2 or not np.all(np.isfinite(forces)):
-        raise InputError("the forces do not fit", where=model.name, got=f"{forces.shape} for {len(dofs)} DOFs",
-                         expected="one finite row of two or more samples for every DOF")  # fmt: skip
+    forces = _forces(model.name, forces, len(dofs))
     problem = prepare(model, outputs, modes, dofs, plane=True, normal=normal_forces is None)
-    check_positive(problem, sampling_rate=sampling_rate, tolerance=tolerance)
+    positive(model.name, sampling_rate=sampling_rate, tolerance=tolerance)
     times = np.arange(forces.shape[1]) / sampling_rate
     pressing = None if normal_forces is None else sampled_normal_forces(model, normal_forces, times)
     drive = Drive(times, dofs, forces, pressing)
     return solve(problem, problem.rest(), drive, float(times[-1]), sampling_rate, tolerance, progress)
 
 
-def check_positive(problem: Problem, **numbers: float) -> None:
-    """Refuse numbers that are not positive.
-
-    Raises
-    ------
-    InputError : as said.
-    """
-    for name, value in numbers.items():
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(
-                "not a positive number", where=problem.system.name, got=f"{name} = {value}", expected="above 0"
-            )
+def _forces(where: str, forces: Any, count: int) -> Float[np.ndarray, "load sample"]:
+    table = np.asarray(forces)
+    fits = table.ndim == 2 and len(table) == count and table.shape[1] >= 2 and table.dtype.kind in "iuf"
+    if not fits or not np.all(np.isfinite(table)):
+        kind = "" if table.dtype.kind in "iuf" else f" of {table.dtype}"
+        got = f"{table.shape}{kind} for {count} DOFs" if not fits else "NaN or infinity among them"
+        raise InputError("the forces do not fit", where=where, got=got,
+                         expected="one finite row of two or more samples for every DOF")  # fmt: skip
+    return table.astype(np.float64)
 
 
 def sampled_normal_forces(
@@ -443,14 +447,14 @@ def sampled_normal_forces(
     InputError : they are negative, not finite, or of the wrong shape.
     """
     joints = len(model.joints)
-    if callable(forces):
-        answers = [np.atleast_1d(np.asarray(forces(float(t)), dtype=np.float64)) for t in times]
-        if any(answer.shape not in ((1,), (joints,)) for answer in answers):
-            raise InputError("the normal forces do not fit", where=model.name, got=answers[0].shape,
-                             expected=f"one number, or {joints} of them")  # fmt: skip
-        table = np.array([np.broadcast_to(answer, (joints,)) for answer in answers]).T
-    else:
-        table = np.asarray(forces, dtype=np.float64)
+    try:
+        if callable(forces):
+            table = np.array([np.broadcast_to(np.asarray(forces(float(t)), np.float64), (joints,)) for t in times]).T
+        else:
+            table = np.asarray(forces, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError("the normal forces do not fit", where=model.name, got=str(error),
+                         expected=f"one number, or {joints} of them, at every time") from error  # fmt: skip
     if table.shape != (joints, len(times)):
         raise InputError("the normal forces do not fit", where=model.name, got=table.shape,
                          expected=f"({joints} joints, {len(times)} samples)")  # fmt: skip

@@ -6,6 +6,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from ema.errors import InputError
+from ema.simulate.checks import finite, positive
+
+_WHERE = "excitation"
 
 
 def half_sine(
@@ -25,9 +28,10 @@ def hammer_pulse(
 
     Raises
     ------
-    InputError : the contact time is not positive.
+    InputError : the contact time is not positive, the peak or the start is no number.
     """
-    _positive("contact_time", contact_time)
+    positive(_WHERE, contact_time=contact_time)
+    finite(_WHERE, peak=peak, start=start)
     phase = np.clip((times - start) / contact_time, 0.0, 1.0)
     return np.asarray(peak * np.sin(np.pi * phase))
 
@@ -42,11 +46,11 @@ def swept_sine(
 
     Raises
     ------
-    InputError : a time or a frequency is not positive.
+    InputError : a time, a frequency or the number of sweeps is not positive, the level is no number.
     """
-    _positive("sweep_time", sweep_time)
-    _positive("frequencies", min(band))
     low, high = band
+    positive(_WHERE, sweep_time=sweep_time, start_frequency=low, end_frequency=high, sweeps=sweeps)
+    finite(_WHERE, level=level)
     t = np.mod(times, sweep_time)
     phase = 2 * np.pi * (low * t + (high - low) / (2 * sweep_time) * t**2)
     return np.asarray(np.where((times >= 0) & (times < sweeps * sweep_time), level * np.sin(phase), 0.0))
@@ -60,19 +64,17 @@ def stepped_sine(
 
     Raises
     ------
-    InputError : the dwell or a frequency is not positive.
+    InputError : the dwell or a frequency is not positive, there is no frequency, the level is no number.
     """
-    _positive("dwell", dwell)
+    positive(_WHERE, dwell=dwell)
+    finite(_WHERE, level=level)
     steps = np.asarray(frequencies, dtype=np.float64)
-    _positive("frequencies", float(steps.min(initial=np.inf)))
+    if not len(steps):
+        raise InputError("no frequency to stay at", where=_WHERE, got="0 frequencies", expected="one or more, in Hz")
+    positive(_WHERE, frequencies=float(steps.min()))
     number = np.floor(times / dwell).astype(int)
     inside = (times >= 0) & (number < len(steps))
     place = np.where(inside, number, 0)
     begun = np.concatenate([[0.0], np.cumsum(steps * dwell)])
     cycles = begun[place] + steps[place] * (times - place * dwell)
     return np.asarray(np.where(inside, level * np.sin(2 * np.pi * cycles), 0.0))
-
-
-def _positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise InputError("not a positive number", where="excitation", got=f"{name} = {value}", expected="above 0")

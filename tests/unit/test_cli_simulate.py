@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -113,13 +114,50 @@ def test_the_table_is_for_people(model, tmp_path):
         (["snapback", "{model}", "--normal-force", "-5"], "not a normal force; got -5.0 N"),
         (["frf", "{model}", "--force", "0"], "force = 0.0"),
         (["snapback", "{model}", "--load", "nan"], "not a load"),
+        (["snapback", "{model}", "--duration", "0"], "duration = 0.0"),
+        (["snapback", "{model}", "--duration", "1e9"], "the run does not fit the memory; got 5e+12 samples"),
+        (["map", "{model}", "--normal-force", "nan"], "not a normal force"),
+        (["loop", "{nowhere}"], "there is no model here"),
     ],
 )
 def test_bad_input_is_one_sentence_and_status_2(model, tmp_path, arguments, words):
     (tmp_path / "empty").mkdir()
-    places = {"empty": tmp_path / "empty", "model": model, "table": DATASETS / "table_with_beam"}
+    places = {
+        "empty": tmp_path / "empty",
+        "model": model,
+        "nowhere": tmp_path / "nowhere",
+        "table": DATASETS / "table_with_beam",
+    }
     done = ema(*(argument.format(**places) for argument in arguments), "--out", tmp_path / "out")
     assert done.exit_code == 2 and words in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("job", "old", "new", "words"),
+    [
+        ("snapback", "elements = 4", "elements = 0", "line 4: .*a beam needs elements; got 0"),
+        (
+            "snapback",
+            "friction_coefficient",
+            "friction_coeficient",
+            "line 11: unknown key .*did you mean friction_coeff",
+        ),
+        ("snapback", '"200 N"', '"200 kg"', "line 8: .*normal_force: a mass is not"),
+        ("snapback", "= 0.3", "= -0.3", "line 11: .*greater than or equal to 0; got -0.3"),
+        ("snapback", '"1e9 N/m"', '"nan N/m"', "line 12: .*no number before the unit"),
+        ("snapback", '"0.8 s"', '"-1 s"', "line 18: .*greater than 0; got '-1 s'"),
+        ("snapback", '[[joints]]\nnormal_force = "200 N"\n', "", "the file lacks 'joints'"),
+        ("frf", 'band = ["12 Hz", "22 Hz"]', 'band = ["22 Hz", "12 Hz"]', "not a band; got 22.0 to 12.0 Hz"),
+        ("map", '["50 N", "100 N"]', "[]", r"line 26: .*normal_force: .*at least 1 item"),
+        ("loop", '["1 um", "3 um"]', '["1 N"]', "line 30: .*amplitude"),
+    ],
+)
+def test_bad_models_are_one_sentence_with_their_line(tmp_path, job, old, new, words):
+    assert old in SMALL
+    (tmp_path / "model.toml").write_text(SMALL.replace(old, new, 1))
+    done = ema(job, tmp_path, "--out", tmp_path / "out")
+    assert done.exit_code == 2 and re.search(words, done.stderr), done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a file where a folder is wanted, told by POSIX systems")

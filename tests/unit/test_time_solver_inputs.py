@@ -19,6 +19,7 @@ from ema.simulate import (
     snapback,
     snapback_reference,
 )
+from ema.simulate.control import Actuator, AmplitudeScheduled, BangBang, ReleasePulse, constant
 
 TIP = "beam 2:2:+Z"
 NAN = float("nan")
@@ -121,7 +122,25 @@ ORDERS = {
     "surfaces that part in the reference mode": lambda: snapback_reference(
         model().with_normal_contact(Unilateral()), 20.0, TIP, 0.001
     ),
+    "a duration for which no memory is enough": lambda: snapback(model(), 20.0, TIP, 1e9),
+    "a duration for which no memory is enough, reference": lambda: snapback_reference(model(), 20.0, TIP, 1e9),
+    "a duration for which no memory is enough, control": lambda: control(duration=1e9),
+    "a rate for which no memory is enough": lambda: snapback(model(), 20.0, TIP, 1.0, sampling_rate=1e14),
+    "spacing too wide": lambda: snapback_reference(model(), 20.0, TIP, 0.001, spacing=0.01),
+    "no output": lambda: respond(model(), np.zeros((1, 4)), [TIP], 5000.0, []),
+    "normal forces in words": lambda: forced(normal_forces=lambda t: "much"),
+    "normal forces of nothing": lambda: forced(normal_forces=lambda t: None),
+    "normal forces that become negative": lambda: forced(np.zeros((1, 100)), normal_forces=lambda t: 100 - 1e4 * t),
     "step, control": lambda: control(step=NAN),
+    "a step longer than the sampling time": lambda: control(step=1.0),
+    "a controller that answers a word": lambda: control(lambda seen: "much"),
+    "a constant force below zero": lambda: constant(-5.0),
+    "a schedule without amplitude": lambda: AmplitudeScheduled(100.0, 0.0),
+    "a pulse of no width": lambda: ReleasePulse(100.0, 0.0),
+    "a bang below zero": lambda: BangBang(-1.0),
+    "an actuator without time": lambda: Actuator(0.0),
+    "an actuator that is early": lambda: Actuator(lag=-1e-3),
+    "limits the wrong way round": lambda: Actuator(limits=(5.0, 1.0)),
     "a controller that answers NaN": lambda: control(lambda seen: NAN),
     "a controller that answers too much": lambda: control(lambda seen: [1.0, 2.0]),
     "a controller that answers nothing": lambda: control(lambda seen: None),
