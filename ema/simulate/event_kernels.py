@@ -56,6 +56,50 @@ def begin(wave, q, p, vectors, squares, slips, force, load, half, pulse, angle):
 
 
 @nb.njit(cache=True)
+def grown(rate, t):
+    """Integral of exp(rate s) over s from 0 to t."""
+    x = rate * t
+    if abs(x.real) + abs(x.imag) < 1e-3:
+        return t * (1.0 + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0))))
+    return (np.exp(x) - 1.0) / rate
+
+
+@nb.njit(cache=True)
+def books(wave, half, pulse, t):
+    """Loss to damping and work of the harmonic load over the first t s of a phase, in closed form.
+
+    The velocity of a mode is Re(a exp(rate t) + b exp(j pulse t)), its load Re(g exp(j pulse t)); the integral of
+    Re(x exp(s t)) Re(y exp(z t)) is half the real part of x y grown(s + z) + x y* grown(s + z*).
+    """
+    lost, supplied = 0.0, 0.0
+    if half == 0.0 and pulse == 0.0:
+        return lost, supplied
+    still, twice = grown(complex(-2.0 * half, 0.0), t), grown(complex(0.0, 2.0 * pulse), t)
+    for r in range(wave.shape[1]):
+        omega = wave[OMEGA, r]
+        rate = complex(-half, omega)
+        a = rate * complex(wave[RE, r], wave[IM, r])
+        square = (a * a * grown(2.0 * rate, t)).real + (a * a.conjugate() * still).real
+        if pulse > 0.0:
+            tide = complex(wave[TIDE_RE, r], wave[TIDE_IM, r])
+            b = complex(0.0, pulse) * tide
+            up, down = grown(rate + complex(0.0, pulse), t), grown(rate - complex(0.0, pulse), t)
+            square += 2.0 * (a * b * up + a * b.conjugate() * down).real
+            square += (b * b * twice).real + abs(b) ** 2 * t
+            g = tide * complex(omega * omega + half * half - pulse * pulse, 2.0 * half * pulse)
+            supplied += 0.5 * (g * a * up + g.conjugate() * a * down + g * b * twice + g * b.conjugate() * t).real
+        lost += half * square
+    return lost, supplied
+
+
+@nb.njit(cache=True)
+def books_over(wave, half, pulse, times, out):
+    """The same up to each of ``times``, in the columns of ``out``."""
+    for n in range(len(times)):
+        out[n, 0], out[n, 1] = books(wave, half, pulse, times[n])
+
+
+@nb.njit(cache=True)
 def excess(slide, k, limit, rest, u, v, blur, still):
     """Positive once a spring has to change: a stuck one above its limit, a sliding one whose velocity reverses.
 
@@ -223,7 +267,7 @@ def pulls(springs, force):
 def keep(sample, slip, q, p, springs, lost, samples):
     """One sample: modal state, forces of the springs and friction loss of the contacts so far."""
     contact, k, limit, rest, slide, begun = springs
-    out_q, out_p, out_force, out_lost = samples
+    out_q, out_p, out_force, out_lost, _ = samples
     copy_into(out_q[sample], q)
     copy_into(out_p[sample], p)
     copy_into(out_lost[sample], lost)
@@ -244,10 +288,10 @@ def follow(numbers, times, last, search, base, springs, state, sums, half, harmo
 
     search: spacing s of the instants looked at, displacement and velocity that are rounding; base: squared
     frequencies, rows of the relative displacements and stiffness of the contacts in the stuck structure; sums: friction
-    loss and time of sliding of every contact; harmonic: modal load, rad/s and rad. Returns False where springs change
-    without end.
+    loss and time of sliding of every contact, loss to damping and work of the load; harmonic: modal load, rad/s and
+    rad. Returns False where springs change without end.
     """
-    (squares, slip, total), (q, p), (lost, slid) = base, state, sums
+    (squares, slip, total), (q, p), (lost, slid, booked) = base, state, sums
     (spacing, blur, still), (load, pulse, angle) = search, harmonic
     contact, k, _, _, slide, _ = springs
     wave, force = np.zeros((12, len(squares))), np.empty(len(total))
@@ -267,7 +311,12 @@ def follow(numbers, times, last, search, base, springs, state, sums, half, harmo
             matvec(all_vectors[n], wave[X], here)
             matvec(all_vectors[n], wave[V], speed)
             keep(sample, slip, here, speed, springs, lost, samples)
+            damped, worked = books(wave, half, pulse, times[sample] - now)
+            samples[4][sample, 0], samples[4][sample, 1] = booked[0] + damped, booked[1] + worked
             sample += 1
+        damped, worked = books(wave, half, pulse, length)
+        booked[0] += damped
+        booked[1] += worked
         motion(wave, half, pulse, length)
         matvec(all_vectors[n], wave[X], q)
         matvec(all_vectors[n], wave[V], p)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, EnergyBalance, Finding, Response
+from ema.data import BeamModel, EnergyBalance, Response
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
@@ -80,8 +80,9 @@ class _Reference:
         self.q, self.p = state.q[self.coupled].copy(), state.p[self.coupled].copy()
         self.samples = (
             np.zeros((samples, modes)), np.zeros((samples, modes)), np.zeros((samples, springs)),
-            np.zeros((samples, count)),
+            np.zeros((samples, count)), np.zeros((samples, 2)),
         )  # fmt: skip
+        self.booked = np.zeros(2)
         self.samples[0][0], self.samples[1][0] = self.q, self.p
         slide, rest = self.springs.slide, self.springs.rest
         stuck = self.springs.stiffness * (state.u[self.springs.contact] - rest)
@@ -116,8 +117,8 @@ class _Reference:
             advance(progress, "events", int(last), count - 1)
             ended = kernels.follow(
                 self.numbers, times, int(last), search, base, self.springs.arguments, (self.q, self.p),
-                (self.lost, self.slid_time), 0.5 * self.mass_factor, harmonic, self.phases, self.used, self.samples,
-                _MOST_AT_ONCE * len(self.springs.contact),
+                (self.lost, self.slid_time, self.booked), 0.5 * self.mass_factor, harmonic, self.phases, self.used,
+                self.samples, _MOST_AT_ONCE * len(self.springs.contact),
             )  # fmt: skip
             if not ended:
                 raise FailureError("springs stick and slip without end", where=self.problem.system.name,
@@ -209,11 +210,12 @@ def _check(problem: Problem) -> None:
 def _reference_response(
     problem: Problem, reference: _Reference, state: Any, times: np.ndarray, spacing: float, events: int
 ) -> Response:
-    q, p, spring_force, slid = reference.samples
+    q, p, spring_force, slid, booked = reference.samples
     base, system, springs = problem.base, problem.system, reference.springs
     coupled, free = reference.coupled, np.flatnonzero(~base.coupled)
     rows = np.array([base.row(system, dof) for dof in problem.outputs])
-    loose_q, loose_p = _free_modes(problem, state, free, times, reference.harmonic)
+    loose_q, loose_p, loose_booked = _free_modes(problem, state, free, times, reference.harmonic)
+    damping, supplied = (booked + loose_booked).T
     whole_q, whole_p = np.zeros((len(times), len(base.frequencies))), np.zeros((len(times), len(base.frequencies)))
     whole_q[:, coupled], whole_q[:, free] = q, loose_q
     whole_p[:, coupled], whole_p[:, free] = p, loose_p
@@ -224,17 +226,8 @@ def _reference_response(
     mechanical -= 0.5 * (u**2 @ system.contacts.stiffness)
     stored = (spring_force**2 / (2 * springs.stiffness)).sum(axis=1)
     friction = slid.sum(axis=1)
-    nothing = np.zeros_like(friction)
-    findings = list(problem.findings)
-    damping, supplied = nothing, nothing
-    if reference.mass_factor > 0 or reference.harmonic is not None:
-        # without closed form of the loss, the balance cannot be checked: what is missing counts as damping
-        damping = mechanical[0] + stored[0] - mechanical - stored - friction
-        findings.append(
-            Finding("info", "balance-open", system.name, "the loss to damping follows from the energy balance.")
-        )
-    energy = EnergyBalance(mechanical, stored, friction, damping, nothing, supplied)
-    findings += energy_findings(energy, system.name, 1e-6) + displacement_findings(system, u)
+    energy = EnergyBalance(mechanical, stored, friction, damping, np.zeros_like(friction), supplied)
+    findings = list(problem.findings) + energy_findings(energy, system.name, 1e-6) + displacement_findings(system, u)
     return Response(
         times, rows @ whole_q.T, rows @ whole_p.T, problem.outputs, u.T, forces.T, slid[-1],
         np.minimum(reference.slid_time / times[-1], 1.0), energy, None, float("nan"), spacing,
@@ -244,8 +237,11 @@ def _reference_response(
 
 def _free_modes(
     problem: Problem, state: Any, free: np.ndarray, times: np.ndarray, harmonic: Harmonic | None
-) -> tuple[Float[np.ndarray, "sample mode"], Float[np.ndarray, "sample mode"]]:
-    """Closed-form motion of the modes that no contact sees."""
+) -> tuple[Float[np.ndarray, "sample mode"], Float[np.ndarray, "sample mode"], Float[np.ndarray, "sample 2"]]:
+    """Closed-form motion of the modes that no contact sees, their loss to damping and the work of the load on them."""
+    from ema.simulate import event_kernels
+
+    kernels: Any = event_kernels
     base = problem.base
     half = base.decay[free] / 2
     rates = -half + np.sqrt((half**2 - base.frequencies[free] ** 2).astype(complex))
@@ -260,5 +256,10 @@ def _free_modes(
         )
     x, v = state.q[free] - tide.real, state.p[free] + pulse * tide.imag
     wave = x + 1j * (rates.real * x - v) / rates.imag
+    waves, booked = np.zeros((12, len(free))), np.zeros((len(times), 2))
+    for row, values in ((kernels.RE, wave.real), (kernels.IM, wave.imag), (kernels.OMEGA, rates.imag),
+                        (kernels.TIDE_RE, tide.real), (kernels.TIDE_IM, tide.imag)):  # fmt: skip
+        waves[row] = values
+    kernels.books_over(waves, float(half.max(initial=0.0)), pulse, times, booked)
     moving, forced = wave * np.exp(rates * times[:, None]), tide * np.exp(1j * pulse * times[:, None])
-    return (moving + forced).real, (rates * moving).real - pulse * forced.imag
+    return (moving + forced).real, (rates * moving).real - pulse * forced.imag, booked

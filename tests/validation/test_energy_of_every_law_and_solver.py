@@ -20,12 +20,16 @@ from ema.simulate import (
     controlled_snapback,
     double_beam,
     frf,
+    hammer_pulse,
     register_law,
     respond,
     snapback,
     snapback_reference,
+    swept_sine,
 )
 from ema.simulate.control import ReleasePulse
+from ema.simulate.events import Harmonic, run_reference
+from ema.simulate.transient import prepare, released
 
 TIP, MU, K = "beam 2:2:+Z", 0.3, 1e8
 SHARES = ([0.5, 0.3, 0.2], [0.2, 0.3, 0.5])
@@ -59,10 +63,16 @@ def breathing(time):
     return 300.0 * (1 + 0.6 * np.sin(700 * time))
 
 
+def forced(m, force):
+    return respond(m, force[None], [TIP], RATE, [TIP], tolerance=1e-2)
+
+
 IN_TIME = {
     "snap-back": lambda m: snapback(m, 20.0, TIP, DURATION, tolerance=1e-2),
     "snap-back, F_N(t)": lambda m: snapback(m, 20.0, TIP, DURATION, tolerance=1e-2, normal_forces=breathing),
-    "forced": lambda m: respond(m, 20 * np.sin(200 * TIMES)[None], [TIP], RATE, [TIP], tolerance=1e-2),
+    "swept": lambda m: forced(m, swept_sine(TIMES, 20.0, (10.0, 200.0), DURATION)),
+    "blow": lambda m: forced(m, hammer_pulse(TIMES, 80.0, 5e-3, 1e-3)),
+    "random": lambda m: forced(m, 20.0 * np.random.default_rng(5).normal(size=len(TIMES))),
     "controlled": lambda m: controlled_snapback(m, ReleasePulse(300.0, 2e-3), 20.0, TIP, DURATION, step=5e-5),
 }
 
@@ -85,6 +95,33 @@ def test_energy_in_the_reference_mode(law):
         return
     run = snapback_reference(free, 20.0, TIP, DURATION)
     assert run.energy.error <= 1e-6 and run.energy.friction[-1] > 0
+
+
+@pytest.mark.parametrize("law", PIECEWISE)
+@pytest.mark.parametrize("mass_factor", [0.0, 4.0, 60.0])
+def test_energy_of_the_reference_mode_with_damping_and_a_harmonic_load(law, mass_factor):
+    """Loss to damping and work of the load are booked in closed form, phase by phase."""
+    held = double_beam(LAWS[law](), 300.0, elements=2, damping=Damping(mass_factor=mass_factor))
+    problem = prepare(held, [TIP])
+    state = released(problem, 20.0, problem.outputs[0])
+    for load in (None, Harmonic(10.0, 30.0, problem.outputs[0], 0.3)):
+        run = run_reference(problem, state, DURATION, RATE, None, load)
+        assert run.energy.error <= 1e-9
+        assert (run.energy.damping[-1] > 0) == (mass_factor > 0)
+        assert (run.energy.supplied[-1] != 0) == (load is not None)
+        assert np.diff(run.energy.damping).min() >= -1e-15
+    if mass_factor:
+        # the loss is 2 half times the integral of twice the kinetic energy, here by quadrature over the samples
+        every = [str(dof) for dof in problem.system.dofs]
+        shown = prepare(held, every)
+        run = run_reference(shown, state, DURATION, 200_000.0, None, Harmonic(10.0, 30.0, problem.outputs[0], 0.3))
+        power = mass_factor * np.einsum("it,ij,jt->t", run.velocities, problem.system.mass, run.velocities)
+        lost = np.sum(0.5 * (power[1:] + power[:-1])) * run.times[1]
+        assert run.energy.damping[-1] == pytest.approx(lost, rel=1e-3)
+        row = [str(dof) for dof in shown.outputs].index(str(problem.outputs[0]))
+        push = 10.0 * np.cos(2 * np.pi * 30.0 * run.times + 0.3) * run.velocities[row]
+        work = np.sum(0.5 * (push[1:] + push[:-1])) * run.times[1]
+        assert run.energy.supplied[-1] == pytest.approx(work, rel=1e-3)
 
 
 @pytest.mark.parametrize("law", LAWS)
