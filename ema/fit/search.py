@@ -327,7 +327,7 @@ def trial_gains(
     data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
 ) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"]]:
     """Cost that each trial pole alone, with a free residue matrix, would take off; and its leading participation."""
-    gain, vectors, _ = _trial_residues(*_trial_equations(data, fit, trials))
+    gain, vectors, _ = _trial_residues(*trial_equations(data, fit, trials))
     return gain, vectors
 
 
@@ -336,23 +336,33 @@ def mode_gains(
 ) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"]]:
     """As `trial_gains`, with a residue of rank one: what a mode at each trial pole would take off."""
     references = data.signals.shape[0]
-    schur, remaining = _trial_equations(data, fit, trials)
+    schur, remaining = trial_equations(data, fit, trials)
     gain, vectors, _ = _trial_residues(schur, remaining)
     if references == 1:
         return gain, vectors
     for _ in range(2):
-        turn = np.zeros((len(trials), 2 * references, 2))
-        turn[:, :references, 0] = turn[:, references:, 1] = vectors.real
-        turn[:, references:, 0], turn[:, :references, 1] = vectors.imag, -vectors.imag
-        through = turn.transpose(0, 2, 1)
-        reduced = through @ remaining
-        shape = np.linalg.solve(through @ schur @ turn, reduced)
+        own, reduced = of_rank_one(schur, remaining, vectors)
+        shape = np.linalg.solve(own, reduced)
         gain = np.einsum("tao,tao->t", reduced, shape)
         # The participation that fits best to this shape follows from the residue matrix weighted by it.
         x, y = shape[:, 0], shape[:, 1]
         energy = np.stack([np.einsum("to,to->t", a, b) for a, b in ((x, x), (x, y), (y, y))])
         vectors = _participation(schur, remaining, x, y, energy)
     return gain, vectors
+
+
+def of_rank_one(
+    schur: Float[np.ndarray, "trial row row"],
+    remaining: Float[np.ndarray, "trial row out"],
+    vectors: Complex[np.ndarray, "trial in"],
+) -> tuple[Float[np.ndarray, "trial 2 2"], Float[np.ndarray, "trial 2 out"]]:
+    """Normal equations of shapes (real and imaginary part) at given participation from those of residue matrices."""
+    references = vectors.shape[1]
+    turn = np.zeros((len(vectors), 2 * references, 2))
+    turn[:, :references, 0] = turn[:, references:, 1] = vectors.real
+    turn[:, references:, 0], turn[:, :references, 1] = vectors.imag, -vectors.imag
+    through = turn.transpose(0, 2, 1)
+    return through @ schur @ turn, through @ remaining
 
 
 def _participation(
@@ -390,7 +400,7 @@ def _participation(
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
 
 
-def _trial_equations(
+def trial_equations(
     data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
 ) -> tuple[Float[np.ndarray, "trial row row"], Float[np.ndarray, "trial row out"]]:
     """Normal equations of a free residue matrix at each trial pole, the linear unknowns of ``fit`` eliminated."""

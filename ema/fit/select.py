@@ -18,6 +18,7 @@ from ema.fit.candidates import HEAVIEST, Candidates, inside, of_table, zoom
 from ema.fit.certainty import shape_scatter
 from ema.fit.likelihood import ModalFit, Observations
 from ema.fit.noise import NoiseLevel
+from ema.fit.overlap import another_mode
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT, VISIBLE, Noise, complete, misfit, passes_for_mode, prune, search
 
@@ -29,14 +30,18 @@ _TELLING = 6
 """Outputs from which on equal shapes say that two poles are one mode."""
 _LINES = 2.0
 """Half-power bandwidth in frequency lines below which a mode has to show as a peak."""
-_DAMPING = 0.25
-"""Relative standard deviation of the damping ratio beyond which a mode is not told."""
+_DAMPING = 0.12
+"""Relative standard deviation of the damping ratio beyond which a mode without a peak of its own is not told."""
 _SCATTER = 0.25
 """Variance of a shape over its energy beyond which a MAC of 0.8 with the true one is not expected."""
 _SHAPE_FREEDOM = 6
 """Degrees of freedom of that variance."""
 _LIKELY = 0.75
 """Confidence below which a mode is not reported where noise is all there is to doubt."""
+_SINGLE = 0.5
+"""Probability below which a mode may as well be several that overlap, and is not reported."""
+_DISPLACED = 0.2
+"""Displacement over the decay rate below which nobody asks whether another mode is the cause."""
 _COINCIDENT = 0.03
 """Distance of two poles over their decay rate below which they are a repeated root."""
 _COLLINEAR = 0.6
@@ -100,6 +105,9 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
     confidence = _confidence(fit, told, everything, trusting)
     if trusting:
         is_mode &= _likely(fit, confidence, is_mode, dropped)
+        alone = _alone(result.data, fit, told, factor, band, is_mode)
+        is_mode &= _of_one_mode(fit, alone, is_mode, dropped)
+        confidence = confidence * alone
     taken = fit.poles[is_mode]
     lost = [d for d in dropped if np.all(np.abs(taken - d.pole) > np.abs(taken.real) + abs(d.pole.real))]
     return Selection(fit, result.data, result.noise, result.starts, is_mode, confidence, factor, tuple(lost))
@@ -430,6 +438,45 @@ def _likely(
             why = f"the probability that it is a mode with this place and shape is {confidence[place]:.0%}"
             dropped.append(Dropped(complex(fit.poles[place]), why))
     return good
+
+
+def _alone(
+    data: Observations,
+    fit: ModalFit,
+    told: _Told,
+    factor: float,
+    band: tuple[float, float],
+    candidates: Bool[np.ndarray, "pole"],
+) -> Float[np.ndarray, "pole"]:
+    """Probability that no other mode, hidden under each of some modes, displaces it by its decay rate.
+
+    The energy that a mode may explain without being noticed displaces a pole by as many standard deviations as its root
+    says: with few FRFs, much noise or much overlap this is far.
+    """
+    unnoticed = np.sqrt(_threshold(data, 2 * len(fit.participation)) - 2 * data.signals.shape[1])
+    damping = np.maximum(damping_ratios(fit.poles), 1e-300)
+    spread = np.hypot(told.frequency / natural_frequencies(fit.poles), told.damping) / damping
+    displaced = np.minimum(unnoticed * spread, 1)
+    # Narrower than a few lines, a mode overlaps with nothing.
+    wide = -fit.poles.real > _LINES / likelihood.NARROWEST * likelihood.narrowest_decay(data)
+    places = np.flatnonzero(candidates & wide & (displaced > _DISPLACED))
+    result = np.ones(len(fit.poles))
+    result[places] -= another_mode(data, fit, factor, band, places) * displaced[places]
+    return result
+
+
+def _of_one_mode(
+    fit: ModalFit,
+    alone: Float[np.ndarray, "pole"],
+    candidates: Bool[np.ndarray, "pole"],
+    dropped: list[Dropped],
+) -> Bool[np.ndarray, "pole"]:
+    """Whether the data tell a mode from two that overlap. Those that they do not stay in the fit as background."""
+    doubtful = candidates & (alone < _SINGLE)
+    for place in np.flatnonzero(doubtful):
+        why = f"the data do not tell it from modes that overlap; the probability that it is one is {alone[place]:.0%}"
+        dropped.append(Dropped(complex(fit.poles[place]), why))
+    return ~doubtful
 
 
 def _repeated(fit: ModalFit, place: int) -> bool:

@@ -1,0 +1,77 @@
+"""Whether the residual leaves room for a mode that is not in the fit, hidden under one that is."""
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from ema.data import damping_ratios
+from ema.fit import search
+from ema.fit.candidates import HEAVIEST, inside
+from ema.fit.likelihood import ModalFit, Observations
+
+_PLACES = (np.arange(9) - 4) / 4.5
+_WIDTHS = np.array([0.5, 1.0, 2.0])
+"""Trial poles of a hidden mode: places over the reach of a mode, and decay rates over that of the mode."""
+_NEAR = 7
+"""Modes whose typical energy is that expected of a hidden one."""
+
+
+def another_mode(
+    data: Observations, fit: ModalFit, factor: float, band: tuple[float, float], places: Int[np.ndarray, "place"]
+) -> Float[np.ndarray, "place"]:
+    """Probability that one more mode, which is not in the fit, overlaps each of some modes.
+
+    Before the residual is looked at, as many hidden modes are expected as there are modes in the fit: anywhere in the
+    band, with the participation of any of them, the energy of those near by and any shape. Trial poles over each mode
+    then weigh how well such a mode explains the residual against how much better than by chance it should (Bayes factor
+    of a linear model with a normal prior). Where noise and overlap would hide it, the expectation stays as it was.
+
+    Parameters
+    ----------
+    factor : residual energy over that of the assumed noise.
+    places : positions of the modes in the fit.
+    """
+    own = np.flatnonzero(inside(fit.poles, band) & (damping_ratios(fit.poles) <= HEAVIEST))
+    if not len(places) or not len(own):
+        return np.zeros(len(places))
+    poles, modes, outputs = fit.poles[places], len(fit.poles), data.signals.shape[1]
+    strength = np.linalg.norm(fit.participation, axis=0)
+    energy = strength**2 * np.sum(fit.coefficients[: 2 * modes].reshape(modes, -1) ** 2, axis=1)
+    density = len(own) / (2 * np.pi * (band[1] - band[0]))
+    reach = np.maximum(-2 * poles.real, 0.75 / density)
+    trials = (
+        1j * (poles.imag[:, None] + reach[:, None] * _PLACES)[:, :, None]
+        + np.multiply.outer(poles.real, _WIDTHS)[:, None]
+    )
+    schur, remaining = search.trial_equations(data, fit, trials.reshape(-1))
+    noise = search.Noise.of(data, fit)
+    level = factor * noise.explains(data, poles, fit.participation.T[places], fit) / noise.required
+    vectors = np.unique((fit.participation[:, own] / strength[own]).T, axis=0)
+    result = np.empty(len(places))
+    for row, pole in enumerate(poles):
+        rows = slice(row * trials[0].size, (row + 1) * trials[0].size)
+        near = own[np.argsort(np.abs(fit.poles[own] - pole))[:_NEAR]]
+        spread = float(np.median(energy[near])) / (2 * outputs)
+        evidence = [_evidence(schur[rows], remaining[rows], vector, level[row], spread) for vector in vectors]
+        odds = 2 * reach[row] * density * np.mean(evidence)
+        result[row] = odds / (1 + odds)
+    return result
+
+
+def _evidence(
+    schur: Float[np.ndarray, "trial row row"],
+    remaining: Float[np.ndarray, "trial row out"],
+    vector: Complex[np.ndarray, "in"],
+    noise: float,
+    spread: float,
+) -> Float[np.ndarray, "trial"]:
+    """Probability of the residual with a mode of given participation at each trial pole over that without.
+
+    ``noise`` is the variance of an equation, ``spread`` that of each real component of the shape before the residual
+    is looked at.
+    """
+    own, right = search.of_rank_one(schur, remaining, np.tile(vector, (len(schur), 1)))
+    ridge = noise / spread * np.eye(2)
+    explained = np.einsum("tao,tao->t", right, np.linalg.solve(own + ridge, right)) / noise
+    expected = right.shape[2] * np.linalg.slogdet(np.eye(2) + own * (spread / noise))[1]
+    result: np.ndarray = np.exp(np.minimum(0.5 * (explained - expected), 300))
+    return result
