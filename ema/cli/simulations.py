@@ -10,6 +10,7 @@ from acquisition.model_file import FrfTable, LoopTable, MapTable, SnapbackTable
 from ema import show, simulate
 from ema.cli.simulating import Job
 from ema.data import BeamModel, Decay, HarmonicResponse, Joint, Loop, ModalMap, Response
+from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.estimate import phases, ring_down
 from ema.progress import Progress
@@ -47,7 +48,8 @@ def snapback(
         suffix = "" if len(responses) == 1 else "_" + label.replace(" ", "").replace("/", "_")
         pictures[f"contacts{suffix}"] = show.contact_loops(run)
     if decays:
-        pictures["ring_down"] = show.ring_down(list(decays.values()), [f"F_N {label}" for label in decays])
+        unit = "rad" if Dof.parse(table.at).axis.startswith("R") else "m"
+        pictures["ring_down"] = show.ring_down(list(decays.values()), [f"F_N {label}" for label in decays], unit)
     nouns: dict[str, Any] = {f"response {label}": run for label, run in responses.items()}
     nouns |= {f"decay {label}": decay for label, decay in decays.items()}
     return Job(nouns, pictures, rows, [one for run in responses.values() for one in run.findings])

@@ -135,8 +135,8 @@ def _energy(joule: float) -> str:
 
 
 @styled
-def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = ()) -> Figure:
-    """Frequency and damping over the amplitude of one ring-down or several, and the amplitude over time."""
+def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit: str = "") -> Figure:
+    """Frequency and damping over the amplitude (in ``unit``) of one ring-down or several, and the amplitude over time."""
     held = [decays] if isinstance(decays, Decay) else list(decays)
     figure = new_figure(5.2)
     if not held:
@@ -156,10 +156,11 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = ()) -> Fi
         first.annotate("dotted: sliding gives way to sticking", (1, 1), xycoords="axes fraction", ha="right",
                        va="bottom", fontsize=7.5, color=GREY)  # fmt: skip
     first.set_xlabel("Time [s]")
-    first.set_ylabel("Amplitude")
+    amplitude = f"Amplitude [{unit}]" if unit else "Amplitude"
+    first.set_ylabel(amplitude)
     second.set_ylabel("Frequency [Hz]")
     third.set_ylabel("Damping ratio [%]")
-    third.set_xlabel("Amplitude")
+    third.set_xlabel(amplitude)
     _legend(first, held, labels)
     return figure
 

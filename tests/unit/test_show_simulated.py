@@ -71,6 +71,9 @@ def test_ring_down_over_amplitude(knee):
     shown = np.flatnonzero(np.isfinite(second.lines[0].get_ydata()))
     assert len(shown) == 200 - (0 if np.isnan(knee) else np.sum(np.abs(decay().times - 0.5) <= 0.05))
     assert third.lines[0].get_ydata()[shown] == pytest.approx(2.0)
+    assert first.get_ylabel() == third.get_xlabel() == "Amplitude"
+    first, _, third = drawn(show.ring_down(decay(knee), unit="m")).axes
+    assert first.get_ylabel() == third.get_xlabel() == "Amplitude [m]"
 
 
 def test_beats_are_not_drawn_as_functions_of_the_amplitude():
