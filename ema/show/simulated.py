@@ -136,7 +136,7 @@ def _energy(joule: float) -> str:
 
 @styled
 def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit: str = "") -> Figure:
-    """Frequency and damping over the amplitude (in ``unit``) of one ring-down or several, and the amplitude over time."""
+    """Frequency and damping over the amplitude (in ``unit``) of ring-downs, and the amplitude over time."""
     held = [decays] if isinstance(decays, Decay) else list(decays)
     figure = new_figure(5.2)
     if not held:

@@ -153,7 +153,10 @@ def test_mass_proportional_damping_in_both_modes():
 
 
 def test_smooth_law_against_an_independent_high_order_solver():
-    """Eq. (5), m = 3, three elements: DOP853 on the first-order form of Eq. (1), tolerances 1e-10."""
+    """Eq. (5), m = 3, three elements: DOP853 on the first-order form of Eq. (1), good to 1e-9.
+
+    The reference mode takes no smooth law; the fast mode reaches a millionth of the initial deflection, and says so.
+    """
     law = RegularisedMasing(0.3, 2e7, 3)
     model = double_beam(law, 400.0, elements=3, normal_stiffness=1e6, youngs_modulus=210e9)
     tip = "beam 2:3:+Z"
@@ -184,9 +187,11 @@ def test_smooth_law_against_an_independent_high_order_solver():
         max_step=1e-5,
     )
     expected = system.row(tip) @ solution.y[:n]
-    fast = snapback(model, 20.0, tip, duration, tolerance=1e-5, sampling_rate=count / duration)
+    fast = snapback(model, 20.0, tip, duration, tolerance=1e-6, sampling_rate=count / duration)
     assert c == 3
-    assert np.abs(fast.displacements[0] - expected).max() <= 3e-5 * np.abs(expected).max()
+    error = np.abs(fast.displacements[0] - expected).max() / abs(expected[0])
+    assert error <= fast.error_estimate <= 1e-6
+    assert fast.energy.error <= 1e-6
 
 
 def test_the_reference_mode_says_what_it_does_not_take():

@@ -4,10 +4,12 @@ Limits of the simulator: 1e-6 of the energy in time, 1e-4 of the input power in 
 refuses what it does not follow.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ema.data import Damping
+from ema.data import Damping, EnergyBalance
 from ema.errors import InputError
 from ema.simulate import (
     Coulomb,
@@ -29,7 +31,7 @@ from ema.simulate import (
 )
 from ema.simulate.control import ReleasePulse
 from ema.simulate.events import Harmonic, run_reference
-from ema.simulate.transient import prepare, released
+from ema.simulate.transient import ENERGY_LIMIT, energy_findings, prepare, released
 
 TIP, MU, K = "beam 2:2:+Z", 0.3, 1e8
 SHARES = ([0.5, 0.3, 0.2], [0.2, 0.3, 0.5])
@@ -84,6 +86,18 @@ def test_energy_in_time(law, solver):
     assert run.energy.error <= 1e-6
     assert "energy-balance" not in {finding.code for finding in run.findings}
     assert run.energy.friction[-1] > 0 and run.energy.damping[-1] > 0
+
+
+def test_a_balance_that_does_not_close_is_a_finding():
+    """Two millionths of the initial energy too much, at one sample."""
+    falling = np.linspace(1.0, 0.5, 6)
+    books = {name: np.zeros(6) for name in ("contact", "damping", "projection", "supplied")}
+    good = EnergyBalance(mechanical=falling, friction=1.0 - falling, **books)
+    bad = replace(good, friction=1.0 - falling + 2e-6 * (np.arange(6) == 4))
+    assert energy_findings(good, "beam", ENERGY_LIMIT) == []
+    (finding,) = energy_findings(bad, "beam", ENERGY_LIMIT)
+    assert (finding.severity, finding.code, finding.where) == ("error", "energy-balance", "beam")
+    assert finding.value == pytest.approx(2e-6, rel=1e-6) and finding.limit == 1e-6 and finding.advice
 
 
 @pytest.mark.parametrize("law", LAWS)
