@@ -132,6 +132,9 @@ def snapback(
     load: Annotated[float | None, typer.Option("--load", help="Load in N instead of that of the file.")] = None,
     normal_force: NormalForce = None,
     duration: Annotated[float | None, typer.Option("--duration", help="s instead of that of the file.")] = None,
+    reference: Annotated[
+        bool, typer.Option("--reference", help="Exact from event to event (Masing-type laws), with its error.")
+    ] = False,
     out: Out = None,
     json: Json = False,
     limit: Limit = "error",
@@ -142,7 +145,7 @@ def snapback(
     return _ended(
         "snapback", model, out, json, limit,
         lambda told, held, bars: simulations.snapback(
-            _chosen("snapback", told.snapback), held, load, normal_force, duration, bars
+            _chosen("snapback", told.snapback), held, load, normal_force, duration, reference, bars
         ),
     )  # fmt: skip
 

@@ -26,18 +26,19 @@ def _pressed(model: BeamModel, forces: Sequence[float] | None) -> dict[str, Beam
 
 def snapback(
     table: SnapbackTable, model: BeamModel, load: float | None, forces: Sequence[float] | None,
-    duration: float | None, progress: Progress,
+    duration: float | None, reference: bool, progress: Progress,
 ) -> Job:  # fmt: skip
     """Free vibrations at every normal force, with their ring-down."""
+    outputs = [table.at, *(dof for dof in table.outputs if dof != table.at)]
+    held = (table.load if load is None else load, table.at, table.duration if duration is None else duration, outputs)
     responses: dict[str, Response] = {}
     decays: dict[str, Decay] = {}
     rows: list[dict[str, Any]] = []
     for label, pressed in _pressed(model, forces).items():
-        run = simulate.snapback(
-            pressed, table.load if load is None else load, table.at, table.duration if duration is None else duration,
-            [table.at, *(dof for dof in table.outputs if dof != table.at)], table.sampling_rate, table.tolerance,
-            progress=progress,
-        )  # fmt: skip
+        if reference:
+            run = simulate.snapback_reference(pressed, *held, table.sampling_rate, check=True, progress=progress)
+        else:
+            run = simulate.snapback(pressed, *held, table.sampling_rate, table.tolerance, progress=progress)
         responses[label] = run
         decay = _decay(run, _first_mode(pressed))
         if decay is not None:

@@ -86,6 +86,17 @@ def test_snapback_writes_response_ring_down_and_pictures(model, tmp_path):
     assert (tmp_path / "motion.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_reference_mode_states_its_error_and_says_what_it_does_not_take(model, tmp_path):
+    arguments = ["snapback", tmp_path, "--out", tmp_path / "out", "--reference", "--duration", "0.1"]
+    (tmp_path / "model.toml").write_text(SMALL.replace('ratio = "0.3 %"', 'mass_factor = "0.3 1/s"'))
+    (row,) = told(*arguments)["rows"]
+    assert row["error estimate"] < 1e-6 and row["energy balance"] < 1e-9
+    assert store.load(tmp_path / "out" / "snapback.h5")["response 200 N"].method.startswith("reference")
+    (tmp_path / "model.toml").write_text(SMALL)
+    done = ema(*arguments)
+    assert done.exit_code == 2 and "mass-proportional damping only; got ratio 0.003" in done.stderr
+
+
 def test_frf_map_and_loop(model, tmp_path):
     rows = told("frf", model, "--out", tmp_path)["rows"]
     assert [row["F_E [N]"] for row in rows] == [2.0, 4.0] and all(row["solved"] == "25 of 25" for row in rows)
