@@ -25,6 +25,8 @@ _WORTHWHILE = 0.1
 """Progress of a round, in units of what a mode has to gain, that is worth another one."""
 _NARROW, _CAUTION = 3.0, 2.0
 """Bandwidth in lines below which a pole on another one's peak must explain more, and how much more."""
+_WITHIN_REACH = 4.0
+"""Loss by a pole left out, in the same units, that further steps may still make good."""
 _FAILURES = 2
 """Places where a mode seems to gain but replaces another one; after so many, the search ends."""
 
@@ -243,22 +245,27 @@ def _merged(
     required: float,
     pairs: list[tuple[int, int]],
 ) -> tuple[list[int], ModalFit]:
-    """The fit without the weaker of two poles, where one mode does as well as the two."""
+    """The fit without one of two poles, the weaker one first, where one mode does as well as the two."""
+    tried: set[int] = set()
     for a, b in dict.fromkeys(pairs):
-        weaker = a if gain[a] < gain[b] else b
-        smaller = _without(data, fit, [weaker], 10)
-        if smaller.cost - fit.cost <= required:
-            return [weaker], smaller
+        for gone in sorted({a, b} - tried, key=lambda k: gain[k]):
+            tried.add(gone)
+            smaller = _without(data, fit, [gone], 10)
+            if required < smaller.cost - fit.cost < _WITHIN_REACH * required:
+                # The mode that stays has to take the place between the two, and its neighbours theirs.
+                smaller = _settled(data, smaller, required)
+            if smaller.cost - fit.cost <= required:
+                return [gone], smaller
     return [], fit
 
 
 def confused(data: Observations, fit: ModalFit) -> list[tuple[int, int]]:
-    """Neighbours within one bandwidth of each other whose place noise leaves uncertain by a third of their distance."""
+    """Neighbours within one bandwidth of each other whose place noise leaves uncertain by a fifth of their distance."""
     covariance = likelihood.covariance(fit, likelihood.variance_factor(data, fit))
     uncertain = 2 * np.pi * np.sqrt(np.maximum(covariance[:, 0, 0], 0))
     distance = np.abs(fit.poles[:, None] - fit.poles[None, :])
     near = distance < np.abs(fit.poles.real)[:, None] + np.abs(fit.poles.real)[None, :]
-    doubtful = 3 * np.maximum(uncertain[:, None], uncertain[None, :]) > distance
+    doubtful = 5 * np.maximum(uncertain[:, None], uncertain[None, :]) > distance
     first, second = np.nonzero(np.triu(near & doubtful, 1))
     return list(zip(first.tolist(), second.tolist(), strict=True))
 
