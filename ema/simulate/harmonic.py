@@ -21,21 +21,21 @@ from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.transient import Problem, prepare, sampled_normal_forces
 
-_CONVERGED, _GOOD_ENOUGH, _DENSE = 1e-9, 1000.0, 80
-"""Residual over the size of the amplitudes, and how much larger it may stay where no step lowers it; unknowns above
-which steps are found by GMRES."""
+_CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
+"""Residual over the size of the amplitudes, the same where only places are sought, and how much larger than the first
+it may stay where no step lowers it; unknowns above which steps are found by GMRES."""
 _QUADRATURE = 1e-6
 _FINEST = 32
-_YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 9
+_YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 14
 """Compliance over that of a contact from which on the coarse inverse holds a shape, how many of them, and at how many
 harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
 _FORCING, _ROUGHLY = 1e-3, 0.05
 """How far GMRES solves for a step, and where only the size of the step matters."""
 _SAFETY, _LEAST = 2.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
-_FEWEST, _MOST_RUNS, _MOST_ROUGH = 3, 400, 60
-"""Harmonics of the first try; Newton runs per frequency, after which it counts as one without a steady state, and
-where a neighbour would do as well."""
+_FEWEST, _WIDER, _MOST_RUNS, _MOST_ROUGH = 3, (5, 9, 14), 400, 60
+"""Harmonics of the first try, and of those after it failed; Newton runs per frequency, after which it counts as one
+without a steady state, and where a neighbour would do as well."""
 
 
 @dataclass
@@ -99,6 +99,7 @@ class Condensed:
         self.laws = (*laws[:-1], None) if self.exact else laws
         self.members = np.arange(len(self.limits))[:, None].copy()
         self.odd, self.fine, self.left, self.share = True, 1, _MOST_RUNS, 1.0
+        self.accuracy = _CONVERGED
         self.rows = np.array([base.row(self.problem.system, dof) for dof in self.problem.outputs])
         self._bases: dict[int, np.ndarray] = {}
         self._coarse: dict[int, _Coarse] = {}
@@ -205,7 +206,7 @@ class Condensed:
             forces, jacobian, lost, slips = self.contact_forces(trial, omega, self.fine, level)
             rest = self.kernels.residual(trial, drive, gains, forces)
             new, size = _norm(rest), _norm(trial)
-            if new <= _CONVERGED * size:
+            if new <= self.accuracy * size:
                 return steps, trial, forces, jacobian, lost, slips
             if not new < (1 - 0.1 * length) * norm:
                 # a contact that rolls over a tiny wave may leave no better place than this one
@@ -305,7 +306,7 @@ class Condensed:
             fewer = self._reached(omega, start, np.ascontiguousarray(gains[:, : count // 2]))
             if fewer is not None:
                 found = self._newton(omega, _with_harmonics(fewer[1], count), gains)
-        return self._cold_start(omega, gains) if found is None else found
+        return self._cold_start(omega, gains) if found is None and count <= _WIDER[-1] else found
 
     def at(self, force: float, limits: Float[np.ndarray, "contact"]) -> "Condensed":
         """The same structure under another force amplitude in N and with other slip forces (contact,) in N."""
@@ -313,10 +314,17 @@ class Condensed:
         other.force, other.load, other.limits = force, self.load * (force / self.force), limits
         return other
 
+    def with_tolerance(self, tolerance: float) -> "Condensed":
+        """The same with another tolerance."""
+        other = copy(self)
+        other.tolerance = tolerance
+        return other
+
     def rough(self, frequency: float, start: np.ndarray | None, count: int) -> _Point | None:
         """Solution with ``count`` harmonics and without an error estimate, to see where the response is large."""
-        omega, self.left = 2 * np.pi * frequency, _MOST_ROUGH
+        omega, self.left, self.accuracy = 2 * np.pi * frequency, _MOST_ROUGH, _CONVERGED_ROUGHLY
         found = self._reached(omega, start, self.gains(omega, count))
+        self.accuracy = _CONVERGED
         return None if found is None else _Point(omega, found[1], found[2], found[4], np.nan)
 
     def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
@@ -326,7 +334,7 @@ class Condensed:
         """
         self.left = _MOST_RUNS
         point = self._solved(frequency, start)
-        for count in (5, 9, 14):
+        for count in _WIDER:
             # forces that hardly follow the displacement may have no solution with few harmonics
             if point is None and self.harmonics is None:
                 wider = np.zeros((len(self.limits), 2 * count)) if start is None else _with_harmonics(start, count)
@@ -373,6 +381,8 @@ class Condensed:
             if point.error <= self.tolerance:
                 start, change = self._widened(point, all_gains)
                 point.error = max(point.error, _SAFETY * change)
+            if count >= self.most_orders and before is None:
+                point.error = self.judged(point)
             if point.error <= self.tolerance or count >= self.most_orders:
                 return point
             count = min(count + max(1, count // 2), self.most_orders)

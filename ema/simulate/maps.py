@@ -1,22 +1,25 @@
 """Resonances over force level and normal force: backbone and damping map, from harmonic balance alone."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, ModalMap, NormalContact, Provenance
+from ema.data import BeamModel, Finding, ModalMap, NormalContact, Provenance
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.harmonic import Branch, Condensed, _Point, check_positive, condense
 
 HOMOGENEOUS = ("masing", "parallel masing", "iwan", "regularised masing", "dahl", "coulomb")
-_ROUGH, _COARSE, _RIVAL, _MOST_SUMMITS, _FLAT, _FIRST = 3, 30, 0.8, 2, 0.02, 24
-_APART = 2e-3
-"""Distance of frequencies around a summit that is known from fewer harmonics, relative."""
+_ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 3, 0.02
+_FIRST, _FIRST_LEVELS, _BESIDE = 24, 7, 1.12
+_APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0
+"""Distance of frequencies around a summit that is known from fewer harmonics, and steps towards it that no longer
+matter, relative; the tolerance with which it is placed, over that of its height."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,8 @@ def resonance(
     Parameters
     ----------
     force : amplitude in N at DOF ``at``; ``band`` in Hz.
-    coarse : number of frequencies of the first pass, which uses few harmonics; the summits are then refined with as
-        many as it takes, to 1e-4 of their frequency.
+    coarse : number of frequencies of the first pass, which uses few harmonics; summits are then placed with as many as
+        it takes for four times the tolerance, and solved with as many as it takes for the tolerance.
 
     Raises
     ------
@@ -77,26 +80,30 @@ def check_levels(model: BeamModel, **counts: int) -> None:
             raise InputError("an empty list", where=model.name, got=f"{name} = []", expected="one level or more, in N")
 
 
-def _peak(condensed: Condensed, band: tuple[float, float], coarse: int) -> Resonance:
-    """The largest response: places from few harmonics on a coarse grid, then each summit with all it needs."""
-    rows = np.array([condensed.problem.base.row(condensed.problem.system, condensed.problem.outputs[0])])
+def _peak(
+    condensed: Condensed, band: tuple[float, float], coarse: int, around: tuple[float, float] | None = None
+) -> Resonance:
+    """The largest response: places from few harmonics on a grid that is finer near the top, then each summit by itself.
+
+    ``around``: frequencies between which it is expected; where the largest one there is at an end, all are looked at.
+    """
     grid = np.geomspace(*band, coarse)
-    branch = Branch(condensed.tolerance)
-    rough: list[_Point | None] = []
-    for frequency in grid:
-        point = condensed.rough(float(frequency), branch.start(float(frequency)), _ROUGH)
-        branch.add(point)
-        rough.append(point)
-    heights = np.array([-np.inf if p is None else abs(condensed.outputs(p, rows)[0, 0]) for p in rough])
-    if not np.isfinite(heights).any():
-        raise InputError("no steady state in the band", where=condensed.problem.system.name, got=f"{band} Hz",
-                         advice="use the time solver")  # fmt: skip
-    beside = np.maximum(np.append(heights[1:], -np.inf), np.append(-np.inf, heights[:-1]))
-    summits = np.flatnonzero((heights >= beside) & (heights >= _RIVAL * heights.max()))
+    part = grid if around is None else grid[slice(*_within(grid, around))]
+    points = _scanned(condensed, part, _ROUGH, {})
+    if len(part) < coarse and (not points or _highest(condensed, points) in (part[0], part[-1])):
+        points = _scanned(condensed, grid, _ROUGH, points)
+    heights = _heights(condensed, points)
+    points = _scanned(condensed, _near_the_top(heights, grid), _FINER, points)
+    heights = _heights(condensed, points)
+    places = sorted(points)
+    summits = [
+        n for n, f in enumerate(places)
+        if heights[f] >= max(_RIVAL * max(heights.values()), *(heights[g] for g in places[max(n - 1, 0) : n + 2]))
+    ]  # fmt: skip
     best: Resonance | None = None
-    for place in summits[np.argsort(-heights[summits])][:_MOST_SUMMITS]:
-        near = [int(np.clip(place + step, 0, coarse - 1)) for step in (-1, 0, 1)]
-        found = _summit(condensed, rows, [float(grid[n]) for n in sorted(set(near))], rough[place])
+    for n in sorted(summits, key=lambda n: -heights[places[n]])[:_MOST_SUMMITS]:
+        near = {f: points[f] for f in places[max(n - 1, 0) : n + 2]}
+        found = _summit(condensed, near, 0.0 if best is None else abs(best.amplitude))
         if found is not None and (best is None or abs(found.amplitude) > abs(best.amplitude)):
             best = found
     if best is None:
@@ -105,46 +112,92 @@ def _peak(condensed: Condensed, band: tuple[float, float], coarse: int) -> Reson
     return best
 
 
-def _summit(condensed: Condensed, rows: np.ndarray, around: list[float], first: _Point | None) -> Resonance | None:
-    """The summit between neighbouring frequencies: found with a third of its harmonics, then with all."""
-    middle, limits = around[len(around) // 2], (around[0], around[-1])
-    start, settled = None if first is None else first.amplitudes, None
-    for frequency in sorted(around, key=lambda f: abs(f - middle)):
-        settled = condensed.solve(frequency, start)
-        if settled is not None:
+def _within(grid: np.ndarray, around: tuple[float, float]) -> tuple[int, int]:
+    """Where in a grid a stretch begins, and ends, that holds ``around``."""
+    return max(int(np.searchsorted(grid, around[0])) - 1, 0), int(np.searchsorted(grid, around[1])) + 1
+
+
+def _near_the_top(heights: dict[float, float], grid: np.ndarray) -> np.ndarray:
+    """Frequencies half as far apart as those of the grid, wherever it comes near the top."""
+    top = max(heights.values(), default=0.0)
+    high = [n for n, f in enumerate(grid) if heights.get(float(f), 0.0) >= _NEAR_TOP * max(top, 1e-300)]
+    wanted = sorted({m for n in high for m in range(2 * n - 2, 2 * n + 3) if 0 <= m <= 2 * len(grid) - 2})
+    return np.array([np.sqrt(grid[m // 2] * grid[(m + 1) // 2]) for m in wanted])
+
+
+def _scanned(condensed: Condensed, grid: np.ndarray, count: int, known: dict[float, _Point]) -> dict[float, _Point]:
+    """Solutions with ``count`` harmonics along a grid of frequencies, where there are any.
+
+    They start from the mean of the two nearest ones that are ``known``, or else from those before.
+    """
+    branch, points = Branch(condensed.tolerance), {}
+    for frequency in map(float, grid):
+        start = branch.start(frequency)
+        if known:
+            beside = sorted(known, key=lambda f: abs(np.log(f / frequency)))[:2]
+            one, two = known[beside[0]].amplitudes, known[beside[-1]].amplitudes
+            start = one if one.shape != two.shape or abs(beside[0] / frequency - 1) < 1e-9 else 0.5 * (one + two)
+        point = condensed.rough(frequency, start, count)
+        branch.add(point)
+        if point is not None:
+            points[frequency] = point
+    return points
+
+
+def _heights(condensed: Condensed, points: dict[float, _Point]) -> dict[float, float]:
+    return {frequency: _height(condensed, point) for frequency, point in points.items()}
+
+
+def _summit(condensed: Condensed, near: dict[float, _Point], least: float) -> Resonance | None:
+    """The summit between neighbouring frequencies: its place with fewer harmonics than its height.
+
+    An error e of the whole curve moves a summit of damping ratio zeta by about e zeta, which lowers it by e^2. So it is
+    placed with harmonics enough for a larger error, unless these turn out to be too few. ``None`` where there is no
+    solution, or where it stays below ``least``.
+    """
+    limits, placing = (min(near), max(near)), _PLACING * condensed.tolerance
+    near = _climbed(condensed, near, sorted(near), limits, {}, _FINER, 10 * _CLOSEST)
+    best = _highest(condensed, near)
+    point = condensed.with_tolerance(placing).solve(best, near[best].amplitudes)
+    count = 0 if point is None else point.count
+    while point is not None:
+        around = sorted({float(np.clip(best * (1 + step), *limits)) for step in (-_APART, 0, _APART)})
+        known = {best: point} if point.count == count else {}
+        near = _climbed(condensed, known, around, limits, {**near, best: point}, count)
+        if not near:
+            return None
+        best = _highest(condensed, near)
+        placed = _height(condensed, near[best])
+        if placed < (1 - placing) * least:
+            return None
+        if near[best] is not point or point.error > condensed.tolerance:
+            point = condensed.solve(best, near[best].amplitudes)
+        if point is None or abs(placed / _height(condensed, point) - 1) <= 0.5 * placing:
             break
-    if settled is None:
-        return None
-    known, fewer = {frequency: settled}, {}
-    if settled.count // 3 >= _ROUGH:
-        fewer = _climbed(condensed, rows, {}, around, limits, {frequency: settled}, settled.count // 3)
-        if fewer:
-            best = max(fewer, key=lambda f: _height(condensed, rows, fewer[f]))
-            around = [float(np.clip(best * (1 + step), *limits)) for step in (-_APART, 0, _APART)]
-    found = _climbed(condensed, rows, known, sorted(set(around)), limits, {**fewer, **known}, settled.count)
-    best = max(found, key=lambda f: _height(condensed, rows, found[f]))
-    point = found[best]
-    if np.isnan(point.error):
-        point.error = condensed.judged(point)
-        if point.error > condensed.tolerance and point.count < condensed.most_orders:
-            point = condensed.solve(best, point.amplitudes) or point
-    return _resonance(condensed, best, point, rows)
+        if count == point.count:
+            break
+        count = min(2 * count, point.count)
+    return None if point is None else _resonance(condensed, best, point)
 
 
-def _height(condensed: Condensed, rows: np.ndarray, point: _Point) -> float:
-    return float(np.abs(condensed.outputs(point, rows)[0, 0]))
+def _highest(condensed: Condensed, points: dict[float, _Point]) -> float:
+    return max(points, key=lambda f: _height(condensed, points[f]))
+
+
+def _height(condensed: Condensed, point: _Point) -> float:
+    return float(np.abs(condensed.first(point)[0]))
 
 
 def _climbed(
-    condensed: Condensed, rows: np.ndarray, known: dict[float, _Point], around: list[float],
-    limits: tuple[float, float], hints: dict[float, _Point], count: int,
+    condensed: Condensed, known: dict[float, _Point], around: list[float],
+    limits: tuple[float, float], hints: dict[float, _Point], count: int, closest: float = _CLOSEST,
 ) -> dict[float, _Point]:  # fmt: skip
     """Solutions with ``count`` harmonics up to the summit, by parabolas through 1/height^2, nearly one there.
 
     ``known`` are those made before, ``around`` the frequencies to begin with; each solution starts from the nearest
-    one, be it one of the ``hints``, which have other numbers of harmonics.
+    one, be it one of the ``hints``, which have other numbers of harmonics. ``closest``: steps that matter, relative.
     """
-    points, heights = dict(known), {f: _height(condensed, rows, point) for f, point in known.items()}
+    points, heights = dict(known), {f: _height(condensed, point) for f, point in known.items()}
 
     def look(frequency: float) -> None:
         if frequency in points:
@@ -153,7 +206,7 @@ def _climbed(
         start = starts[min(starts, key=lambda f: abs(f - frequency))].amplitudes
         point = condensed.rough(frequency, start, count)
         if point is not None:
-            points[frequency], heights[frequency] = point, _height(condensed, rows, point)
+            points[frequency], heights[frequency] = point, _height(condensed, point)
 
     middle = around[len(around) // 2]
     for frequency in sorted(around, key=lambda f: abs(f - middle)):
@@ -163,15 +216,17 @@ def _climbed(
         if len(places) < 2:
             break
         best = max(places, key=heights.__getitem__)
-        guess = _next(places, heights, best, limits)
+        guess = _next(places, heights, best, limits, closest * best)
         if guess is None:
             break
         look(guess)
     return points
 
 
-def _next(places: list[float], heights: dict[float, float], best: float, limits: tuple[float, float]) -> float | None:
-    """Where to look for the summit next; ``None`` when it is found, or beyond the ``limits``."""
+def _next(
+    places: list[float], heights: dict[float, float], best: float, limits: tuple[float, float], closest: float
+) -> float | None:
+    """Where to look for the summit next; ``None`` when it is found within ``closest`` Hz, or beyond the ``limits``."""
     index = places.index(best)
     if index in (0, len(places) - 1):
         beyond = best + (best - places[1 if index == 0 else -2])
@@ -179,7 +234,6 @@ def _next(places: list[float], heights: dict[float, float], best: float, limits:
     low, high = places[index - 1], places[index + 1]
     inverse = [1 / heights[f] ** 2 for f in (low, best, high)]
     guess = _parabola(low, best, high, *inverse)
-    closest = 5e-5 * best
     sharp = min(inverse[0], inverse[2]) / inverse[1] - 1
     if high - low < 4 * closest or (abs(guess - best) < 2 * closest and sharp < _FLAT):
         return None
@@ -195,13 +249,13 @@ def _parabola(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> 
     return b - 0.5 * top / bottom if bottom != 0 else b
 
 
-def _resonance(condensed: Condensed, frequency: float, point: _Point, rows: np.ndarray) -> Resonance:
+def _resonance(condensed: Condensed, frequency: float, point: _Point) -> Resonance:
     omega = 2 * np.pi * frequency
-    q = condensed.modal(point)[0]
+    q = condensed.modal(point)[0 if condensed.odd else 1]
     kinetic = 0.5 * omega**2 * float(np.sum(np.abs(q) ** 2))
     _, friction, damping = condensed.powers(point)
     lost = (friction + damping) * 2 * np.pi / omega
-    amplitude = complex((rows @ q)[0])
+    amplitude = complex(condensed.first(point)[0])
     return Resonance(
         frequency, amplitude, lost / (4 * np.pi * kinetic), float(np.sqrt(np.sum(np.abs(q) ** 2))), point.error
     )
@@ -247,9 +301,10 @@ def damping_map(
 ) -> ModalMap:  # fmt: skip
     """Resonance frequency and equivalent damping over (F_E, F_N): ``ModalMap`` of the kind ``frozen``.
 
-    ``normal_forces`` N are given to every joint. Where the model is homogeneous the map is one curve over F_N/F_E: it
-    is computed at as many ratios as it takes to interpolate between them within 0.4 ``tolerance`` in frequency,
-    ``tolerance`` in amplitude and twice that in damping.
+    ``normal_forces`` N are given to every joint. Where the model is homogeneous the map is one curve over F_N/F_E, else
+    one over F_E at each F_N. A curve is computed at as many places as it takes to interpolate between them within 0.4
+    ``tolerance`` in frequency, ``tolerance`` in amplitude and twice that in damping. Peaks that are computed state an
+    error: the largest one is among the options of the provenance, and a finding where it exceeds the ``tolerance``.
 
     Raises
     ------
@@ -262,16 +317,28 @@ def damping_map(
     if not (np.all(np.isfinite(normals)) and np.all(normals >= 0)):
         raise InputError("not a normal force", where=model.name, got=f"{normals.tolist()} N", expected="0 N or more")
     check_band(model, band)
+    curves: list[_Curve] = []
+    tolerances = tolerance * np.array([0.4, 2.0, 1.0])
     if homogeneous(model):
-        table = _map_of_one_curve(model, levels, normals, at, output, band, tolerance, modes, progress)
+        condensed = condense(model.with_normal_force(1.0), 1.0, at, [output], tolerance, modes)
+        curves.append(_Curve(lambda ratio: condensed.at(1.0, condensed.limits * ratio), band))
+        ratios = normals / levels[:, None]
+        keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
+        wanted, back = np.unique(keys, return_inverse=True)
+        table = interpolated(wanted, curves[0].at, tolerances, progress)[back].T.reshape(3, *ratios.shape).copy()
+        table[2] *= levels[:, None]
     else:
         table = np.empty((3, len(levels), len(normals)))
+        wanted, back = np.unique(levels, return_inverse=True)
         for column, normal in enumerate(normals):
-            condensed = condense(model.with_normal_force(normal), float(levels[0]), at, [output], tolerance, modes)
-            for row, level in enumerate(levels):
-                advance(progress, "damping map", column * len(levels) + row, len(levels) * len(normals))
-                point = _peak(condensed.at(float(level), condensed.limits), band, _COARSE)
-                table[:, row, column] = point.frequency, point.damping, point.modal_amplitude
+            advance(progress, "damping map", column, len(normals))
+            here = condense(model.with_normal_force(normal), float(levels[0]), at, [output], tolerance, modes)
+            curves.append(_Curve(partial(here.at, limits=here.limits), band))
+            table[:, :, column] = interpolated(wanted, curves[-1].at, tolerances, first=_FIRST_LEVELS)[back].T
+    findings, error = [], max(found.error_estimate for curve in curves for found in curve.known.values())
+    if error > tolerance:
+        findings.append(Finding("warning", "harmonics", model.name, f"error estimate of a peak {error:.1e}.", error,
+                                tolerance, "Check it in time."))  # fmt: skip
     shape = table.shape[1:]
     joints = np.broadcast_to(normals[None, :, None], (*shape, len(model.joints)))
     return ModalMap(
@@ -279,44 +346,48 @@ def damping_map(
         modal_amplitude=table[2], joint_forces=joints, joints=tuple(joint.name for joint in model.joints),
         method="frozen", name=model.name,
         provenance=Provenance(
-            options=(("tolerance", str(tolerance)), ("homogeneity", str(homogeneous(model)))), steps=("damping_map",)
+            options=(
+                ("tolerance", str(tolerance)), ("homogeneity", str(homogeneous(model))),
+                ("largest error estimate of a peak", f"{error:.2g}"),
+            ),
+            steps=("damping_map",),
         ),
+        findings=tuple(findings),
     )  # fmt: skip
 
 
-def _map_of_one_curve(
-    model: BeamModel, levels: np.ndarray, normals: np.ndarray, at: Dof | str, output: Dof | str,
-    band: tuple[float, float], tolerance: float, modes: int | None, progress: Progress,
-) -> Float[np.ndarray, "3 level normal"]:  # fmt: skip
-    """Frequency, damping and modal amplitude over (F_E, F_N) from their curve over F_N/F_E."""
-    condensed = condense(model.with_normal_force(1.0), 1.0, at, [output], tolerance, modes)
-    ratios = normals / levels[:, None]
-    keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
-    wanted, back = np.unique(keys, return_inverse=True)
+@dataclass
+class _Curve:
+    """Resonances along a curve of a map: between two that are known, the next one is sought near them first."""
 
-    def compute(ratio: float) -> np.ndarray:
-        point = _peak(condensed.at(1.0, condensed.limits * ratio), band, _COARSE)
-        return np.array([point.frequency, point.damping, point.modal_amplitude])
+    system: Callable[[float], Condensed]
+    band: tuple[float, float]
+    known: dict[float, Resonance] = field(default_factory=dict)
 
-    curve = interpolated(wanted, compute, np.array([0.4, 2.0, 1.0]) * tolerance, progress)
-    table = curve[back].T.reshape(3, *ratios.shape).copy()
-    table[2] *= levels[:, None]
-    return table
+    def at(self, place: float) -> Float[np.ndarray, "3"]:
+        """Frequency, damping ratio and modal amplitude at a place of the curve."""
+        below, above = [p for p in self.known if p < place], [p for p in self.known if p > place]
+        around = None
+        if below and above:
+            sides = self.known[max(below)].frequency, self.known[min(above)].frequency
+            around = min(sides) / _BESIDE, max(sides) * _BESIDE
+        found = self.known[place] = _peak(self.system(place), self.band, _COARSE, around)
+        return np.array([found.frequency, found.damping, found.modal_amplitude])
 
 
 def interpolated(
     wanted: Float[np.ndarray, "place"], compute: Callable[[float], np.ndarray],
-    tolerance: Float[np.ndarray, "number"], progress: Progress = silent,
+    tolerance: Float[np.ndarray, "number"], progress: Progress = silent, first: int = _FIRST,
 ) -> Float[np.ndarray, "place number"]:  # fmt: skip
     """Positive numbers at ascending places of 0 or more, computed at some and interpolated at the others.
 
-    A stretch is interpolated when the place in its middle was predicted within the relative ``tolerance``; else that
-    place is kept and both halves are looked at.
+    ``first`` places are computed whatever the tolerance. A stretch is interpolated when the place in its middle was
+    predicted within the relative ``tolerance``; else that place is kept and both halves are looked at.
     """
     from scipy.interpolate import PchipInterpolator
 
     count = len(wanted)
-    steps = min(count, _FIRST)
+    steps = min(count, first)
     chosen = np.unique(np.round(np.linspace(0, count - 1, steps)).astype(int))
     known = {int(n): compute(float(wanted[n])) for n in chosen}
     axis = np.log(np.maximum(wanted, 1e-12))
