@@ -18,7 +18,18 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import fits_memory, not_negative, positive
-from ema.simulate.transient import Drive, Problem, Stepper, _initial, _response, _State, prepare, released
+from ema.simulate.transient import (
+    Drive,
+    Problem,
+    Stepper,
+    _initial,
+    _response,
+    _State,
+    prepare,
+    refined,
+    released,
+    step_findings,
+)
 
 
 @dataclass(frozen=True)
@@ -33,6 +44,7 @@ class Measured:
     forces: Float[np.ndarray, "contact"]
 
 
+_FIRST_STEP, _HALVINGS = 5e-5, 5
 _NO_LOADS = np.zeros((0, 0))
 ControlLaw = Callable[[Measured], float | Sequence[float] | np.ndarray]
 
@@ -144,8 +156,8 @@ class BangBang:
 
 def controlled_snapback(
     model: BeamModel, law: ControlLaw, load: float, at: Dof | str, duration: float, actuator: Actuator | None = None,
-    sensor: Dof | str | None = None, step: float = 1.25e-5, start_force: float | None = None, check: bool = False,
-    progress: Progress = silent,
+    sensor: Dof | str | None = None, step: float | None = None, start_force: float | None = None, check: bool = True,
+    progress: Progress = silent, tolerance: float = 1e-3,
 ) -> Response:  # fmt: skip
     """Snap-back with a controller for the normal forces.
 
@@ -154,17 +166,21 @@ def controlled_snapback(
     load : N at DOF ``at``; ``duration`` s.
     law : called every ``actuator.sampling_time`` with a ``Measured``; the displacement is that of ``sensor`` (``at`` by
         default). A law that remembers is copied, so that one object serves many runs.
-    step : s of the time integration, not above the sampling time.
+    step : s of the time integration, not above the sampling time; the longest that is tried. By default 50 us, or the
+        sampling time where that is shorter.
     start_force : normal force in N of every joint while the load is raised, and until the first command arrives; that
         of the model by default. k_T stays that of the model's normal force.
-    check : repeat the run with half the step; the difference of the displacements is the error estimate.
+    check : halve the step until the error estimate of the displacements is below ``tolerance`` of the largest one. A
+        law that chatters with high waves may never get there, which a finding says. Without it there is one run with
+        ``step``, and no estimate.
 
     Raises
     ------
     InputError : the law returns NaN or the wrong number of forces; a time is not positive.
     """
     actuator, dof = actuator or Actuator(), Dof.parse(at)
-    positive(model.name, duration=duration, step=step)
+    step = min(_FIRST_STEP, actuator.sampling_time) if step is None else step
+    positive(model.name, duration=duration, step=step, tolerance=tolerance)
     if step > actuator.sampling_time:
         raise InputError("the step is longer than the sampling time", where=model.name, got=f"step = {step:g} s",
                          expected=f"up to {actuator.sampling_time:g} s, a small part of it")  # fmt: skip
@@ -179,12 +195,18 @@ def controlled_snapback(
     ramped = problem if start_force is None else prepare(model.with_normal_force(start_force), [dof])
     before = [joint.normal_force if start_force is None else start_force for joint in model.joints]
     state = released(ramped, load, dof)
-    response = _run(problem, ramped, state, deepcopy(law), actuator, seen, step, duration, before, progress)
+
+    def attempt(finer: int) -> tuple[np.ndarray, Response]:
+        run = _run(problem, ramped, state, deepcopy(law), actuator, seen, step / finer, duration, before, progress)
+        return np.asarray(run.displacements), run
+
     if not check:
-        return response
-    finer = _run(problem, ramped, state, deepcopy(law), actuator, seen, 0.5 * step, duration, before, progress)
-    error = np.abs(finer.displacements - response.displacements).max() / np.abs(finer.displacements).max()
-    return replace(finer, error_estimate=float(error))
+        return attempt(1)[1]
+    response, error = refined(attempt, tolerance, _HALVINGS, progress)
+    slow = step_findings(
+        error, model.name, tolerance, "Raise the tolerance, or keep the law from following high waves."
+    )
+    return replace(response, error_estimate=error, findings=(*response.findings, *slow))
 
 
 def _run(

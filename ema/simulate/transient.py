@@ -7,7 +7,7 @@ that a result carries its error.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -26,6 +26,8 @@ from ema.simulate.structure import System, assemble, pair_counts
 
 NormalForces = Callable[[float], float | Sequence[float] | np.ndarray] | Float[np.ndarray, "joint instant"]
 """Normal forces over time in N: an array, or a function of the time in s that returns one for all joints or each."""
+
+Result = TypeVar("Result")
 
 ENERGY_LIMIT = 1e-6
 _FIRST_STEP = 1e-4
@@ -287,19 +289,36 @@ def solve(
     interval = 1 / sampling_rate
     every = max(int(np.ceil(interval / (_FIRST_STEP if tolerance > 3e-3 else 0.5 * _FIRST_STEP))), 1)
     rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
-    run, stepper = integrate(problem, state, interval / every, every, samples, drive)
+
+    def attempt(finer: int) -> tuple[np.ndarray, tuple[dict[str, np.ndarray], Stepper]]:
+        steps = every * finer
+        run, stepper = integrate(problem, state, interval / steps, steps, samples, drive)
+        return run["q"] @ rows.T, (run, stepper)
+
+    (run, stepper), error = refined(attempt, tolerance, halvings, progress)
+    return _response(problem, drive, run, stepper, interval, error, tolerance)
+
+
+def refined(
+    attempt: Callable[[int], tuple[np.ndarray, Result]], tolerance: float, halvings: int, progress: Progress
+) -> tuple[Result, float]:
+    """The result of ``attempt`` with 1, 2, 4 ... times as many steps, once the motions it returns with it agree.
+
+    Returns the last result and its estimated error over the largest displacement, which is above ``tolerance`` where
+    ``halvings`` were not enough.
+    """
+    fine, result = attempt(1)
     error, halving, difference = np.inf, 0, np.nan
     # one agreement may be chance: a second one shows how fast the runs approach each other
     while (error > tolerance or (halving < 2 and error > 1e-6 * tolerance)) and halving < halvings:
         advance(progress, "time steps", halving, halvings)
-        coarse, every, halving = run["q"] @ rows.T, 2 * every, halving + 1
-        run, stepper = integrate(problem, state, interval / every, every, samples, drive)
-        fine = run["q"] @ rows.T
+        coarse, halving = fine, halving + 1
+        fine, result = attempt(2**halving)
         before, difference = difference, float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
         # what all further halvings would add, were they to shrink like the last one; a fast one may be chance
         ratio = min(max(difference / before, 0.6), 0.8) if before > 0 else 0.6
         error = difference * ratio / (1 - ratio)
-    return _response(problem, drive, run, stepper, interval, error, tolerance)
+    return result, error
 
 
 def _response(
@@ -311,11 +330,7 @@ def _response(
     energy = EnergyBalance(**dict(zip(names, run["energy"].T, strict=True)))
     times = interval * np.arange(len(run["q"]))
     findings = list(problem.findings) + energy_findings(energy, problem.system.name, ENERGY_LIMIT)
-    if error > tolerance:
-        findings.append(Finding(
-            "warning", "step-error", problem.system.name, f"two runs differ by {error:.1e} of the largest value.",
-            error, tolerance, "Raise the tolerance, or use the reference mode.",
-        ))  # fmt: skip
+    findings += step_findings(error, problem.system.name, tolerance, "Raise the tolerance, or use the reference mode.")
     friction = slice(0, problem.system.contacts.tangential)
     findings += displacement_findings(problem.system, run["u"][:, friction])
     forces = None
@@ -330,6 +345,14 @@ def _response(
         stepper.dissipated[friction], (stepper.sliding / steps)[friction], energy, forces, error, stepper.h, "fast",
         tuple(findings), problem.system.name, pressure=pressed,
     )  # fmt: skip
+
+
+def step_findings(error: float, where: str, tolerance: float, advice: str) -> list[Finding]:
+    """A finding when the steps could not be made short enough."""
+    if not error > tolerance:
+        return []
+    return [Finding("warning", "step-error", where, f"two runs differ by {error:.1e} of the largest value.", error,
+                    tolerance, advice)]  # fmt: skip
 
 
 def energy_findings(energy: EnergyBalance, where: str, limit: float) -> list[Finding]:

@@ -22,7 +22,7 @@ TURN = 4.69e-3
 def run(law, mu=0.3, lag=0.0, load=20.0, duration=1.0):
     model = double_beam(Masing(mu, 1e9), START, damping=Damping(mass_factor=0.126))
     actuator = Actuator(5e-4, lag, (0.0, 2e4))
-    return controlled_snapback(model, law, load, TIP, duration, actuator, step=5e-5, start_force=START)
+    return controlled_snapback(model, law, load, TIP, duration, actuator, step=5e-5, start_force=START, check=False)
 
 
 def integral(response):
@@ -102,11 +102,26 @@ def test_scheduled_force_is_robust_against_the_friction_coefficient(constants, f
 
 def test_a_constant_controller_is_the_passive_joint():
     model = double_beam(Masing(0.3, 1e9), 800.0)
-    active = controlled_snapback(model, constant(800.0), 20.0, TIP, 0.1, check=True)
+    active = controlled_snapback(model, constant(800.0), 20.0, TIP, 0.1)
     passive = snapback(model, 20.0, TIP, 0.1, sampling_rate=2000.0)
     assert active.error_estimate <= 1e-3
     assert np.abs(active.displacements - passive.displacements).max() <= 2e-3 * passive.displacements.max()
     assert active.energy.projection[-1] == 0
+
+
+def test_the_step_is_chosen_and_the_error_is_stated():
+    """Against a run with steps eight times shorter than the last that was tried; what chatters is told."""
+    model = double_beam(Masing(0.3, 1e9), 800.0, elements=6)
+    tip, law = "beam 2:6:+Z", AmplitudeScheduled(2000.0, TURN)
+    found = controlled_snapback(model, law, 20.0, tip, 0.1, Actuator(5e-4, 1e-3))
+    finer = controlled_snapback(model, law, 20.0, tip, 0.1, Actuator(5e-4, 1e-3), step=found.step / 8, check=False)
+    true = np.abs(found.displacements - finer.displacements).max() / np.abs(finer.displacements).max()
+    assert true <= found.error_estimate <= 1e-3 and found.findings == ()
+    chattering = controlled_snapback(model, BangBang(2000.0), 20.0, tip, 0.1, Actuator(1e-4), tolerance=1e-6)
+    assert chattering.error_estimate > 1e-6
+    assert [finding.code for finding in chattering.findings] == ["step-error"]
+    quick = controlled_snapback(model, constant(800.0), 20.0, tip, 0.01, Actuator(2e-5))
+    assert quick.step <= 2e-5 and quick.error_estimate <= 1e-3
 
 
 def test_sampling_lag_and_limits_of_the_actuator():
@@ -122,7 +137,7 @@ def test_sampling_lag_and_limits_of_the_actuator():
     for lag, samples in ((0.0, 0), (1e-3, 1), (2.4e-3, 3), (3e-3, 3)):
         seen_at.clear()
         response = controlled_snapback(model, ramp, 20.0, tip, 0.02, Actuator(1e-3, lag, (300.0, 1500.0)),
-                                       start_force=70.0)  # fmt: skip
+                                       start_force=70.0, check=False)  # fmt: skip
         np.testing.assert_allclose(seen_at, 1e-3 * np.arange(20), atol=1e-12)
         expected = np.concatenate([np.full(samples, 70.0), np.clip(100.0 * np.arange(20), 300, 1500)])[:20]
         np.testing.assert_allclose(response.normal_forces[0, :20], expected, rtol=1e-9)
@@ -132,7 +147,9 @@ def test_sampling_lag_and_limits_of_the_actuator():
 def test_a_lag_below_the_sampling_time_acts():
     model = double_beam(Masing(0.3, 1e9), 3000.0, elements=4)
     ends = [
-        controlled_snapback(model, lambda seen: 1000.0, 20.0, "beam 2:4:+Z", 2e-3, Actuator(2e-3, lag), step=1e-5)
+        controlled_snapback(
+            model, lambda seen: 1000.0, 20.0, "beam 2:4:+Z", 2e-3, Actuator(2e-3, lag), step=1e-5, check=False
+        )
         for lag in (0.0, 5e-4, 2e-3)
     ]
     passive = snapback(model, 20.0, "beam 2:4:+Z", 2e-3, sampling_rate=500.0)
