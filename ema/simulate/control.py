@@ -202,7 +202,7 @@ def controlled_snapback(
 
     if not check:
         return attempt(1)[1]
-    response, error = refined(attempt, tolerance, _HALVINGS, progress)
+    response, error = refined(attempt, tolerance, _HALVINGS)
     slow = step_findings(
         error, model.name, tolerance, "Raise the tolerance, or keep the law from following high waves."
     )

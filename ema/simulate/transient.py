@@ -7,6 +7,7 @@ that a result carries its error.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -30,6 +31,8 @@ NormalForces = Callable[[float], float | Sequence[float] | np.ndarray] | Float[n
 Result = TypeVar("Result")
 
 ENERGY_LIMIT = 1e-6
+_BLOCK = 4_000_000
+"""Numbers of forces made at once, and steps taken without asking whether to go on."""
 _FIRST_STEP = 1e-4
 """s; the error estimate needs steps that follow the first few modes of a beam."""
 
@@ -234,14 +237,24 @@ def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
 
 def integrate(
     problem: Problem, state: _State, h: float, every: int, samples: int, drive: "Drive",
+    tick: Callable[[], None] = lambda: None,
 ) -> tuple[dict[str, np.ndarray], Stepper]:  # fmt: skip
-    """One run with one step length: samples at 0 and after every ``every`` steps, ``samples`` intervals."""
-    stepper, steps = Stepper(problem, state, h, drive.at), samples * every
+    """One run with one step length: samples at 0 and after every ``every`` steps, ``samples`` intervals.
+
+    The forces of every step are made block by block, so that fine steps of long runs take no memory; ``tick`` is called
+    before each of them.
+    """
+    stepper = Stepper(problem, state, h, drive.at)
     run = room_for(problem, samples + 1)
-    for name, part in _initial(stepper, state).items():
-        run[name][:1] = part
-    loads, limits = drive.loads(h, steps), drive.limits(problem, h, steps)
-    stepper.run(steps, every, limits, loads, {name: part[1:] for name, part in run.items()})
+    for name, start in _initial(stepper, state).items():
+        run[name][:1] = start
+    block = max(_BLOCK // (every * drive.width(problem)), 1)
+    for first in range(0, samples, block):
+        tick()
+        count = min(block, samples - first)
+        begun, steps = first * every, count * every
+        part = {name: table[first + 1 : first + 1 + count] for name, table in run.items()}
+        stepper.run(steps, every, drive.limits(problem, h, steps, begun), drive.loads(h, steps, begun), part)
     return run, stepper
 
 
@@ -254,19 +267,24 @@ class Drive:
     values: np.ndarray | None = None
     normal_forces: np.ndarray | None = None
 
-    def loads(self, h: float, steps: int) -> np.ndarray:
-        """External forces at the ends of the steps, (step + 1, load)."""
+    def width(self, problem: Problem) -> int:
+        """Numbers that every step takes in, one at least."""
+        limits = 0 if self.normal_forces is None else len(problem.system.contacts.limits)
+        return max(len(self.at) + limits, 1)
+
+    def loads(self, h: float, steps: int, begun: int = 0) -> np.ndarray:
+        """External forces at the ends of the steps from number ``begun`` on, (step + 1, load)."""
         if self.values is None:
             return np.zeros((0, len(self.at)))
-        t = h * np.arange(steps + 1)
+        t = h * np.arange(begun, begun + steps + 1)
         return np.ascontiguousarray(np.array([np.interp(t, self.times, row) for row in self.values]).T)
 
-    def limits(self, problem: Problem, h: float, steps: int) -> np.ndarray:
-        """Slip forces, (1, contact) when constant, else (step, contact)."""
+    def limits(self, problem: Problem, h: float, steps: int, begun: int = 0) -> np.ndarray:
+        """Slip forces from step ``begun`` on, (1, contact) when constant, else (step, contact)."""
         contacts = problem.system.contacts
         if self.normal_forces is None:
             return contacts.limits[None].copy()
-        t = h * np.arange(steps)
+        t = h * np.arange(begun, begun + steps)
         force = np.array([np.interp(t, self.times, row) for row in self.normal_forces])
         return np.ascontiguousarray(force[list(contacts.joint)].T * contacts.friction)
 
@@ -292,15 +310,16 @@ def solve(
 
     def attempt(finer: int) -> tuple[np.ndarray, tuple[dict[str, np.ndarray], Stepper]]:
         steps = every * finer
-        run, stepper = integrate(problem, state, interval / steps, steps, samples, drive)
+        tick = partial(advance, progress, "time steps", finer.bit_length() - 1, halvings)
+        run, stepper = integrate(problem, state, interval / steps, steps, samples, drive, tick)
         return run["q"] @ rows.T, (run, stepper)
 
-    (run, stepper), error = refined(attempt, tolerance, halvings, progress)
+    (run, stepper), error = refined(attempt, tolerance, halvings)
     return _response(problem, drive, run, stepper, interval, error, tolerance)
 
 
 def refined(
-    attempt: Callable[[int], tuple[np.ndarray, Result]], tolerance: float, halvings: int, progress: Progress
+    attempt: Callable[[int], tuple[np.ndarray, Result]], tolerance: float, halvings: int
 ) -> tuple[Result, float]:
     """The result of ``attempt`` with 1, 2, 4 ... times as many steps, once the motions it returns with it agree.
 
@@ -311,7 +330,6 @@ def refined(
     error, halving, difference = np.inf, 0, np.nan
     # one agreement may be chance: a second one shows how fast the runs approach each other
     while (error > tolerance or (halving < 2 and error > 1e-6 * tolerance)) and halving < halvings:
-        advance(progress, "time steps", halving, halvings)
         coarse, halving = fine, halving + 1
         fine, result = attempt(2**halving)
         before, difference = difference, float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))

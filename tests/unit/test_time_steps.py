@@ -5,7 +5,8 @@ import pytest
 
 from ema.data import Damping
 from ema.dof import Dof
-from ema.simulate import Masing, double_beam, respond
+from ema.errors import CancelledError
+from ema.simulate import Masing, double_beam, respond, transient
 from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
 from ema.simulate.transient import Drive, integrate, prepare, released
 
@@ -64,6 +65,27 @@ def test_strides_are_the_steps_they_leave_out(damping):
         same = single[name][::16]
         np.testing.assert_allclose(whole[name], same, atol=size * np.abs(same).max(), err_msg=name)
     assert whole["energy"][-1, 0] > 0.1 * whole["energy"][0, 4:].sum()
+
+
+def pressing(t):
+    return 3000.0 + 1500.0 * np.sin(400.0 * t)
+
+
+def test_forces_made_block_by_block_are_the_same(monkeypatch):
+    """Loads and normal forces of the steps of one sample at a time; the run can be stopped at each of them."""
+    model, tip = double_beam(Masing(0.3, 1e9), 4000.0, elements=4), "beam 2:4:+Z"
+    push = 60.0 * np.sin(700.0 * np.arange(61) / 5000.0)[None]
+    whole = respond(model, push, [tip], 5000.0, [tip], normal_forces=pressing)
+    monkeypatch.setattr(transient, "_BLOCK", 1)
+    told = []
+    parts = respond(
+        model, push, [tip], 5000.0, [tip], normal_forces=pressing, progress=lambda *where: told.append(where)
+    )
+    np.testing.assert_allclose(parts.displacements, whole.displacements, atol=1e-12 * np.abs(push).max())
+    assert parts.energy.friction[-1] == pytest.approx(whole.energy.friction[-1], rel=1e-9)
+    assert len(told) == 60 * len({done for _, done, _ in told}) and told[0][:2] == ("time steps", 0)
+    with pytest.raises(CancelledError):
+        respond(model, push, [tip], 5000.0, [tip], progress=lambda what, done, total: done < 1)
 
 
 def test_strides_wait_for_the_end_of_a_pulse():
