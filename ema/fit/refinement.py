@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import FrfSet
 from ema.fit import likelihood, noise, scatter, search, weighted
@@ -29,8 +29,8 @@ class Refined:
 
     ``inflation`` (unknown,) is the variance of each shared unknown over what the weights say, ``inflation_of_shapes``
     (mode,) that of shapes: residual energy over that of the assumed noise, times the loss by errors that are correlated
-    over lines, and for poles times what changes between the outputs. ``basis`` says in words what the noise level rests
-    on.
+    over lines, times that of a misfit at the peaks, and for poles at least what changes between lines, outputs and
+    blows. ``basis`` says in words what the noise level rests on.
     """
 
     state: State
@@ -80,20 +80,36 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
         normal = weighted.linearise(flat, state)
     factor = weighted.cost(flat, state) / weighted.freedom(flat, state)
     of_poles, of_shapes = _loss(flat, state)
-    between = scatter.between_outputs(flat, state, normal, factor * of_poles)
-    is_mode = chosen.is_mode[kept]
-    if np.any(between[:, is_mode] > 1):
-        basis += "; of some poles, scatter between the FRFs, which is beyond that"
-    if band.deviations is not None:
-        of_blows = scatter.between_blows(flat, state, normal, factor * of_poles, *_single_blows(band, data, flat))
-        if np.any(of_blows[:, is_mode] > between[:, is_mode]):
-            basis += "; of some poles, scatter between the blows, which is beyond that"
-        between = np.maximum(between, of_blows)
-    inflation = np.tile(factor * of_poles[state.owners], 2)
+    between, of_what = _between(flat, state, normal, factor * of_poles, band, data, chosen.is_mode[kept])
+    basis += of_what
+    at_peaks = _at_peaks(flat, state) if misfit else np.ones(len(state.poles))
+    inflation = np.tile((factor * of_poles * at_peaks)[state.owners], 2)
     half, modes = len(inflation) // 2, len(state.poles)
-    inflation[:modes] *= between[0]
-    inflation[half : half + modes] *= between[1]
-    return Refined(state, normal, kept, dropped, unit, inflation, factor * of_shapes, basis)
+    inflation[:modes] *= np.maximum(between[0] / at_peaks, 1)
+    inflation[half : half + modes] *= np.maximum(between[1] / at_peaks, 1)
+    return Refined(state, normal, kept, dropped, unit, inflation, factor * of_shapes * at_peaks, basis)
+
+
+def _between(
+    flat: Weighted,
+    state: State,
+    normal: Linearisation,
+    variance: Float[np.ndarray, "mode"],
+    band: FrfSet,
+    data: Prepared,
+    is_mode: Bool[np.ndarray, "mode"],
+) -> tuple[Float[np.ndarray, "2 mode"], str]:
+    """Factors for what noise alone does not explain, and what it is in words."""
+    found = {
+        "noise that the FRFs share": scatter.between_lines(flat, state, normal, variance),
+        "scatter between the FRFs": scatter.between_outputs(flat, state, normal, variance),
+    }
+    if band.deviations is not None:
+        blows = _single_blows(band, data, flat)
+        found["scatter between the blows"] = scatter.between_blows(flat, state, normal, variance, *blows)
+    words = [name for name, factor in found.items() if np.any(factor[:, is_mode] > 1)]
+    basis = f"; of some poles, {' and '.join(words)}, which is beyond that" if words else ""
+    return np.max(list(found.values()), axis=0), basis
 
 
 def _pruned(
@@ -205,8 +221,8 @@ def _misfit(data: Weighted, state: State, derivative: int, known: Float[np.ndarr
     """Whether the residual is no noise: correlated over lines, and beyond the known variance where there is one."""
     some = _some(data)
     residual = data.signals[some] - weighted.model(data, state, some)
-    if known is not None:
-        residual *= (np.abs(data.s) * data.unit) ** derivative / np.sqrt(known[some])
+    residual *= (np.abs(data.s) * data.unit) ** derivative
+    residual /= np.sqrt(known[some]) if known is not None else 1
     energy = np.abs(residual) ** 2
     together = float(np.sum((residual[..., 1:] * residual[..., :-1].conj()).real))
     if together <= MISFIT * float(np.sum(energy)):
@@ -239,12 +255,22 @@ def _weights(
     if known is None and len(state.poles):
         left = 1 - _leverage(data, state, curve / found.variance(power, size))
         found = noise.structure(power, size, left, plain=misfit)
+    typical = float(np.median(_relative(found.variance(power, size), size))) if misfit else 0.0
     weights = np.empty(data.signals.shape)
     for rows in data.blocks():
         power, size = powers(rows)
         variance = found.variance(power, size) if known is None else noise.pooled(power, found, size)
+        # An FRF that is fitted well draws the poles to itself and is fitted better: none counts more than the typical.
+        variance *= np.maximum(typical / _relative(variance, size), 1)
         weights[rows] = 2 * curve / variance
     return weights
+
+
+def _relative(variance: Float[np.ndarray, "out in freq"], size: Float[np.ndarray, "out in freq"]) -> np.ndarray:
+    """Mean variance of each FRF over its mean square, shape (out, in, 1)."""
+    tiny = np.finfo(float).tiny
+    found: np.ndarray = np.mean(variance, axis=-1, keepdims=True) / (np.mean(size, axis=-1, keepdims=True) + tiny)
+    return found + tiny
 
 
 def _leverage(data: Weighted, state: State, weights: Float[np.ndarray, "some in freq"]) -> Float[np.ndarray, "in freq"]:
@@ -295,6 +321,27 @@ def _loss(data: Weighted, state: State) -> tuple[Float[np.ndarray, "mode"], Floa
         reach = np.stack([_autocorrelation(row[None])[1:telling] for row in sensitivity])
         result.append(np.maximum(1, 1 + 2 * reach @ rho[1:telling]))
     return result[0], result[1]
+
+
+def _at_peaks(data: Weighted, state: State) -> Float[np.ndarray, "mode"]:
+    """Residual energy where it moves each pole over that of all lines, at least 1: what is fitted badly is worst there.
+
+    It is made up for what the pole and the shapes have followed of these lines.
+    """
+    modes, outputs = len(state.poles), len(data.signals)
+    found, total = np.zeros(modes), np.zeros(modes)
+    near = np.abs(data.s - state.poles[:, None]) ** -4
+    size = np.abs(state.participation) ** 2
+    for rows in data.blocks():
+        residual = data.signals[rows] - weighted.model(data, state, rows)
+        energy = data.weights[rows] * np.abs(residual) ** 2
+        for values, result in ((data.weights[rows] * energy, found), (data.weights[rows], total)):
+            result += np.einsum("oif,mf,im,om->m", values, near, size, np.abs(state.shapes[rows]) ** 2, optimize=True)
+    reach = np.mean(data.weights, axis=(0, 1)) * near
+    lines = np.sum(reach, axis=1) ** 2 / np.sum(reach**2, axis=1)
+    left = np.maximum(1 - (1 + 1 / outputs) / lines, 0.2)
+    usual = weighted.cost(data, state) / data.signals.size
+    return np.maximum(found / (total * usual * left), 1)
 
 
 def _autocorrelation(signals: Complex[np.ndarray, "row line"], least: float = -np.inf) -> Float[np.ndarray, "lag"]:

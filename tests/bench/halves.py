@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from ema.study.recipe import EstimateTable, FitTable
 
 NEAR = 0.005
 """Relative distance in frequency within which two modes are the same."""
-BLOCK = 2048
-"""Samples of the blocks of a halved record, half a record's: other blocks would have other leakage."""
+BLOCK = 1024
+"""Samples of the blocks of a record that is halved."""
 Halves = tuple[FrfSet, FrfSet]
 
 
@@ -48,13 +49,19 @@ def of_blows(run: Run, rng: np.random.Generator) -> Halves:
     return _estimated(run, sorted(order[:half])), _estimated(run, sorted(order[half:]))
 
 
-def of_time(run: Run, rng: np.random.Generator) -> Halves:
-    """The two parts of the record before and after a random moment in the middle tenth, in blocks of one length."""
+def of_blocks(run: Run, rng: np.random.Generator) -> Halves:
+    """Two random halves of the blocks of a record, which begin at a random sample."""
     record = run.recordings[0]
     samples = record.signals.shape[1]
-    cut = int(samples * rng.uniform(0.45, 0.55))
-    parts = [replace(record, signals=record.signals[:, part]) for part in (slice(0, cut), slice(cut, samples))]
-    first, second = (frfs_of(replace(run, recordings=(part,)), EstimateTable(block=BLOCK))[0] for part in parts)
+    count = samples // BLOCK
+    start = int(rng.integers(0, samples - count * BLOCK + 1))
+    edges = start + BLOCK * np.arange(count + 1)
+    blocks = [replace(record, signals=record.signals[:, a:b]) for a, b in pairwise(edges)]
+    order = rng.permutation(count)
+    first, second = (
+        frfs_of(replace(run, recordings=tuple(blocks[place] for place in sorted(half))), EstimateTable(block=BLOCK))[0]
+        for half in (order[: count // 2], order[count // 2 :])
+    )
     return first, second
 
 
@@ -73,8 +80,8 @@ MEASUREMENTS = (
         of_blows,
     ),
     Measurement(
-        "subframe", "two shakers, the record before and after a random moment", "steel_subframe", "random",
-        "05_steel_subframe_mimo", (10, 490), of_time,
+        "subframe", "two shakers, random halves of the 8 blocks of a record", "steel_subframe", "random",
+        "05_steel_subframe_mimo", (10, 490), of_blocks,
     ),
 )  # fmt: skip
 
