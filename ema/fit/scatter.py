@@ -161,7 +161,7 @@ def _factors(
     own = np.diagonal(covariance)
     noise = np.array([own[:modes], own[half : half + modes]]) * variance
     size = np.array([state.poles.real**2, np.abs(state.poles) ** 2])
-    real, imaginary = (widened(*row) for row in zip(seen, noise, size, freedom, strict=True))
+    real, imaginary = (widened(*row) for row in zip(seen, noise, size, freedom, (False, True), strict=True))
     error = broadened * (imaginary - 1) * noise[1] / np.abs(state.poles.real)
     return np.array([real + error**2 / np.maximum(noise[0], np.finfo(float).tiny), imaginary])
 
@@ -171,22 +171,23 @@ def widened(
     noise: Float[np.ndarray, "mode"],
     size: Float[np.ndarray, "mode"],
     freedom: Float[np.ndarray, "mode"],
+    together: bool = False,
 ) -> Float[np.ndarray, "mode"]:
     """Factor on the variance by noise for scatter seen with few degrees of freedom; 1 where chance explains it.
 
     All modes tell how much there is: its variance is a level times ``size``, or times that by noise, alike in all modes
     to an extent that the modes tell too (scaled inverse chi-square around the level; the variance seen then follows an
     F distribution). Each mode adds what was seen of it (moderated variance, Smyth 2004). What exceeds the noise is
-    widened by Student's t, so that 1.96 standard deviations hold 95 %. Noise errs in each mode by itself, so that all
-    modes add to its degrees of freedom; what moves frequencies moves them together, and many modes tell no more of it
-    than one.
+    widened by Student's t, so that 1.96 standard deviations hold 95 %. Each mode errs by itself, so that all of them
+    add to the degrees of freedom, except where what is beyond the noise moves them ``together`` as a change of stiffness
+    or mass does: then many modes tell no more of it than the best one.
     """
     tiny = np.finfo(float).tiny
     seen, noise = np.maximum(seen, tiny), np.maximum(noise, tiny)
     likely = float(np.sum(scipy.stats.chi2.logpdf(freedom * seen / noise, freedom) + np.log(freedom / noise)))
     least = likely + 0.5 * scipy.stats.chi2.isf(_CHANCE, 2)
     factor = np.ones(len(seen))
-    for kind, apart in ((np.maximum(size, tiny), False), (noise, True)):
+    for kind, apart in ((np.maximum(size, tiny), not together), (noise, True)):
         high = 2 * np.max(seen / kind)
         levels = np.geomspace(min(0.1 * np.min(noise / kind), high), high, _LEVELS)[:, None]
         prior = noise + levels * kind
@@ -196,7 +197,7 @@ def widened(
             least = float(likely_by[alike, level])
             known = _PRIOR[alike] + freedom
             beyond = np.maximum((_PRIOR[alike] * prior[level] + freedom * seen) / known - noise, 0)
-            few = (scipy.stats.t.isf(0.025, known if apart else freedom) / scipy.stats.norm.isf(0.025)) ** 2
+            few = (scipy.stats.t.isf(0.025, known if apart else np.max(freedom)) / scipy.stats.norm.isf(0.025)) ** 2
             factor = 1 + few * beyond / noise
     return factor
 
