@@ -148,6 +148,7 @@ def poles(
     last = blocks[::-1] if clear else blocks
     companion[-size:] = -last.transpose(1, 0, 2).reshape(size, -1)
     roots = scipy.linalg.eigvals(companion, overwrite_a=True, check_finite=False)
+    roots = roots[roots != 0] if clear else roots
     z = 1 / roots if clear else roots
     # Decay over a sample of the band-limited time axis: beyond e^-3 a pole is wider than half the band, no mode.
     kept = (np.abs(z) < 1) & (np.abs(z) > np.exp(-3))

@@ -154,7 +154,8 @@ def _real(model: ModalModel) -> ModalModel:
     """Each shape rotated to its mean phase, its imaginary part dropped, and the participation turned back."""
     # The phase that maximises the real part is half the phase of the sum of squares.
     turn = np.exp(-0.5j * np.angle(np.sum(model.shapes**2, axis=0)))
-    return replace(model, shapes=(model.shapes * turn).real.astype(complex), participation=model.participation / turn)
+    real = replace(model, shapes=(model.shapes * turn).real.astype(complex), participation=model.participation / turn)
+    return replace(real, uncertainty=None if model.uncertainty is None else uncertainty.real(model.uncertainty, turn))
 
 
 def _findings(

@@ -179,8 +179,8 @@ def widened(
     to an extent that the modes tell too (scaled inverse chi-square around the level; the variance seen then follows an
     F distribution). Each mode adds what was seen of it (moderated variance, Smyth 2004). What exceeds the noise is
     widened by Student's t, so that 1.96 standard deviations hold 95 %. Each mode errs by itself, so that all of them
-    add to the degrees of freedom, except where what is beyond the noise moves them ``together`` as a change of stiffness
-    or mass does: then many modes tell no more of it than the best one.
+    add to the degrees of freedom, except where what is beyond the noise moves them ``together`` as a change of
+    stiffness or mass does: then many modes tell no more of it than the best one.
     """
     tiny = np.finfo(float).tiny
     seen, noise = np.maximum(seen, tiny), np.maximum(noise, tiny)

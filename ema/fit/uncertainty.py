@@ -186,6 +186,21 @@ class _Mode:
         return np.concatenate([by_own, self.shape[:, root.shape[1] :]], axis=1)
 
 
+def real(found: ModalUncertainty, turn: Complex[np.ndarray, "mode"]) -> ModalUncertainty:
+    """Uncertainty of shapes that were turned by a factor of modulus 1 each and have lost their imaginary part."""
+    c, s = turn.real, turn.imag
+    rotation = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+    shapes = np.einsum("mab,mdbc,mec->mdae", rotation, found.shapes, rotation)
+    kept = np.zeros_like(shapes)
+    kept[..., 0, 0] = shapes[..., 0, 0]
+    return replace(
+        found,
+        shapes=kept,
+        common=(found.common * turn[:, None, None]).real.astype(complex),
+        participation=np.einsum("mba,mdbc,mce->mdae", rotation, found.participation, rotation),
+    )
+
+
 def residue_std(model: ModalModel) -> Complex[np.ndarray, "mode dof in"]:
     """Standard uncertainties of the residues: of the real parts, and of the imaginary parts as imaginary part.
 
