@@ -31,7 +31,7 @@ _YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 14
 harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
 _FORCING, _ROUGHLY = 1e-3, 0.05
 """How far GMRES solves for a step, and where only the size of the step matters."""
-_SAFETY, _LEAST = 2.0, 0.8
+_SAFETY, _LEAST = 4.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
 _FEWEST, _WIDER, _MOST_RUNS, _MOST_ROUGH = 3, (5, 9, 14), 400, 60
 """Harmonics of the first try, and of those after it failed; Newton runs per frequency, after which it counts as one
@@ -78,7 +78,7 @@ class Condensed:
     driven: Dof
     force: float
     tolerance: float = 5e-3
-    most_orders: int = 48
+    most_orders: int = 64
     harmonics: int | None = None
     limits: np.ndarray = field(init=False)
 
@@ -148,13 +148,16 @@ class Condensed:
         return out
 
     def contact_forces(
-        self, amplitudes: np.ndarray, omega: float, fine: int = 1, level: float = 1.0
+        self, amplitudes: np.ndarray, omega: float, fine: int = 1, level: float = 1.0, derive: bool = True
     ) -> tuple[np.ndarray, ...]:
-        """Friction deviations (contact, 2 H), their Jacobian, losses and who slips; slip forces raised by ``level``."""
+        """Friction deviations (contact, 2 H), their Jacobian, losses and who slips; slip forces raised by ``level``.
+
+        The Jacobian is of no use without ``derive``.
+        """
         count = amplitudes.shape[1] // 2
         result: tuple[np.ndarray, ...] = self.kernels.contact_forces(
             np.ascontiguousarray(amplitudes), self.orders(count), self.basis(count), self.odd, fine, omega,
-            self.stiffness, level * self.limits, self.members, self.laws, self.general,
+            self.stiffness, level * self.limits, self.members, self.laws, self.general, derive,
         )  # fmt: skip
         return result
 
@@ -419,17 +422,20 @@ class Condensed:
 
     def _widened(self, point: _Point, gains: np.ndarray) -> tuple[Float[np.ndarray, "contact size"], float]:
         """A Newton step with all harmonics of ``gains``, and how much it changes the first one, relative."""
-        start, count = point.amplitudes, gains.shape[1]
-        wide = self._run(point.omega, _with_harmonics(start, count), gains, 1.0, 0, _ROUGHLY)[1]
-        first = slice(0, 2) if self.odd else slice(2, 4)
-        scale = max(float(np.linalg.norm(start[:, first])), 1e-300)
-        return wide, float(np.linalg.norm(wide[:, first] - start[:, first])) / scale
+        start = point.amplitudes
+        wide = self._run(point.omega, _with_harmonics(start, gains.shape[1]), gains, 1.0, 0, _ROUGHLY)[1]
+        change = self._first_part(wide[:, : start.shape[1]] - start)
+        return wide, change / max(self._first_part(start), 1e-300)
+
+    def _first_part(self, amplitudes: np.ndarray) -> float:
+        """Size of the first harmonic of all contacts."""
+        return float(np.linalg.norm(amplitudes[:, slice(0, 2) if self.odd else slice(2, 4)]))
 
     def _refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
     ) -> tuple[Float[np.ndarray, "contact"], float]:
         """Losses from twice the nodes, and how much they and the forces differ from before, relative."""
-        better, _, lost_better, _ = self.contact_forces(amplitudes, omega, 2 * self.fine)
+        better, _, lost_better, _ = self.contact_forces(amplitudes, omega, 2 * self.fine, derive=False)
         force = np.linalg.norm(better - forces) / max(float(np.linalg.norm(better)), 1e-300)
         loss = abs(lost_better.sum() - lost.sum()) / max(abs(float(lost_better.sum())), 1e-300)
         return lost_better, float(max(force, loss))

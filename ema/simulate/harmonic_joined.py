@@ -93,7 +93,7 @@ class JoinedCondensed(Condensed):
         return result
 
     def contact_forces(
-        self, amplitudes: np.ndarray, omega: float, fine: int = 1, level: float = 1.0
+        self, amplitudes: np.ndarray, omega: float, fine: int = 1, level: float = 1.0, derive: bool = True
     ) -> tuple[np.ndarray, ...]:
         """Deviations (contact, 2 H), their Jacobian, losses and who deviates; ``self.level`` raises slip forces."""
         return self._forces(amplitudes, omega, fine)[:4]

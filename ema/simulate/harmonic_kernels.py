@@ -40,8 +40,10 @@ def weakest(stiffness, limit, shares_k, shares_f, count):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limits, members, laws, general):
+def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limits, members, laws, general, derive):
     """Deviations G (contact, 2 H), Jacobian (contact, member, 2 H, 2 H), losses per period, who slips.
+
+    Without ``derive`` the Jacobian is not made.
 
     ``members`` (contact, member): the contacts on whose motion the force of a contact depends, itself first, then -1.
     ``basis`` (2, sample, 2 H): derivatives of cos and sin; they serve to find the turning points. ``general`` is None
@@ -49,7 +51,7 @@ def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limit
     """
     codes, par, shares_k, shares_f, counts, tables, user = laws
     contacts, size = amplitudes.shape
-    forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts, members.shape[1], size, size))
+    forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts if derive else 1, members.shape[1], size, size))
     lost, slips = np.zeros(contacts), np.zeros(contacts, np.bool_)
     room, highest = 4 * orders[-1] + 8, 2 * orders[-1] + 1
     place, value = np.empty(room), np.empty(room)
@@ -57,6 +59,7 @@ def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limit
     rates, bends = np.empty(basis.shape[1]), np.empty(basis.shape[1])
     for i in range(contacts):
         masing = codes[i] == 0
+        at = i if derive else 0
         if masing and reach(amplitudes[i]) <= weakest(stiffness[i], limits[i], shares_k[i], shares_f[i], counts[i]):
             continue
         matvec(basis[0], amplitudes[i], rates)
@@ -64,13 +67,13 @@ def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limit
         if masing:
             lost[i] = masing_period(
                 amplitudes[i], orders, rates, bends, odd, stiffness[i], limits[i], shares_k[i], shares_f[i],
-                counts[i], place, value, cosine, sine, forces[i], jacobian[i, 0],
+                counts[i], place, value, cosine, sine, forces[i], jacobian[at, 0], derive,
             )  # fmt: skip
             slips[i] = largest(forces[i]) > 0.0
         if general is not None and not masing:
             lost[i] = smooth_period(
                 i, codes[i], amplitudes[i], orders, rates, bends, odd, fine, omega, stiffness[i], limits[i], par,
-                tables, user, place, value, cosine, sine, forces[i], jacobian[i, 0],
+                tables, user, place, value, cosine, sine, forces[i], jacobian[at, 0], derive,
             )  # fmt: skip
             slips[i] = largest(forces[i]) > 1e-12 * limits[i]
     return forces, jacobian, lost, slips

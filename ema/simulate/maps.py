@@ -16,7 +16,7 @@ from ema.simulate.harmonic import Branch, Condensed, _Point, check_positive, con
 
 HOMOGENEOUS = ("masing", "parallel masing", "iwan", "regularised masing", "dahl", "coulomb")
 _ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 3, 0.02
-_FIRST, _FIRST_LEVELS, _BESIDE = 24, 7, 1.12
+_FIRST, _FIRST_LEVELS, _BESIDE, _MOST_ORDERS = 24, 7, 1.12, 48
 _APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0
 """Distance of frequencies around a summit that is known from fewer harmonics, and steps towards it that no longer
 matter, relative; the tolerance with which it is placed, over that of its height."""
@@ -297,14 +297,14 @@ def homogeneous(model: BeamModel) -> bool:
 def damping_map(
     model: BeamModel, force_levels: Sequence[float] | Float[np.ndarray, "level"],
     normal_forces: Sequence[float] | Float[np.ndarray, "normal"], at: Dof | str, output: Dof | str,
-    band: tuple[float, float], tolerance: float = 5e-3, modes: int | None = None, progress: Progress = silent,
+    band: tuple[float, float], tolerance: float = 1e-2, modes: int | None = None, progress: Progress = silent,
 ) -> ModalMap:  # fmt: skip
     """Resonance frequency and equivalent damping over (F_E, F_N): ``ModalMap`` of the kind ``frozen``.
 
     ``normal_forces`` N are given to every joint. Where the model is homogeneous the map is one curve over F_N/F_E, else
-    one over F_E at each F_N. A curve is computed at as many places as it takes to interpolate between them within 0.4
-    ``tolerance`` in frequency, ``tolerance`` in amplitude and twice that in damping. Peaks that are computed state an
-    error: the largest one is among the options of the provenance, and a finding where it exceeds the ``tolerance``.
+    one over F_E at each F_N. A curve is computed at as many places as it takes to interpolate between them within a
+    fifth of ``tolerance`` in frequency, half of it in amplitude and all of it in damping. Peaks that are computed state
+    an error: the largest one is among the options of the provenance, and a finding where it exceeds ``tolerance``.
 
     Raises
     ------
@@ -318,9 +318,10 @@ def damping_map(
         raise InputError("not a normal force", where=model.name, got=f"{normals.tolist()} N", expected="0 N or more")
     check_band(model, band)
     curves: list[_Curve] = []
-    tolerances = tolerance * np.array([0.4, 2.0, 1.0])
+    tolerances = tolerance * np.array([0.2, 1.0, 0.5])
     if homogeneous(model):
         condensed = condense(model.with_normal_force(1.0), 1.0, at, [output], tolerance, modes)
+        condensed.most_orders = _MOST_ORDERS
         curves.append(_Curve(lambda ratio: condensed.at(1.0, condensed.limits * ratio), band))
         ratios = normals / levels[:, None]
         keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
@@ -333,6 +334,7 @@ def damping_map(
         for column, normal in enumerate(normals):
             advance(progress, "damping map", column, len(normals))
             here = condense(model.with_normal_force(normal), float(levels[0]), at, [output], tolerance, modes)
+            here.most_orders = _MOST_ORDERS
             curves.append(_Curve(partial(here.at, limits=here.limits), band))
             table[:, :, column] = interpolated(wanted, curves[-1].at, tolerances, first=_FIRST_LEVELS)[back].T
     findings, error = [], max(found.error_estimate for curve in curves for found in curve.known.values())

@@ -186,13 +186,31 @@ def _products(orders, cosine, sine, out):
             out[r + 1, c], out[c, r + 1] = sc, sc
 
 
+@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _add_memory(memory, turns, orders, cosine, sine, jacobian):
+    """Add what stuck stretches owe to the turning points at which they began, with ``memory`` (turn, 2 H)."""
+    size = memory.shape[1]
+    for m in range(turns + 1):
+        for r in range(size):
+            weight = memory[m, r]
+            if weight == 0.0:
+                continue
+            if m == turns:
+                jacobian[r, 0] += weight
+                continue
+            for h in range(size // 2):
+                jacobian[r, 2 * h] += weight * cosine[m, orders[h]]
+                jacobian[r, 2 * h + 1] += weight * sine[m, orders[h]]
+
+
 @nb.njit(cache=True, error_model="numpy")
 def masing_period(
     amplitudes, orders, rates, bends, odd, stiffness, limit, shares_k, shares_f, count, place, value, cosine, sine,
-    forces, jacobian,
+    forces, jacobian, derive,
 ):  # fmt: skip
     """Fourier coefficients ``forces`` (2 H,) of f - k u of parallel Masing springs, their Jacobian; returns the loss.
 
+    Without ``derive`` the Jacobian is not made: its place is then workspace.
     The springs start unstressed and settle during one period. Order 0 has its mean in the first of its two places.
     The last arguments up to ``sine`` are workspace, with room for all turning points and twice the highest order.
     """
@@ -251,27 +269,17 @@ def masing_period(
             if slides:
                 rest, last = value[m] - sign * reach, m
     _products(orders, cos_moments, sin_moments, jacobian)
-    for m in range(turns + 1):
-        for r in range(size):
-            weight = memory[m, r]
-            if weight == 0.0:
-                continue
-            if m == turns:
-                jacobian[r, 0] += weight
-                continue
-            for h in range(size // 2):
-                jacobian[r, 2 * h] += weight * cosine[m, orders[h]]
-                jacobian[r, 2 * h + 1] += weight * sine[m, orders[h]]
     scale = (2.0 if odd else 1.0) / np.pi
-    slid = np.zeros((size, size))
-    _products(orders, cos_moments, sin_moments, slid)
     for r in range(size):
         total = constant[r]
         for c in range(size):
-            total -= slid[r, c] * amplitudes[c]
+            total -= jacobian[r, c] * amplitudes[c]
         forces[r] = scale * total
-        for c in range(size):
-            jacobian[r, c] *= -scale
+    if derive:
+        _add_memory(memory, turns, orders, cosine, sine, jacobian)
+        for r in range(size):
+            for c in range(size):
+                jacobian[r, c] *= -scale
     if orders[0] == 0:
         forces[0] *= 0.5
         for c in range(size):

@@ -94,9 +94,41 @@ def _follow(
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b, extra, scale, jacobian):
+    """Jacobian of the Fourier coefficients from the tangents ``a``, ``b``, ``extra`` along the nodes."""
+    count, size = basis.shape
+    # d state / d amplitudes = chain * (that of the start) + grown
+    chain, grown = np.empty(count), np.empty((count, size))
+    product = 1.0
+    for n in range(count):
+        product *= a[n]
+        chain[n] = product
+        for c in range(size):
+            before = first_basis[c] if n == 0 else basis[n - 1, c]
+            grown[n, c] = b[n] * (basis[n, c] - before) + (a[n] * grown[n - 1, c] if n > 0 else 0.0)
+    closing = 1.0 + product if odd else 1.0 - product
+    for n in range(count):
+        for c in range(size):
+            begin = 0.0
+            if odd:
+                begin = -grown[count - 1, c] / closing
+            elif closing > 1e-6:
+                begin = grown[count - 1, c] / closing
+            total = grown[n, c] + chain[n] * begin
+            if lugre:
+                total = extra[n, 0] * total + extra[n, 1] * omega * slope[n, c]
+            grown[n, c] = weight[n] * (total - k * basis[n, c])
+    for n in range(count):
+        for r in range(size):
+            lever = scale * basis[n, r]
+            for c in range(size):
+                jacobian[r, c] += lever * grown[n, c]
+
+
+@nb.njit(cache=True, error_model="numpy")
 def smooth_period(
     i, code, amplitudes, orders, rates, bends, odd, fine, omega, k, limit, par, tables, user, place, value, cosine,
-    sine, forces, jacobian,
+    sine, forces, jacobian, derive,
 ):  # fmt: skip
     """Fourier coefficients ``forces`` (2 H,) of f - k u of one contact in its cycle, their Jacobian, the loss.
 
@@ -126,37 +158,14 @@ def smooth_period(
     start_u = value[turns - 1]
     start = _settle(i, code, odd, k, limit, par, tables, user, start_u, omega, u, rate, force, state, a, b, extra)
     _follow(i, code, k, limit, par, tables, user, start_u, 0.0, start, omega, u, rate, force, state, a, b, extra)
-    # d state / d amplitudes = chain * (that of the start) + grown
-    chain, grown = np.empty(count), np.empty((count, size))
-    product = 1.0
-    for n in range(count):
-        product *= a[n]
-        chain[n] = product
-        for c in range(size):
-            before = first_basis[c] if n == 0 else basis[n - 1, c]
-            grown[n, c] = b[n] * (basis[n, c] - before) + (a[n] * grown[n - 1, c] if n > 0 else 0.0)
-    closing = 1.0 + product if odd else 1.0 - product
-    lost = 0.0
+    scale, lost = (2.0 if odd else 1.0) / np.pi, 0.0
+    if derive:
+        _differentiate(odd, omega, k, code == LUGRE, first_basis, basis, slope, weight, a, b, extra, scale, jacobian)
     for n in range(count):
         lost += weight[n] * force[n] * rate[n]
-        for c in range(size):
-            begin = 0.0
-            if odd:
-                begin = -grown[count - 1, c] / closing
-            elif closing > 1e-6:
-                begin = grown[count - 1, c] / closing
-            total = grown[n, c] + chain[n] * begin
-            if code == LUGRE:
-                total = extra[n, 0] * total + extra[n, 1] * omega * slope[n, c]
-            grown[n, c] = weight[n] * (total - k * basis[n, c])
         force[n] = weight[n] * (force[n] - k * u[n])
-    scale = (2.0 if odd else 1.0) / np.pi
-    for n in range(count):
         for r in range(size):
-            lever = scale * basis[n, r]
-            forces[r] += lever * force[n]
-            for c in range(size):
-                jacobian[r, c] += lever * grown[n, c]
+            forces[r] += scale * basis[n, r] * force[n]
     if orders[0] == 0:
         forces[0] *= 0.5
         for c in range(size):

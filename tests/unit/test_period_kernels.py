@@ -22,7 +22,7 @@ def closed_form(amplitudes, limit):
     room, forces, jacobian = 4 * ODD[-1] + 8, np.empty(size), np.empty((size, size))
     lost = masing_period(
         amplitudes, ODD, rates, bends, True, 1.0, limit, np.ones(1), np.ones(1), 1, np.empty(room), np.empty(room),
-        np.empty((room, highest)), np.empty((room, highest)), forces, jacobian,
+        np.empty((room, highest)), np.empty((room, highest)), forces, jacobian, True,
     )  # fmt: skip
     return forces, lost, jacobian
 

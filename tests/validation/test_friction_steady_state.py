@@ -136,8 +136,8 @@ def test_peaks_against_the_reference_mode(ratio):
     """From well below to well above the optimum (about 250): the exact solver, started on the harmonic solution, stays."""
     tip = "beam 2:6:+Z"
     model = double_beam(Masing(0.3, 1e9), ratio, elements=6, damping=Damping(mass_factor=2.0))
-    peak = resonance(model, 1.0, tip, tip, (14.0, 34.0), tolerance=2e-3)
-    condensed = condense(model, 1.0, tip, [tip], 2e-3, None)
+    peak = resonance(model, 1.0, tip, tip, (14.0, 34.0))
+    condensed = condense(model, 1.0, tip, [tip], 5e-3, None)
     point = condensed.solve(peak.frequency)
     periods = 16 if ratio < 200 else 10
     run = run_reference(
@@ -146,10 +146,8 @@ def test_peaks_against_the_reference_mode(ratio):
     )  # fmt: skip
     last = run.displacements[0][-128:]
     found = 2 / 128 * np.sum(last * np.exp(-2j * np.pi * np.arange(len(run.times) - 128, len(run.times)) / 64))
-    rows = np.array([condensed.problem.base.row(condensed.problem.system, tip)])
-    expected = condensed.outputs(point, rows)[0, 0]
-    assert abs(found) == pytest.approx(abs(expected), rel=0.01)
     assert peak.error_estimate <= 0.01
+    assert abs(abs(peak.amplitude) / abs(found) - 1) <= peak.error_estimate
 
 
 def test_power_balance_and_error_estimates():
@@ -248,6 +246,28 @@ def test_map_has_a_ridge_that_follows_the_force():
     power_law = model.with_law(Masing(0.3, 1e9, stiffness_exponent=0.5))
     other = damping_map(power_law, levels[:2], forces[1:3], tip, tip, (14.0, 34.0))
     assert abs(other.damping[1, 1] / other.damping[0, 0] - 1) > 1e-3
+
+
+@pytest.mark.parametrize("ratio", [372.8, 771.1])
+def test_the_higher_one_of_two_summits_is_found(ratio):
+    """Superharmonic resonance of the second mode splits the peak: summits lie within 5 % in height."""
+    model = double_beam(Masing(0.3, 1e9), ratio, damping=Damping(mass_factor=1.0))
+    peak = resonance(model, 1.0, TIP, TIP, (10.0, 36.0), tolerance=1e-2)
+    swept = frf(model, np.linspace(0.85, 1.15, 31) * peak.frequency, 1.0, TIP, [TIP], harmonics=27)
+    assert abs(peak.amplitude) >= 0.99 * np.abs(swept.values[:, 0, 0]).max()
+
+
+def test_levels_between_are_interpolated_within_the_tolerance():
+    tip = "beam 2:4:+Z"
+    model = double_beam(Masing(0.3, 1e9, stiffness_exponent=0.5), 100.0, elements=4, damping=Damping(mass_factor=1.0))
+    levels = np.geomspace(0.1, 10.0, 25)
+    chart = damping_map(model, levels[::-1], [200.0], tip, tip, (10.0, 36.0))
+    for row in (1, 6, 12, 18, 23):
+        one = resonance(model.with_normal_force(200.0), levels[::-1][row], tip, tip, (10.0, 36.0), tolerance=2e-3)
+        assert chart.modal_amplitude[row, 0] == pytest.approx(one.modal_amplitude, rel=1e-2)
+        assert chart.frequency[row, 0] == pytest.approx(one.frequency, rel=5e-3)
+        assert chart.damping[row, 0] == pytest.approx(one.damping, rel=2e-2)
+    assert "largest error estimate of a peak" in dict(chart.provenance.options)
 
 
 def test_backbone_falls_from_stuck_to_sliding():
