@@ -170,7 +170,9 @@ def check_matrices(matrices: Matrices, where: str) -> None:
             raise InputError(f"the {name} matrix does not fit its DOFs", where=where, got=matrix.shape,
                              expected=f"{len(matrices.dofs)} rows and columns")  # fmt: skip
         if not np.all(np.isfinite(matrix)):
-            raise InputError(f"the {name} matrix holds NaN or infinity", where=where)
+            raise InputError(f"the {name} matrix holds NaN or infinity", where=where,
+                             got=f"{np.sum(~np.isfinite(matrix))} such entries", expected="numbers",
+                             advice="export it again")  # fmt: skip
         unequal = np.abs(matrix - matrix.T).max()
         if unequal > 1e-9 * np.abs(matrix).max():
             raise InputError(f"the {name} matrix is not symmetric", where=where, got=f"difference {unequal:g}",

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 from typer.testing import CliRunner
 
 import acquisition
 from ema import store
 from ema.cli.app import app
 from ema.data import BeamModel, Decay, HarmonicResponse, Loop, ModalMap, Response
-from ema.simulate import frf
+from ema.simulate import beam, frf
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 
@@ -168,6 +169,60 @@ def test_bad_models_are_one_sentence_with_their_line(tmp_path, job, old, new, wo
     (tmp_path / "model.toml").write_text(SMALL.replace(old, new, 1))
     done = ema(job, tmp_path, "--out", tmp_path / "out")
     assert done.exit_code == 2 and re.search(words, done.stderr), done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+HOST = """
+[model]
+name = "imported"
+[structure]
+kind = "matrices"
+mass = "mass.mtx"
+stiffness = "stiffness.mtx"
+dofs = "dofs.txt"
+[beam]
+kind = "beam"
+length = "0.2 m"
+width = "30 mm"
+height = "5 mm"
+elements = 4
+[[joints]]
+host_nodes = "3-7"
+beam_nodes = "0-4"
+half_heights = ["5 mm", "2.5 mm"]
+normal_force = "1 kN"
+normal_stiffness = "1e8 N/m"
+[law]
+name = "masing"
+friction_coefficient = 0.2
+contact_stiffness = "20 N/um"
+[snapback]
+load = "20 N"
+at = "10:+Z"
+duration = "0.01 s"
+"""
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        ((0, 1), 1e9, "imported host: the stiffness matrix is not symmetric; got difference 1e+09"),
+        ((0, 0), -1e11, "the stiffness matrix is not positive; got lowest eigenvalue -"),
+        ((0, 0), np.nan, "the stiffness matrix holds NaN or infinity; got 1 such entries, expected numbers"),
+        ((slice(None), slice(None)), 0.0, "the structure is not held; got a rigid-body motion"),
+    ],
+    ids=["asymmetric", "indefinite", "NaN", "not held"],
+)
+def test_imported_matrices_that_are_no_structure(tmp_path, place, value, words):
+    host = beam(0.5, 0.04, 0.01, elements=10)
+    stiffness = np.array(host.stiffness)
+    stiffness[place] = value
+    scipy.io.mmwrite(tmp_path / "mass.mtx", host.mass)
+    scipy.io.mmwrite(tmp_path / "stiffness.mtx", stiffness, symmetry="general")
+    (tmp_path / "dofs.txt").write_text("\n".join(map(str, host.dofs)))
+    (tmp_path / "model.toml").write_text(HOST)
+    done = ema("snapback", tmp_path, "--out", tmp_path / "out")
+    assert done.exit_code == 2 and words in done.stderr, done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
 
