@@ -12,7 +12,18 @@ import pytest
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate import Dahl, Iwan, LuGre, Masing, PowerContact, RegularisedMasing, Unilateral, frf, respond
+from ema.simulate import (
+    Dahl,
+    Iwan,
+    LuGre,
+    Masing,
+    PowerContact,
+    RegularisedMasing,
+    Unilateral,
+    frf,
+    resonance,
+    respond,
+)
 from ema.simulate.harmonic import condense
 
 F0, K, FC = 100.0, 4e5, 30.0
@@ -133,6 +144,16 @@ def test_normal_contact_against_the_time_solver(contact, force):
     assert abs(first(found) / motion - 1) <= 3e-3
     assert found.values[0, 0, 0].real == pytest.approx(mean, abs=3e-3 * abs(motion))
     assert ("lift-off" in {finding.code for finding in found.findings}) == (force == 100.0)
+
+
+def test_the_peak_of_a_motion_with_a_mean_is_that_of_its_first_harmonic():
+    model = oscillator(Masing(0.5, 2e5), ONE, lift=0.2, normal_contact=Unilateral(), normal_stiffness=2e5)
+    peak = resonance(model, 40.0, "1:+X", "1:+X", (85.0, 125.0), coarse=16)
+    swept = frf(model, np.array([0.98, 1.0, 1.02]) * peak.frequency, 40.0, "1:+X", ["1:+X"])
+    heights = np.abs(swept.values[:, 0, list(swept.orders).index(1)])
+    assert abs(peak.amplitude) == pytest.approx(heights[1], rel=1e-2)
+    assert heights[1] > max(heights[0], heights[2])
+    assert peak.modal_amplitude >= abs(peak.amplitude)
 
 
 def test_normal_forces_that_are_none_get_a_sentence():
