@@ -211,7 +211,7 @@ def prune(
             smaller = _without(data, fit, weakest, 3)
         else:
             pairs = [*overlapping(fit), *(confused(data, fit) if thorough else [])]
-            weakest, smaller = _merged(data, fit, gain, noise.required, pairs)
+            weakest, smaller = _merged(data, fit, gain, noise.required, pairs, thorough)
             reasons = dict.fromkeys(weakest, "together with a neighbour it explains no more than one mode does")
         if not weakest:
             break
@@ -244,15 +244,19 @@ def _merged(
     gain: Float[np.ndarray, "pole"],
     required: float,
     pairs: list[tuple[int, int]],
+    thorough: bool,
 ) -> tuple[list[int], ModalFit]:
-    """The fit without one of two poles, the weaker one first, where one mode does as well as the two."""
+    """The fit without the weaker of two poles, where one mode does as well as the two.
+
+    ``thorough`` tries without the stronger one too, and lets what stays settle where little is lost.
+    """
     tried: set[int] = set()
     for a, b in dict.fromkeys(pairs):
-        for gone in sorted({a, b} - tried, key=lambda k: gain[k]):
+        members = sorted((a, b), key=lambda k: gain[k])[: 2 if thorough else 1]
+        for gone in [k for k in members if k not in tried]:
             tried.add(gone)
             smaller = _without(data, fit, [gone], 10)
-            if required < smaller.cost - fit.cost < _WITHIN_REACH * required:
-                # The mode that stays has to take the place between the two, and its neighbours theirs.
+            if thorough and required < smaller.cost - fit.cost < _WITHIN_REACH * required:
                 smaller = _settled(data, smaller, required)
             if smaller.cost - fit.cost <= required:
                 return [gone], smaller
