@@ -160,7 +160,7 @@ def jobs() -> dict[str, Callable[[bool], dict]]:
         for name, call in FIRST_CALLS.items()
     }
     rows |= {f"snap-back, {force:g} N": partial(snapback_row, force) for force in FORCES}
-    rows |= {f"point, {ratio:g}": partial(frequency.points, ratio) for ratio in frequency.PEER_RATIOS}
+    rows |= {f"point, {ratio:g}": partial(frequency.points, ratio) for ratio in frequency.SWEEPS}
     rows |= {f"map, {name}": partial(frequency.map_row, exponent) for name, exponent in frequency.MAPS.items()}
     return rows | {"robustness": frequency.robustness, "peaks": frequency.peaks}
 
