@@ -3,7 +3,8 @@
 Poles that persist over the model orders are refined together by maximum likelihood. Where the residual is larger than
 the noise, narrower bands are searched. A mode stays when leaving it out costs more than noise, or the misfit of its
 neighbourhood, could explain, when its own uncertainty is small against its damping and against the distance to its
-neighbours, and when it is not the second half of a peak that one mode already explains.
+neighbours, when it is not the second half of a peak that one mode already explains, and when it is not itself likely to
+be several modes that overlap.
 """
 
 from dataclasses import dataclass, replace
