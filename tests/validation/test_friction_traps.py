@@ -177,7 +177,7 @@ def test_superharmonics_that_meet_the_second_mode_need_many_harmonics():
     With 1, 3, 5 and 7 as highest harmonic the amplitude errs by up to 60, 20, 9 and 5 %; how many are kept by default is
     decided point by point: the result lies within the error that is stated, and within 1 %.
     """
-    tip, frequencies = "beam 2:6:+Z", np.linspace(19.0, 23.0, 9)
+    tip, frequencies = "beam 2:6:+Z", np.linspace(19.0, 23.0, 5)
     model = double_beam(Masing(MU, 1e9), 300.0, elements=6, damping=Damping(ratio=0.003))
 
     def heights(**options):
@@ -185,7 +185,7 @@ def test_superharmonics_that_meet_the_second_mode_need_many_harmonics():
         assert found.converged.all()
         return np.abs(found.values[:, 0, 0])
 
-    exact = heights(harmonics=61)
+    exact = heights(harmonics=161)
     worst = [float(np.abs(heights(harmonics=highest) / exact - 1).max()) for highest in (1, 3, 5, 7)]
     assert worst[0] > 0.3 and worst[1] > 0.1 and worst[2] > 0.05 and worst[3] > 0.03
     chosen = frf(model, frequencies, 1.0, tip, [tip], tolerance=2e-3)
