@@ -14,14 +14,21 @@ RESULT = Path(__file__).parent / "results" / "accuracy.json"
 
 NOT_CONTAINED = (
     "## What the intervals contain, and what not",
-    "The intervals of a fit hold the noise of its FRFs as the scatter over lines shows it. Those of frequencies and damping "
-    "ratios also hold what changes from one FRF to the next, as under a roving hammer, where leaving out one FRF after "
-    "the other (the jackknife) shows more than chance explains; the basis of the uncertainty then says so. From few points "
-    "this is told badly, and the interval is widened for it (Student's t).",
+    "The intervals of a fit hold the noise of its FRFs as the scatter over lines shows it, and where a misfit limits the "
+    "fit, that of the lines at the peaks. Those of frequencies and damping ratios also hold, where it is more than chance "
+    "explains (the basis of the uncertainty then names it):",
+    "- noise that the FRFs share, as those of one blow share the noise of its force: what the residuals of all FRFs on a "
+    "line do to a pole together (sandwich variance over groups of lines);\n"
+    "- what changes from one FRF to the next, as under a roving hammer (jackknife over the outputs);\n"
+    "- what changes from blow to blow, or from block to block of a random test: the estimators keep the deviation of each "
+    "from the average (of more than eight, of eight groups), and the fit says what each does to a pole (jackknife over the "
+    "blows). A resonance that wanders makes the average look damped more; that is in the interval of the damping ratio.",
+    "From a few points or blows this is told badly. All modes tell the level together, what was seen of each is weighed "
+    "with it, and Student's t widens what exceeds the noise. Welch averages and sweeps keep no deviations. The intervals "
+    "of shapes and residues hold the noise over lines alone, as if each FRF had noise of its own.",
     "They do not hold what all FRFs of one test share while each stays clean:",
-    "- what changes between two tests, or during the averages of one: blows of different strength, direction and place, a "
-    "moved hammer or sensor and its mass, temperature, suspension. A resonance that wanders by a hundredth of a "
-    "half-power width is more than the noise of a good test;\n"
+    "- what changes between two tests: a moved sensor and its mass, temperature, suspension. A resonance that moves by a "
+    "hundredth of a half-power width is more than the noise of a good test;\n"
     "- a structure that is not linear: friction depends on the amplitude;\n"
     "- errors that neighbouring lines share: leakage, windows, smoothing over lines, a short record;\n"
     "- assembly: screws tightened anew, the normal force going up and down.",
@@ -199,9 +206,9 @@ def halves(section: dict) -> str:
     text = (
         "Two halves of one real measurement, each fitted by itself, told nothing. *Within*: the difference is less than "
         "1.96 s with s = sqrt(s1² + s2²) of the two stated standard deviations; for intervals that hold all scatter it "
-        "would be 95 %, and the median difference 0.67 s. Hammer points are hit one after the other: their scatter is in "
-        "the intervals. Blows at one point and parts of one record are averaged before the fit: what changes between "
-        "them is not."
+        "would be 95 %, and the median difference 0.67 s. The halves of the first rest on four or five points, those of the "
+        "second on two or three blows, those of the third on four blocks: such scatter is told badly, and Student's t "
+        "makes intervals of it that are on the wide side more often than not."
     )
     return "\n\n".join(["## Real measurements, halves against each other", text, table(head, lines), measured(section)])
 
