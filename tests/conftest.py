@@ -4,9 +4,14 @@ import os
 from pathlib import Path
 
 import pytest
+import scipy.linalg  # noqa: F401 (loads linear algebra, so that its threads can be limited)
 from jaxtyping import install_import_hook
+from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# Bounds on processor time are those of one thread; idle threads of linear algebra would be counted too.
+threadpool_limits(1, user_api="blas")
 
 
 def _checked_modules() -> list[str]:
