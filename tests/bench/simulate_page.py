@@ -56,7 +56,7 @@ def snap_backs(rows: Rows) -> list[str]:
 def steady_states(rows: Rows) -> list[str]:
     """One frequency after the other, at five harmonics and at as many as the error asks for, against pyHarm."""
     lines = []
-    for row in rows.values():
+    for row in sorted(rows.values(), key=lambda row: row["ratio"]):
         cells = [
             f"{row['ratio']:g}", f"{row['from']:g}-{row['to']:g}", str(row["slipping"]),
             number(1e3 * row["cpu five harmonics"]), number(1e3 * row["cpu as many as needed"]),
