@@ -31,6 +31,10 @@ _FAILURES = 2
 """Places where a mode seems to gain but replaces another one; after so many, the search ends."""
 
 _TRIAL_DAMPING = np.array([0.001, 0.005, 0.02, 0.06])
+_OUTSIDE = np.array([0.003, 0.01, 0.02, 0.04, 0.08, 0.16])
+"""Distances from the edges of the band, over its width, at which resonances outside it are tried."""
+_CHANCE = 0.01
+"""Probability with which noise alone passes for a resonance outside the band."""
 
 
 def search(data: Observations, fit: ModalFit, band: tuple[float, float], rounds: int, hidden: bool) -> ModalFit:
@@ -100,6 +104,31 @@ def complete(data: Observations, fit: ModalFit, band: tuple[float, float], round
             tried = np.append(tried, trials[chosen])
             if len(tried) > _FAILURES:
                 break
+    return fit
+
+
+def beyond(data: Observations, fit: ModalFit, band: tuple[float, float]) -> ModalFit:
+    """Add the resonances outside the band that the residual asks for, one on each side at most.
+
+    They belong to the background and cannot be false modes, so little is asked of them. Left out, they move heavy modes
+    at the edge of the band by more than their intervals say. Takes the residual for noise.
+    """
+    references, outputs, _ = data.signals.shape
+    limit = float(scipy.stats.chi2.isf(_CHANCE, 2 * outputs + 2 * references))
+    for edge, width in ((band[0], band[0] - band[1]), (band[1], band[1] - band[0])):
+        places = edge + _OUTSIDE * width
+        trials = (2 * np.pi * places[places > 0, None] * (-_TRIAL_DAMPING + 1j)).reshape(-1)
+        if not len(trials):
+            continue
+        required = limit * likelihood.variance_factor(data, fit)
+        gain, vectors = mode_gains(data, fit, trials)
+        best = int(np.argmax(gain))
+        if gain[best] <= required:
+            continue
+        larger = likelihood.refine(data, likelihood.with_mode(data, fit, complex(trials[best]), vectors[best]), 30)
+        kept = inside(larger.poles, band).sum() == inside(fit.poles, band).sum() and np.all(larger.poles.real < 0)
+        if kept and fit.cost - larger.cost > required:
+            fit = larger
     return fit
 
 

@@ -21,7 +21,7 @@ from ema.fit.likelihood import ModalFit, Observations
 from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
 from ema.fit.prepare import Prepared
-from ema.fit.search import MISFIT, VISIBLE, Noise, complete, misfit, passes_for_mode, prune, search
+from ema.fit.search import MISFIT, VISIBLE, Noise, beyond, complete, misfit, passes_for_mode, prune, search
 
 _PERSISTENCE = 0.3
 _ROUNDS = 100
@@ -139,7 +139,9 @@ def _trusting(
     ]
     # A misfit can be decorated with poles until it looks like noise; then most of them come from the search.
     decorated = len(state.fit.poles) > max(before + 3, 1.5 * before)
-    return None if decorated or likelihood.correlation(state.data, state.fit) > 0.5 * MISFIT else state
+    if decorated or likelihood.correlation(state.data, state.fit) > 0.5 * MISFIT:
+        return None
+    return state.with_fit(beyond(state.data, state.fit, band))
 
 
 def _grown(prepared: Prepared, state: "_State", band: tuple[float, float]) -> "_State":
