@@ -9,8 +9,11 @@ import argparse
 import json
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from types import ModuleType
 
@@ -68,11 +71,13 @@ class Kept:
             else:
                 path.write_text("")
 
-    def items(self, key: str, count: int, make: Callable[[int], object], show: Callable | None = None) -> list:
-        """The first ``count`` items of ``key``; those that are missing are made and kept."""
+    def items(
+        self, key: str, count: int, make: Callable[[int], object], show: Callable | None = None, mapped: Callable = map
+    ) -> list:
+        """The first ``count`` items of ``key``; those that are missing are made, through ``mapped``, and kept."""
         done = self._done.setdefault(key, [])
-        for number in range(len(done), count):
-            value = make(number)
+        missing = range(len(done), count)
+        for number, value in zip(missing, mapped(make, missing), strict=True):
             done.append(value)
             if self.path is not None:
                 with self.path.open("a") as file:
@@ -147,14 +152,17 @@ def _identifiable(make: Callable[..., Case], noise: float, seed: int) -> tuple[C
     raise RuntimeError("no identifiable system in 200 draws")
 
 
-def random_systems(kept: Kept, count: int) -> dict:
+def random_systems(kept: Kept, count: int, jobs: int = 1) -> dict:
     """Automatic selection, told nothing, on random systems: the three noise levels in turn."""
     seed = kept.seed("random")
-    seeds = np.random.default_rng(seed).integers(1, 1_000_000, count)
-    done = kept.items(
-        "random", count, lambda number: random_outcome(int(seeds[number]), NOISES[number % len(NOISES)]), random_line
-    )
+    one = partial(_random_one, np.random.default_rng(seed).integers(1, 1_000_000, count).tolist())
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        done = kept.items("random", count, one, random_line, pool.map if jobs > 1 else map)
     return {"title": "random systems, default settings", "seeds": [seed], "runs": {OURS: done}}
+
+
+def _random_one(seeds: list[int], number: int) -> dict:
+    return random_outcome(seeds[number], NOISES[number % len(NOISES)])
 
 
 def residues(kept: Kept, count: int, noise: float = 0.01) -> dict:
@@ -309,6 +317,7 @@ def parsed() -> argparse.Namespace:
     )
     parser.add_argument("--peers", default=",".join(PEERS), help="peers to run")
     parser.add_argument("--cache", type=Path, default=CACHE, help="folder of the environments and of the draws kept")
+    parser.add_argument("--jobs", type=int, default=1, help="processes for the random systems")
     parser.add_argument("--timeout", type=float, default=900.0, help="seconds after which a peer is given up")
     sizes = ",".join(f"{name}={size}" for name, size in vars(Sizes()).items())
     parser.add_argument("--sizes", default="", help=f"such as case=20,random=50; by default {sizes}")
@@ -329,7 +338,7 @@ def main() -> None:
     sections: dict[str, Callable[[], object]] = {
         "case": lambda: case_draws(kept, sizes.case, noises, told),
         "small": lambda: small_draws(kept, sizes.small, (noises[len(noises) // 2],), small_told),
-        "random": lambda: random_systems(kept, sizes.random),
+        "random": lambda: random_systems(kept, sizes.random, options.jobs),
         "residues": lambda: residues(kept, sizes.residues),
         "cost": lambda: cost(kept, sizes.cost),
         "listed": lambda: listed(kept),
