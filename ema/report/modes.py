@@ -75,7 +75,9 @@ def mode_table(run: RunResult, book: Book) -> Block:
         row += [joint_force(joint.mean, joint.std) for joint in joints]
         row += [plain(std_f[mode], 2), plain(std_zeta[mode], 2)]
         rows.append(row)
-    uncertain = modes.covariance is not None
-    note = "± is two standard deviations, from noise only" if uncertain else "no uncertainty was estimated"
+    note = "no uncertainty was estimated"
+    if modes.covariance is not None:
+        basis = modes.uncertainty.basis if modes.uncertainty is not None else ""
+        note = f"± is two standard deviations within this run, from {basis or 'noise only'}"
     caption = f"Modes of run {name} ({note})."
     return book.table(f"modes_{name}", caption, [*columns, "std f [Hz]", "std ζ [%]"], rows, shown)

@@ -137,6 +137,7 @@ def _from_mass_lines(model: ModalModel, geometry: Geometry, place: Plane) -> tup
         return Body(float(np.exp(told[0])), centre, plate * np.exp(np.clip(told[3:], -3, 3)))
 
     def lacking(told: np.ndarray, scatter: float) -> np.ndarray:
+        """What a body leaves of the mass lines, over their scatter, and how far it is from the expected one."""
         one = body(told)
         made = _motion(dofs, geometry, place, one) @ _motion(inputs, geometry, place, one).T
         prior = scatter * np.sqrt(measured.size) * told[1:] / _DOUBT

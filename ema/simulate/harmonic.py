@@ -19,6 +19,7 @@ from ema.data import BeamModel, Finding, HarmonicResponse
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
+from ema.simulate.checks import positive
 from ema.simulate.transient import Problem, prepare, sampled_normal_forces
 
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
@@ -561,17 +562,6 @@ def frf(
     return condensed.completed(response, points)
 
 
-def check_positive(where: str, name: str, value: float) -> None:
-    """Refuse a number that is not positive.
-
-    Raises
-    ------
-    InputError : as said.
-    """
-    if not (np.isfinite(value) and value > 0):
-        raise InputError("not a positive number", where=where, got=f"{name} = {value}", expected="above 0")
-
-
 def condense(
     model: BeamModel,
     force: float,
@@ -589,8 +579,7 @@ def condense(
     """
     from ema.simulate.harmonic_joined import JoinedCondensed
 
-    for name, value in (("force", force), ("tolerance", tolerance)):
-        check_positive(model.name, name, value)
+    positive(model.name, force=force, tolerance=tolerance)
     driven = Dof.parse(at)
     problem = prepare(model, outputs, modes, [driven], plane=True, normal=normal_forces is None)
     if normal_forces is None and problem.joined is None:

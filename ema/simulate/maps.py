@@ -12,7 +12,8 @@ from ema.data import BeamModel, Finding, ModalMap, NormalContact, Provenance
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.harmonic import Branch, Condensed, _Point, check_positive, condense
+from ema.simulate.checks import positive
+from ema.simulate.harmonic import Branch, Condensed, _Point, condense
 
 HOMOGENEOUS = ("masing", "parallel masing", "iwan", "regularised masing", "dahl", "coulomb")
 _ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 3, 0.02
@@ -200,6 +201,7 @@ def _climbed(
     points, heights = dict(known), {f: _height(condensed, point) for f, point in known.items()}
 
     def look(frequency: float) -> None:
+        """Solve there, unless it is known."""
         if frequency in points:
             return
         starts = {**hints, **points}
@@ -277,7 +279,7 @@ def backbone(
     condensed: Condensed | None = None
     for number, force in enumerate(forces):
         advance(progress, "backbone", number, len(forces))
-        check_positive(model.name, "force", float(force))
+        positive(model.name, force=float(force))
         condensed = condensed or condense(model, float(force), at, [output], tolerance, modes)
         result.append(_peak(condensed.at(float(force), condensed.limits), check_band(model, band), 40))
     return tuple(result)
@@ -313,7 +315,7 @@ def damping_map(
     levels, normals = np.asarray(force_levels, dtype=float), np.asarray(normal_forces, dtype=float)
     check_levels(model, force_levels=len(levels), normal_forces=len(normals))
     for level in levels:
-        check_positive(model.name, "force", float(level))
+        positive(model.name, force=float(level))
     if not (np.all(np.isfinite(normals)) and np.all(normals >= 0)):
         raise InputError("not a normal force", where=model.name, got=f"{normals.tolist()} N", expected="0 N or more")
     check_band(model, band)

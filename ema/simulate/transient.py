@@ -309,6 +309,7 @@ def solve(
     rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
 
     def attempt(finer: int) -> tuple[np.ndarray, tuple[dict[str, np.ndarray], Stepper]]:
+        """The outputs of a run with so many times more steps, and the run."""
         steps = every * finer
         tick = partial(advance, progress, "time steps", finer.bit_length() - 1, halvings)
         run, stepper = integrate(problem, state, interval / steps, steps, samples, drive, tick)

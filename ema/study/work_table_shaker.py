@@ -62,6 +62,7 @@ def plan(modes: tuple[int, ...] = (1, 3)) -> tuple[Condition, ...]:
     clock, listed = 600.0, []
 
     def measured(mode: int, level: float, force: float, sequence: str, fitted: float) -> None:
+        """One condition, swept from now on."""
         nonlocal clock
         lines = MODE_1 if mode == 1 else MODE_3
         ends = clock + len(lines) * STAY
@@ -95,6 +96,7 @@ def generate(setting: table.Setting, modes: tuple[int, ...], chirps: bool) -> Ca
     """A generator of a campaign with ``setting``; it returns what is known about the answer, as TOML."""
 
     def write(folder: Path, progress: Progress = silent) -> str:
+        """The files of all runs; the answer as TOML."""
         points = table.shaker_points(setting)
         _linear(folder / "bare.h5", table.bare(points), 1)
         _linear(folder / "dead_mass.h5", table.with_dead_mass(setting), 2)

@@ -121,7 +121,7 @@ function drawModes(overview) {
     row.insertCell().append(button);
     return row;
   }));
-  part("rebuilt").textContent = `${overview.modes.length} modes` + (overview.error == null ? "" : `, FRFs rebuilt to ${overview.error} % (median); ± is two standard deviations, noise only`);
+  part("rebuilt").textContent = `${overview.modes.length} modes` + (overview.error == null ? "" : `, FRFs rebuilt to ${overview.error} % (median); ± is two standard deviations within this run`);
   part("findings").replaceChildren(...overview.findings.slice(0, 20).map(found => Object.assign(document.createElement("li"), { textContent: `${found.severity}: ${found.text}` })));
 }
 
