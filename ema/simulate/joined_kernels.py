@@ -289,7 +289,7 @@ def relax_joined(
     u1, f1, change, ahead = u.copy(), f.copy(), np.zeros(rows), np.empty(rows)
     matvec(gains, f - stiffness * u, ahead)
     _, residual = solve_joined(
-        gains, free - ahead, stiffness, limits, laws, ties, False, u, f, 1.0, z, z1, a, b, a2, b2, 1e-13, u1, f1,
+        gains, free - ahead, stiffness, limits, laws, ties, False, u, f, np.inf, z, z1, a, b, a2, b2, 1e-13, u1, f1,
         change,
     )  # fmt: skip
     u[:], f[:], z[:] = u1, f1, z1

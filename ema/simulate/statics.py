@@ -36,7 +36,7 @@ def ramp(
     InputError : the structure is not held.
     FailureError : no equilibrium was found.
     """
-    from ema.simulate import contact_kernels
+    from ema.simulate import contact_kernels, friction_kernels
 
     kernels: Any = contact_kernels
     matrix = stuck_stiffness(system, system.contacts.stiffness)
@@ -73,6 +73,8 @@ def ramp(
                                advice="lower the load")  # fmt: skip
     if masing:
         z[:, 0] = f
+    # LuGre keeps the displacement one increment ago to see its velocity: at the end of a slow load nothing moves
+    z[laws.codes == friction_kernels.LUGRE, 1:] = 0.0
     return StaticState(solved[:, 0] - solved[:, 1:] @ (f - stiffness * u), u, f, z)
 
 
@@ -93,7 +95,7 @@ def _relax(
 
     def missing(load: np.ndarray) -> np.ndarray:
         place = free - gains @ load
-        kernels.all_steps(stiffness, limits, laws.arguments, u, place, 1.0, z, memory, force, slope)
+        kernels.all_steps(stiffness, limits, laws.arguments, u, place, np.inf, z, memory, force, slope)
         return np.asarray(force - stiffness * place - load)
 
     rest = missing(g)
