@@ -27,3 +27,10 @@ def advance(progress: Progress, what: str, done: int, total: int) -> None:
     """
     if progress(what, done, total) is False:
         raise CancelledError("cancelled", where=what, got=f"{done} of {total} steps done")
+
+
+def note(progress: Progress, sentence: str) -> None:
+    """Pass a sentence about the work to a ``progress`` that takes them, by a method ``note``; others stay silent."""
+    take = getattr(progress, "note", None)
+    if take is not None:
+        take(sentence)

@@ -1,7 +1,7 @@
 """HDF5 files of any layout; arrays are named by their path: ``InputTask/data``."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,8 @@ from acquisition.contents import Contents
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
+from ema.data import Finding
+from ema.errors import InputError
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -26,28 +28,84 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def variables(path: Path) -> Arrays:
-    """All arrays by path; text attributes as metadata, ``unit`` or ``units`` attributes as units."""
+    """All arrays by path; text attributes as metadata, ``unit`` or ``units`` attributes as units.
+
+    Raises
+    ------
+    InputError : an array or link that leads to another file, or values that were never written.
+    """
+    from ema.store import untrusted
+
+    found = _Found()
+    with untrusted.opened(path) as file:
+        try:
+            _gather(file, "", found, set())
+        except InputError as error:
+            raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
+    numeric = [name for name, array in found.arrays.items() if getattr(array, "ndim", 0) == 2]
+    notes = (not_read(path.name, found.left),) if found.left else ()
+    return Arrays(
+        path.name, found.arrays, numeric[0] if len(numeric) == 1 else "", found.stated,
+        metadata=tuple(found.metadata), labels=found.stated, findings=notes,
+    )  # fmt: skip
+
+
+def not_read(where: str, names: Sequence[str]) -> Finding:
+    """Arrays of a kind that holds no measurement."""
+    shown = ", ".join(names[:5]) + (" ..." if len(names) > 5 else "")
+    message = f"{len(names)} of its arrays hold objects or references, not read: {shown}."
+    return Finding("info", "not-read", where, message)
+
+
+@dataclass
+class _Found:
+    """What was gathered from the groups of one file; ``left`` names the arrays that are no numbers and no texts."""
+
+    arrays: dict[str, Any] = field(default_factory=dict)
+    stated: dict[str, str] = field(default_factory=dict)
+    metadata: list[tuple[str, str]] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+
+
+def _gather(group: Any, prefix: str, found: _Found, seen: set[int]) -> None:
+    """Everything in a group and below it; each group once, whatever leads to it."""
     import h5py
 
-    arrays: dict[str, Any] = {}
-    stated: dict[str, str] = {}
-    metadata: list[tuple[str, str]] = []
+    from ema.store import untrusted
 
-    def visit(name: str, item: Any) -> None:
-        for key, value in item.attrs.items():
-            if isinstance(value, bytes):
-                value = value.decode("utf-8", "replace")
-            if isinstance(value, str):
-                metadata.append((f"{name}/{key}", value))
-                if key.lower() in ("unit", "units"):
-                    stated[name] = value
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "biufcOSU" and item.dtype.names is None:
-            arrays[name] = item.asstr()[...] if h5py.check_string_dtype(item.dtype) else item[...]
+    for key in group:
+        name = f"{prefix}{key}"
+        link = group.get(key, getlink=True)
+        untrusted.refuse_link(link, name)
+        if isinstance(link, h5py.SoftLink):
+            continue  # what it names has a name of its own
+        item = group[key]
+        _attributes(item, name, found)
+        if isinstance(item, h5py.Group):
+            address = h5py.h5o.get_info(item.id).addr
+            if address not in seen:
+                seen.add(address)
+                _gather(item, f"{name}/", found, seen)
+        elif isinstance(item, h5py.Dataset) and item.shape is not None:
+            texts = h5py.check_string_dtype(item.dtype) is not None
+            if not texts and (item.dtype.kind not in "biufc" or item.dtype.names is not None):
+                found.left.append(name)
+                continue
+            untrusted.check(item, name)
+            found.arrays[name] = item.asstr()[...] if texts else item[...]
 
-    with h5py.File(path, "r") as file:
-        file.visititems(visit)
-    numeric = [name for name, array in arrays.items() if getattr(array, "ndim", 0) == 2]
-    return Arrays(path.name, arrays, numeric[0] if len(numeric) == 1 else "", stated, metadata=tuple(metadata))
+
+def _attributes(item: Any, name: str, found: _Found) -> None:
+    for key in item.attrs:
+        if item.attrs.get_id(key).dtype.kind not in "OS":
+            continue  # a number; texts are all that is used
+        value = item.attrs[key]
+        if isinstance(value, bytes):
+            value = value.decode("utf-8", "replace")
+        if isinstance(value, str):
+            found.metadata.append((f"{name}/{key}", value))
+            if key.lower() in ("unit", "units"):
+                found.stated[name] = value
 
 
 def _itself(arrays: Mapping[str, Any], layout: Layout) -> dict[str, Any]:
@@ -62,7 +120,9 @@ def _itself(arrays: Mapping[str, Any], layout: Layout) -> dict[str, Any]:
         }
         there = {key: place for key, place in inside.items() if place in arrays}
         rate = there.get("sampling_rate") or there.get("sample_rate")
-        clock = {"sampling_rate": rate} if rate else {"time": there["time"]} if "time" in there else {}
+        clock = {"sampling_rate": rate} if rate else {}
+        if "time" in there:
+            clock["time"] = there["time"]
         names = layout.names or there.get("channel_names") or there.get("names")
         if clock:
             return {"signals": name, "names": names, **clock}

@@ -1,16 +1,20 @@
 """MATLAB files, v5 to v7.3; structures become names with dots: ``HIdata.acc1``."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
+from acquisition.files.hdf5 import not_read
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
+from acquisition.files.scales import is_unit
+from ema.errors import InputError
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -27,8 +31,13 @@ def variables(path: Path) -> Arrays:
     """All numeric and text variables by name."""
     with path.open("rb") as file:
         v73 = file.read(128)[:10] == b"MATLAB 7.3"
+    left: list[str] = []
+    _check_elements(path)
     if v73:
-        tree = _v73(path)
+        try:
+            tree = _v73(path, left)
+        except InputError as error:
+            raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
     else:
         from scipy.io import loadmat
 
@@ -36,9 +45,55 @@ def variables(path: Path) -> Arrays:
             tree = loadmat(path, simplify_cells=True)
     found = {name: value for key, top in tree.items() if not key.startswith("__") for name, value in _walk(key, top)}
     metadata = tuple((name, value) for name, value in found.items() if isinstance(value, str))
-    numeric = {name: value for name, value in found.items() if not isinstance(value, str)}
+    numeric = {name: value for name, value in found.items() if not isinstance(value, (str, _Object))}
+    left += [name for name, value in found.items() if isinstance(value, _Object)]
     main = next(iter(numeric)) if len(numeric) == 1 else ""
-    return Arrays(path.name, numeric, main, metadata=metadata)
+    notes = (not_read(path.name, left),) if left else ()
+    return Arrays(path.name, numeric, main, metadata=metadata, labels=_labels(found), findings=notes)
+
+
+def _check_elements(path: Path) -> None:
+    """Compare the sizes that the top elements of a v5 file state with the length of the file.
+
+    Source: MAT-File Format (MathWorks), level 5: behind a header of 128 bytes follow elements, each a tag of 8 bytes
+    (type, size) and as many bytes as it says.
+
+    Raises
+    ------
+    InputError : the elements do not end where the file does.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(128)
+        order: Literal["little", "big"] = "little" if head[126:128] == b"IM" else "big"
+        if head[126:128] not in (b"IM", b"MI") or int.from_bytes(head[124:126], order) != 0x0100:
+            return  # v4, or v7.3
+        place = 128
+        while place < size:
+            file.seek(place)
+            tag = file.read(8)
+            place += 8 + int.from_bytes(tag[4:], order)
+            if len(tag) < 8 or place > size:
+                raise InputError("the file ends inside a variable", where=path.name, got=f"{size} bytes",
+                                 expected=f"{place}", advice="copy or export it again")  # fmt: skip
+
+
+class _Object:
+    """Stands for an object of MATLAB (a table, a function, a string array), which is never built."""
+
+
+def _labels(found: dict[str, Any]) -> dict[str, str]:
+    """Units that a structure states in a text field ``units``: one for each of its arrays, in their order."""
+    labels: dict[str, str] = {}
+    for name, text in found.items():
+        structure, _, last = name.rpartition(".")
+        if last.lower() not in ("unit", "units") or not isinstance(text, str):
+            continue
+        inside = [n for n, value in found.items() if n.rpartition(".")[0] == structure and not isinstance(value, str)]
+        stated = [part.strip() for part in re.split("[,;]", text)]
+        if len(stated) == len(inside) and all(map(is_unit, stated)):
+            labels.update(zip(inside, stated, strict=True))
+    return labels
 
 
 def _walk(name: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -48,35 +103,69 @@ def _walk(name: str, value: Any) -> Iterator[tuple[str, Any]]:
             yield from _walk(f"{name}.{key}", inner)
     elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
         items = list(np.ravel(np.asarray(value, dtype=object))) if isinstance(value, np.ndarray) else value
-        if items and all(isinstance(item, str) for item in items):
+        if type(value).__name__ in ("MatlabObject", "MatlabOpaque", "MatlabFunction"):
+            yield name, _Object()
+        elif items and all(isinstance(item, str) for item in items):
             yield name, np.array(items)
         else:
             for number, inner in enumerate(items):
                 yield from _walk(f"{name}.{number}", inner)
-    elif isinstance(value, (str, np.ndarray, int, float, complex, np.generic)):
+    elif isinstance(value, np.ndarray) and value.dtype.names is not None:
+        yield name, _Object()
+    elif isinstance(value, (str, np.ndarray, int, float, complex, np.generic, _Object)):
         yield name, value
 
 
-def _v73(path: Path) -> dict[str, Any]:
-    """Variables of a v7.3 file, which is HDF5 with the axes reversed."""
+def _v73(path: Path, left: list[str]) -> dict[str, Any]:
+    """Variables of a v7.3 file, which is HDF5 with the axes reversed; names of objects go to ``left``."""
+    from ema.store import untrusted
+
+    with untrusted.opened(path) as file:
+        for name in file:
+            untrusted.refuse_link(file.get(name, getlink=True), name)
+        return {name: _node(untrusted.member(file, name), name, (), left) for name in file if not name.startswith("#")}
+
+
+def _node(item: Any, name: str, users: tuple[int, ...], left: list[str]) -> Any:
+    """A structure, a cell array, a text or an array; ``users`` are the addresses of what holds it.
+
+    Raises
+    ------
+    InputError : it holds itself, or leads outside the file.
+    """
     import h5py
 
-    with h5py.File(path, "r") as file:
-        return {name: _node(file, item) for name, item in file.items() if not name.startswith("#")}
+    from ema.store import untrusted
 
-
-def _node(file: Any, item: Any) -> Any:
-    """A structure, a cell array, a text or an array."""
-    if hasattr(item, "items"):
-        return {name: _node(file, inner) for name, inner in item.items()}
-    kind = item.attrs.get("MATLAB_class", b"").decode()
+    address = h5py.h5o.get_info(item.id).addr
+    if address in users:
+        raise InputError("holds a variable that is inside itself", got=name)
+    users = (*users, address)
+    if "MATLAB_object_decode" in item.attrs:
+        left.append(name)
+        return None
+    if isinstance(item, h5py.Group):
+        return {key: _node(untrusted.member(item, key), f"{name}.{key}", users, left) for key in item}
+    kind = _class(item)
     if item.attrs.get("MATLAB_empty", 0):
         return "" if kind == "char" else np.zeros(0)
-    if item.dtype == object:
-        return [_node(file, file[reference]) for reference in item[...].T.ravel()]
+    untrusted.check(item, name)
+    if h5py.check_ref_dtype(item.dtype) is h5py.Reference:
+        # an object reference is an address in this very file
+        inside = [item.file[reference] for reference in item[...].T.ravel() if reference]
+        return [_node(one, f"{name}.{number}", users, left) for number, one in enumerate(inside)]
+    if item.dtype.kind not in "biufc" and item.dtype.names != ("real", "imag"):
+        left.append(name)
+        return None
     array = item[...].T
     if kind == "char":
         return "".join(map(chr, array.ravel("F")))
     if array.dtype.names == ("real", "imag"):
         array = array["real"] + 1j * array["imag"]
     return np.squeeze(array)
+
+
+def _class(item: Any) -> str:
+    """The class that MATLAB notes beside a variable."""
+    value = item.attrs.get("MATLAB_class", b"")
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ema.cells import as_text
 from ema.cli.common import Formats, Json, jsonable, save_pictures, split_formats
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
@@ -155,7 +156,7 @@ def _write(folder: Path, outcome: Outcome, formats: Sequence[str]) -> list[Path]
     for name, table in outcome.tables.items():
         written.append(folder / f"{name}.csv")
         with store.replacing(written[-1]) as target:
-            table.to_csv(target, index=False)
+            table.map(lambda cell: as_text(cell) if isinstance(cell, str) else cell).to_csv(target, index=False)
     written += save_pictures(folder, outcome.pictures)
     report.write(outcome.nouns, folder / "comparison.html", formats)
     return [*written, *(folder / f"comparison.{name}" for name in formats)]

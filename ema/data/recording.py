@@ -42,6 +42,23 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class TakeIdentity:
+    """Which take a record is, written into its file by the recorder; names of files are not asked.
+
+    ``run`` and ``point`` are what was measured, ``number`` counts the takes of a run at a point, rejected ones
+    included, and is never given twice; ``key`` is drawn for each take, so that a copy is known as one. ``reasons`` say
+    why the take was rejected, ``remarks`` what else was found.
+    """
+
+    run: str
+    point: int
+    number: int
+    key: str = ""
+    reasons: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Recording:
     """Simultaneously sampled signals.
 
@@ -55,6 +72,7 @@ class Recording:
     name : what the record is called in messages, e.g. the file and set it came from.
     setup : label of the sensor set-up the record belongs to (roving accelerometers).
     excluded_hits : numbers (from 0, in order of time) of blows that a repair excludes, with the reason of each.
+    identity : which take of a recorded run this is; ``None`` where it was not recorded by this project.
     """
 
     signals: Float[np.ndarray, "channel sample"]
@@ -65,6 +83,7 @@ class Recording:
     name: str = ""
     setup: str = ""
     excluded_hits: tuple[tuple[int, str], ...] = ()
+    identity: TakeIdentity | None = None
 
     def __post_init__(self) -> None:
         signals = np.asarray(self.signals)

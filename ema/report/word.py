@@ -184,13 +184,12 @@ class _Writer:
 
     def _placed(self, picture: Picture) -> Any:
         """The image in a paragraph of its own; a sentence where Word cannot show it."""
-        from docx.image.exceptions import UnrecognizedImageError
         from docx.shared import Cm
 
         image = picture.png or picture.image
         try:
             shape = self._file.add_picture(BytesIO(image.content), width=Cm(_TEXT_WIDTH * picture.width / 100))
-        except (UnrecognizedImageError, OSError, ValueError, KeyError):
+        except Exception:  # readers of images fail in ways of their own
             self.paragraph(f"{picture.alt}: this image cannot be shown in a Word file.", italic=True, colour=_SOFT)
             return None
         shape._inline.docPr.set("descr", printable(picture.alt))

@@ -8,6 +8,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FuncFormatter
 
 from ema.dof import Dof
 from ema.units import FRF_UNIT, UNSTATED
@@ -43,9 +44,30 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     @wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
         with matplotlib.rc_context(_STYLE):
-            return draw(*args, **kwargs)
+            drawn = draw(*args, **kwargs)
+        if isinstance(drawn, Figure):
+            _take_literally(drawn)
+        return drawn
 
     return wrapper
+
+
+def _take_literally(figure: Figure) -> None:
+    """Titles, labels and legends mean what they say: a name with ``$`` is no formula.
+
+    Numbers at the ticks stay formulas, since powers of ten on logarithmic axes are written so.
+    """
+    texts = [*figure.texts]
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        texts += [axes.title, axes._left_title, axes._right_title, axes.xaxis.label, axes.yaxis.label, *axes.texts]  # type: ignore[attr-defined]
+        texts += [] if legend is None else [legend.get_title(), *legend.get_texts()]
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(axis.get_major_formatter(), (FixedFormatter, FuncFormatter)):  # names given one by one
+                texts += axis.get_majorticklabels()
+    for text in texts:
+        if "$" in text.get_text() and "mathdefault" not in text.get_text():
+            text.set_parse_math(False)
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:

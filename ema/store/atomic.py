@@ -20,6 +20,7 @@ _REASONS = {
     errno.EROFS: ("this folder is read-only", "choose a folder that you may write to"),
     errno.ENOENT: ("there is no such folder", "create it first"),
     errno.ENOTDIR: ("there is no such folder", "create it first"),
+    errno.EEXIST: ("there is a file of this name already", "it was left as it is; choose another name"),
     errno.EISDIR: ("there is a folder of this name", "choose another file name"),
 }
 
@@ -33,15 +34,21 @@ def write_failure(error: OSError, path: Path) -> FailureError:
 
 
 @contextlib.contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
+def replacing(path: str | Path, exclusive: bool = False) -> Iterator[Path]:
     """Yield a temporary file beside ``path``; it takes the place of ``path`` when the block ends without an error.
+
+    Every handle on the temporary file has to be closed by then: Windows renames no open file.
 
     The temporary file is flushed to the disk before it is renamed, so a killed process or a power cut leaves the
     former file intact. When the block fails, the temporary file is removed.
 
+    Parameters
+    ----------
+    exclusive : create ``path``, and never replace it.
+
     Raises
     ------
-    FailureError : the folder is absent or read-only, or the disk is full.
+    FailureError : the folder is absent or read-only, the disk is full, or ``path`` exists and ``exclusive`` is set.
     """
     path = Path(path)
     # a link keeps pointing where it did: its target is what gets replaced
@@ -56,7 +63,10 @@ def replacing(path: str | Path) -> Iterator[Path]:
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield temporary
         _to_disk(temporary)
-        os.replace(temporary, target)
+        if exclusive:
+            _create(temporary, target)
+        else:
+            os.replace(temporary, target)
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise write_failure(error, path) from error
@@ -66,6 +76,26 @@ def replacing(path: str | Path) -> Iterator[Path]:
     # without this the rename itself may be lost in a power cut; not every system can do it
     with contextlib.suppress(OSError):
         _to_disk(target.parent)
+
+
+def _create(temporary: Path, target: Path) -> None:
+    """Give the temporary file its name unless the name is taken, in one step of the file system."""
+    if os.name == "nt":
+        os.rename(temporary, target)  # which replaces nothing there
+        return
+    try:
+        os.link(temporary, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a disk without hard links, such as FAT: the name is claimed by an empty file first
+        os.close(os.open(target, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        try:
+            os.replace(temporary, target)
+        except BaseException:
+            target.unlink(missing_ok=True)
+            raise
+    else:
+        os.unlink(temporary)
 
 
 def mark() -> str:

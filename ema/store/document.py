@@ -26,9 +26,13 @@ _LATE = (data.Recording, data.FrfSet)
 
 @dataclass
 class Parts:
-    """What a tree leaves out: arrays by path, and sequences whose items are written and read one by one."""
+    """What a tree leaves out: arrays by path, and sequences whose items are written and read one by one.
+
+    ``nodes`` are the places of the arrays in the tree, where whoever writes them notes their checksums.
+    """
 
     arrays: dict[str, tuple[np.ndarray, Meaning]] = field(default_factory=dict)
+    nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
     sequences: dict[str, Sequence[Any]] = field(default_factory=dict)
 
 
@@ -44,7 +48,8 @@ def encode(value: Any, parts: Parts, path: str = "", what: Meaning | None = None
             return value
         case np.ndarray():
             parts.arrays[path] = (value, what or Meaning())
-            return {"$array": path}
+            parts.nodes[path] = {"$array": path}
+            return parts.nodes[path]
         case np.bool_() | np.integer():
             return value.item()
         case float() | np.floating():
@@ -80,8 +85,8 @@ def _below(path: str, name: str) -> str:
     return f"{path}/{name}" if path else name
 
 
-def decode(tree: Any, array: Callable[[str], np.ndarray], item: Callable[[str, int], Any]) -> Any:
-    """The value of a ``tree``; ``array(path)`` delivers its arrays, ``item(path, place)`` the items of sequences.
+def decode(tree: Any, array: Callable[[str, int | None], np.ndarray], item: Callable[[str, int], Any]) -> Any:
+    """The value of a ``tree``; ``array(path, checksum)`` delivers its arrays, ``item(path, place)`` items of sequences.
 
     Raises
     ------
@@ -93,7 +98,7 @@ def decode(tree: Any, array: Callable[[str], np.ndarray], item: Callable[[str, i
         case list():
             return tuple(decode(member, array, item) for member in tree)
         case {"$array": str() as path}:
-            return array(path)
+            return array(path, tree.get("crc32"))
         case {"$float": str() as text}:
             return float(text)
         case {"$complex": [str() as real, str() as imaginary]}:

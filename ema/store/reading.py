@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import timedelta
@@ -14,10 +15,13 @@ import numpy as np
 
 from ema.data import Lazy, Recording
 from ema.errors import EmaError, InputError
+from ema.store import untrusted
 from ema.store.document import decode
 from ema.store.layout import CONTENTS, DOCUMENT, FORMAT, ITEMS, SCHEMA_VERSION
 
-_FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
+_FILTERS = frozenset({h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
+_PIECE = 1 << 20
+"""Samples of one channel that are read at once to check a record before it is handed out in blocks."""
 _KINDS = "biufcS"
 _DAMAGED = "the file is damaged or was not written to its end; read it from a backup or measure again"
 
@@ -36,8 +40,8 @@ def is_store(path: str | Path) -> bool:
     """Whether ``path`` is one of our files (of any schema version)."""
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return _text(file.attrs.get("format")) == FORMAT
-    except OSError:
+            return _ours(file)
+    except (OSError, RuntimeError, KeyError):
         return False
 
 
@@ -109,6 +113,7 @@ def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[
             raise InputError("not a record", where=str(path), got=_tree(file, group).get("$noun"))
         signals = _dataset(file[group], "signals")
         whole, _ = _without_samples(file, group)
+        _check_pieces(signals, _tree(file, group)["signals"].get("crc32"), max(samples, _PIECE))
         for start in range(0, signals.shape[1], samples):
             moment = None if whole.start is None else whole.start + timedelta(seconds=start / whole.sampling_rate)
             yield replace(whole, signals=signals[:, start : start + samples], start=moment)
@@ -142,8 +147,21 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         raise InputError("cannot be read", where=str(path), advice=_DAMAGED) from error
 
 
+def _ours(file: h5py.File) -> bool:
+    """Whether the root says so.
+
+    The word is a text of fixed length. Older files keep it in a heap of texts, which is not touched, since the library
+    never returns from a damaged one: there the names of the attributes have to do, and the document behind them.
+    """
+    if not {"format", "schema_version", "written_by"} <= set(file.attrs):
+        return False
+    if file.attrs.get_id("format").dtype.kind != "S":
+        return file.attrs.get_id("schema_version").dtype.kind in "iu" and CONTENTS in file
+    return _text(file.attrs["format"]) == FORMAT
+
+
 def _contents(file: h5py.File, path: Path) -> tuple[str, list[str]]:
-    if _text(file.attrs.get("format")) != FORMAT:
+    if not _ours(file):
         raise InputError(
             "an HDF5 file, but not one of ours", where=str(path), advice="read it with acquisition.read instead"
         )
@@ -154,7 +172,12 @@ def _contents(file: h5py.File, path: Path) -> tuple[str, list[str]]:
             expected=f"at most {SCHEMA_VERSION}", advice="update with: pip install -U friction-ema",
         )  # fmt: skip
     contents = json.loads(_document(file, CONTENTS))
-    return str(contents["kind"]), [str(name) for name in contents["names"]]
+    names = [str(name) for name in contents["names"]]
+    there = len(file[ITEMS]) if ITEMS in file else 0
+    if len(names) != there:
+        raise InputError("holds another number of items than it announces", got=there, expected=len(names),
+                         advice=_DAMAGED)  # fmt: skip
+    return str(contents["kind"]), names
 
 
 def _state(path: Path) -> tuple[int, int, int]:
@@ -173,11 +196,36 @@ def _maker(path: Path, group: str, state: tuple[int, int, int]) -> Any:
 
 
 def _item(file: h5py.File, group: str, path: Path, state: tuple[int, int, int]) -> Any:
+    tree = _tree(file, group)
+    _check_sequences(file, group, tree)
     return decode(
-        _tree(file, group),
-        lambda part: _array(file[group], part),
+        tree,
+        lambda part, checksum: _array(file[group], part, checksum),
         lambda part, place: _maker(path, f"{group}/{part}/{place}", state)(),
     )
+
+
+def _check_sequences(file: h5py.File, group: str, tree: Any) -> None:
+    """Refuse a document that announces another number of items of a sequence than the file holds, or items in a circle.
+
+    Raises
+    ------
+    InputError : it does.
+    """
+    steps = group.split("/")
+    levels = [untrusted.member(file, "/".join(steps[: end + 1])) for end in range(len(steps))]
+    if len({h5py.h5o.get_info(level.id).addr for level in levels}) < len(levels):
+        raise InputError("holds an item inside itself", got=group, advice=_DAMAGED)
+    waiting = [tree]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, dict) and "$items" in part:
+            there = len(untrusted.member(file, f"{group}/{part['$items']}")) if part["count"] else 0
+            if part["count"] != there:
+                raise InputError("holds another number of items than it announces", got=there,
+                                 expected=part["count"], advice=_DAMAGED)  # fmt: skip
+        elif isinstance(part, (dict, list)):
+            waiting.extend(part.values() if isinstance(part, dict) else part)
 
 
 def _header(file: h5py.File, group: str, name: str) -> Header:
@@ -193,7 +241,9 @@ def _without_samples(file: h5py.File, group: str) -> tuple[Recording, int]:
     signals = _dataset(file[group], "signals")
     empty = np.zeros((signals.shape[0], 0), signals.dtype)
     record = decode(
-        _tree(file, group), lambda part: empty if part == "signals" else _array(file[group], part), _no_items
+        _tree(file, group),
+        lambda part, checksum: empty if part == "signals" else _array(file[group], part, checksum),
+        _no_items,
     )
     return record, int(signals.shape[1])
 
@@ -215,23 +265,38 @@ def _document(file: h5py.File, path: str) -> str:
 
 def _dataset(parent: h5py.Group, path: str) -> h5py.Dataset:
     """The dataset at ``path``, refused where it would reach outside this file or make the library load code."""
-    place = parent
-    for step in path.split("/"):
-        if not isinstance(place.get(step, getlink=True), h5py.HardLink):
-            raise InputError("holds a link to somewhere else, which is not followed", got=path)
-        place = place[step]
+    place = untrusted.member(parent, path)
     if not isinstance(place, h5py.Dataset):
         raise InputError("holds a group where an array belongs", got=path)
-    settings = place.id.get_create_plist()
-    filters = {settings.get_filter(number)[0] for number in range(settings.get_nfilters())}
-    if place.dtype.kind not in _KINDS or place.dtype.names or place.is_virtual or place.external or filters - _FILTERS:
-        raise InputError("holds an array of a kind that is not read (references, other files, filters)", got=path)
+    if place.dtype.kind not in _KINDS or place.dtype.names:
+        raise InputError("holds an array of a kind that is not read (references, compounds)", got=path)
+    untrusted.check(place, path, _FILTERS)
     return place
 
 
-def _array(group: h5py.Group, path: str) -> np.ndarray:
-    array = _dataset(group, path)[()]
-    return np.char.decode(array, "utf-8") if array.dtype.kind == "S" else np.asarray(array)
+def _array(group: h5py.Group, path: str, checksum: int | None) -> np.ndarray:
+    """The array at ``path``; compared with the ``checksum`` of the document, where there is one."""
+    array = np.asarray(_dataset(group, path)[()])
+    if checksum is not None and zlib.crc32(np.asarray(array, order="C").data) != checksum:
+        raise InputError("an array does not match its checksum", got=path, advice=_DAMAGED)
+    return np.char.decode(array, "utf-8") if array.dtype.kind == "S" else array
+
+
+def _check_pieces(signals: h5py.Dataset, checksum: int | None, samples: int) -> None:
+    """Compare signals (channel, sample) with their checksum, reading at most ``samples`` samples at a time.
+
+    Raises
+    ------
+    InputError : they differ.
+    """
+    if checksum is None:
+        return
+    found = 0
+    for channel in range(signals.shape[0]):
+        for start in range(0, signals.shape[1], samples):
+            found = zlib.crc32(signals[channel, start : start + samples], found)
+    if found != checksum:
+        raise InputError("an array does not match its checksum", got="signals", advice=_DAMAGED)
 
 
 def _text(value: Any) -> str:

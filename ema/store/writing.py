@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import zlib
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -23,50 +24,58 @@ from ema.store.meaning import Meaning
 from ema.store.sink import Sink
 
 _COMPRESS_FROM = 4096  # bytes; below, compression costs more than it saves
-_SIGNAL_CHUNK = 65536  # samples of one channel
+_COMPRESSIONS = ("", "gzip")
+_SIGNAL_CHUNK = 65536
 
 
-def save(path: str | Path, content: Any) -> None:
+def save(path: str | Path, content: Any, exclusive: bool = False, *, compression: str = "") -> None:
     """Write a noun, a mapping of names to nouns, or a sequence of nouns; atomically, replacing what was there.
 
     Parameters
     ----------
+    compression : ``"gzip"`` packs arrays from 4 kB on, which costs twenty times the time; empty for none.
     path : the file, by custom ``*.h5``; its folder must exist.
     content : any noun of ``ema.data``, ``dict`` of nouns, or list, tuple or ``Lazy`` of nouns (made one by one).
+    exclusive : create the file, and never replace one.
 
     Raises
     ------
-    InputError : ``content`` holds something that is no noun.
-    FailureError : the file cannot be written; the former file is untouched.
+    InputError : ``content`` holds something that is no noun, or an unknown ``compression``.
+    FailureError : the file cannot be written, or exists and ``exclusive`` is set; the former file is untouched.
     """
     if isinstance(content, Mapping):
-        with Writer(path, kind="mapping") as writer:
+        with Writer(path, kind="mapping", exclusive=exclusive, compression=compression) as writer:
             for name, noun in content.items():
                 writer.add(noun, str(name))
     elif isinstance(content, (list, tuple, Lazy)):
-        with Writer(path, kind="sequence") as writer:
+        with Writer(path, kind="sequence", exclusive=exclusive, compression=compression) as writer:
             for noun in content:
                 writer.add(noun)
     else:
-        with Writer(path, kind="noun") as writer:
+        with Writer(path, kind="noun", exclusive=exclusive, compression=compression) as writer:
             writer.add(content)
 
 
 class Writer(AbstractContextManager["Writer"]):
     """Writes nouns one after the other into one file, which appears under its name when the ``with`` block ends well.
 
-    ``kind`` says what ``load`` gives back: ``mapping`` of the names, ``sequence``, or the single ``noun``.
+    ``kind`` says what ``load`` gives back: ``mapping`` of the names, ``sequence``, or the single ``noun``. With
+    ``exclusive`` the file is created and never replaced; ``compression`` is that of ``save``.
     """
 
-    def __init__(self, path: str | Path, kind: str = "mapping") -> None:
+    def __init__(
+        self, path: str | Path, kind: str = "mapping", exclusive: bool = False, *, compression: str = ""
+    ) -> None:
         if kind not in ("mapping", "sequence", "noun"):
             raise InputError("unknown kind of collection", got=kind, expected="mapping, sequence or noun")
-        self.path, self.kind = Path(path), kind
+        if compression not in _COMPRESSIONS:
+            raise InputError("unknown compression", got=compression, expected='"gzip", or "" for none')
+        self.path, self.kind, self.compression, self._exclusive = Path(path), kind, compression, exclusive
         self._names: list[str] = []
 
     def __enter__(self) -> "Writer":
         with contextlib.ExitStack() as exits:
-            temporary = exits.enter_context(replacing(self.path))
+            temporary = exits.enter_context(replacing(self.path, self._exclusive))
             with deferred():
                 self._sink = Sink(temporary)
                 self._file = h5py.File(self._sink, "w", libver="v110")
@@ -84,9 +93,11 @@ class Writer(AbstractContextManager["Writer"]):
     ) -> None:
         with deferred():
             if error is None:
+                # texts of fixed length lie beside their names, others in a heap of their own
                 self._file.attrs.update(
-                    format=FORMAT, schema_version=SCHEMA_VERSION, written_by=f"friction-ema {__version__}"
-                )
+                    format=np.bytes_(FORMAT), schema_version=SCHEMA_VERSION,
+                    written_by=np.bytes_(f"friction-ema {__version__}"),
+                )  # fmt: skip
                 _write_text(self._file, CONTENTS, json.dumps({"kind": self.kind, "names": self._names}))
             self._file.close()
             self._sink.close()
@@ -117,7 +128,7 @@ class Writer(AbstractContextManager["Writer"]):
             raise InputError("two nouns of one name", where=str(self.path), got=name)
         with deferred():
             group = self._file.create_group(f"{ITEMS}/{len(self._names)}")
-            _write(group, noun, growing)
+            _write(group, noun, self.compression, growing=growing)
         self._names.append(name)
         self.check()
         return group
@@ -154,18 +165,22 @@ class BlockWriter:
         self._writer.check()
 
 
-def _write(group: h5py.Group, noun: Any, growing: bool = False) -> None:
+def _write(group: h5py.Group, noun: Any, compression: str, *, growing: bool = False) -> None:
     parts = Parts()
     tree = encode(noun, parts)
     if not isinstance(tree, dict) or "$noun" not in tree:
         raise InputError("cannot be stored", got=type(noun).__name__, expected="a noun of ema.data")
-    _write_text(group, DOCUMENT, json.dumps(tree, allow_nan=False, ensure_ascii=False))
     for path, (array, what) in parts.arrays.items():
+        stored = np.asarray(np.char.encode(array, "utf-8") if array.dtype.kind == "U" else array, order="C")
+        grows = growing and path == "signals"
+        if not grows:  # a record that grows has a sum in each of its chunks
+            parts.nodes[path]["crc32"] = zlib.crc32(stored.data)
         chunks = (1, _SIGNAL_CHUNK) if isinstance(noun, Recording) and path == "signals" else None
-        _write_array(group, path, array, what, chunks, growing)
+        _write_array(group, path, stored, what, {"chunks": chunks, "growing": grows, "compression": compression})
+    _write_text(group, DOCUMENT, json.dumps(tree, allow_nan=False, ensure_ascii=False))
     for path, items in parts.sequences.items():
         for place, item in enumerate(items):
-            _write(group.create_group(f"{path}/{place}"), item)
+            _write(group.create_group(f"{path}/{place}"), item, compression)
 
 
 def _write_text(group: h5py.Group, name: str, text: str) -> None:
@@ -176,21 +191,20 @@ def _write_text(group: h5py.Group, name: str, text: str) -> None:
                          compression_opts=1, fletcher32=True)  # fmt: skip
 
 
-def _write_array(
-    group: h5py.Group, path: str, array: np.ndarray, what: Meaning, chunks: tuple[int, ...] | None, growing: bool
-) -> None:
-    if array.dtype.kind == "U":
-        array = np.char.encode(array, "utf-8")
+def _write_array(group: h5py.Group, path: str, array: np.ndarray, what: Meaning, layout: dict[str, Any]) -> None:
+    """In one piece, signals in chunks, since they are read in blocks; what grows or is packed has sums in its chunks.
+
+    ``layout`` holds ``chunks``, whether it is ``growing``, and the ``compression``.
+    """
     options: dict[str, Any] = {}
-    if growing and chunks is not None:
-        options = {"chunks": chunks, "maxshape": (array.shape[0], None)}
+    chunks, packed = layout["chunks"], layout["compression"] and (layout["growing"] or array.nbytes >= _COMPRESS_FROM)
+    if layout["growing"]:
+        options = {"chunks": chunks, "maxshape": (array.shape[0], None), "fletcher32": True}
     elif chunks is not None and array.size:
         options = {"chunks": tuple(min(size, chunk) for size, chunk in zip(array.shape, chunks, strict=True))}
-    if array.nbytes >= _COMPRESS_FROM or "maxshape" in options:
-        options |= {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-    if (array.size and array.ndim) or "maxshape" in options:
-        options |= {"fletcher32": True}
-    dataset = group.create_dataset(path, data=np.asarray(array, order="C"), **options)
+    if packed:
+        options |= {"compression": layout["compression"], "compression_opts": 1, "shuffle": True, "fletcher32": True}
+    dataset = group.create_dataset(path, data=array, **options)
     for name, value in (("quantity", what.quantity), ("unit", what.unit), ("long_name", what.long_name)):
         if value:
             dataset.attrs[name] = value if isinstance(value, str) else list(value)

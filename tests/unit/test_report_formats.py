@@ -136,8 +136,26 @@ def test_a_missing_package_is_told_with_its_extra(monkeypatch: pytest.MonkeyPatc
         ema.report.write(study((), None), tmp_path / "r.docx")
 
 
-def test_a_damaged_photograph_does_not_cost_the_word_file(tmp_path: Path):
-    (tmp_path / "table.jpg").write_bytes(b"\xff\xd8\xff" + bytes(50))
+def _picture(kind: str) -> bytes:
+    import io
+
+    import PIL.Image
+
+    held = io.BytesIO()
+    PIL.Image.new("RGB", (40, 30), "red").save(held, kind)
+    return held.getvalue()
+
+
+_DAMAGED = {
+    "no segments": b"\xff\xd8\xff" + bytes(50), "cut JPEG": _picture("JPEG")[:25], "cut PNG": _picture("PNG")[:20],
+    "signature": b"\x89PNG\r\n\x1a\n", "odd marker": _picture("JPEG")[:4] + b"\xff\xff" + _picture("JPEG")[9:30],
+    "cut GIF": b"GIF89a",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("content", _DAMAGED.values(), ids=_DAMAGED.keys())
+def test_a_damaged_photograph_does_not_cost_the_word_file(tmp_path: Path, content: bytes):
+    (tmp_path / "table.jpg").write_bytes(content)
     base = study((), None)
     shown = replace(base, campaign=replace(base.campaign, folder=str(tmp_path), photos=("table.jpg",)))
     told = docx.Document(str(ema.report.write(shown, tmp_path / "r.docx")))
