@@ -9,6 +9,9 @@ from pathlib import Path
 from acquisition.campaign_file import FileTable, RunTable
 from acquisition.columns import column, read_columns
 from acquisition.datasets import dataset_folder
+from acquisition.live.take_files import file_name, from_name
+from ema import store
+from ema.data import TakeIdentity
 from ema.errors import InputError
 
 _FIELD = re.compile(r"\{([A-Za-z_]\w*)\}")
@@ -139,7 +142,26 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
         values = pattern.fullmatch(label)
         assert values is not None
         fields = {name: _plain(values[name]) for name in names}
+        if _misread(path, fields):
+            continue
         yield Item(path, label, fields | stated, entry.dofs)
+
+
+def _misread(path: Path, fields: dict[str, str]) -> bool:
+    """Whether a pattern takes the name of a recorded take apart wrongly, as ``beam_{point}_{take}.h5`` does with a take
+    of run ``beam_1``: the file itself says which take it is, and its name is the one that it was given."""
+    named = from_name(path.name)
+    if named is None or all(fields.get(name, value) == value for name, value in _fields_of(named).items()):
+        return False
+    if not store.is_store(path):
+        return False
+    headers = store.describe(path)
+    identity = headers[0].record.identity if len(headers) == 1 and headers[0].record is not None else None
+    return identity is not None and file_name(identity) == file_name(named)
+
+
+def _fields_of(identity: TakeIdentity) -> dict[str, str]:
+    return {"point": str(identity.point), "take": str(identity.number)}
 
 
 def _pattern(text: str) -> tuple[re.Pattern[str], list[str]]:

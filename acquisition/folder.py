@@ -1,6 +1,5 @@
 """Open a campaign: a folder with ``campaign.toml`` and the files that it describes."""
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -44,6 +43,7 @@ from ema.data import (
 )
 from ema.dof import SCALAR, Dof
 from ema.errors import InputError
+from ema.fingerprint import of_files
 from ema.progress import Progress, advance, silent
 
 _KEPT = 64 * 2**20
@@ -77,7 +77,7 @@ class _Piece:
         return scaled_record(record, self.lines)
 
 
-def open_campaign(path: str | Path, progress: Progress = silent) -> Campaign:
+def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: bool = False) -> Campaign:
     """Open the measurement campaign in a folder, by its ``campaign.toml``.
 
     Records of our own files stay on disk until they are used; files of other formats are read once here, to find out
@@ -87,6 +87,7 @@ def open_campaign(path: str | Path, progress: Progress = silent) -> Campaign:
     ----------
     path : the folder, or its ``campaign.toml``.
     progress : told which file is being opened.
+    salvage : read what damaged files still hold, with a finding that names it, instead of an error.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def open_campaign(path: str | Path, progress: Progress = silent) -> Campaign:
         if not items[run.id]:
             raise InputError("repairs exclude every file of the run", where=f"{where}, run {run.id}")
         _note_skewed(described.channels_of(run), items[run.id], axes, f"{where}, run {run.id}")
-    opening = _Opening(described, (folder, data), where, axes, repairs, Files(), progress)
+    opening = _Opening(described, (folder, data), where, axes, repairs, Files(), progress, salvage)
     runs = tuple(opening.run(run, items[run.id]) for run in described.runs)
     repairs.refuse_unused()
     if geometry is not None:
@@ -119,7 +120,7 @@ def open_campaign(path: str | Path, progress: Progress = silent) -> Campaign:
         header.name, runs, geometry, header.structure, header.operator, header.date, header.comment,
         photos=tuple(str(_image(folder, photo, where, "photo")) for photo in header.photos),
         channels=opening.channels,
-        inputs=_hashes(described, file, folder),
+        inputs=_hashes(described, file, folder, data),
         findings=tuple(_outside_geometry(geometry, opening.dofs)),
         folder=str(folder),
         logo=str(_image(folder, header.logo, where, "logo")) if header.logo else "",
@@ -137,6 +138,7 @@ class _Opening:
     repairs: Repairs
     files: Files
     progress: Progress
+    salvage: bool = False
 
     def __post_init__(self) -> None:
         self.channels: tuple[Channel, ...] = ()
@@ -145,7 +147,7 @@ class _Opening:
     def run(self, run: RunTable, items: tuple[Item, ...]) -> Run:
         """One run, with its condition and findings."""
         where = f"{self.where}, run {run.id}"
-        options = self.described.campaign.reader | run.reader
+        options = self.described.campaign.reader | run.reader | ({"salvage": True} if self.salvage else {})
         table = self.described.channels_of(run)
         findings: list[Finding] = []
         pieces: list[_Piece] = []
@@ -215,15 +217,17 @@ class _Opening:
             takes = self.files.takes(item.path, options)
             if not takes:
                 raise InputError("the file holds no records", where=f"{where}, {item.label}")
-            excluded = self.repairs.excluded_hits(run.id, item)
-            for place, take in enumerate(takes):
-                name = item.label if len(takes) == 1 else f"{item.label}, {take.header.name or f'record {place + 1}'}"
+            names = [_record_name(item, take, place, len(takes)) for place, take in enumerate(takes)]
+            self.repairs.note_records(names)
+            for take, name in zip(takes, names, strict=True):
                 here = f"{where}, {name}"
                 with _telling_damage(self.files.findings(item.path, options)):
                     lines = lines_of_record(take.header.channels, table, item, self.axes, here)
                 lines = self.repairs.lines(run.id, item, lines)
                 refuse_doubles(lines, here)
+                excluded = self.repairs.excluded_hits(run.id, item, name)
                 pieces.append(_Piece(item, name, take, lines, excluded))
+        _refuse_copies(pieces, where)
         _refuse_odd_records(pieces, where)
         return pieces
 
@@ -310,6 +314,26 @@ def _note_skewed(table: list[ChannelTable], items: tuple[Item, ...], axes: Local
         axes.add(node, found)
 
 
+def _record_name(item: Item, take: Take, index: int, count: int) -> str:
+    """What a record is called in messages and repairs: its file, and which of several in it."""
+    return item.label if count == 1 else f"{item.label}, {take.header.name or f'record {index + 1}'}"
+
+
+def _refuse_copies(pieces: list[_Piece], where: str) -> None:
+    """A recorded take counts once, under whatever names its copies lie beside it."""
+    first: dict[str, str] = {}
+    for piece in pieces:
+        identity = piece.take.header.identity
+        if identity is None or not identity.key:
+            continue
+        if identity.key in first:
+            raise InputError(
+                "one take twice in one run", where=where, got=f"{first[identity.key]} and {piece.name}",
+                advice="remove the copy, or exclude it by a repair",
+            )  # fmt: skip
+        first[identity.key] = piece.name
+
+
 def _refuse_odd_records(pieces: list[_Piece], where: str) -> None:
     """Records of one run share rate, channels and quantities, and have more than one sample."""
     first = pieces[0]
@@ -377,11 +401,13 @@ def _image(folder: Path, name: str, where: str, what: str) -> Path:
     return folder / name
 
 
-def _hashes(described: CampaignFile, file: Path, folder: Path) -> tuple[tuple[str, str], ...]:
-    """``(name, sha256)`` of the campaign file and of the tables beside it."""
+def _hashes(described: CampaignFile, file: Path, folder: Path, data: Path) -> tuple[tuple[str, str], ...]:
+    """``(name, sha256)`` of the campaign file and of the tables beside it or among its data."""
     beside = {table.file for run in described.runs for table in run.normal_force if table.file}
     beside |= {run.file_table for run in described.runs if run.file_table}
     if described.geometry is not None and described.geometry.file:
         beside.add(described.geometry.file)
-    paths = [file, *(folder / name for name in sorted(beside))]
-    return tuple((path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths if path.is_file())
+    paths = [file]
+    for name in sorted(beside):
+        paths += [path for path in (folder / name, data / name) if path.is_file()][:1]
+    return tuple((path.name, of_files([path])) for path in paths if path.is_file())

@@ -11,6 +11,7 @@ from typing import Any
 from acquisition.contents import Contents
 from acquisition.files import sniff
 from acquisition.files.layout import Layout
+from acquisition.files.sanity import examine
 from ema.data import Finding
 from ema.errors import EmaError, FailureError, InputError
 
@@ -112,7 +113,7 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
 
     Raises
     ------
-    InputError : no such file, damaged, of an unknown format, or what it holds has to be told by the ``layout``.
+    InputError : no such file, damaged, of an unknown format, or the ``layout`` has to say what it holds.
     UnitError : the ``layout`` names an unknown unit.
     MissingExtraError : the format needs an optional package.
     """
@@ -123,6 +124,7 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
     adapter = import_module(kind.module)
     try:
         contents: Contents = adapter.read(path, options)
+        contents = replace(contents, findings=(*contents.findings, *examine(contents, options.sampling_rate)))
     except EmaError:
         raise
     except OSError as error:

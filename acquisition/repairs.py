@@ -1,5 +1,6 @@
 """Corrections of what was noted about a measurement; the files stay as they are."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from acquisition.assignment import Item, matches
@@ -16,6 +17,7 @@ class Repairs:
     def __init__(self, tables: list[RepairTable], runs: list[str], where: str) -> None:
         self._tables, self._where = tables, where
         self._used: list[set[str]] = [set() for _ in tables]
+        self._known: set[str] = set()
         for number, table in enumerate(tables, start=1):
             unknown = sorted(set(table.runs) - set(runs))
             if unknown:
@@ -26,6 +28,7 @@ class Repairs:
 
     def items(self, run: str, items: tuple[Item, ...]) -> tuple[Item, ...]:
         """The files of a run without the excluded records, and with swapped points set right."""
+        self.note_records(item.label for item in items)
         for number, table in self._of(run, "exclude record"):
             kept = tuple(item for item in items if not self._means(table, item))
             if len(kept) < len(items):
@@ -63,14 +66,27 @@ class Repairs:
             lines = repaired
         return lines
 
-    def excluded_hits(self, run: str, item: Item) -> tuple[tuple[int, str], ...]:
-        """Numbers (from 0) and reasons of the blows of one file that do not count."""
+    def excluded_hits(self, run: str, item: Item, record: str) -> tuple[tuple[int, str], ...]:
+        """Numbers (from 0) and reasons of the impacts of one record that do not count.
+
+        A repair names the record as the campaign does, or its file, whose records are then all meant.
+        """
         found: list[tuple[int, str]] = []
         for number, table in self._of(run, "exclude hit"):
-            if self._means(table, item):
+            if self._means_record(table, item, record):
                 self._used[number].add(run)
                 found += [(hit, f"excluded by {table.who}: {table.why}") for hit in table.hits]
         return tuple(sorted(found))
+
+    def note_records(self, names: Iterable[str]) -> None:
+        """Names of files and records of the campaign: a repair that bears one of them means no other."""
+        self._known.update(names)
+
+    def _means_record(self, table: RepairTable, item: Item, record: str) -> bool:
+        if not table.files or not self._known.issuperset(table.files):
+            return self._means(table, item)
+        named = record in table.files or item.label in table.files
+        return named and self._at_point(table, item)
 
     def of_run(self, run: str) -> tuple[Repair, ...]:
         """The repairs that changed something in ``run``."""
@@ -107,8 +123,11 @@ class Repairs:
         return not table.files or matches(item.label, table.files)
 
     def _means(self, table: RepairTable, item: Item, points: bool = True) -> bool:
-        at_point = not points or not table.points or item.fields.get("point") in {str(point) for point in table.points}
-        return at_point and self._in_files(table, item)
+        return (not points or self._at_point(table, item)) and self._in_files(table, item)
+
+    @staticmethod
+    def _at_point(table: RepairTable, item: Item) -> bool:
+        return not table.points or item.fields.get("point") in {str(point) for point in table.points}
 
     def _repaired(self, number: int, table: RepairTable, run: str, line: Line) -> Line:
         where = f"{self._where}, repair {number + 1}, run {run}"

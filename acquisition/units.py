@@ -248,7 +248,8 @@ def _product(tokens: list[tuple[str, str]]) -> tuple[Powers, list[tuple[str, str
                 raise ValueError("an open bracket")
             tokens.pop(0)
         elif kind == "name":
-            factor = {_WORDS.get(text, text): 1}
+            spoken = len(text) > 3 and text[0].isupper() and text[1:].islower()  # Newtons, Volts, Pascal
+            factor = {_WORDS.get(text, text.lower() if spoken else text): 1}
         exponent = int(re.sub(r"[^\d-]", "", tokens.pop(0)[1])) if tokens and tokens[0][0] == "power" else 1
         for name, power in factor.items():
             powers[name] = powers.get(name, 0) + side * exponent * power

@@ -30,4 +30,6 @@ def arrange(arrays: Arrays, layout: Layout) -> Contents:
             "and imaginary='...', or x, y, z",
         )
     contents = verbs[layout.kind](arrays, layout)
-    return replace(contents, metadata=(*arrays.metadata, *contents.metadata))
+    return replace(
+        contents, metadata=(*arrays.metadata, *contents.metadata), findings=(*arrays.findings, *contents.findings)
+    )

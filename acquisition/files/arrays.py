@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from acquisition.units import bracketed
 from ema.data import Finding
 from ema.errors import InputError
 
@@ -19,7 +20,8 @@ class Arrays:
     """The arrays of one file by name.
 
     ``main`` names the array that ``"column 2"`` and ``"row 0"`` mean. ``units`` holds unit strings that the file
-    itself states; ``default`` is what the file says about its own layout, overruled by the user's.
+    itself states; ``labels`` holds every text that stands where a unit belongs, whether a unit or not; ``headings`` the
+    whole title of a place; ``findings`` what the reader has to say.
     """
 
     where: str
@@ -28,6 +30,17 @@ class Arrays:
     units: Mapping[str, str] = field(default_factory=dict)
     titles: Sequence[str] = ()
     metadata: tuple[tuple[str, str], ...] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
+    headings: Mapping[str, str] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+    def label(self, place: str) -> str:
+        """What stands where a unit belongs; empty where nothing does."""
+        return self.labels.get(place) or self.units.get(place) or bracketed(place)[1]
+
+    def title(self, place: str) -> str:
+        """All that the file calls a place, its label included."""
+        return self.headings.get(place) or f"{place} {self.labels.get(place, '')}".strip()
 
     def listing(self) -> str:
         """The names with their shapes, for messages."""
@@ -93,6 +106,21 @@ class Arrays:
         if isinstance(value, str):
             value = self.arrays.get(value, [value])
         return [item.decode("utf-8", "replace") if isinstance(item, bytes) else str(item) for item in np.ravel(value)]
+
+
+CONSTANT_FROM = 16
+"""Values from which equal ones are no chance: shorter columns may be steady by rounding. Halved or doubled, only
+columns of that length are judged otherwise."""
+
+
+def constant(values: Any, name: str | None, where: str) -> tuple[Finding, ...]:
+    """A finding where a vector of numbers is one and the same number throughout."""
+    values = np.asarray(values)
+    if values.ndim != 1 or len(values) < CONSTANT_FROM or not (values == values[0]).all():
+        return ()
+    message = f"all {len(values)} values of {name} are {values[0]:.6g}."
+    return (Finding("warning", "constant", where, message, float(values[0].real), None,
+                    "The channel was dead, or the column was filled in; leave it out."),)  # fmt: skip
 
 
 def not_finite(values: Any, where: str) -> tuple[Finding, ...]:

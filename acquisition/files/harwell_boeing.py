@@ -62,8 +62,15 @@ def read(path: Path) -> Float[np.ndarray, "n n"]:
         values = list(_numbers(lines[first : first + count], *layout))
         if len(values) < wanted:
             raise wrong("the file ends too early", f"{len(values)} of {wanted} numbers", "copy or export it again")
-        parts.append(values[:wanted])
+        if len(values) > wanted or len(lines[first : first + count]) != -(-wanted // layout[0]):
+            raise wrong("more numbers or lines than the header announces", f"{len(values)} of {wanted} numbers",
+                        "copy or export it again")  # fmt: skip
+        parts.append(values)
         first += count
+    right_hand_sides = int(total[4]) if len(total) > 4 else 0
+    if any(line.strip() for line in lines[first + right_hand_sides :]) or int(total[0]) != sum(map(int, total[1:5])):
+        raise wrong("lines behind the matrix that the header does not announce", f"{len(lines) - first} lines",
+                    "copy or export it again")  # fmt: skip
     return _filled(parts, rows, kind == "RSA", wrong)
 
 
@@ -77,9 +84,13 @@ def _filled(parts: list[list[str]], size: int, symmetric: bool, wrong: Any) -> F
         raise wrong("the columns of the matrix do not add up", f"{starts[-1]} entries announced, {len(values)} there")
     if len(places) and not 0 <= places.min() <= places.max() < size:
         raise wrong("an entry outside the matrix", f"row {places.max() + 1} of {size}")
+    if not np.isfinite(values).all():
+        raise wrong("a number that is not finite", str(values[~np.isfinite(values)][0]), "export it again")
     column = np.repeat(np.arange(size), np.diff(starts))
     matrix = np.zeros((size, size))
-    np.add.at(matrix, (places, column), values)
+    if len(np.unique(column * size + places)) < len(places):
+        raise wrong("an entry of the matrix occurs twice", None, "export it again")
+    matrix[places, column] = values
     if not symmetric:
         return matrix
     if np.any(np.triu(matrix, 1)) and np.any(np.tril(matrix, -1)):

@@ -12,6 +12,7 @@ from acquisition.files import sniff, table
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
+from ema.errors import InputError
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -21,12 +22,27 @@ def read(path: Path, layout: Layout) -> Contents:
     ------
     InputError : damaged, or in need of a layout.
     """
-    tree = json.loads(table.decode(sniff.whole(path)))
+    tree = json.loads(table.decode(sniff.whole(path)), object_pairs_hook=lambda pairs: _once(pairs, path.name))
     found = dict(_walk("", tree))
     arrays = {name: value for name, value in found.items() if not isinstance(value, str)}
     metadata = tuple((name, value) for name, value in found.items() if isinstance(value, str))
     tables = [name for name, value in arrays.items() if np.ndim(value) == 2]
     return arrange(Arrays(path.name, arrays, tables[0] if len(tables) == 1 else "", metadata=metadata), layout)
+
+
+def _once(pairs: list[tuple[str, Any]], where: str) -> dict[str, Any]:
+    """An object whose names differ.
+
+    Raises
+    ------
+    InputError : a name occurs twice, of which only one could be kept.
+    """
+    named = dict(pairs)
+    if len(named) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError("two values of one name", where=where, got=twice, advice="export the file again")
+    return named
 
 
 def _walk(name: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -21,8 +21,12 @@ class Layout:
         ``"rows"`` of the array; ``time``: place of the time axis, or ``sampling_rate``: Hz or the place of the number;
         ``time_unit``.
     FRFs
-        ``frequency``: place, or ``frequency_step`` in Hz; then ``frf`` (complex), ``real`` and ``imaginary``, or
-        ``amplitude`` and ``phase`` (with ``phase_unit``); ``coherence``; ``outputs`` and ``inputs``: DOFs; ``unit``.
+        ``frequency``: place (with ``frequency_unit`` where the file states none and it is not Hz), or
+        ``frequency_step`` in Hz; then ``frf`` (complex), ``real`` and ``imaginary``, or ``amplitude`` and ``phase``;
+        ``coherence``; ``outputs`` and ``inputs``: DOFs; ``unit``. Where the file does not state it, an amplitude needs
+        ``amplitude_unit``: ``"linear"``, a unit, or dB with its reference (``"dB re 1 (m/s^2)/N"``, ``"dB re
+        unstated"`` where nobody knows it), and a phase needs ``phase_unit``: ``"deg"`` or ``"rad"``, with
+        ``"unwrapped"`` in front where it runs on beyond 2 pi.
     Geometry
         ``x``, ``y``, ``z``: places, or ``coordinates``: place of an array (n, 3); ``node``: place of the numbers, else
         1, 2, ...; ``lines``: place of an array (line, 2 or more) of node numbers; ``unit`` of length.
@@ -31,6 +35,7 @@ class Layout:
         ``natural_frequencies`` in Hz and ``damping_ratios``: values or places; ``nodes``: numbers, else 1, 2, ...
 
     ``names`` and ``units`` of the channels: values, a place of texts, or for units a table by channel name.
+    ``salvage``: take what a damaged file still holds, with a finding that names it, instead of an error.
     ``sheet`` of a workbook, ``delimiter`` and ``decimal`` of a text table, ``sets``: numbers of the data sets of a
     universal file to read.
     """
@@ -43,13 +48,15 @@ class Layout:
     names: Names | None = None
     units: Names | Mapping[str, str] | None = None
     frequency: str | None = None
+    frequency_unit: str | None = None
     frequency_step: float | None = None
     frf: str | None = None
     real: str | None = None
     imaginary: str | None = None
     amplitude: str | None = None
     phase: str | None = None
-    phase_unit: str = "rad"
+    amplitude_unit: str | None = None
+    phase_unit: str | None = None
     coherence: str | None = None
     outputs: Names | None = None
     inputs: Names | None = None
@@ -69,6 +76,7 @@ class Layout:
     delimiter: str = ""
     decimal: Literal[".", ",", ""] = ""
     sets: Sequence[int] | None = None
+    salvage: bool = False
 
     @classmethod
     def of(cls, **options: Any) -> "Layout":
@@ -77,8 +85,11 @@ class Layout:
         Raises
         ------
         InputError : an unknown option, with the nearest known one, or an ``axis`` that is none.
+        UnitError : an ``amplitude_unit`` or ``phase_unit`` that is none.
         """
         from difflib import get_close_matches
+
+        from acquisition.files.scales import check_scales
 
         known = [field.name for field in fields(cls)]
         for name in options:
@@ -90,6 +101,7 @@ class Layout:
                 )  # fmt: skip
         if options.get("axis", "") not in ("columns", "rows", ""):
             raise InputError("unknown axis of the signals", got=options["axis"], expected="columns or rows")
+        check_scales(options.get("amplitude_unit"), options.get("phase_unit"))
         return cls(**options)
 
     @property

@@ -1,6 +1,7 @@
 """LabVIEW measurement text (LVM): several segments, decimal comma or point, none, one or many time columns."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ from acquisition.contents import Contents
 from acquisition.files import sniff, table
 from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
-from acquisition.files.signals import make_recording, nice_rate, rate_of
+from acquisition.files.reconcile import differs
+from acquisition.files.signals import make_recording, nice_rate, rate_of, same_rate
 from ema.data import Finding
 from ema.errors import InputError
 
@@ -23,7 +25,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
     Raises
     ------
-    InputError : no segment, or one with rows of unequal length.
+    InputError : no segment, or one whose rows are not those that its header announces.
     """
     lines = table.decode(sniff.whole(path)).splitlines()
     separator, decimal = _dialect(lines)
@@ -33,7 +35,7 @@ def read(path: Path, layout: Layout) -> Contents:
     general, parts = segments[0][0], []
     for number, (header, rows) in enumerate(segments[1:] or segments):
         name = path.name if len(segments) <= 2 else f"{path.name}, segment {number + 1}"
-        parts.append(_recording(general | header, rows, separator, decimal, name, layout))
+        parts.append(_recording(_Segment(name, general | header, rows, separator, decimal), layout))
     return table.merge(parts)
 
 
@@ -51,7 +53,10 @@ def _dialect(lines: list[str]) -> tuple[str, str]:
 
 
 def _segments(lines: list[str], separator: str) -> Iterator[tuple[dict[str, list[str]], list[str]]]:
-    """Header and rows of every part that a line of stars closes; the first header is that of the file."""
+    """Header and rows of every part that a line of stars closes; the first header is that of the file.
+
+    Blank lines stay among the rows: between rows they are damage, at the end of a segment they are not.
+    """
     header: dict[str, list[str]] = {}
     rows: list[str] | None = None  # none yet: still in the header
     for line in lines:
@@ -60,35 +65,49 @@ def _segments(lines: list[str], separator: str) -> Iterator[tuple[dict[str, list
             rows = []
         elif rows is None:
             header[cells[0]] = cells[1:]
-        elif cells[0] == "Channels" or (rows and not line.strip()):
+        elif cells[0] == "Channels":
             yield header, rows
             header, rows = {cells[0]: cells[1:]}, None
-        elif line.strip():
+        elif line.strip() or rows:
             rows.append(line)
     if rows is not None:
         yield header, rows
 
 
-def _recording(
-    header: dict[str, list[str]], rows: list[str], separator: str, decimal: str, name: str, layout: Layout
-) -> Contents:
+@dataclass(frozen=True)
+class _Segment:
+    """One segment as text."""
+
+    name: str
+    header: dict[str, list[str]]
+    rows: list[str]
+    separator: str
+    decimal: str
+
+
+def _recording(segment: _Segment, layout: Layout) -> Contents:
+    name, header, separator, decimal = segment.name, segment.header, segment.separator, segment.decimal
+    rows = segment.rows
+    while rows and not rows[-1].strip():
+        rows = rows[:-1]
     if len(rows) < 2:
         raise InputError("a segment without samples", where=name, got=f"{len(rows)} rows")
     titles = [cell.strip() for cell in rows[0].split(separator)]
     columns = len(titles) - (1 if titles[-1] == "Comment" else 0)
-    values = _values(rows[1:], separator, decimal, columns, name)
+    rows, notes = _sound_rows(segment, rows[1:], columns, layout)
+    values = _values(rows, separator, decimal, columns, name)
     multi = (header.get("X_Columns") or ["One"])[0]
     times = [] if multi == "No" else [place for place in range(columns) if titles[place] == "X_Value"]
     signals = [place for place in range(columns) if titles[place] != "X_Value" and np.isfinite(values[:, place]).any()]
     if not signals:
         raise InputError("a segment without signals", where=name, got=", ".join(titles))
+    notes += _announced(segment, values[:, signals], layout)
     rate = _rate(header, values[:, times[0]] if times else None, decimal, name)
     names = [titles[place] or f"column {place}" for place in signals]
     labels = header.get("Y_Unit_Label", [])[: len(signals)]
     labels += [""] * (len(signals) - len(labels))
     if layout.units is not None:
         labels = [layout.units.get(n, "") for n in names] if isinstance(layout.units, dict) else list(layout.units)
-    notes = []
     found = []
     for title, label in zip(names, labels, strict=True):
         unit = units.known(label) if label else None
@@ -101,6 +120,56 @@ def _recording(
         (key, header[key][0]) for key in ("Operator", "Project", "Description", "Date", "Time") if header.get(key)
     )
     return Contents(recordings=(record,), findings=(*notes, *not_finite(record.signals, name)), metadata=metadata)
+
+
+def _sound_rows(segment: _Segment, rows: list[str], columns: int, layout: Layout) -> tuple[list[str], list[Finding]]:
+    """The rows up to the first that is blank or holds fewer cells than there are titles.
+
+    Raises
+    ------
+    InputError : there is one, and salvage was not asked for.
+    """
+    for place, row in enumerate(rows):
+        cells = row.split(segment.separator)
+        if not row.strip() or len(cells) < columns:
+            what = "a blank line between the rows" if not row.strip() else "a row with too few cells"
+            notes = differs(
+                what, where=f"{segment.name}, row {place + 1}", layout=layout,
+                got=None if not row.strip() else len(cells), expected=None if not row.strip() else columns,
+                recovered=f"the {place} rows in front of it are read" if place > 1 else "",
+            )  # fmt: skip
+            return rows[:place], list(notes)
+    return rows, []
+
+
+def _announced(segment: _Segment, values: Any, layout: Layout) -> list[Finding]:
+    """Compare the header's numbers of channels and samples with the columns.
+
+    Raises
+    ------
+    InputError : they differ, and salvage was not asked for.
+    """
+    notes: list[Finding] = []
+    channels = _integers(segment.header.get("Channels", []))
+    if channels and channels[0] != values.shape[1]:
+        notes += differs(
+            "another number of channels than the header announces", where=segment.name, layout=layout,
+            got=values.shape[1], expected=channels[0], recovered="the columns that are there are read",
+        )  # fmt: skip
+    samples = _integers(segment.header.get("Samples", []))
+    for place, expected in enumerate(samples[: values.shape[1]]):
+        there = int(np.count_nonzero(~np.isnan(values[:, place])))
+        if there != expected:
+            notes += differs(
+                "another number of samples than the header announces", where=f"{segment.name}, channel {place + 1}",
+                layout=layout, got=there, expected=expected, recovered="the samples that are there are read",
+            )  # fmt: skip
+            break
+    return notes
+
+
+def _integers(cells: list[str]) -> list[int]:
+    return [int(cell) for cell in cells if cell.strip().isdigit()]
 
 
 def _values(rows: list[str], separator: str, decimal: str, columns: int, name: str) -> Any:
@@ -120,7 +189,10 @@ def _rate(header: dict[str, list[str]], times: Any, decimal: str, name: str) -> 
     if steps:
         step = float(steps[0])
         if step > 0 and len({float(other) for other in steps}) == 1:
-            return nice_rate(step, 1e-6)
+            rate = nice_rate(step, 1e-6)
+            if times is not None and np.isfinite(times).all():
+                same_rate(rate_of(times, name), rate, len(times), name)
+            return rate
         raise InputError("the channels differ in their time step", where=name, got=", ".join(steps[:4]))
     if times is None:
         raise InputError("no time step in the header and no time column", where=name)

@@ -48,6 +48,8 @@ def _market(path: Path) -> Float[np.ndarray, "n n"]:
         raise InputError("not a matrix that a structure can have", where=str(path),
                          got=f"{matrix.dtype}, {' x '.join(map(str, matrix.shape))}",
                          expected="real and square")  # fmt: skip
+    if not np.isfinite(matrix).all():
+        raise InputError("a number that is not finite", where=str(path), advice="export it again")
     return matrix.astype(np.float64)
 
 

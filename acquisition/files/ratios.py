@@ -1,5 +1,6 @@
 """FRFs in named arrays become an FRF set."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,9 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
-from ema.data import FrfSet
+from acquisition.files.polar import Polar, to_complex, unit_overruled
+from acquisition.files.scales import phase_scale
+from ema.data import Finding, FrfSet
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import FRF_UNIT, UNSTATED
@@ -16,9 +19,10 @@ from ema.units import FRF_UNIT, UNSTATED
 
 def frfs(arrays: Arrays, layout: Layout) -> Contents:
     """FRFs: complex, as real and imaginary part, or as amplitude and phase."""
-    values = np.asarray(_complex(arrays, layout))
+    raw = _complex(arrays, layout)
+    values = np.asarray(raw.values)
     if layout.frequency is not None:
-        frequencies = arrays.vector(layout.frequency)
+        frequencies = _hertz(arrays, layout)
     elif layout.frequency_step is not None:
         frequencies = layout.frequency_step * np.arange(max(values.shape))
     else:
@@ -33,8 +37,49 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
         coherence = _freq_out_in(arrays.numbers(layout.coherence), len(frequencies), layout, arrays.where)
     outputs = _dofs(arrays, layout.outputs, block.shape[1])
     inputs = _dofs(arrays, layout.inputs, block.shape[2])
-    frf_set = make_frfs(frequencies, block, outputs, inputs, layout.unit, arrays.where, coherence)
-    return Contents(frfs=(frf_set,), findings=not_finite(frf_set.values, arrays.where))
+    unit, overruled = _unit(raw, layout, arrays.where)
+    frf_set = make_frfs(frequencies, block, outputs, inputs, unit, arrays.where, coherence)
+    findings = (*raw.findings, *overruled, *not_finite(frf_set.values, arrays.where))
+    return Contents(frfs=(frf_set,), findings=findings)
+
+
+def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, ...]]:
+    """The unit of the layout, else of the file; a finding where they differ or the file's is none of an FRF.
+
+    Raises
+    ------
+    UnitError : the layout names another unit than the reference of an amplitude in dB.
+    """
+    if layout.unit is None and raw.unit != UNSTATED and units.parse(raw.unit).quantity not in FRF_UNIT:
+        message = f"{raw.unit!r} is not the unit of an FRF; the numbers are taken without one."
+        note = Finding("warning", "unit-doubtful", where, message, advice="Say unit='(m/s^2)/N' or the like.")
+        return UNSTATED, (note,)
+    if layout.unit is None or UNSTATED in (raw.unit, layout.unit) or units.parse(layout.unit) == units.parse(raw.unit):
+        return layout.unit or raw.unit, ()
+    if raw.in_decibels:
+        raise units.UnitError("the unit is not that of the reference in dB", where=where, got=repr(layout.unit),
+                              expected=raw.unit)  # fmt: skip
+    return layout.unit, (unit_overruled(where, "unit", raw.unit, layout.unit),)
+
+
+def _hertz(arrays: Arrays, layout: Layout) -> Any:
+    """The frequencies in Hz, from the unit that the layout or the file states.
+
+    Raises
+    ------
+    UnitError : not a unit of frequency.
+    """
+    place = str(layout.frequency)
+    text = layout.frequency_unit or arrays.label(place)
+    if not text:
+        found = re.search(r"(?<![A-Za-z])(kHz|MHz|rpm|rad/s)(?![A-Za-z])", arrays.title(place))
+        text = found[1] if found else "Hz"
+    unit = units.known(text)
+    if unit is None or unit.quantity not in ("frequency", "angular velocity"):
+        raise units.UnitError("not a unit of frequency", where=arrays.where, got=repr(text),
+                              expected="Hz, kHz or rad/s", advice="say frequency_unit='Hz' or the like")  # fmt: skip
+    turns = 2 * np.pi if unit.quantity == "angular velocity" else 1.0
+    return unit.factor / turns * arrays.vector(place)
 
 
 def make_frfs(
@@ -48,12 +93,15 @@ def make_frfs(
     InputError : frequencies that do not increase.
     UnitError : a unit that is none of an FRF.
     """
-    if len(frequencies) < 1 or not np.all(np.isfinite(frequencies)) or np.any(np.diff(frequencies) <= 0):
-        raise InputError("the frequencies do not increase", where=where, got=f"{len(frequencies)} lines")
+    check_frequencies(frequencies, where)
     parsed = units.parse(unit or UNSTATED)
     if parsed.stated and parsed.quantity not in FRF_UNIT:
         raise units.UnitError(
-            "not the unit of an FRF", where=where, got=repr(unit), expected="response over force, e.g. (m/s^2)/N or g/N"
+            "not the unit of an FRF",
+            where=where,
+            got=repr(unit),
+            expected="response over force, e.g. (m/s^2)/N or g/N",
+            advice="say unit='g/N' or the like",
         )
     quantity: Any = parsed.quantity if parsed.stated else "unstated"
     return FrfSet(
@@ -62,29 +110,79 @@ def make_frfs(
     )  # fmt: skip
 
 
-def _complex(arrays: Arrays, layout: Layout) -> Any:
+def check_frequencies(frequencies: Any, where: str) -> None:
+    """Refuse an axis of frequencies in Hz that is none.
+
+    Raises
+    ------
+    InputError : empty, not finite, negative, or not increasing from line to line.
+    """
+    frequencies = np.asarray(frequencies)
+    if not len(frequencies) or not np.all(np.isfinite(frequencies)):
+        raise InputError("the frequencies are not all numbers", where=where, got=f"{len(frequencies)} lines")
+    back = np.flatnonzero(np.diff(frequencies) <= 0)
+    if len(back):
+        line = int(back[0])
+        raise InputError(
+            "the frequencies do not increase", where=where,
+            got=f"{frequencies[line + 1]:g} Hz behind {frequencies[line]:g} Hz at line {line + 2} of "
+            f"{len(frequencies)}",
+        )  # fmt: skip
+    if frequencies[0] < 0:
+        raise InputError("a negative frequency", where=where, got=f"{frequencies[0]:g} Hz", expected="0 Hz and more",
+                         advice="export the one-sided FRF")  # fmt: skip
+
+
+def _complex(arrays: Arrays, layout: Layout) -> Polar:
     if layout.frf is not None:
-        return arrays.numbers(layout.frf, np.complex128)
+        _refuse_polar(arrays, layout.frf)
+        values = arrays.numbers(layout.frf, np.complex128)
+        if not np.iscomplexobj(arrays[layout.frf]):
+            raise InputError(
+                "half of an FRF: its values are real", where=arrays.where, got=layout.frf, expected="complex values",
+                advice="say real and imaginary, or amplitude and phase",
+            )  # fmt: skip
+        return Polar(values, _stated(arrays, layout.frf))
     if layout.real is not None and layout.imaginary is not None:
+        for place in (layout.real, layout.imaginary):
+            _refuse_polar(arrays, place)
         real, imaginary = arrays.numbers(layout.real), arrays.numbers(layout.imaginary)
         if real.shape != imaginary.shape:
             raise InputError(
                 "real and imaginary part differ in length", where=arrays.where, got=f"{real.shape}, {imaginary.shape}"
             )
-        return real + 1j * imaginary
+        unit, other = _stated(arrays, layout.real), _stated(arrays, layout.imaginary)
+        if unit != other and UNSTATED not in (unit, other):
+            raise InputError("real and imaginary part differ in unit", where=arrays.where, got=f"{unit}, {other}")
+        return Polar(real + 1j * imaginary, other if unit == UNSTATED else unit)
     if layout.amplitude is not None and layout.phase is not None:
-        turn = units.parse(layout.phase_unit)
-        if turn.quantity != "rotation":
-            raise units.UnitError("not a unit of phase", got=layout.phase_unit, expected="rad or deg")
         amplitude, phase = arrays.numbers(layout.amplitude), arrays.numbers(layout.phase)
         if amplitude.shape != phase.shape:
             raise InputError(
                 "amplitude and phase differ in length", where=arrays.where, got=f"{amplitude.shape}, {phase.shape}"
             )
-        return amplitude * np.exp(1j * turn.factor * phase)
+        return to_complex(arrays, layout, amplitude, phase)
     raise InputError(
         "half of an FRF", where=arrays.where, advice="say frf, or real and imaginary, or amplitude and phase"
     )
+
+
+def _stated(arrays: Arrays, place: str) -> str:
+    return arrays.units.get(place, UNSTATED)
+
+
+def _refuse_polar(arrays: Arrays, place: str) -> None:
+    """Refuse a place whose title says that it holds an amplitude in dB or a phase.
+
+    Raises
+    ------
+    InputError : it does.
+    """
+    title = arrays.title(place)
+    if "dB" in title or phase_scale(arrays.label(place)) is not None:
+        raise InputError(
+            "not real and imaginary part", where=arrays.where, got=repr(title), advice="say amplitude and phase"
+        )
 
 
 def _freq_out_in(values: Any, lines: int, layout: Layout, where: str) -> Any:

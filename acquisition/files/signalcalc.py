@@ -1,16 +1,20 @@
-"""FRFs that SignalCalc exports as text: frequency, real and imaginary part, with the channels' DOFs in the header."""
+"""FRFs that SignalCalc exports as text, as real and imaginary part or as magnitude and phase; DOFs in the header."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files import sniff, table
-from acquisition.files.arrays import not_finite
+from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
+from acquisition.files.polar import Polar, to_complex
 from acquisition.files.ratios import make_frfs
+from acquisition.files.scales import bare_title
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.units import UNSTATED
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -18,7 +22,8 @@ def read(path: Path, layout: Layout) -> Contents:
 
     Raises
     ------
-    InputError : the columns are not frequency, real and imaginary part.
+    InputError : the columns are not frequency, real and imaginary part, or frequency, magnitude and phase.
+    UnitError : the scale of the magnitude or the unit of the phase is stated nowhere.
     """
     text = table.decode(sniff.whole(path))
     segment = table.parse(text, layout, path.name)[0]
@@ -31,13 +36,35 @@ def read(path: Path, layout: Layout) -> Contents:
         reference = Dof.parse(layout.inputs if isinstance(layout.inputs, str) else layout.inputs[0])
     if layout.outputs is not None:
         response = Dof.parse(layout.outputs if isinstance(layout.outputs, str) else layout.outputs[0])
-    values = (segment.values[:, 1] + 1j * segment.values[:, 2])[:, None, None]
-    unit = layout.unit or _unit(segment.header)
-    frfs = make_frfs(segment.values[:, 0], values, (response,), (reference,), unit, path.name)
+    raw = _complex(segment, layout, path.name)
+    unit = layout.unit or (raw.unit if raw.in_decibels else _unit(segment.header))
+    frfs = make_frfs(segment.values[:, 0], raw.values[:, None, None], (response,), (reference,), unit, path.name)
     header = tuple(
         (line.split("\t", 1)[0].strip(), line.split("\t", 1)[1].strip()) for line in segment.header[:4] if "\t" in line
     )
-    return Contents(frfs=(frfs,), findings=not_finite(frfs.values, path.name), metadata=header)
+    return Contents(frfs=(frfs,), findings=(*raw.findings, *not_finite(frfs.values, path.name)), metadata=header)
+
+
+def _complex(segment: table.Segment, layout: Layout, where: str) -> Polar:
+    """The values, by what the header calls the second and third column.
+
+    Raises
+    ------
+    InputError : neither real and imaginary part nor magnitude and phase.
+    """
+    lines = [[cell.strip() for cell in line.split("\t")] for line in segment.header]
+    titles = next((cells for cells in lines if cells[0].lower() == "frequency"), [])
+    kinds = [bare_title(title) for title in titles[1:3]]
+    first, second = segment.values[:, 1], segment.values[:, 2]
+    if kinds == ["real", "imaginary"]:
+        return Polar(first + 1j * second, UNSTATED)
+    if len(kinds) != 2 or not (kinds[0].startswith(("mag", "amp")) and kinds[1].startswith("phase")):
+        raise InputError("neither real and imaginary part nor magnitude and phase", where=where,
+                         got=", ".join(titles) or "no titles of the columns")  # fmt: skip
+    stated = next((cells for cells in lines if cells[0] == "Hz"), [])
+    labels = dict(zip(titles, stated, strict=True)) if len(stated) == len(titles) else {}
+    pool = Arrays(where, {titles[1]: first, titles[2]: second}, labels=labels)
+    return to_complex(pool, replace(layout, amplitude=titles[1], phase=titles[2]), first, second)
 
 
 def _dofs(header: tuple[str, ...], where: str) -> tuple[Dof, Dof]:

@@ -15,6 +15,10 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import QUANTITIES, UNSTATED
 
+CLOCK = 1e-3
+"""Relative difference of two statements of one sampling rate: clocks are ten times better, rounded steps as good.
+Halved or doubled, a rate given with three digits is refused or taken."""
+
 
 def rate_of(times: Float[np.ndarray, "sample"], where: str) -> float:
     """Sampling rate in Hz of a time axis in s, whose steps may be rounded.
@@ -178,21 +182,46 @@ def _given_names(arrays: Arrays, layout: Layout, count: int) -> list[str]:
 
 
 def _rate(arrays: Arrays, layout: Layout, samples: int) -> float:
+    stated = None
+    if isinstance(layout.sampling_rate, str):
+        stated = float(arrays.vector(layout.sampling_rate)[0])
+    elif layout.sampling_rate is not None:
+        stated = float(layout.sampling_rate)
     if layout.time is not None:
         times = arrays.vector(layout.time)
         if len(times) != samples:
             raise InputError(
                 "time axis and signals differ in length", where=arrays.where, got=len(times), expected=samples
             )
-        stated = arrays.units.get(layout.time, "") if layout.time_unit == "s" else ""
-        unit = units.parse(stated or layout.time_unit)
-        return rate_of(unit.factor * times, arrays.where)
-    if layout.sampling_rate is None:
+        label = arrays.label(layout.time) if layout.time_unit == "s" else layout.time_unit
+        unit = units.known(label or "s")
+        if unit is None or unit.quantity != "time":
+            raise units.UnitError("not a unit of time", where=arrays.where, got=repr(label), expected="s, ms, min",
+                                  advice="say time_unit='ms' or the like, or sampling_rate=... [Hz]")  # fmt: skip
+        measured = rate_of(unit.factor * times, arrays.where)
+        if stated is not None:
+            same_rate(measured, stated, samples, arrays.where)
+        return measured
+    if stated is None:
         raise InputError(
             "the file does not state the sampling rate",
             where=arrays.where,
             advice="say sampling_rate=... [Hz] or time='...'",
         )
-    if isinstance(layout.sampling_rate, str):
-        return float(arrays.vector(layout.sampling_rate)[0])
-    return float(layout.sampling_rate)
+    return stated
+
+
+def same_rate(measured: float, stated: float, samples: int, where: str) -> None:
+    """Refuse a sampling rate in Hz that contradicts the time axis of so many samples.
+
+    Raises
+    ------
+    InputError : they differ by more than clocks and rounded times do.
+    """
+    # rounding may move both ends of the axis by a quarter of a step, see rate_of
+    tolerance = CLOCK + 0.5 / max(samples - 1, 1)
+    if not (np.isfinite(stated) and stated > 0) or abs(measured / stated - 1) > tolerance:
+        raise InputError(
+            "the sampling rate contradicts the time axis", where=where, got=f"{stated:g} Hz stated",
+            expected=f"{measured:g} Hz as in the time axis", advice="find out which is right and state that alone",
+        )  # fmt: skip

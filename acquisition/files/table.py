@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from acquisition.files import sniff
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
+from acquisition.files.reconcile import differs
+from acquisition.files.scales import bare_title, is_unit
 from ema.data import Finding
 from ema.errors import InputError
 
@@ -24,8 +27,8 @@ _TITLES = {
     "frequency": ("f", "freq", "frequency", "frequenz"),
     "real": ("re", "real", "real part", "realteil"),
     "imaginary": ("im", "imag", "imaginary", "imaginary part", "imaginärteil"),
-    "amplitude": ("amplitude", "magnitude", "mag", "betrag"),
-    "phase": ("phase", "angle"),
+    "amplitude": ("amplitude", "magnitude", "mag", "modulus", "abs", "level", "gain", "betrag", "pegel"),
+    "phase": ("phase", "angle", "argument", "arg", "phasenwinkel"),
     "coherence": ("coherence", "kohärenz", "coh"),
     "node": ("node", "point", "nr", "id", "knoten"),
     "x": ("x",),
@@ -43,6 +46,13 @@ class Segment:
     titles: tuple[str, ...]
     labels: tuple[str, ...] = ()
     """Names of the rows, where every row begins with one."""
+    units: tuple[str, ...] = ()
+    """What a line of units above the columns says of each; empty where there is no such line."""
+    line: int = 0
+    """Number of the first row in the file, counted from 1."""
+    source: tuple[str, ...] = ()
+    """The rows as text, where every row begins with a name."""
+    notes: tuple[Finding, ...] = ()
 
 
 def decode(data: bytes) -> str:
@@ -98,7 +108,13 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     header: list[str] = []
     rows: list[Any] = []  # blocks of one or many lines
     labels: list[str] = []
-    place, many = 0, _MOST
+    place, many, begin = 0, _MOST, 0
+
+    def close() -> None:
+        """End the block of rows."""
+        source = lines[begin:place] if labels else ()
+        segments.append(replace(_segment(header, rows, labels, delimiter), line=begin + 1, source=tuple(source)))
+
     while place < len(lines):
         columns = rows[0].shape[1] if rows else 0
         if rows and not labels:
@@ -115,21 +131,75 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
         if cells is None:
             label, cells = _labelled(line, delimiter, decimal)
         if rows and (cells is None or len(cells) != columns or bool(label) != bool(labels)):
-            segments.append(_segment(header, rows, labels, delimiter))
+            close()
             header, rows, labels, many = [], [], [], _MOST
         if cells is not None:
+            begin = begin if rows else place
             rows.append(np.array([cells]))
             labels += [label] if label else []
         else:
             header.append(line)
         place += 1
     if rows:
-        segments.append(_segment(header, rows, labels, delimiter))
+        close()
+    segments = _whole(_with_metadata(segments), layout, where)
     longest = max((len(segment.values) for segment in segments), default=0)
     segments = [segment for segment in segments if len(segment.values) > 1 or longest == 1]
     if not segments:
         raise InputError("no table of numbers in the file", where=where, got=repr(text[:40]))
     return segments
+
+
+def _with_metadata(segments: list[Segment]) -> list[Segment]:
+    """Rows of a name and a number in front of a longer table are the header of that table."""
+    merged: list[Segment] = []
+    for segment in segments:
+        if merged and merged[-1].labels and not segment.labels and len(segment.values) > max(len(merged[-1].values), 1):
+            before = merged.pop()
+            header = (*before.header, *before.source, *segment.header)
+            segment = replace(segment, header=header)
+        merged.append(segment)
+    return merged
+
+
+def _whole(segments: list[Segment], layout: Layout, where: str) -> list[Segment]:
+    """The tables of a file, none of them interrupted by a row of another length, a blank line or a damaged one.
+
+    Raises
+    ------
+    InputError : one is, and salvage was not asked for.
+    """
+    for place, (before, after) in enumerate(pairwise(segments)):
+        what, gap = "", after.header
+        columns, expected = after.values.shape[1], before.values.shape[1]
+        if len(before.values) < 2 or before.labels or after.labels:
+            continue
+        if not gap and len(after.values) == 1 and columns != expected:
+            what = f"a row of {columns} cells in a table of {expected} columns"
+        elif _titled(before) and not _titled(after) and columns == expected and _is_damage(gap):
+            what = "a blank line inside the table" if not any(map(str.strip, gap)) else "a row that holds no numbers"
+        if what:
+            notes = differs(
+                what, where=f"{where}, line {after.line - len(gap)}", layout=layout,
+                recovered=f"the {len(before.values)} rows in front of it are read",
+            )  # fmt: skip
+            return [*segments[:place], replace(before, notes=notes)]
+    return segments
+
+
+def _titled(segment: Segment) -> bool:
+    """Whether the columns have titles, which are no decimal numbers as in a damaged row."""
+    if any(re.fullmatch(r"[-+]?\d*[.,]\d+([eE][-+]?\d+)?", title) for title in segment.titles):
+        return False
+    return any(title != f"column {place}" for place, title in enumerate(segment.titles))
+
+
+def _is_damage(gap: tuple[str, ...]) -> bool:
+    """Whether the lines between two tables are blank, or one that was a row of numbers."""
+    texts = [line for line in gap if line.strip()]
+    return not texts or (
+        len(texts) == 1 and re.search(r"(^|[\s;,])[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?($|[\s;,])", texts[0]) is not None
+    )
 
 
 def _block(lines: list[str], delimiter: str, decimal: str, columns: int) -> Any:
@@ -154,9 +224,11 @@ def _segment(header: list[str], rows: list[Any], labels: list[str], delimiter: s
     values = np.concatenate(rows)
     full = ~np.isnan(values).all(axis=0)
     titles = _titles(header, delimiter, values.shape[1])
+    row = tuple(_unit_row(header, values.shape[1], delimiter))
     if not full.all() and not labels:
         values, titles = values[:, full], tuple(t for t, keep in zip(titles, full, strict=True) if keep)
-    return Segment(tuple(header), values, titles, tuple(labels))
+        row = tuple(text for text, keep in zip(row, full, strict=False) if keep)
+    return Segment(tuple(header), values, titles, tuple(labels), row)
 
 
 def _number(cell: str) -> complex:
@@ -236,44 +308,100 @@ def _titles(header: list[str], delimiter: str, columns: int) -> tuple[str, ...]:
         while len(cells) > columns and not cells[-1]:
             cells.pop()
         if len(cells) == columns and sum(bool(cell) for cell in cells) >= max(1, columns - 1):
-            if all(units.known(cell.strip("[]() ")) for cell in cells if cell) and len(header) > 1:
+            if all(map(is_unit, cells)) and len(header) > 1:
                 continue  # a line of units; the names are above it
             return tuple(cell.lstrip("# ") or f"column {place}" for place, cell in enumerate(cells))
     return tuple(f"column {place}" for place in range(columns))
 
 
-def _unit_row(header: tuple[str, ...], columns: int, delimiters: str = "\t;,") -> list[str]:
+def _unit_row(header: list[str], columns: int, delimiter: str) -> list[str]:
     """Units from a header line that holds nothing but units."""
     for line in reversed(header[-4:]):
-        for delimiter in delimiters:
-            cells = [cell.strip().strip('"[]() ') for cell in line.split(delimiter)]
-            if len(cells) >= columns > 1 and all(cell and units.known(cell) for cell in cells[:columns]):
-                return cells[:columns]
+        cells = line.split() if delimiter == " " else line.split(delimiter)
+        cells = [_unbracketed(cell.strip().strip('"')) for cell in cells]
+        if len(cells) >= columns > 1 and all(cell and is_unit(cell) for cell in cells[:columns]):
+            return cells[:columns]
     return []
+
+
+def _unbracketed(cell: str) -> str:
+    return cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
 
 
 def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
     """One segment arranged by the user's layout, or by its titles where these leave no doubt."""
     if segment.labels:
         named = {label: row[np.isfinite(row)] for label, row in zip(segment.labels, segment.values, strict=True)}
-        return arrange(Arrays(where, named), layout)
+        contents = arrange(Arrays(where, named), layout)
+        return replace(contents, findings=(*segment.notes, *contents.findings))
     pairs = [units.bracketed(title) for title in segment.titles]
-    row = _unit_row(segment.header, len(pairs))
-    texts = row or [unit for _, unit in pairs]
-    names = [name for name, _ in pairs]
-    known = {n: text for n, text in zip(names, texts, strict=True) if text and units.known(text) is not None}
-    unknown = {name: text for name, text in zip(names, texts, strict=True) if text and name not in known}
+    texts = segment.units or [unit for _, unit in pairs]
+    names = _distinct([name for name, _ in pairs])
+    unknown = {n: text for n, text in zip(names, texts, strict=True) if text and units.known(text) is None}
     arrays = {"": segment.values}
-    for place, name in enumerate(names):
-        arrays.setdefault(name, segment.values[:, place])
-        arrays.setdefault(segment.titles[place], segment.values[:, place])
-        if name in known:
-            known.setdefault(segment.titles[place], known[name])
-    pool = Arrays(where, arrays, "", known, names, _metadata(segment.header))
-    contents = arrange(pool, replace(layout, axis="columns") if layout.kind else _by_titles(names, layout))
+    known: dict[str, str] = {}
+    labels: dict[str, str] = {}
+    headings: dict[str, str] = {}
+    for place, (name, text) in enumerate(zip(names, texts, strict=True)):
+        for key in (name, segment.titles[place], f"column {place}"):
+            if key == name or key == segment.titles[place]:
+                arrays.setdefault(key, segment.values[:, place])
+            labels.setdefault(key, text)
+            headings.setdefault(key, f"{segment.titles[place]} {text if segment.units else ''}".strip())
+            if text and text not in unknown.values():
+                known.setdefault(key, text)
+    pool = Arrays(
+        where, arrays, units=known, titles=names, metadata=_metadata(segment.header), labels=labels, headings=headings
+    )
+    open_question = not layout.kind or (layout.kind == "signals" and layout.signals is None and layout.time is None)
+    chosen = replace(_by_titles(names, layout, where) if open_question else layout, axis="columns")
+    rate = _header_rate(segment.header)
+    if rate is not None and chosen.sampling_rate is None and chosen.kind in ("", "signals"):
+        signals = chosen.signals or [name for name in names if name != chosen.time]
+        kept = [n for n in signals if not _counts(n, pool)] if isinstance(signals, list) else signals
+        chosen = replace(chosen, sampling_rate=rate, signals=kept)
+    contents = arrange(pool, chosen)
     stated = layout.units is not None or layout.unit is not None
-    notes = () if stated else tuple(_unknown_unit(where, name, text) for name, text in unknown.items())
-    return replace(contents, findings=contents.findings + notes)
+    polar = (chosen.amplitude, chosen.phase)
+    notes = [] if stated else [_unknown_unit(where, n, text) for n, text in unknown.items() if n not in polar]
+    return replace(contents, findings=(*segment.notes, *contents.findings, *notes))
+
+
+_RATE = re.compile(
+    r"^\W*(?:sampl\w*[ _-]?(?:rate|freq\w*)|abtast\w*|fs)\s*[(\[]?\s*(?P<before>[kM]?Hz|[kM]?S/s)?\s*[)\]]?"
+    r"[\s\"]*[:=,;\t]?[\s\"]*(?P<number>\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*\"?[,;\s]*(?P<after>[kM]?Hz|[kM]?S/s)?[\s;,\"]*$",
+    re.IGNORECASE,
+)
+_COUNTERS = ("sample", "samples", "no", "no.", "nr", "nr.", "index", "#", "count", "scan", "record", "number")
+
+
+def _header_rate(header: tuple[str, ...]) -> float | None:
+    """The sampling rate in Hz that a line such as ``Sampling Rate(Hz),50`` states with its unit."""
+    for line in header:
+        found = _RATE.match(line)
+        unit = (found["before"] or found["after"]) if found else None
+        if found and unit:
+            prefix = (
+                {"k": 1e3, "m": 1e6}.get(unit[0].lower(), 1.0) if len(unit) > 2 and unit[0].lower() in "km" else 1.0
+            )
+            return float(found["number"].replace(",", ".")) * prefix
+    return None
+
+
+def _counts(name: str, pool: Arrays) -> bool:
+    """Whether a column only numbers its rows."""
+    values = np.asarray(pool[name])
+    return name.lower() in _COUNTERS and values.dtype.kind == "f" and bool((np.diff(values) == 1).all())
+
+
+def _distinct(names: list[str]) -> list[str]:
+    """The names, a second column of one name called ``name #2``."""
+    seen: dict[str, int] = {}
+    distinct = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        distinct.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+    return distinct
 
 
 def _unknown_unit(where: str, name: str, text: str) -> Finding:
@@ -283,14 +411,38 @@ def _unknown_unit(where: str, name: str, text: str) -> Finding:
     )  # fmt: skip
 
 
-def _by_titles(names: list[str], layout: Layout) -> Layout:
-    """The layout that the titles tell: time and signals, frequency and FRF, or coordinates."""
-    places = {role: n for role, words in _TITLES.items() for n in names if n.lower() in words}
+def _by_titles(names: list[str], layout: Layout, where: str) -> Layout:
+    """The layout that the titles state: time and signals, frequency and FRF, or coordinates.
+
+    Raises
+    ------
+    InputError : two columns could be the same part of an FRF.
+    """
+    places: dict[str, str] = {}
+    twice: dict[str, list[str]] = {}
+    for role, words in _TITLES.items():
+        plain = {name: re.sub(r" #\d+$", "", name) for name in names}
+        fitting = [name for name in names if plain[name].lower() in words or bare_title(plain[name]) in words]
+        if fitting:
+            places[role] = fitting[0]
+        if len(fitting) > 1:
+            twice[role] = fitting
     if "time" in places:
         others = [name for name in names if name != places["time"]]
+        if "time" in twice:
+            raise InputError("several columns could be the time", where=where, got=", ".join(twice["time"]),
+                             advice="say time='...' and signals=[...]")  # fmt: skip
         return replace(layout, time=places["time"], signals=others)
     if "frequency" in places and ({"real", "imaginary"} <= places.keys() or {"amplitude", "phase"} <= places.keys()):
         roles = ("real", "imaginary") if "real" in places else ("amplitude", "phase")
+        for role in ("frequency", *roles):
+            if role in twice:
+                raise InputError(
+                    f"several columns could be the {role}",
+                    where=where,
+                    got=", ".join(twice[role]),
+                    advice=f"say {role}='column 1' or the like, and so the other parts of the FRF",
+                )
         return _with(layout, places, "frequency", "coherence", *roles)
     if {"x", "y", "z"} <= places.keys():
         return _with(layout, places, "x", "y", "z", "node")

@@ -7,9 +7,10 @@ import numpy as np
 from acquisition.contents import Contents
 from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
+from acquisition.files.reconcile import differs
 from acquisition.files.signals import channel_units, make_recording
 from ema.data import Finding
-from ema.errors import require
+from ema.errors import InputError, require
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -21,7 +22,15 @@ def read(path: Path, layout: Layout) -> Contents:
     InputError : damaged.
     """
     soundfile = require("soundfile", "formats")
-    signals, rate = soundfile.read(str(path), dtype="float64", always_2d=True)
+    notes = _announced(path, layout)
+    with soundfile.SoundFile(str(path)) as file:
+        rate, frames, coding = file.samplerate, file.frames, file.format
+        signals = file.read(dtype="float64", always_2d=True)
+    if coding == "FLAC" and len(signals) != frames:
+        notes += differs(
+            "the file ends too early", where=path.name, layout=layout, got=f"{len(signals)} samples",
+            expected=frames, recovered=f"{len(signals)} samples are read",
+        )  # fmt: skip
     pool = Arrays(path.name, {"": signals})
     names = [f"channel {number + 1}" for number in range(signals.shape[1])]
     if layout.names is not None:
@@ -33,5 +42,63 @@ def read(path: Path, layout: Layout) -> Contents:
         "info", "full-scale", path.name, "the numbers of a wave file are fractions of full scale.",
         advice="Say units or sensitivities in the channel table.",
     )  # fmt: skip
-    notes = () if layout.units is not None else (note,)
+    if layout.units is None:
+        notes += (note,)
     return Contents(recordings=(record,), findings=(*notes, *not_finite(record.signals, path.name)))
+
+
+_UNKNOWN = (0, 0xFFFFFFFF)
+"""Sizes that a recorder writes that does not know them yet."""
+
+
+def _announced(path: Path, layout: Layout) -> tuple[Finding, ...]:
+    """Compare the sizes of the chunks of a RIFF, RF64 or W64 file with the bytes that are there.
+
+    Source: Multimedia Programming Interface and Data Specifications 1.0 (1991), chapter 2; EBU Tech 3306 (RF64); Sony
+    Wave64.
+
+    Raises
+    ------
+    InputError : the data chunk is cut short or no whole number of samples, and salvage was not asked for.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        start = file.read(40)
+        wide = start[:4] == b"riff"
+        if start[:4] not in (b"RIFF", b"RF64", b"riff"):
+            return ()  # FLAC counts its samples itself
+        place, tag, align, long_size = 40 if wide else 12, 16 if wide else 4, 0, 0
+        while place + tag + (8 if wide else 4) <= size:
+            file.seek(place)
+            head = file.read(tag + (8 if wide else 4))
+            length = int.from_bytes(head[tag:], "little") - (24 if wide else 0)
+            body = file.read(28)
+            if head[:4] == b"ds64":
+                long_size = int.from_bytes(body[8:16], "little")
+            if head[:4] == b"fmt ":
+                align = int.from_bytes(body[12:14], "little")
+            begin = place + len(head)
+            if head[:4] == b"data":
+                announced = long_size if start[:4] == b"RF64" and length == 0xFFFFFFFF else length
+                return _compare(announced, size - begin, align, path, layout)
+            step = 8 if wide else 2
+            place = begin + -(-max(length, 0) // step) * step
+    raise InputError("no data in the file", where=path.name, advice="copy or export it again")
+
+
+def _compare(announced: int, there: int, align: int, path: Path, layout: Layout) -> tuple[Finding, ...]:
+    if announced in _UNKNOWN:
+        message = "the header does not say how many samples there are; all that follow are read."
+        return (Finding("warning", "length-unstated", path.name, message),)
+    samples = there // align if align else 0
+    if announced > there:
+        return differs(
+            "the file ends too early", where=path.name, layout=layout, got=f"{there} bytes of samples",
+            expected=announced, recovered=f"{samples} samples are read" if samples > 1 else "",
+        )  # fmt: skip
+    if align and announced % align:
+        return differs(
+            "the samples are not whole", where=path.name, layout=layout, got=f"{announced} bytes",
+            expected=f"a multiple of {align}", recovered=f"{announced // align} samples are read",
+        )  # fmt: skip
+    return ()

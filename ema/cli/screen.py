@@ -60,6 +60,10 @@ class Bars:
         if done >= total:
             self._progress.remove_task(self._tasks.pop(what))
 
+    def note(self, sentence: str) -> None:
+        """Print a sentence about the work on the error stream; it stays."""
+        self._progress.console.print(Text(sentence), soft_wrap=True)
+
 
 def show_result(out: Console, result: StudyResult, report: Path) -> None:
     """The end of the main job: modes, findings, expectations, and where the report is."""

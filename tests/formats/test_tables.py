@@ -99,8 +99,12 @@ def test_frf_by_its_titles_with_coherence(tmp_path: Path) -> None:
 
 
 def test_amplitude_and_phase_in_degrees(tmp_path: Path) -> None:
+    """Nothing in the file says that the amplitude is linear (20 dB and more are positive, too), so the layout does."""
     (tmp_path / "a.csv").write_text("f,amp,ph\n1,2,90\n2,3,-180\n")
-    (frfs,) = acquisition.read(tmp_path / "a.csv", frequency="f", amplitude="amp", phase="ph", phase_unit="deg").frfs
+    options = {"frequency": "f", "amplitude": "amp", "phase": "ph", "phase_unit": "deg"}
+    with pytest.raises(InputError, match="whether its amplitude is linear or in dB"):
+        acquisition.read(tmp_path / "a.csv", **options)
+    (frfs,) = acquisition.read(tmp_path / "a.csv", **options, amplitude_unit="linear").frfs
     np.testing.assert_allclose(frfs.values[:, 0, 0], [2j, -3], atol=1e-12)
 
 

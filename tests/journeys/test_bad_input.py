@@ -60,7 +60,7 @@ def test_the_campaign_is_sound_before_it_is_spoiled(tmp_path, command):
         (lambda path: path.write_bytes(path.read_bytes()[:300]), ("data set 1", "the file ends inside", "export")),
         (
             lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3]),
-            ("the file is damaged", "the file ends inside the data set", "no such channel", "'acc 2'", "Export"),
+            ("the file is damaged", "the file ends inside the data set", "announced values are read", "Export"),
         ),
         (lambda path: edited(path, b"    58b", b"    58x"), ("the file is damaged", "no data set begins with '58x", "'hammer'", "Export")),
         (lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256))), ("in spite of its name", "\\x89PNG")),
@@ -81,7 +81,9 @@ def test_a_function_whose_values_are_text(tmp_path, command):
     lines = path.read_text().splitlines()
     lines[40] = "hello world"
     path.write_text("\n".join(lines) + "\n")
-    command("check", folder).says(2, "bare_2.uff, data set", "'hello' is no number", "export the file again")
+    command("check", folder).says(
+        2, "bare_2.uff", "the file is damaged", "of another length between the values", "Export"
+    )
 
 
 def test_a_folder_or_a_dead_link_in_the_place_of_a_file(tmp_path, command):

@@ -168,3 +168,30 @@ def test_frfs_are_repaired_as_well(tmp_path: Path) -> None:
     assert [str(dof) for dof in run.frfs[0].inputs] == ["2:-Z", "1:-Z"]
     np.testing.assert_allclose(run.frfs[0].values[0, 0], [2.0, -4.0])
     assert len(run.repairs) == 3
+
+
+def test_an_impact_is_excluded_from_the_one_record_that_is_named(tmp_path: Path) -> None:
+    """The page names the record as the campaign does; a file may hold several, and a folder below another of its name."""
+    raw = tmp_path / "raw"
+    (raw / "again").mkdir(parents=True)
+    channels = (Channel("hammer", None, "voltage", "reference", "V"), Channel("acc", Dof(3, "+Z")))
+    records = [Recording(np.zeros((2, 8)), 1000.0, channels, name=name) for name in ("a", "b")]
+    for folder in (raw, raw / "again"):
+        store.save(folder / "bare_1.h5", {record.name: record for record in records})
+    text = BASE.partition('[[runs]]\nid = "beam"')[0].replace(
+        '"bare_{point}.h5"', '["bare_{point}.h5", "again/bare_{point}.h5"]'
+    )
+    (tmp_path / "campaign.toml").write_text(text, encoding="utf-8")
+    names = [record.name for record in acquisition.open_campaign(tmp_path)["bare"].recordings]
+    assert len(set(names)) == 4
+    for name in names:
+        repair = (
+            f'\n[[repairs]]\nwhat = "exclude hit"\nfiles = ["{name}"]\nhits = [0]\nwho = "A. Tester"\nwhy = "double"\n'
+        )
+        (tmp_path / "campaign.toml").write_text(text + repair, encoding="utf-8")
+        records = acquisition.open_campaign(tmp_path)["bare"].recordings
+        assert [record.name for record in records if record.excluded_hits] == [name]
+    repair = repair.replace(names[-1], "again/bare_1.h5")
+    (tmp_path / "campaign.toml").write_text(text + repair, encoding="utf-8")
+    records = acquisition.open_campaign(tmp_path)["bare"].recordings
+    assert [record.name for record in records if record.excluded_hits] == ["again/bare_1.h5, a", "again/bare_1.h5, b"]

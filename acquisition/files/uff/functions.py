@@ -20,6 +20,10 @@ from ema.errors import EmaError, InputError
 Fetch = Callable[[Entry], Function]
 
 
+class Damaged(ValueError):
+    """The values of a function cannot be used; why is noted already."""
+
+
 @dataclass
 class Gathered:
     """What the functions of a file became."""
@@ -48,6 +52,7 @@ def gather(entries: Iterable[Entry], systems: dict[int, UnitSystem], fetch: Fetc
     fetch : reads the values of one data set.
     """
     made = Gathered()
+    fetch = _remembering(fetch)
     times, ratios, coherences = [], [], []
     others: dict[str, int] = {}
     for entry in entries:
@@ -77,6 +82,23 @@ def gather(entries: Iterable[Entry], systems: dict[int, UnitSystem], fetch: Fetc
     return made
 
 
+def _remembering(fetch: Fetch) -> Fetch:
+    """``fetch`` that reads a damaged function once, so that its damage is noted once."""
+    bad: set[int] = set()
+
+    def once(entry: Entry) -> Function:
+        """The function of an entry."""
+        if entry.number in bad:
+            raise Damaged
+        try:
+            return fetch(entry)
+        except ValueError:
+            bad.add(entry.number)
+            raise
+
+    return once
+
+
 def _problem(where: str, entry: Entry, text: str) -> Finding:
     return Finding(
         "error", "damaged-set", f"{where}, data set {entry.number + 1}", text + ".", advice="Export the file again."
@@ -93,12 +115,15 @@ def _note(made: Gathered, where: str, entry: Entry, text: str) -> None:
 
 
 def _whole(made: Gathered, entry: Entry, fetch: Fetch, where: str) -> bool:
-    """Whether all values of a function are there; ``fetch`` notes those that are too few."""
+    """Whether the values of a function can be used; why not is noted."""
     try:
-        return len(fetch(entry).y) == _header(entry).points
+        fetch(entry)
+    except Damaged:
+        return False
     except ValueError as error:
         made.findings.append(_problem(where, entry, str(error)))
         return False
+    return True
 
 
 def _take(header: Header) -> tuple[Any, ...]:
@@ -118,12 +143,22 @@ def _recordings(made: Gathered, entries: list[Entry], systems: dict[int, UnitSys
             groups[-1].append(entry)
         else:
             groups.append([entry])
+    groups = [[entry for entry in group if _whole(made, entry, fetch, where)] for group in groups]
+    groups = [part for group in groups for part in _of_one_length(group, fetch)]
     for number, group in enumerate(groups):
         name = where if len(groups) == 1 else f"{where}, record {number + 1}"
         try:
             made.recordings.append(_recording(made, group, systems, fetch, name))
         except (ValueError, EmaError) as error:
             made.findings.append(_problem(where, group[0], error.args[0] if error.args else str(error)))
+
+
+def _of_one_length(group: list[Entry], fetch: Fetch) -> list[list[Entry]]:
+    """Channels that are cut short are records of their own, so that the others stay whole."""
+    lengths: dict[int, list[Entry]] = {}
+    for entry in group:
+        lengths.setdefault(len(fetch(entry).y), []).append(entry)
+    return [lengths[length] for length in sorted(lengths, reverse=True)]
 
 
 def _header(entry: Entry) -> Header:
@@ -212,6 +247,8 @@ def _frf_sets(
         line = _Line(entry, dof_of(header.response), dof_of(header.reference), found.factor)
         try:
             key = (*_axis(header, lambda entry=entry: fetch(entry)), found.quantity, found.unit)  # type: ignore[misc]
+        except Damaged:
+            continue
         except ValueError as error:
             made.findings.append(_problem(where, entry, str(error)))
             continue
@@ -231,6 +268,7 @@ def _frf_sets(
             made.frfs.append(_frf_set(made, lines, key[-3], key[-2], left, fetch, name))
         except (ValueError, EmaError) as error:
             whole = [line for line in lines if _whole(made, line.entry, fetch, where)]
+            whole = [line for line in whole if len(fetch(line.entry).y) == _header(line.entry).points]
             if whole and len(whole) < len(lines):
                 blocks.extend((key, block) for block in _blocks(made, whole, where))
             elif whole:
@@ -287,7 +325,9 @@ def _frf_set(
     if np.any(np.diff(frequencies) <= 0) or not np.isfinite(frequencies).all():
         raise InputError("the frequencies do not increase", where=name)
     made.findings.extend(not_finite(block, name))
-    coherence = _coherence(coherences, _axis(first.header, lambda: first), outputs, inputs, fetch, len(frequencies))
+    coherence = _coherence(
+        made, coherences, _axis(first.header, lambda: first), outputs, inputs, fetch, len(frequencies), name
+    )
     dates = sorted({_header(line.entry).ids[2] for line in lines})
     return FrfSet(
         frequencies, block.transpose(2, 0, 1), outputs, inputs, quantity, unit, coherence, name=name,
@@ -296,12 +336,14 @@ def _frf_set(
 
 
 def _coherence(
+    made: Gathered,
     entries: dict[int, Entry],
     axis: tuple[Any, ...],
     outputs: tuple[Dof, ...],
     inputs: tuple[Dof, ...],
     fetch: Fetch,
     lines: int,
+    where: str,
 ) -> Any:
     """Coherences of a block, NaN where there is none; those used are taken out of ``entries``."""
     block = np.full((lines, len(outputs), len(inputs)), np.nan)
@@ -311,6 +353,9 @@ def _coherence(
         output, input_ = dof_of(header.response), dof_of(header.reference)
         multiple = header.function == header58.MULTIPLE_COHERENCE
         if output not in outputs or (input_ not in inputs and not multiple):
+            continue
+        if not _whole(made, entry, fetch, where):
+            used.append(entry.number)
             continue
         function = fetch(entry)
         if _axis(header, lambda function=function: function) != axis or len(function.y) != lines:  # type: ignore[misc]

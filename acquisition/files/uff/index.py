@@ -1,7 +1,7 @@
 """What a universal file holds and where, found without reading the values of its functions."""
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol, runtime_checkable
 
@@ -133,14 +133,20 @@ def index(file: ByteFile) -> tuple[Entry, ...]:
     window = _Window(file)
     entries: list[Entry] = []
     forms: _Forms = {}
-    offset = 0
+    offset, stray, first_stray = 0, 0, 0
     while offset < window.size:
+        before = offset
         line, offset = window.line(offset)
         if line.strip() != b"-1":
+            if line.strip(b" \t\r\n\f\0\x1a"):
+                stray, first_stray = stray + 1, first_stray if stray else before
             continue
         entry = _entry(window, offset, len(entries), forms)
         if entry is None:
             continue
+        if stray:
+            entries.append(_outside(len(entries), stray, first_stray, before))
+            entry, stray = replace(entry, number=len(entries)), 0
         entries.append(entry)
         while (neighbour := _neighbour(window, entry, forms)) is not None:
             entries.append(neighbour)
@@ -148,7 +154,15 @@ def index(file: ByteFile) -> tuple[Entry, ...]:
         offset = entry.end
         if offset < window.size:
             offset = window.line(offset)[1]
+    if stray:
+        entries.append(_outside(len(entries), stray, first_stray, window.size))
     return tuple(entries)
+
+
+def _outside(number: int, lines: int, start: int, end: int) -> Entry:
+    """Lines that belong to no data set: what is left of one that lost its beginning, or put in."""
+    plural = "lines stand" if lines > 1 else "line stands"
+    return Entry(number, 0, False, start, start, end, f"{lines} {plural} outside of any data set")
 
 
 def _entry(window: _Window, offset: int, number: int, forms: _Forms) -> Entry | None:
@@ -226,7 +240,8 @@ def _end_of_binary(window: _Window, form: _Form, data: int) -> int | None:
     for length in form.lengths:
         if data + length <= window.size:
             end = _closes(window, data + length)
-            if end is not None:
+            # of a closing line that lost blanks to the values in front, some of these were lost
+            if end is not None and (window.at(end, 6) == b"    -1" or window.at(end - 1, 1) != b" "):
                 return end
     return None
 
@@ -238,5 +253,7 @@ def _end_of_text(window: _Window, form: _Form, data: int) -> int | None:
     if offset > window.size:
         return None
     if form.rest:
-        offset = window.line(offset)[1]
+        last, offset = window.line(offset)
+        if _END.fullmatch(last):
+            return None  # the last line of values is lost
     return _closes(window, offset)

@@ -13,8 +13,8 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
-from acquisition.files.uff import geometry_sets, mode_sets, values58
-from acquisition.files.uff.functions import gather
+from acquisition.files.uff import geometry_sets, header58, mode_sets, values58
+from acquisition.files.uff.functions import Damaged, gather
 from acquisition.files.uff.header58 import mended, text_of
 from acquisition.files.uff.index import ByteFile, Entry, index
 from acquisition.files.uff.unit_system import UnitSystem, parse164
@@ -73,13 +73,18 @@ def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) ->
             if entry.problem or entry.header is None:
                 raise InputError(entry.problem or "damaged", where=f"{Path(path).name}, data set {entry.number + 1}")
         try:
-            return tuple(fetch(file, entry) for entry in entries)
+            found = tuple(fetch(file, entry) for entry in entries)
         except ValueError as error:
             raise InputError(f"a function is damaged: {error}", where=Path(path).name) from error
+        for entry, function in zip(entries, found, strict=True):
+            if function.problem or len(function.y) != function.header.points:
+                raise InputError(function.problem or "fewer values than its header announces",
+                                 where=f"{Path(path).name}, data set {entry.number + 1}")  # fmt: skip
+        return found
 
 
 def fetch(file: ByteFile, entry: Entry) -> Function:
-    """The values of one function; fewer than announced where the file is cut short.
+    """The values of one function, with a problem where they are not those that its header announces.
 
     Raises
     ------
@@ -89,10 +94,12 @@ def fetch(file: ByteFile, entry: Entry) -> Function:
     file.seek(entry.data)
     data = file.read(entry.end - entry.data)
     if not entry.header.binary:
-        return values58.from_text(entry.header, data)
+        function = values58.from_text(entry.header, data)
+        return replace(function, problem=entry.problem) if entry.problem else function
     if not entry.problem and len(data) > (sound := _length(entry, len(data))):
         data = data[:sound]
-    return values58.from_binary(entry.header, data)
+    function = values58.from_binary(entry.header, data)
+    return replace(function, problem=entry.problem) if entry.problem else function
 
 
 def _length(entry: Entry, there: int) -> int:
@@ -120,7 +127,7 @@ class _File:
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read a universal file; damaged sets are left out with a finding.
+    """Read a universal file; damaged sets are left out with a finding, time records cut short are read up to the cut.
 
     Raises
     ------
@@ -185,25 +192,39 @@ def _nothing(contents: Contents, entries: Sequence[Entry], where: str) -> Conten
 
 
 def _sound(entries: list[Entry], gathered: _File) -> list[Entry]:
-    """The functions that can be read; of the others the problem is noted."""
+    """The functions whose header can be read; of the others the problem is noted."""
     sound = []
     for entry in entries:
         if entry.type != 58:
             continue
-        if entry.problem or entry.header is None:
+        if entry.header is None:
             gathered.damaged(entry, entry.problem or "the header is damaged")
-        if entry.header is not None and not (entry.problem and entry.header.even is False):
+        else:
             sound.append(entry)
     return sound
 
 
 def _checked(file: ByteFile, entry: Entry, gathered: _File) -> Function:
-    """The values of a function; a finding where there are fewer than its header announces."""
+    """The values of a function; of a time record that is cut short those that are there, with a finding.
+
+    Raises
+    ------
+    Damaged : the values are not those that the header announces; the finding is noted.
+    """
     function = fetch(file, entry)
     there, announced = len(function.y), function.header.points
-    if there < announced and not entry.problem:
-        gathered.damaged(entry, f"{there} of {announced} announced values are in the file; it is truncated")
-    return function
+    if not function.problem and there == announced:
+        return function
+    why = function.problem or "the data set is cut short"
+    # bytes lost in a binary block move all values behind them; only an end that is missing leaves the others right
+    exact = not function.header.binary or why.startswith("the file ends")
+    if exact and there > 1 and function.header.function == header58.TIME:
+        gathered.damaged(
+            entry, f"{why}; {there} of {announced} announced values are read, where the others were is lost"
+        )
+        return function
+    gathered.damaged(entry, f"{why}; it is left out ({there} of {announced} announced values are there)")
+    raise Damaged
 
 
 def _unit_systems(file: ByteFile, entries: Sequence[Entry], gathered: _File) -> dict[int, UnitSystem]:

@@ -23,6 +23,8 @@ class Function:
     header: Header
     x: Any
     y: Any
+    problem: str = ""
+    """How the values differ from what the header announces; those in front of the difference are here."""
 
 
 def per_point(header: Header) -> int:
@@ -76,29 +78,56 @@ def _abscissa(header: Header, points: Any) -> Any:
 
 
 def from_text(header: Header, data: bytes) -> Function:
-    """Values of a block of text.
+    """Values of a block of text; where lines are lost or doubled, those in front of the place, and a problem.
 
     Raises
     ------
     ValueError : something in it is no number.
     """
-    numbers = _fixed(data, widths(header))
+    fields = widths(header)
+    wanted = header.points * per_point(header)
+    numbers, problem = _fixed(data, fields, wanted), ""
     if numbers is None:
-        numbers = _free(data)
+        numbers, problem = _free(data, fields, wanted)
     count = per_point(header)
     points = numbers[: min(len(numbers) // count, header.points) * count].reshape(-1, count)
     y = np.ascontiguousarray(points[:, -2:]).view(np.complex128)[:, 0] if header.is_complex else points[:, -1]
     x = points[:, 0] if not header.even else _even(header.start, header.step, len(points))
-    return Function(header, x, y)
+    return Function(header, x, y, problem)
 
 
-def _free(data: bytes) -> Any:
-    """Numbers of text that does not keep to the columns."""
-    words = _exponents(data).split()
+def _free(data: bytes, fields: tuple[int, ...], wanted: int) -> tuple[Any, str]:
+    """Numbers of text that does not keep to the columns, up to the first line that is out of step, and why.
+
+    Every line holds as many numbers as the first, the last one the rest; text that mostly keeps to the columns of the
+    format has no line of another length.
+    """
+    lines = data.rstrip().split(b"\n")
+    words = [_exponents(line).split() for line in lines]
+    each = len(words[0])
+    full = sum(fields)
+    fixed = 2 * sum(len(line.rstrip()) == full for line in lines) > len(lines)
+    count = -(-wanted // max(each, 1))
+    problem, sound = "", len(lines)
+    if not each:
+        problem, sound = "a blank line between the values", 0
+    for place, line in enumerate(lines[:-1] if each else []):
+        if len(words[place]) != each or (fixed and len(line.rstrip()) != full):
+            what = "a blank line" if not words[place] else "a line of another length"
+            problem, sound = f"{what} between the values", place
+            break
+    if not problem and len(lines) != count:
+        problem = f"{len(lines)} lines of values where its header announces {count}"
+        whole = len(lines[-1].rstrip()) == full  # else the last one may be cut inside a number
+        sound = 0 if len(lines) > count else len(lines) - (not whole)
+    rest = wanted - each * (count - 1)
+    if not problem and (len(words[-1]) < rest or any(map(float, words[-1][rest:]))):
+        problem, sound = f"{len(words[-1])} values on the last line where its header announces {rest}", len(lines) - 1
+    kept = [word for line in words[:sound] for word in line]
     try:
-        return np.array(words, dtype=np.bytes_).astype(np.float64) if words else np.zeros(0)
+        return np.array(kept, dtype=np.bytes_).astype(np.float64) if kept else np.zeros(0), problem
     except ValueError:
-        for word in words:
+        for word in kept:
             try:
                 float(word)
             except ValueError:
@@ -110,10 +139,11 @@ def _exponents(data: bytes) -> bytes:
     return data.replace(b"D", b"E").replace(b"d", b"e") if b"D" in data or b"d" in data else data
 
 
-def _fixed(data: bytes, fields: tuple[int, ...]) -> Any:
+def _fixed(data: bytes, fields: tuple[int, ...], wanted: int) -> Any:
     """Numbers of text in the fixed columns of the format, or ``None`` where the text does not keep to them.
 
-    Fixed columns need no blanks between the numbers and are read without taking the lines apart.
+    Fixed columns need no blanks between the numbers and are read without taking the lines apart. Text that holds more
+    or fewer numbers than announced does not keep to them either; zeros that fill the last line do no harm.
     """
     end = data.find(b"\n") + 1
     width = sum(fields)
@@ -121,9 +151,11 @@ def _fixed(data: bytes, fields: tuple[int, ...]) -> Any:
         return None
     lines = len(data) // end
     block = np.frombuffer(data, np.uint8, lines * end).reshape(lines, end)
-    if not (block[:, end - 1] == 10).all():
+    if not (block[:, end - 1] == 10).all() or (block[:, :width] == 10).any():
         return None
     rest = data[lines * end :].rstrip()
+    if b"\n" in rest or len(rest) > width:
+        return None
     try:
         if len(set(fields)) == 1:
             whole = np.ascontiguousarray(block[:, :width]).reshape(-1).view(f"S{fields[0]}")
@@ -141,7 +173,11 @@ def _fixed(data: bytes, fields: tuple[int, ...]) -> Any:
             start += field
     except ValueError:
         return None
-    return np.concatenate([numbers, tail]) if tail else numbers
+    numbers = np.concatenate([numbers, tail]) if tail else numbers
+    surplus = len(numbers) - wanted
+    if not 0 <= surplus < len(fields) or (surplus and numbers[wanted:].any()):
+        return None
+    return numbers[:wanted]
 
 
 def _floats(fields: Any) -> Any:

@@ -1,0 +1,62 @@
+"""What no measurement looks like, looked for in whatever a reader delivers."""
+
+from typing import Any
+
+import numpy as np
+
+from acquisition.contents import Contents
+from acquisition.files.arrays import CONSTANT_FROM
+from acquisition.files.ratios import check_frequencies
+from acquisition.files.signals import same_rate
+from ema.data import Finding, FrfSet, Recording
+
+_PEEK = 4096
+"""Samples that are compared first: a channel that is not constant mostly shows it here."""
+
+
+def examine(contents: Contents, sampling_rate: float | str | None = None) -> tuple[Finding, ...]:
+    """Findings about channels and FRFs that are one and the same number throughout.
+
+    ``sampling_rate`` in Hz is what the layout says of all recordings; a text names a place and was used by the reader.
+
+    Raises
+    ------
+    InputError : frequencies that do not increase, are negative or no numbers; a recording of another sampling rate.
+    """
+    if isinstance(sampling_rate, (int, float)):
+        for recording in contents.recordings:
+            same_rate(recording.sampling_rate, sampling_rate, recording.signals.shape[1], recording.name)
+    for frfs in contents.frfs:
+        check_frequencies(frfs.frequencies, frfs.name)
+    found = [_channels(recording) for recording in contents.recordings]
+    found += [_frfs(frfs) for frfs in contents.frfs]
+    return tuple(note for notes in found for note in notes)
+
+
+def _constant(values: Any) -> bool:
+    return bool((values[:_PEEK] == values[0]).all() and (values == values[0]).all())
+
+
+def _channels(recording: Recording) -> tuple[Finding, ...]:
+    if recording.signals.shape[1] < CONSTANT_FROM:
+        return ()
+    still = [k for k, signal in enumerate(recording.signals) if _constant(signal)]
+    return tuple(
+        Finding("warning", "constant", f"{recording.name}, {recording.channels[k].name}",
+                f"all {recording.signals.shape[1]} samples are {recording.signals[k, 0]:.6g}.",
+                float(recording.signals[k, 0]), None, "The channel was dead or not used; leave it out.")
+        for k in still
+    )  # fmt: skip
+
+
+def _frfs(frfs: FrfSet) -> tuple[Finding, ...]:
+    lines = len(frfs.frequencies)
+    if lines < CONSTANT_FROM:
+        return ()
+    still = np.argwhere((frfs.values == frfs.values[:1]).all(axis=0))
+    if not len(still):
+        return ()
+    first = frfs.label(int(still[0, 0]), int(still[0, 1]))
+    message = f"{len(still)} FRFs have the same value on all {lines} lines, first {first}."
+    return (Finding("warning", "constant", frfs.name, message, float(len(still)), 0.0,
+                    "A channel was dead, or a column was filled in; leave it out."),)  # fmt: skip
