@@ -40,6 +40,11 @@ class TakeTable(Table):
     def _sound(self) -> "TakeTable":
         if not _LEVEL.match(self.trigger):
             raise ValueError('a trigger is a channel and a level, such as "hammer > 10 N"')
+        for point in self.points:
+            if point < 0:
+                raise ValueError(f"a point is a number from 0, not {point}")
+            if self.points.count(point) > 1:
+                raise ValueError(f"point {point} stands twice; raise takes for more impacts at a point")
         return self
 
 

@@ -1,25 +1,30 @@
 """A hammer test as it is measured: every take is on disk before the next one is armed."""
 
-import csv
-import json
-import os
+import secrets
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from io import StringIO
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
+from acquisition.live import campaign_entry
+from acquisition.live.folder_lock import FolderLock
+from acquisition.live.journal import Journal, normal_forces, peak_force
+from acquisition.live.take_files import (
+    RAW,
+    REJECTED,
+    TakeFile,
+    TakeFolder,
+    checked_run,
+    file_name,
+    remove_remains,
+)
 from acquisition.rig_file import RigFile
 from ema import store
-from ema.data import Finding, Recording, Source
-from ema.errors import FailureError, InputError
-from ema.store.atomic import replacing
+from ema.data import Finding, Recording, Source, TakeIdentity
+from ema.errors import EmaError, FailureError, InputError
 
 Judge = Callable[[Recording], tuple[Finding, ...]]
 """What is wrong with a take; an error among it rejects the take."""
-
-RAW, REJECTED, JOURNAL = "raw", "rejected", "takes.csv"
 
 
 @dataclass(frozen=True)
@@ -42,34 +47,49 @@ class Take:
 class Session:
     """Takes of one run in a folder that becomes a campaign; an interrupted session goes on where it stopped.
 
+    A take belongs to the run that is written in its file, whatever the names of files look like. Its number counts the
+    takes of the run at its point, rejected and deleted ones included, so that no name is ever given twice; a file is
+    created and never replaced. While takes are measured the folder is locked against a second session.
+
     Parameters
     ----------
     folder : of the campaign; ``raw`` holds the takes that count, ``rejected`` the others, ``takes.csv`` all of them.
     run : id of the run.
     judge : what is wrong with a take.
+
+    Raises
+    ------
+    InputError : a name that some disk cannot keep, a run begun with other channels, a campaign that cannot be
+        understood.
+    FailureError : another session records into the folder, or it cannot be written.
     """
 
     folder: Path
     rig: RigFile
     run: str
     judge: Judge
-    _counted: dict[int, int] = field(init=False)
+    notes: tuple[str, ...] = field(init=False, default=())
+    """What is to be known about files in the folder that do not count."""
+    _takes: TakeFolder = field(init=False)
+    _journal: Journal = field(init=False)
+    _lock: FolderLock = field(init=False)
+    _measuring: "Iterator[Take] | None" = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        if not self.run or not all(letter.isalnum() or letter in "-_" for letter in self.run):
-            raise InputError("a run is named by letters, digits, - and _", got=self.run)
+        self.run = checked_run(self.run, ())
         try:
             for name in (RAW, REJECTED):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FailureError("the folder cannot be written", where=str(self.folder), got=error.strerror) from error
-        self._counted = {point: len(self._files(point)) for point in self.rig.take.points}
-        self._describe()
+        self._lock = FolderLock(self.folder)
+        with self._alone():
+            pass
 
     @property
     def done(self) -> int:
         """Takes that count, those of earlier sessions included."""
-        return sum(self._counted.values())
+        return sum(len(self._takes.accepted(self.run, point)) for point in self.rig.take.points)
 
     @property
     def wanted(self) -> int:
@@ -77,116 +97,126 @@ class Session:
         return self.rig.take.takes * len(self.rig.take.points)
 
     @property
+    def attempts(self) -> int:
+        """Takes of the run that are on disk, rejected ones included."""
+        return sum(one.identity.run == self.run for one in self._takes.files)
+
+    @property
     def point(self) -> int | None:
-        """Where the next blow belongs; nothing when the session is complete."""
-        return next((point for point, count in self._counted.items() if count < self.rig.take.takes), None)
+        """Where the next impact belongs; nothing when the session is complete."""
+        wanted = self.rig.take.takes
+        return next((p for p in self.rig.take.points if len(self._takes.accepted(self.run, p)) < wanted), None)
 
     def takes(self, source: Source) -> Iterator[Take]:
-        """Measure until every point has its takes; each take is on disk before it is told.
+        """Measure until every point has its takes; each take is on disk before it is reported.
 
         Raises
         ------
-        FailureError : the disk is full or the device has gone; takes told before are safe.
+        FailureError : another session records into the folder, the disk is full, or the device has gone; takes reported
+            before are safe.
         """
-        records = source.takes()
-        while (point := self.point) is not None:
-            try:
-                record = next(records)
-            except StopIteration:
-                return
-            yield self._kept(record, point)
+        self._measuring = self._measured(source)
+        return self._measuring
+
+    def close(self) -> None:
+        """End the measurement, if one is under way, so that others may record into the folder."""
+        if self._measuring is not None:
+            self._measuring.close()  # type: ignore[attr-defined]
+            self._measuring = None
 
     def recordings(self, point: int) -> list[Recording]:
         """The takes of a point that count."""
-        return [store.load(path) for path in self._files(point)]
+        return [store.load(take.path) for take in self._takes.accepted(self.run, point)]
+
+    def _measured(self, source: Source) -> Iterator[Take]:
+        with self._alone():
+            records = source.takes()
+            while (point := self.point) is not None:
+                try:
+                    record = next(records)
+                except StopIteration:
+                    return
+                yield self._kept(record, point)
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Hold the folder: what a killed session left is removed, and what is on disk is taken stock of."""
+        self._lock.acquire()
+        try:
+            try:
+                remove_remains(self.folder)
+            except OSError as error:
+                raise FailureError(
+                    "the folder cannot be written", where=str(self.folder), got=error.strerror
+                ) from error
+            self._take_stock()
+            yield
+        finally:
+            self._lock.release()
+
+    def _take_stock(self) -> None:
+        self._journal = Journal(self.folder)
+        self._takes = TakeFolder.read(self.folder, self._journal.text)
+        checked_run(self.run, {*self._takes.runs(), *campaign_entry.run_ids(self.folder)})
+        self._refuse_other_channels()
+        notes = list(self._takes.notes)
+        if any(one.accepted for one in self._takes.files if one.identity.run == self.run):
+            notes.append(campaign_entry.add_run(self.folder, self.rig, self.run))
+        notes.append(self._journal.rebuild(self._takes.files))
+        self.notes = tuple(note for note in notes if note)
+
+    def _refuse_other_channels(self) -> None:
+        names = tuple(channel.name for channel in self.rig.channels)
+        for one in self._takes.files:
+            if one.identity.run == self.run and one.accepted and one.channels != names:
+                raise InputError(
+                    f"run {self.run} was begun with other channels", where=one.label, got=", ".join(names),
+                    expected=", ".join(one.channels), advice="give the run with these channels another name",
+                )  # fmt: skip
 
     def _kept(self, record: Recording, point: int) -> Take:
-        findings = self.judge(record)
-        reasons = tuple(str(one.message) for one in findings if one.severity == "error")
-        remarks = tuple(str(one.message) for one in findings if one.severity == "warning")
-        number = self._counted[point] + 1
-        path = self.folder / RAW / f"{self.run}_{point}_{number:03d}.h5"
-        if reasons:
-            place = self.folder / REJECTED
-            path = place / f"{self.run}_{point}_{len(list(place.glob('*.h5'))) + 1:03d}.h5"
-        store.save(path, record)
-        rows = {channel.joint or channel.name: row for row, channel in enumerate(record.channels)
-                if channel.role == "normal force"}  # fmt: skip
-        forces = {
-            joint: (float(record.signals[row].mean()), float(record.signals[row].std())) for joint, row in rows.items()
-        }
-        force = record.signals[record.with_role("reference")[0]]
-        peak = float(force[np.argmax(np.abs(force))])
+        """Judge a take and put it on disk under a number that no take has had."""
+        reasons, remarks = self._verdict(record)
+        path, record = self._created(record, TakeIdentity(self.run, point, 0, secrets.token_hex(8), reasons, remarks))
+        identity = record.identity
+        assert identity is not None
+        names = tuple(channel.name for channel in record.channels)
+        file = TakeFile(path, identity, not reasons, record.start, names, record.sampling_rate)
+        self._takes.add(file)
         if not reasons:
-            self._counted[point] = number
-        take = Take(point, number, record, not reasons, reasons, remarks, peak, forces, path)
-        self._note(take)
-        return take
+            campaign_entry.add_run(self.folder, self.rig, self.run)
+        trouble = self._journal.add(file, record)
+        remarks = (*remarks, trouble) if trouble else remarks
+        return Take(
+            point, identity.number, record, not reasons, reasons, remarks, peak_force(record), normal_forces(record),
+            path,
+        )  # fmt: skip
 
-    def _files(self, point: int) -> list[Path]:
-        return sorted((self.folder / RAW).glob(f"{self.run}_{point}_[0-9]*.h5"))
-
-    def _note(self, take: Take) -> None:
-        """A line of the journal, on disk when this returns."""
-        path = self.folder / JOURNAL
-        joints = list(take.normal_forces)
-        title = ["file", "start", "point", "accepted", "reason", "remarks", "peak [N]"]
-        title += [f"{what} {joint} [N]" for joint in joints for what in ("F_N", "std")]
-        line = [
-            take.path.relative_to(self.folder).as_posix(),
-            "" if take.record.start is None else take.record.start.isoformat(), take.point,
-            "yes" if take.accepted else "no", " ".join(take.reasons), " ".join(take.remarks), f"{take.peak:.6g}",
-            *(f"{value:.7g}" for joint in joints for value in take.normal_forces[joint]),
-        ]  # fmt: skip
-        text = StringIO()
-        writer = csv.writer(text, lineterminator="\n")
+    def _verdict(self, record: Recording) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Why a take does not count, and what else there is to say about it."""
         try:
-            with path.open("a+", encoding="utf-8", newline="") as file:
-                file.seek(0)
-                old = file.read()
-                if not old:
-                    writer.writerow(title)
-                elif not old.endswith("\n"):
-                    text.write("\n")  # the line that a killed session was writing
-                writer.writerow(line)
-                file.write(text.getvalue())
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise FailureError("the journal cannot be written", where=str(path), got=error.strerror) from error
-
-    def _describe(self) -> None:
-        """The campaign file, once; what its owner writes there later stays."""
-        from acquisition.campaign_file import FILE_NAME
-
-        path = self.folder / FILE_NAME
-        entry = (
-            f'\n[[runs]]\nid = {json.dumps(self.run)}\nkind = "hammer"\nfiles = "{self.run}_{{point}}_{{take}}.h5"\n'
+            findings = self.judge(record)
+        except EmaError as error:  # a take that cannot be judged is kept aside, not lost
+            return (str(error),), ()
+        return (
+            tuple(str(one.message) for one in findings if one.severity == "error"),
+            tuple(str(one.message) for one in findings if one.severity == "warning"),
         )
-        text = path.read_text(encoding="utf-8") if path.is_file() else self._head()
-        if f"id = {json.dumps(self.run)}" in text:
-            return
-        with replacing(path) as temporary:
-            Path(temporary).write_text(text + entry, encoding="utf-8")
 
-    def _head(self) -> str:
-        about = self.rig.campaign
-        lines = ["[campaign]", f"name = {json.dumps(about.name or self.folder.resolve().name, ensure_ascii=False)}"]
-        lines += [
-            f"{name} = {json.dumps(text, ensure_ascii=False)}" for name in ("structure", "operator", "comment")
-            if (text := getattr(about, name))
-        ]  # fmt: skip
-        lines += [f'files = "{RAW}"', ""]
-        from acquisition.rig_file import wires
-
-        for wire, table in zip(wires(self.rig), self.rig.channels, strict=True):
-            told = {
-                "name": wire.channel.name, "role": wire.channel.role, "quantity": wire.channel.quantity,
-                "unit": wire.channel.unit, "dof": table.dof, "serial": table.serial, "range": table.range or "",
-                "calibrated_on": table.calibrated_on, "joint": table.joint,
-            }  # fmt: skip
-            lines += ["[[channels]]", *(f"{name} = {json.dumps(text)}" for name, text in told.items() if text), ""]
-        for joint in self.rig.joints:
-            told = {"name": joint.name, "load_cell": joint.load_cell, "calibrated_on": joint.calibrated_on}
-            lines += ["[[joints]]", *(f"{name} = {json.dumps(text)}" for name, text in told.items() if text), ""]
-        return "\n".join(lines)
+    def _created(self, record: Recording, identity: TakeIdentity) -> tuple[Path, Recording]:
+        """The file of a take, created under the first number that is free."""
+        place = self.folder / (REJECTED if identity.reasons else RAW)
+        while True:
+            number = self._takes.next_number(identity.run, identity.point)
+            record = replace(record, identity=replace(identity, number=number))
+            assert record.identity is not None
+            path = place / file_name(record.identity)
+            try:
+                store.save(path, record, exclusive=True)
+            except FailureError as error:
+                if not isinstance(error.__cause__, FileExistsError):
+                    raise
+                # somebody whom the lock did not hold off has used the number meanwhile
+                self._takes.pass_over(identity.run, identity.point, number)
+                continue
+            return path, record

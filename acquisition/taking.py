@@ -52,15 +52,21 @@ def record(
     Raises
     ------
     InputError : no ``rig.toml``, or a source with other channels or another sampling rate.
-    MissingExtraError, FailureError : as ``open_rig``; the folder cannot be written.
+    MissingExtraError, FailureError : as ``open_rig``; the folder cannot be written, or another session records into it.
     """
     rig = rig_file.load(Path(folder))
-    session = Session(Path(folder), rig, run, judge)
+    try:
+        session = Session(Path(folder), rig, run, judge)
+    except BaseException:
+        if source is not None:
+            source.close()
+        raise
     opened = open_rig(rig) if source is None else source
     try:
         _refuse_other(rig, opened)
         yield Takes(session, opened)
     finally:
+        session.close()
         opened.close()
 
 

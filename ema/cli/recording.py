@@ -1,5 +1,6 @@
 """`ema record`: a hammer test as it is measured."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -38,15 +39,20 @@ def record(
     rig = rig_file.load(folder)
     session = Session(folder, rig, run, check_hit)
     print(f"{session.done} of {session.wanted} takes are in {folder}", flush=True)
+    for note in session.notes:
+        print(f"Note: {note}.", flush=True)
     if session.point is None:
+        print(f"Next: ema run {folder}")
         return FINE
     source = opened(rig, session)
-    rejected = 0
+    reasons: Counter[str] = Counter()
+    accepted = rejected = 0
     try:
         _arm(session, rig)
         for number, take in enumerate(session.takes(source), 1):
-            rejected += not take.accepted
-            print(_told(take, session), flush=True)
+            accepted, rejected = accepted + take.accepted, rejected + (not take.accepted)
+            reasons.update(take.reasons)
+            print(_line(take, session), flush=True)
             if number == takes or session.point is None:
                 break
             _arm(session, rig)
@@ -56,9 +62,25 @@ def record(
             advice=f"{session.done} takes are safe in {folder}; go on with the same command",
         ) from error  # fmt: skip
     finally:
+        session.close()
         source.close()
-    print(f"{session.done} of {session.wanted} takes; {rejected} rejected. Next: ema run {folder}")
-    return FINE if session.point is None or takes is not None else FINDINGS
+    print(f"{session.done} of {session.wanted} takes; {rejected} rejected. {_next(session, accepted, reasons)}")
+    return FINE if session.point is None or (takes is not None and accepted) else FINDINGS
+
+
+def _next(session: "Session", accepted: int, reasons: "Counter[str]") -> str:
+    """What to do now: a run without a take that counts cannot be processed."""
+    if session.point is None:
+        return f"Next: ema run {session.folder}"
+    if accepted:
+        return f"Next: the same command goes on at point {session.point}; ema run {session.folder} takes what is there"
+    if not reasons:
+        return "No take was measured; the source ended before the first one."
+    reason, count = reasons.most_common(1)[0]
+    return (
+        f"No take of this session counts; {count} of them because: {reason.rstrip('.')}. They are kept in "
+        f"{session.folder / 'rejected'}. Remove the cause, then the same command goes on."
+    )
 
 
 def opened(rig: "RigFile", session: "Session") -> Source:
@@ -72,7 +94,7 @@ def _arm(session: "Session", rig: "RigFile") -> None:
     print(f"Strike point {session.point} ({session.done + 1} of {session.wanted}, {rig.take.trigger}) ...", flush=True)
 
 
-def _told(take: "Take", session: "Session") -> str:
+def _line(take: "Take", session: "Session") -> str:
     """One take in a line: point, peak, normal force of every joint, and the verdict with its reason."""
     forces = ", ".join(f"{joint} {mean:.0f} +- {std:.0f} N" for joint, (mean, std) in take.normal_forces.items())
     verdict = "accepted" if take.accepted else f"REJECTED: {'; '.join(take.reasons)}"
@@ -132,11 +154,9 @@ class VirtualHammer:
         from datetime import UTC, datetime
 
         points = self.rig.take.points
-        attempt = len(list((self.session.folder / "rejected").glob("*.h5")))
         while (point := self.session.point) is not None:
-            number = points.index(point) + len(points) * (attempt + self.session.done)
+            number = points.index(point) + len(points) * self.session.attempts
             record = self._table.take(number)
-            attempt += 1
             yield replace(
                 record, start=datetime.now(UTC), name="take",
                 channels=tuple(replace(channel, dof=None) for channel in record.channels),
