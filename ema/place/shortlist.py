@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ema import fingerprint, store
 from ema.data import BeamModel, Finding, ModalMap
 from ema.data.placement import Prediction
 from ema.dof import Dof
@@ -17,7 +18,7 @@ from ema.errors import EmaError, FailureError, InputError
 from ema.place.model import model_at
 from ema.place.objective import of_rows
 from ema.place.task import Task
-from ema.progress import Progress, advance, silent
+from ema.progress import Progress, advance, note, silent
 
 TOLERANCE = 1e-2
 _WIDER = 0.05
@@ -81,8 +82,8 @@ def verify(
     ----------
     executor : where the places are computed; here and now by default. Anything with ``submit`` of
         ``concurrent.futures`` will do.
-    folder : where every finished place is kept under the fingerprint of its question; with ``resume`` such places are
-        not computed again.
+    folder : where every finished place is kept under the fingerprints of its question and of the code; with ``resume``
+        such places are not computed again. A ``progress`` with a method ``note`` is given how many, and why not all.
 
     Raises
     ------
@@ -90,17 +91,19 @@ def verify(
     """
     picked = np.asarray(rows, dtype=np.int64)
     questions = [question(task, prediction, int(row)) for row in picked]
-    kept = None if folder is None else Path(folder)
+    kept = None if folder is None else KeptPlaces(Path(folder))
     answers: dict[int, np.ndarray] = {}
-    for number, one in enumerate(questions):
-        known = _known(_file(kept, one)) if kept is not None and resume else None
-        if known is not None:
-            answers[number] = known
+    if kept is not None and resume:
+        for number, one in enumerate(questions):
+            known = kept.known(fingerprint_of(one))
+            if known is not None:
+                answers[number] = known
+        kept.report(progress)
     wanted = [number for number in range(len(questions)) if number not in answers]
-    for number, found in verify_all(questions, executor, wanted, kept):
+    for number, found in verify_all(questions, executor, wanted, None if kept is None else kept.folder):
         answers[number] = found
         if kept is not None:
-            _keep(_file(kept, questions[number]), found)
+            kept.keep(fingerprint_of(questions[number]), found)
         advance(progress, "all modes together", len(answers), len(questions))
     return _joined(of_rows(prediction, picked), picked, answers)
 
@@ -177,10 +180,11 @@ def verify_all(
             future.cancel()
 
 
-def _file(kept: Path, question: Question) -> Path:
+def fingerprint_of(question: Question) -> str:
+    """What tells a question from every other."""
     digest = hashlib.sha256(str(TOLERANCE).encode())
     _stir(digest, question)
-    return kept / f"{digest.hexdigest()[:24]}.npy"
+    return digest.hexdigest()[:24]
 
 
 def _stir(digest: Any, value: Any) -> None:
@@ -200,21 +204,64 @@ def _stir(digest: Any, value: Any) -> None:
         digest.update(repr(value).encode())
 
 
-def _known(path: Path) -> np.ndarray | None:
-    """An answer kept before; a damaged file counts as none."""
-    try:
-        return np.asarray(np.load(path, allow_pickle=False))
-    except (OSError, ValueError, EOFError):
+class KeptPlaces:
+    """Answers in a folder, one file each, named by the fingerprints of the question and of what computed it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._code = hashlib.sha256(repr(fingerprint.versions()).encode()).hexdigest()[:12]
+        self._taken = self._damaged = self._other = self._new = 0
+
+    def name(self, question: str) -> str:
+        """Of the file of an answer."""
+        return f"{question}-{self._code}.npy"
+
+    def known(self, question: str) -> Float[np.ndarray, "mode 3 level force"] | None:
+        """An answer computed before by this code; a damaged file counts as none."""
+        path = self.folder / self.name(question)
+        if path.is_file():
+            try:
+                answer = np.asarray(np.load(path, allow_pickle=False))
+            except (OSError, ValueError, EOFError):
+                self._damaged += 1
+                return None
+            self._taken += 1
+            return answer
+        if self._former(question):
+            self._other += 1
+        else:
+            self._new += 1
         return None
 
+    def report(self, progress: Progress) -> None:
+        """Say what was taken and what has to be computed, and why."""
+        counts = (
+            (self._taken, "taken as computed"),
+            (self._damaged, "computed again: the kept file cannot be read"),
+            (self._other, "computed again: the code or the packages under it have changed"),
+            (self._new, "not computed before"),
+        )
+        note(progress, "places: " + "; ".join(f"{count} {what}" for count, what in counts if count))
 
-def _keep(path: Path, found: np.ndarray) -> None:
-    from ema import store
+    def keep(self, question: str, answer: Float[np.ndarray, "mode 3 level force"]) -> None:
+        """Put an answer on disk in place of those of other code.
 
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with store.replacing(path) as target, open(target, "wb") as file:
-            np.save(file, found)
-    except OSError as error:
-        raise FailureError("the finished places cannot be kept", where=str(path.parent),
-                           got=error.strerror or str(error)) from error  # fmt: skip
+        Raises
+        ------
+        FailureError : the folder cannot be written.
+        """
+        path = self.folder / self.name(question)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with store.replacing(path) as target, open(target, "wb") as file:
+                np.save(file, answer)
+            for former in self._former(question):
+                former.unlink(missing_ok=True)
+        except OSError as error:
+            raise FailureError("the finished places cannot be kept", where=str(self.folder),
+                               got=error.strerror or str(error)) from error  # fmt: skip
+
+    def _former(self, question: str) -> list[Path]:
+        """Files of the answer by other code."""
+        found = self.folder.glob(f"{question}*.npy")
+        return [path for path in found if path.name != self.name(question)]

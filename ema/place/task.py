@@ -52,6 +52,7 @@ def without_suspension(task: Task) -> Task:
         bare=replace(
             bare, poles=bare.poles[keep], shapes=bare.shapes[:, keep], participation=bare.participation[:, keep],
             covariance=None if bare.covariance is None else bare.covariance[keep], confidence=None, uncertainty=None,
+            groups=(), candidates=(),
         ),
         surface=replace(
             surface, coefficients=surface.coefficients[:, keep], covariance=surface.covariance[keep],

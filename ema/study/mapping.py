@@ -91,13 +91,22 @@ def chosen(campaign: Campaign, table: MapTable) -> tuple[Run, ...]:
     return runs
 
 
-def _reference(campaign: Campaign, table: MapTable, estimate: EstimateTable) -> ModalModel | None:
-    """Modal constants of the mode without the beam, from the run named or the first one without joints."""
+def reference_run(campaign: Campaign, table: MapTable) -> Run | None:
+    """The run without the beam that scales a map: the one named, or the first one without joints.
+
+    Raises
+    ------
+    InputError : there is no run of the name given.
+    """
     if table.reference:
-        run: Run | None = campaign[table.reference]
-    else:
-        bare = [run for run in campaign.runs if not run.condition.joints and run.kind in (*KINDS, "random")]
-        run = bare[0] if bare else None
+        return campaign[table.reference]
+    bare = [run for run in campaign.runs if not run.condition.joints and run.kind in (*KINDS, "random")]
+    return bare[0] if bare else None
+
+
+def _reference(campaign: Campaign, table: MapTable, estimate: EstimateTable) -> ModalModel | None:
+    """Modal constants of the mode without the beam."""
+    run = reference_run(campaign, table)
     if run is None:
         return None
     return _one_mode(frfs_of(run, estimate)[0], table.near)

@@ -1,6 +1,5 @@
 """What a study starts from: a campaign opened (a built-in one is written first), and fingerprints of its data."""
 
-import hashlib
 from pathlib import Path
 
 import acquisition
@@ -8,11 +7,12 @@ from acquisition import campaign_file
 from acquisition.assignment import data_folder, items_of
 from ema.data import Campaign, Condition, Excitation, Run
 from ema.errors import InputError
+from ema.fingerprint import of_files
 from ema.progress import Progress, advance, silent
 from ema.study import builtin
 
 
-def opened(path: Path, progress: Progress = silent) -> Campaign:
+def opened(path: Path, progress: Progress = silent, *, salvage: bool = False) -> Campaign:
     """The campaign in a folder, behind a ``campaign.toml``, or made of a single file with FRFs.
 
     Raises
@@ -23,29 +23,33 @@ def opened(path: Path, progress: Progress = silent) -> Campaign:
         described = campaign_file.load(path)
         if described.campaign.generator:
             builtin.ensure(_folder(path), described.campaign.generator, progress)
-        return acquisition.open_campaign(path, progress)
-    return _of_file(path)
+        return acquisition.open_campaign(path, progress, salvage=salvage)
+    return _of_file(path, salvage)
 
 
-def _of_file(path: Path) -> Campaign:
-    contents = acquisition.read(path)
+def _of_file(path: Path, salvage: bool) -> Campaign:
+    contents = acquisition.read(path, salvage=salvage)
     if not contents.frfs:
-        held = "records" if contents.recordings else "no measurements"
-        raise InputError(
-            "the file holds no FRFs", where=str(path), got=held,
-            advice="describe records by a campaign.toml: which channel is the force, and where it acted",
-        )  # fmt: skip
+        held, advice = "no measurements", "export FRFs (data set 58 of a universal file, or a table)"
+        if contents.recordings:
+            held = "records"
+            advice = "describe records by a campaign.toml: which channel is the force, and where it acted"
+        elif contents.modes:
+            count = sum(len(model.poles) for model in contents.modes)
+            held = f"a modal model ({count} modes)"
+            advice = "compare it with another one (ema compare), or fit the FRFs that it was made from"
+        raise InputError("the file holds no FRFs", where=str(path), got=held, advice=advice)
     run = Run(path.stem, Condition(Excitation()), frfs=contents.frfs)
     return Campaign(
         name=path.name, runs=(run,), geometry=contents.geometry, folder=str(path.parent), findings=contents.findings,
-        inputs=((path.name, fingerprint([path])),),
+        inputs=((path.name, of_files([path])),),
     )  # fmt: skip
 
 
 def data_of(path: Path, progress: Progress = silent) -> dict[str, tuple[tuple[str, str], ...]]:
     """For each run the fingerprint of its data files, as ``(what, sha256)``."""
     if path.is_file() and path.suffix.lower() != ".toml":
-        return {path.stem: ((path.name, fingerprint([path])),)}
+        return {path.stem: ((path.name, of_files([path])),)}
     described = campaign_file.load(path)
     folder = _folder(path)
     data = data_folder(described.campaign.files, folder)
@@ -55,20 +59,8 @@ def data_of(path: Path, progress: Progress = silent) -> dict[str, tuple[tuple[st
         files = [item.path for item in items_of(run, data, folder, f"run {run.id}")]
         unique = list(dict.fromkeys(files))
         what = unique[0].name if len(unique) == 1 else f"run {run.id}, {len(unique)} data files"
-        prints[run.id] = ((what, fingerprint(unique)),)
+        prints[run.id] = ((what, of_files(unique)),)
     return prints
-
-
-def fingerprint(paths: list[Path]) -> str:
-    """SHA-256 of one file; of several files that of the list ``<sha256>  <name>``, one per line."""
-    digests = []
-    for path in paths:
-        with path.open("rb") as file:
-            digests.append(hashlib.file_digest(file, "sha256").hexdigest())
-    if len(paths) == 1:
-        return digests[0]
-    lines = "".join(f"{digest}  {path.name}\n" for digest, path in zip(digests, paths, strict=True))
-    return hashlib.sha256(lines.encode()).hexdigest()
 
 
 def _folder(path: Path) -> Path:

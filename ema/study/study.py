@@ -1,27 +1,21 @@
 """A study: one recipe, or one campaign with nothing said about it, from the signals to the report."""
 
-import platform
-import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
-import ema
-from ema import store
+from ema import fingerprint, store
 from ema.data import Campaign, Decay, Loop, MapResult, Placement, Provenance, Run, RunResult, StudyResult
-from ema.errors import CancelledError, EmaError, FailureError, InputError
+from ema.errors import CancelledError, FailureError, InputError
+from ema.file_names import safe_name
 from ema.progress import Progress, advance, silent
-from ema.study import chain, expectations, friction, mapping, recipe, statements
+from ema.study import chain, expectations, friction, kept, mapping, recipe, statements
 from ema.study.recipe import MapTable, Recipe
-from ema.study.sources import data_of, fingerprint, opened
-
-_PACKAGES = ("numpy", "scipy", "h5py")
+from ema.study.sources import data_of, opened
 
 
 @dataclass(frozen=True)
@@ -29,7 +23,8 @@ class Study:
     """What is to be done: a recipe and the place it came from.
 
     ``campaign`` is the folder or file with the measurements; ``report`` and ``result`` are where the report (HTML) and
-    the result (HDF5) are written; finished runs are kept beside the result.
+    the result (HDF5) are written; finished runs are kept beside the result. With ``salvage``, damaged files are read as
+    far as they are right.
     """
 
     recipe: Recipe
@@ -37,6 +32,7 @@ class Study:
     report: Path
     result: Path
     source: Path
+    salvage: bool = False
 
     @classmethod
     def load(cls, path: str | Path, output: str | Path | None = None) -> "Study":
@@ -81,14 +77,16 @@ class Study:
         ------
         InputError : the campaign cannot be opened.
         """
-        return opened(self.campaign, progress)
+        return opened(self.campaign, progress, salvage=self.salvage)
 
     def run(self, progress: Progress = silent, resume: bool = False, executor: Executor | None = None) -> StudyResult:
         """Do it: every run from signals to modes, expectations, result file and report.
 
         Parameters
         ----------
-        resume : take runs finished earlier from the same inputs with the same settings as they are.
+        resume : take runs and maps finished earlier as they are where inputs, settings, code and the versions of the
+            packages under it agree. A ``progress`` with a method ``note`` is told for each whether it was taken, or why
+            it is computed again.
         executor : where places for a beam are computed; here and now by default. Anything with ``submit`` of
             ``concurrent.futures`` will do: threads, processes, a cluster's.
 
@@ -142,10 +140,12 @@ class Study:
     ) -> MapResult:  # fmt: skip
         """One map, computed or, where it was made in the same way before, taken from its file."""
         runs = mapping.chosen(campaign, table)
-        made = self._made(campaign, tuple(print_ for run in runs for print_ in data[run.id]))
+        reference = mapping.reference_run(campaign, table)
+        used = dict.fromkeys([*(run.id for run in runs), *([] if reference is None else [reference.id])])
+        made = self._made(campaign, tuple(pair for name in used for pair in data[name]))
         made = replace(made, options=(*made.options, ("map", str(table.model_dump()))))
-        path = self.kept / f"{_file_name('map ' + table.title)}.h5"
-        if resume and (known := _kept(path, made)) is not None:
+        path = self.kept / f"{safe_name('map ' + table.title)}.h5"
+        if resume and (known := kept.known(path, made, f"map {table.title}", progress)) is not None:
             return known
         result = mapping.mapped(campaign, table, self.recipe.estimate, progress)
         store.save(path, {"made": made, "result": result})
@@ -153,8 +153,8 @@ class Study:
 
     def _one(self, run: Run, made: Provenance, progress: Progress, resume: bool) -> RunResult:
         """One run, computed or, where it was made in the same way before, taken from its file."""
-        path = self.kept / f"{_file_name(run.id)}.h5"
-        if resume and (known := _kept(path, made)) is not None:
+        path = self.kept / f"{safe_name(run.id)}.h5"
+        if resume and (known := kept.known(path, made, f"run {run.id}", progress)) is not None:
             return replace(known, run=run)
         result = chain.analyse(run, self.recipe.estimate, self.recipe.fit, progress)
         store.save(path, {"made": made, "result": replace(result, run=_without_signals(run))})
@@ -202,12 +202,10 @@ class Study:
         """From what, with what and how: equal provenance means an equal result."""
         inputs = campaign.inputs + data
         if self.source != self.campaign:
-            inputs = ((self.source.name, fingerprint([self.source])), *inputs)
+            inputs = ((self.source.name, fingerprint.of_files([self.source])), *inputs)
         options = [(f"estimate.{name}", str(value)) for name, value in self.recipe.estimate.model_dump().items()]
         options += [(f"fit.{name}", str(value)) for name, value in self.recipe.fit.model_dump().items()]
-        versions = [("friction-ema", ema.__version__), ("Python", platform.python_version())]
-        versions += [(package, version(package)) for package in _PACKAGES]
-        return Provenance(inputs, tuple(versions), tuple(options))
+        return Provenance(inputs, fingerprint.versions(), tuple(options))
 
 
 def light(result: StudyResult) -> StudyResult:
@@ -237,21 +235,6 @@ def make_folder(folder: Path) -> None:
 
 def _without_signals(run: Run) -> Run:
     return replace(run, recordings=(), frfs=())
-
-
-def _file_name(run: str) -> str:
-    return re.sub(r"[^\w.-]", "_", run)
-
-
-def _kept(path: Path, made: Provenance) -> Any:
-    """The result of a run or map finished earlier, if it was made in the same way; a damaged file counts as none."""
-    if not path.is_file():
-        return None
-    try:
-        held = store.load(path)
-        return held["result"] if held["made"] == made else None
-    except (EmaError, KeyError, TypeError):
-        return None
 
 
 @contextmanager

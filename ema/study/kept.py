@@ -1,0 +1,57 @@
+"""Results finished earlier: taken where they would come out the same, otherwise named with the reason."""
+
+from pathlib import Path
+from typing import Any
+
+from ema import fingerprint, store
+from ema.data import Provenance
+from ema.errors import EmaError
+from ema.progress import Progress, note
+
+_SHOWN = 3
+"""Changes that a sentence names; the others are counted."""
+
+
+def known(path: Path, made: Provenance, what: str, progress: Progress) -> Any:
+    """The result in ``path`` if it was made in the same way; ``None`` otherwise. Either is noted with its reason."""
+    result, reason = None, ""
+    if not path.is_file():
+        reason = "not computed before"
+    else:
+        try:
+            held = store.load(path)
+            reason = changes(held["made"], made)
+            result = None if reason else held["result"]
+            reason = f"computed again: {reason}" if reason else "taken as it was computed"
+        except (EmaError, KeyError, TypeError, AttributeError) as error:
+            said = error.what if isinstance(error, EmaError) else "it holds something else"
+            reason = f"computed again: the kept file cannot be read ({said})"
+    note(progress, f"{what}: {reason}")
+    return result
+
+
+def changes(before: Provenance, now: Provenance) -> str:
+    """What makes two results differ: inputs, settings, code, packages; empty where nothing does."""
+    found = []
+    old, new = dict(before.inputs), dict(now.inputs)
+    found += [f"{name} has changed" for name in new if name in old and old[name] != new[name]]
+    found += [f"{name} is new" for name in new if name not in old]
+    found += [f"{name} is no longer used" for name in old if name not in new]
+    old, new = dict(before.options), dict(now.options)
+    names = dict.fromkeys([*old, *new])
+    found += [
+        f"{name} was {old.get(name, 'not known')} and is {new.get(name, 'not known')}"
+        for name in names if old.get(name) != new.get(name)
+    ]  # fmt: skip
+    old, new = dict(before.versions), dict(now.versions)
+    if old.get(fingerprint.CODE) != new.get(fingerprint.CODE):
+        found.append("the code of friction-ema has changed")
+    found += [
+        f"{name} was {old.get(name, 'not noted')} and is {new.get(name, 'absent')}"
+        for name in dict.fromkeys([*old, *new])
+        if name != fingerprint.CODE and old.get(name) != new.get(name)
+    ]
+    if not found and before != now:
+        found.append("its steps have changed")
+    more = len(found) - _SHOWN
+    return "; ".join(found[:_SHOWN]) + (f"; and {more} more changes" if more > 0 else "")

@@ -1,0 +1,61 @@
+"""Disturb saving, recording or a study at every operation, or at random moments, and count what was lost.
+
+``python -m tests.faults record --operations`` stops it before, after and within every durable operation, and fills the
+disk at each; ``python -m tests.faults record --moments 1000 --signal KILL --seed 5`` stops it at random moments. Ends
+with status 1 where anything was lost, left behind or not told in a sentence.
+"""
+
+import argparse
+import random
+import sys
+import time
+
+from tests.faults import campaign
+from tests.faults.operations import HOWS
+from tests.faults.subjects import SUBJECTS
+
+
+def main() -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
+    parser.add_argument("subject", choices=SUBJECTS)
+    parser.add_argument("--operations", action="store_true", help="at every durable operation")
+    parser.add_argument("--how", choices=HOWS, action="append", help="only these disturbances")
+    parser.add_argument("--all", action="store_true", help="at every single write, not three of each row")
+    parser.add_argument("--every", type=int, default=1, help="only every so many operations")
+    parser.add_argument("--moments", type=int, default=0, help="so many random moments")
+    parser.add_argument("--signal", choices=campaign.SIGNALS, action="append", help="only these signals")
+    parser.add_argument("--seed", type=int, default=None, help="of the moments; drawn by default")
+    told = parser.parse_args()
+    seed = random.SystemRandom().randrange(2**32) if told.seed is None else told.seed
+    subject, start = SUBJECTS[told.subject](), time.monotonic()
+    outcomes: list[campaign.Outcome] = []
+    if told.operations:
+        operations = campaign.operations_of(subject)
+        print(f"{subject.name}: {len(operations)} durable operations")
+        for how in told.how or HOWS:
+            numbers = list(range(len(operations))) if told.all else campaign.representatives(operations)
+            numbers = [n for n in numbers if how != "half" or operations[n].startswith("write")]
+            outcomes += [campaign.at_operation(subject, n, how) for n in numbers[:: told.every]]
+            _say(outcomes, f"{how} at {len(numbers[:: told.every])} operations")
+    whole = campaign.duration(subject) if told.moments else 0.0
+    for name in (told.signal or list(campaign.SIGNALS)) if told.moments else []:
+        drawn = random.Random(f"{seed} {name}")
+        outcomes += [
+            campaign.at_moment(subject, drawn.uniform(0, 1.05 * whole), name, drawn.randrange(2**32))
+            for _ in range(told.moments)
+        ]
+        _say(outcomes, f"{name} at {told.moments} moments of {whole:.2f} s, seed {seed}")
+    wrong = [one for one in outcomes if one.wrong]
+    for one in wrong[:20]:
+        print(f"  {one.what}: {one.wrong}")
+    print(f"{subject.name}: {len(outcomes)} disturbances, {len(wrong)} wrong, {time.monotonic() - start:.0f} s")
+    return 1 if wrong or not outcomes else 0
+
+
+def _say(outcomes: list[campaign.Outcome], what: str) -> None:
+    print(f"  {what}: {sum(bool(one.wrong) for one in outcomes)} wrong so far", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,73 @@
+"""Stopped at any operation or moment, and on a full disk: nothing finished is lost, and the next start goes on.
+
+A sample with fixed seeds; ``python -m tests.faults`` does all of it with fresh ones.
+"""
+
+import os
+import random
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("fcntl", reason="processes are forked")
+
+from tests.faults import campaign
+from tests.faults.operations import HOWS
+from tests.faults.subjects import Measuring, Saving, Studying
+
+SAMPLE = {"save": 4, "record": 3}
+"""Disturbances of each kind that the suite has time for."""
+
+
+@pytest.mark.parametrize("how", HOWS)
+@pytest.mark.parametrize("subject", [Saving(samples=2000), Measuring(takes=1)], ids=lambda one: one.name)
+def test_at_any_operation(subject, how: str):
+    operations = campaign.operations_of(subject)
+    assert {one.split()[0] for one in operations} >= {"create", "write"}
+    numbers = [n for n in campaign.representatives(operations) if how != "half" or operations[n].startswith("write")]
+    for number in random.Random(f"{subject.name} {how}").sample(numbers, SAMPLE[subject.name]):
+        assert campaign.at_operation(subject, number, how).wrong == "", operations[number]
+
+
+@pytest.mark.parametrize("name", campaign.SIGNALS)
+@pytest.mark.parametrize("subject", [Saving(samples=2000), Measuring(takes=1)], ids=lambda one: one.name)
+def test_at_any_moment(subject, name: str):
+    drawn, whole = random.Random(f"{subject.name} {name}"), campaign.duration(subject)
+    for seed in range(2):
+        assert campaign.at_moment(subject, drawn.uniform(0, whole), name, seed).wrong == ""
+
+
+@pytest.mark.slow
+def test_a_study_at_some_operations():
+    subject = Studying(report=False)
+    operations = campaign.operations_of(subject)
+    renames = [n for n, one in enumerate(operations) if one.startswith("rename")]
+    for number, how in zip(renames, ("before", "after", "full"), strict=True):
+        assert campaign.at_operation(subject, number, how).wrong == ""
+
+
+@dataclass
+class Careless(Saving):
+    """Writes over the former file in place."""
+
+    name: str = "careless"
+
+    def work(self, folder: Path, seed: int, report) -> None:
+        from ema import store
+
+        for number in range(3):
+            store.save(folder / "b.h5", self._record(number))
+            content = (folder / "b.h5").read_bytes()
+            os.unlink(folder / "b.h5")
+            with open(folder / "a.h5", "wb") as file:
+                file.write(content)
+            report(str(number))
+
+
+def test_the_campaign_finds_out_who_writes_carelessly():
+    subject = Careless(samples=2000)
+    operations = campaign.operations_of(subject)
+    number = operations.index("write a.h5")
+    assert "InputError" in campaign.at_operation(subject, number, "before").wrong
+    assert "InputError" in campaign.at_operation(subject, number, "half").wrong
