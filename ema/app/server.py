@@ -1,24 +1,29 @@
 """The workbench behind a page of this machine: a small server of its own, so that nothing is fetched from elsewhere."""
 
 import json
+import math
 import secrets
-import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler
 from importlib.resources import files
+from io import BufferedIOBase, BytesIO
 from ipaddress import ip_address
-from typing import Any
+from typing import Any, NoReturn
 from urllib.parse import parse_qs, urlsplit
 
 from ema.app import places, views
+from ema.app.connections import Reply, Request, Server
 from ema.app.state import Workbench
 from ema.errors import EmaError, FailureError, InputError, require
 from ema.show.moving import script
 
 LOCAL = "127.0.0.1"
-_LARGEST = 1_000_000
+DEEPEST = 16
+"""Levels of lists and tables in a body that are read. Our page sends one; Python's reader fails at some thousand."""
+
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
     "connect-src 'self'; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -33,36 +38,32 @@ class App:
     """
 
     bench: Workbench
-    server: ThreadingHTTPServer
+    server: Server
     token: str
-    changed: threading.Condition = field(default_factory=threading.Condition)
     busy: str = ""
-    stopped: bool = False
 
     @property
     def address(self) -> str:
         """What to open in a browser."""
         host, port = self.server.server_address[:2]
-        told = str(host) if host not in ("0.0.0.0", "::") else _own_name()
-        return f"http://{f'[{told}]' if ':' in told else told}:{port}/" + (f"?token={self.token}" if self.token else "")
+        shown = str(host) if host not in ("0.0.0.0", "::") else _own_name()
+        return f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/" + (
+            f"?token={self.token}" if self.token else ""
+        )
 
     def run(self) -> None:
         """Serve until stopped."""
-        self.server.serve_forever(poll_interval=0.1)
+        self.server.serve_forever()
 
     def stop(self) -> None:
         """End ``run`` and give the port back."""
-        with self.changed:
-            self.stopped = True
-            self.changed.notify_all()
         self.server.shutdown()
         self.server.server_close()
 
     def tell(self, busy: str = "") -> None:
         """Let every window know that something has changed."""
-        with self.changed:
-            self.busy = busy
-            self.changed.notify_all()
+        self.busy = busy
+        self.server.wake()
 
 
 def serve(bench: Workbench, host: str = LOCAL, port: int = 8080) -> App:
@@ -79,22 +80,22 @@ def serve(bench: Workbench, host: str = LOCAL, port: int = 8080) -> App:
     FailureError : the port is in use or the address is not this machine's.
     """
     require("plotly", "app")
+    token = "" if _local(host) else secrets.token_urlsafe(24)
+    apps: list[App] = []
+
+    def news() -> dict[str, Any]:
+        """What the windows follow."""
+        return {"revision": bench.revision, "busy": apps[0].busy, "saved": bench.saved}
+
     try:
-        server = _Server((host, port), _Handler)
+        server = Server((host, port), lambda request: _Handler(apps[0], request).reply, _refusal, news)
     except OSError as error:
         raise FailureError(
             f"the page cannot be served: {error.strerror or error}", where=f"{host}:{port}",
             advice="choose another port with --port (0 takes a free one)",
         ) from error  # fmt: skip
-    app = App(bench, server, "" if _local(host) else secrets.token_urlsafe(24))
-    server.app = app
-    return app
-
-
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-    allow_reuse_address = True
-    app: App
+    apps.append(App(bench, server, token))
+    return apps[0]
 
 
 def _local(host: str) -> bool:
@@ -127,74 +128,132 @@ _STATIC: dict[str, tuple[str, Callable[[], bytes]]] = {
 }
 
 
-class _Handler(BaseHTTPRequestHandler):
-    """Answers one window. Every fault reaches the page as a sentence."""
+_HEADERS = (
+    ("Cache-Control", "no-store"),
+    ("Content-Security-Policy", _POLICY),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Referrer-Policy", "no-referrer"),
+)
 
-    server: _Server
+
+def _refusal(status: HTTPStatus, sentence: str) -> Reply:
+    """The answer to a request that is not looked at any further."""
+    content = json.dumps({"error": sentence}).encode()
+    lines = [
+        f"HTTP/1.1 {status.value} {status.phrase}", "Content-Type: application/json",
+        f"Content-Length: {len(content)}", "Connection: close", *(f"{name}: {value}" for name, value in _HEADERS),
+    ]  # fmt: skip
+    return Reply(["\r\n".join([*lines, "", ""]).encode(), content])
+
+
+class _Parts(BufferedIOBase):
+    """Takes the parts of an answer as they are, without a copy of the large ones."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] = []
+
+    def write(self, data: Any) -> int:
+        """Keep ``data``."""
+        self.parts.append(bytes(data))
+        return len(data)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers one request that has arrived whole. Every fault reaches the page as a sentence with a status."""
+
     protocol_version = "HTTP/1.1"
+    default_request_version = "HTTP/1.0"  # a line that is no request gets a status too
+
+    def __init__(self, app: App, request: Request) -> None:
+        self.app, self.body = app, request.body
+        self.rfile, self._parts = BytesIO(request.head), _Parts()
+        self.client_address, self.requestline, self.command = ("", 0), "", ""
+        self.close_connection, self.listens = True, False
+        self.wfile = self._parts
+        self.handle_one_request()
+
+    @property
+    def reply(self) -> Reply:
+        """The answer."""
+        return Reply(self._parts.parts, self.close_connection, self.listens)
 
     def log_message(self, format: str, *args: Any) -> None:
         """Say nothing: the page shows what went wrong."""
 
+    def handle_expect_100(self) -> bool:
+        """The body is here already."""
+        return True
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Refuse what is no request of ours, as a sentence."""
+        self.close_connection = True
+        sentence = message or HTTPStatus(code).phrase
+        self._send(code, "application/json", json.dumps({"error": sentence}).encode())
+
     def do_GET(self) -> None:
         """Answer with the page, its parts, a view as JSON, or an export."""
-        url = urlsplit(self.path)
-        query = {name: values[0] for name, values in parse_qs(url.query).items()}
-        if not self._welcome(query.get("token", "")):
-            return
-        if url.path == "/":
-            self._send(200, "text/html", _own("app.html"))
-        elif url.path in _STATIC:
-            kind, content = _STATIC[url.path]
-            self._send(200, kind, content())
-        elif url.path == "/events":
-            self._events()
-        elif url.path == "/export":
-            self._export(query.get("kind", ""))
-        elif url.path.startswith("/api/"):
-            self._answer(lambda: self._view(url.path.removeprefix("/api/"), query))
-        else:
-            self._send(404, "application/json", b'{"error": "there is no such page"}')
+        self._answered(self._get)
 
     def do_POST(self) -> None:
         """Do what the page asks for, if our page asks, and answer with the overview."""
-        url = urlsplit(self.path)
-        query = {name: values[0] for name, values in parse_qs(url.query).items()}
-        try:
-            length = int(self.headers.get("Content-Length") or 0)
-        except ValueError:
-            length = _LARGEST + 1
-        if not 0 <= length <= _LARGEST:
-            self.close_connection = True
-            self._send(413, "application/json", b'{"error": "too much at once"}')
-            return
-        body = self.rfile.read(length)
-        if not self._welcome(query.get("token", "")):
-            return
+        self._answered(self._post)
+
+    def _get(self, path: str, query: dict[str, str]) -> dict[str, Any] | None:
+        if path == "/":
+            self._send(200, "text/html", _own("app.html"))
+        elif path in _STATIC:
+            kind, read = _STATIC[path]
+            self._send(200, kind, read())
+        elif path == "/events":
+            self._events()
+        elif path == "/export":
+            name, content = views.export(self.app.bench, query.get("kind", ""))
+            self._send(200, "application/octet-stream", content, name)
+        elif path.startswith("/api/"):
+            return self._view(path.removeprefix("/api/"), query)
+        else:
+            self._send(404, "application/json", b'{"error": "there is no such page"}')
+        return None
+
+    def _post(self, path: str, query: dict[str, str]) -> dict[str, Any] | None:
         # a form of another page cannot set this header without asking first, and nobody answers that question
         if self.headers.get("X-Ema") != "1":
             self._send(403, "application/json", b'{"error": "this request did not come from our page"}')
-            return
-        self._answer(lambda: self._act(url.path.removeprefix("/api/"), json.loads(body or b"{}")))
+            return None
+        return self._act(path.removeprefix("/api/"), _read(self.body))
 
-    def _welcome(self, token: str) -> bool:
-        app = self.server.app
-        host = urlsplit(f"//{self.headers.get('Host', '')}").hostname or ""
-        if app.token:
-            fine = secrets.compare_digest(token.encode(), app.token.encode()) or urlsplit(self.path).path in _STATIC
-        else:
-            # a name that somebody else points to this machine is not ours
-            fine = _local(host)
-        if not fine:
-            text = "open the address that `ema app` has printed: it ends with a token"
-            self._send(403, "application/json", json.dumps({"error": text}).encode())
-        return fine
+    def _answered(self, work: Callable[[str, dict[str, str]], dict[str, Any] | None]) -> None:
+        try:
+            url = urlsplit(self.path)
+            query = {name: values[0] for name, values in parse_qs(url.query, max_num_fields=20).items()}
+            if not self._welcome(url.path, query.get("token", "")):
+                text = "open the address that `ema app` has printed: it ends with a token"
+                self._send(403, "application/json", json.dumps({"error": text}).encode())
+                return
+            content = work(url.path, query)
+            answer = None if content is None else json.dumps(content, allow_nan=False).encode()
+            status = 200
+        except EmaError as error:
+            status, answer = 400, json.dumps({"error": str(error)}).encode()
+        except (KeyError, ValueError, TypeError, IndexError, OverflowError, RecursionError) as error:
+            status, answer = 400, json.dumps({"error": f"this request is not understood: {error}"}).encode()
+        except Exception as error:
+            sentence = f"a fault in ema itself: {type(error).__name__}: {error}"
+            status, answer = 500, json.dumps({"error": sentence}).encode()
+        if answer is not None:
+            self._send(status, "application/json", answer)
+
+    def _welcome(self, path: str, token: str) -> bool:
+        if self.app.token:
+            return secrets.compare_digest(token.encode(), self.app.token.encode()) or path in _STATIC
+        # a name that somebody else points to this machine is not ours
+        return _local(urlsplit(f"//{self.headers.get('Host', '')}").hostname or "")
 
     def _view(self, name: str, query: dict[str, str]) -> dict[str, Any]:
-        bench = self.server.app.bench
+        bench = self.app.bench
         match name:
             case "overview":
-                return views.overview(bench) | {"busy": self.server.app.busy}
+                return views.overview(bench) | {"busy": self.app.busy}
             case "poles":
                 return views.poles(bench)
             case "frf":
@@ -218,7 +277,7 @@ class _Handler(BaseHTTPRequestHandler):
         raise InputError("there is no such view", got=name)
 
     def _act(self, name: str, told: dict[str, Any]) -> dict[str, Any]:
-        app, bench = self.server.app, self.server.app.bench
+        app, bench = self.app, self.app.bench
         actions: dict[str, Callable[[], Any]] = {
             "run": lambda: bench.choose(str(told["run"])),
             "pick": lambda: bench.pick(int(told["row"])),
@@ -238,66 +297,57 @@ class _Handler(BaseHTTPRequestHandler):
             app.tell()
         return views.overview(bench) | {"busy": "", "done": str(done or "")}
 
-    def _answer(self, work: Callable[[], dict[str, Any]]) -> None:
-        try:
-            status, content = 200, work()
-        except EmaError as error:
-            status, content = 400, {"error": str(error)}
-        except (KeyError, ValueError, TypeError) as error:
-            status, content = 400, {"error": f"this request is not understood: {error}"}
-        except Exception as error:
-            status, content = 500, {"error": f"a fault in ema itself: {type(error).__name__}: {error}"}
-        self._send(status, "application/json", json.dumps(content, allow_nan=False).encode())
-
-    def _export(self, kind: str) -> None:
-        try:
-            name, content = views.export(self.server.app.bench, kind)
-        except EmaError as error:
-            self._send(400, "application/json", json.dumps({"error": str(error)}).encode())
-            return
-        self._send(200, "application/octet-stream", content, name)
-
     def _events(self) -> None:
-        """A line for every change, so that all windows show the same."""
-        app = self.server.app
+        """The head of a stream with a line for every change, so that all windows show the same."""
         self.send_response(200)
         self.send_header("Content-Type", "text/event-stream")
-        self.send_header("Cache-Control", "no-store")
         self.send_header("Connection", "close")
+        for name, value in _HEADERS:
+            self.send_header(name, value)
         self.end_headers()
-        self.close_connection = True
-        try:
-            told: object = None
-            while not app.stopped:
-                with app.changed:
-                    now = (app.bench.revision, app.busy, app.bench.saved)
-                    if now == told:
-                        app.changed.wait(2.0)
-                now = (app.bench.revision, app.busy, app.bench.saved)
-                message = (
-                    f"data: {json.dumps({'revision': now[0], 'busy': now[1]})}\n\n" if now != told else ": here\n\n"
-                )
-                told = now
-                self.wfile.write(message.encode())
-                self.wfile.flush()
-        except OSError:
-            return  # the window was closed
+        self.listens = True
 
     def _send(self, status: int, kind: str, content: bytes, name: str = "") -> None:
         self.send_response(status)
         self.send_header("Content-Type", f"{kind}; charset=utf-8" if kind.startswith("text") else kind)
         self.send_header("Content-Length", str(len(content)))
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("Content-Security-Policy", _POLICY)
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("Referrer-Policy", "no-referrer")
+        for header, value in _HEADERS:
+            self.send_header(header, value)
+        if self.close_connection:
+            self.send_header("Connection", "close")
         if name:
             letters = "".join(
                 letter if (letter.isascii() and letter.isalnum()) or letter in "._-" else "_" for letter in name
             )
             self.send_header("Content-Disposition", f'attachment; filename="{letters}"')
         self.end_headers()
-        try:
-            self.wfile.write(content)
-        except OSError:
-            self.close_connection = True  # the window was closed
+        self.wfile.write(content)
+
+
+def _read(body: bytes) -> dict[str, Any]:
+    """The table in a body.
+
+    Raises
+    ------
+    ValueError : it is none, nested too deeply, or holds a number that is none.
+    """
+    depth = 0
+    for letter in body:
+        depth += (letter in b"[{") - (letter in b"]}")
+        if depth > DEEPEST:
+            raise ValueError(f"more than {DEEPEST} levels")
+    content = json.loads(body or b"{}", parse_float=_finite, parse_constant=_no_number)
+    if not isinstance(content, dict):
+        raise ValueError("a table is expected")
+    return content
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:20]} is too large a number")
+    return value
+
+
+def _no_number(text: str) -> NoReturn:
+    raise ValueError(f"{text} is no number")

@@ -315,7 +315,8 @@ def fitted(run: RunResult, rows: Sequence[int]) -> RunResult:
     if not rows:
         nothing = replace(
             run.modes, poles=np.zeros(0, complex), shapes=run.modes.shapes[:, :0], covariance=None, confidence=None,
-            participation=run.modes.participation[:, :0], residuals=None, uncertainty=None, findings=(),
+            participation=run.modes.participation[:, :0], residuals=None, uncertainty=None, findings=(), groups=(),
+            candidates=(),
         )  # fmt: skip
         nothing = replace(nothing, provenance=_noted(nothing.provenance, ()))
         return replace(run, modes=nothing, quality=None, reconstruction=None, reconstruction_error=None, auto_mac=None)

@@ -32,6 +32,9 @@ app.command()(placing.place)
 app.command("map")(mapping.make_map)
 
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")]
+Salvage = Annotated[
+    bool, typer.Option("--salvage", help="Read what damaged files still hold; what was lost becomes a finding.")
+]
 Measurement = Annotated[
     Path,
     typer.Argument(help="A campaign's folder or campaign.toml, a recipe, or a file with FRFs.", show_default=False),
@@ -59,10 +62,13 @@ def _options(
 def run(
     recipe: Measurement,
     output: Output = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Keep runs finished before with the same inputs.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep runs finished before by the same code from the same inputs.")
+    ] = False,
     formats: Formats = "html",
     limit: LimitOfRecipe = None,
     jobs: Jobs = None,
+    salvage: Salvage = False,
     json: Json = False,
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
@@ -71,7 +77,7 @@ def run(
     from ema.study import Study, summary
 
     others = [name for name in split_formats(formats) if name != "html"]
-    study = Study.load(recipe, output)
+    study = replace(Study.load(recipe, output), salvage=salvage)
     processes = (jobs or os.cpu_count() or 1) if study.recipe.placement else 1
     with screen.Bars() as bars, workers(None, processes) as executor:
         result = study.run(progress=bars, resume=resume, executor=executor)
@@ -94,6 +100,7 @@ def check(
     campaign: Measurement,
     run: Annotated[list[str] | None, typer.Option("--run", help="Only this run (may be repeated).")] = None,
     limit: LimitOfRecipe = None,
+    salvage: Salvage = False,
     json: Json = False,
 ) -> int:
     """Say what was measured, under which conditions, and what is wrong with it; no modes."""
@@ -101,7 +108,7 @@ def check(
     from ema.compare import repeat_findings
     from ema.study import Study
 
-    study = Study.load(campaign)
+    study = replace(Study.load(campaign), salvage=salvage)
     with screen.Bars() as bars:
         opened = study.open(bars)
         opened = replace(opened, findings=opened.findings + repeat_findings(opened.runs))
@@ -128,6 +135,7 @@ def fit(
         bool, typer.Option("--second-opinion", help="Compare with ERA, an estimator in the time domain.")
     ] = False,
     limit: LimitOfRecipe = None,
+    salvage: Salvage = False,
     json: Json = False,
 ) -> int:
     """Fit the modes of one run or file and print them."""
@@ -138,7 +146,7 @@ def fit(
     from ema.study.measured import frfs_of
     from ema.study.plain import modes, opinion
 
-    study = Study.load(measurement)
+    study = replace(Study.load(measurement), salvage=salvage)
     told: dict[str, Any] = study.recipe.fit.given()
     told |= {} if band is None else {"band": band}
     told |= {} if order is None else {"orders": (2, order, 2)}

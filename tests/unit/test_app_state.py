@@ -2,6 +2,7 @@
 
 import io
 import json
+import socket
 import threading
 import time
 import tomllib
@@ -97,6 +98,7 @@ def test_every_mode_can_be_dropped(bench: Workbench):
     assert frequencies(bench) == [333]
 
 
+@pytest.mark.clock
 def test_a_picked_mode_follows_within_half_a_second_on_160_frfs(root: Path):
     """Process time of a pick with all that follows it, on two accelerometers and 80 points."""
     from ema.fit import stabilise
@@ -240,6 +242,7 @@ def test_a_point_of_a_map_shows_an_frf_of_a_run_that_was_not_fitted(bench: Workb
         point(told, 0, 1, 1)
 
 
+@pytest.mark.clock
 def test_5000_points_stay_usable():
     """Process time and size of what the page asks for, with 5000 points in the geometry and 3000 places."""
     from ema.app.places import place_view, placement_view
@@ -316,6 +319,21 @@ def test_the_server_answers_this_machine_alone_and_only_our_page(served):
     assert status == 200 and [round(mode["f"]) for mode in told["modes"]] == [210, 333]
 
 
+def test_every_window_hears_of_a_change_and_the_server_stops_while_they_listen(served):
+    windows = [socket.create_connection(served.server.server_address, timeout=20) for _ in range(3)]
+    for one in windows:
+        one.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    assert ask(served.address + "api/drop", {"mode": 0}, **{"X-Ema": "1"})[0] == 200
+    wanted = b'"revision": %d, "busy": ""' % served.bench.revision
+    for one in windows:
+        data = b""
+        while wanted not in data:
+            data += one.recv(4096)
+        assert data.startswith(b"HTTP/1.1 200") and b"text/event-stream" in data
+    served.stop()
+    assert all(one.recv(65536) is not None and one.recv(4096) == b"" for one in windows)
+
+
 def test_the_server_says_what_is_wrong(served):
     headers = {"X-Ema": "1"}
     assert ask(served.address + "api/drop", {"mode": 99}, **headers) == (
@@ -323,6 +341,68 @@ def test_the_server_says_what_is_wrong(served):
     assert "not understood" in ask(served.address + "api/pick", {}, **headers)[1]["error"]
     assert ask(served.address + "api/format_disk", {}, **headers)[0] == 400
     assert ask(served.address + "api/nothing")[0] == 400 and ask(served.address + "../../etc/passwd")[0] == 404
+
+
+def raw(app, data: bytes) -> tuple[int, dict]:
+    with socket.create_connection(app.server.server_address, timeout=20) as one:
+        one.sendall(data)
+        answer = b""
+        while block := one.recv(65536):
+            answer += block
+    head, _, body = answer.partition(b"\r\n\r\n")
+    return int(head.split()[1]), json.loads(body)
+
+
+def action(body: bytes, path: bytes = b"/api/near", host: bytes = b"127.0.0.1") -> bytes:
+    head = b"POST %s HTTP/1.1\r\nHost: %s\r\nX-Ema: 1\r\nConnection: close\r\n" % (path, host)
+    return head + b"Content-Length: %d\r\n\r\n" % len(body) + body
+
+
+@pytest.mark.parametrize(
+    ("data", "status", "words"),
+    [
+        (action(b"{}", host=b"[::1"), 400, "not understood"),
+        (action(b"{}", host=b"evil.example"), 403, "token"),
+        (action(b"[" * 30_000), 400, "more than 16 levels"),
+        (action(b'{"frequency":' * 4_000), 400, "more than 16 levels"),
+        (action(b'{"frequency": 1e999}'), 400, "too large a number"),
+        (action(b'{"frequency": -1e999}'), 400, "too large a number"),
+        (action(b'{"frequency": NaN}'), 400, "NaN is no number"),
+        (action(b'{"row": ' + b"9" * 9000 + b"}", b"/api/pick"), 400, "not understood"),
+        (action(b'{"row": 1e300}', b"/api/pick"), 400, "no such pole"),
+        (action(b'{"run": "\\ud800"}', b"/api/run"), 400, "no such run"),
+        (action(b"[1, 2]"), 400, "a table is expected"),
+        (action(b"\xff\xfe{"), 400, "not understood"),
+        (action(b"{}", b"http://[/api/near"), 400, "not understood"),
+        (b"GET http://[::1 HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n", 400, "not understood"),
+        (b"GET /api/frf?output=" + b"9" * 6000 + b" HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", 400, ""),
+        (b"GET /api/frf?" + b"a=1&" * 100 + b" HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", 400, ""),
+        (b"GET /export?kind=x HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", 400, ""),
+        (b"BREW /pot HTTP/1.1\r\nHost: localhost\r\n\r\n", 501, "BREW"),
+        (b"hello\r\n\r\n", 400, ""),
+        (b"GET / HTTP/9.9\r\n\r\n", 505, ""),
+        (b"GET / HTTP/1.1\r\n" + b"a: b\r\n" * 200 + b"\r\n", 431, ""),
+    ],
+)  # fmt: skip
+def test_every_refusal_has_a_status_and_a_sentence(shared, capfd, data: bytes, status: int, words: str):
+    found, told = raw(shared, data)
+    assert found == status and words in told["error"] and "Traceback" not in told["error"]
+    assert frequencies(shared.bench) == [120, 210, 333]
+    assert capfd.readouterr().err == ""
+
+
+@pytest.fixture(scope="module")
+def shared(finished: Path, tmp_path_factory: pytest.TempPathFactory):
+    """One server for requests that change nothing."""
+    import shutil
+
+    pytest.importorskip("plotly")
+    folder = tmp_path_factory.mktemp("shared") / "study"
+    shutil.copytree(finished, folder)
+    app = serve(workbench(folder / "recipe.toml"), port=0)
+    threading.Thread(target=app.run, daemon=True).start()
+    yield app
+    app.stop()
 
 
 def test_other_machines_need_the_token(bench: Workbench):
