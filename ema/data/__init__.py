@@ -12,6 +12,7 @@ from ema.data.geometry import Geometry
 from ema.data.hits import Hit, HitGallery
 from ema.data.maps import ModalMap
 from ema.data.modal import (
+    Candidate,
     ModalModel,
     ModalUncertainty,
     PoleTable,
@@ -33,7 +34,7 @@ from ema.data.placement import (
 )
 from ema.data.pressure import ContactPressure
 from ema.data.provenance import Provenance
-from ema.data.recording import Channel, Recording
+from ema.data.recording import Channel, Recording, TakeIdentity
 from ema.data.repeats import ConditionDifference, RepeatGroup, VarianceComponents
 from ema.data.response import Decay, EnergyBalance, HarmonicResponse, Loop, Response
 from ema.data.results import Expectation, MapResult, ModeQuality, RunResult, Statement, StudyResult
@@ -41,13 +42,13 @@ from ema.data.single import SingleMode
 from ema.data.source import Source
 
 __all__ = [
-    "BeamModel", "BoltedJoint", "Campaign", "Candidates", "Channel", "Condition", "ConditionDifference",
+    "BeamModel", "BoltedJoint", "Campaign", "Candidate", "Candidates", "Channel", "Condition", "ConditionDifference",
     "ContactPressure", "ControlLine", "ControlStudy", "Damping", "Decay", "Deviations", "EnergyBalance", "Excitation",
     "Expectation", "Finding", "Forecast", "ForecastCheck", "FrfSet", "FrictionBeam", "FrictionLaw", "Geometry",
     "HarmonicResponse", "Hit", "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "MapComparison", "MapResult",
     "Matrices", "ModalMap", "ModalModel", "ModalUncertainty", "ModeComparison", "ModeQuality", "ModelUpdate",
     "NormalContact", "Place", "Placement", "PoleTable", "Prediction", "Provenance", "Ranking", "Recording",
     "Repair", "RepeatGroup", "Residuals", "Response", "Run", "RunResult", "SignalComparison", "SingleMode",
-    "Source", "Statement", "StudyResult", "VarianceComponents", "Verdict", "damping_ratios", "natural_frequencies",
-    "poles_from",
+    "Source", "Statement", "StudyResult", "TakeIdentity", "VarianceComponents", "Verdict", "damping_ratios",
+    "natural_frequencies", "poles_from",
 ]  # fmt: skip

@@ -127,6 +127,26 @@ class ModalUncertainty:
         )  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A pole that the FRFs ask for and that is not accepted as a mode.
+
+    Parameters
+    ----------
+    natural_frequency, frequency_std : Hz.
+    damping_ratio, damping_std : -.
+    confidence : how sure the selection is that it is a mode, 0 ... 1.
+    reason : the statement that it fails, part of a sentence.
+    """
+
+    natural_frequency: float
+    damping_ratio: float
+    frequency_std: float
+    damping_std: float
+    confidence: float
+    reason: str
+
+
 @dataclass(frozen=True)
 class ModalModel:
     """Modes of a structure at one condition.
@@ -146,6 +166,8 @@ class ModalModel:
     covariance : of (natural frequency [Hz], damping ratio) of each mode, shape (mode, 2, 2).
     confidence : how sure the selection is that the mode is one, 0 ... 1, shape (mode,).
     uncertainty : of everything in the model, where known.
+    groups : positions of modes that the data do not tell apart, a tuple for each group of two and more.
+    candidates : poles of the same fit that were not accepted as modes, by ascending frequency.
     """
 
     poles: Complex[np.ndarray, "mode"]
@@ -162,12 +184,18 @@ class ModalModel:
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     name: str = ""
     uncertainty: ModalUncertainty | None = None
+    groups: tuple[tuple[int, ...], ...] = ()
+    candidates: tuple[Candidate, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(
-            self, poles=np.complex128, shapes=np.complex128, participation=np.complex128, covariance=np.float64,
+            self,
+            poles=np.complex128,
+            shapes=np.complex128,
+            participation=np.complex128,
+            covariance=np.float64,
             confidence=np.float64,
-        )  # fmt: skip
+        )
         modes = {"poles": len(self.poles), "shapes": self.shapes.shape[1], "participation": self.participation.shape[1]}
         if len(set(modes.values())) > 1:
             raise InputError(

@@ -6,12 +6,10 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import PoleTable, damping_ratios, natural_frequencies
-from ema.fit import likelihood, lscf
-from ema.fit.likelihood import ModalFit, Observations
+from ema.fit import estimator, lscf
+from ema.fit.estimator import Fit, Observations
+from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
-
-HEAVIEST = 0.20
-"""Damping ratio above which a pole describes the background, not a mode."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +76,10 @@ def of_table(table: PoleTable, added_decay: float) -> Candidates:
     return cluster(table.order, table.poles - added_decay, table.participation)
 
 
-def zoom(prepared: Prepared, data: Observations, fit: ModalFit, share: int) -> Candidates:
+def zoom(prepared: Prepared, data: Observations, fit: Fit, share: int) -> Candidates:
     """Persistent poles of narrow bands (``1/share`` of the whole, overlapping by half) that hold more than noise."""
-    profile, together = likelihood.residuals(data, fit)
+    by_reference, together = estimator.profile(data, fit)
+    power = by_reference.mean(axis=0)
     lines, references = len(prepared.frequencies), prepared.values.shape[2]
     width = max(lines // share, 24 * (references + 1))
     found = Candidates(np.zeros(0, complex), np.zeros((references, 0), complex), np.zeros(0))
@@ -90,8 +89,8 @@ def zoom(prepared: Prepared, data: Observations, fit: ModalFit, share: int) -> C
         f = prepared.frequencies[rows]
         within = (centres >= f[0]) & (centres <= f[-1])
         # Products of independent residuals scatter around 0; four of their standard deviations are no accident.
-        doubt = 4 / np.sqrt(max(1, within.sum() * data.signals[:, :, 0].size))
-        misfit = together[within].sum() / max(np.sum(profile[within] ** 2), 1e-300) if within.any() else 0.0
+        doubt = 4 / np.sqrt(max(1, within.sum() * data.outputs * data.references))
+        misfit = together[within].sum() / max(power[within].sum(), 1e-300) if within.any() else 0.0
         if len(f) < 16 or misfit < max(0.05, doubt):
             continue
         top = int(np.clip(len(f) // (2 * (references + 1)), 2, 24))
@@ -105,7 +104,7 @@ def zoom(prepared: Prepared, data: Observations, fit: ModalFit, share: int) -> C
             np.concatenate([p for _, p, _ in tables]),
             np.concatenate([v for _, _, v in tables]) * prepared.noise.references,
         )
-        plausible = inside(own.poles, (float(f[0]), float(f[-1]))) & (damping_ratios(own.poles) <= HEAVIEST)
+        plausible = inside(own.poles, (float(f[0]), float(f[-1]))) & (damping_ratios(own.poles) <= POLICY.heaviest)
         found = found.joined(own.keep(plausible & (own.persistence >= 0.5)))
     return found
 

@@ -5,21 +5,25 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float, Int
 
-from ema.data import Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
+from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
+from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
 from ema.fit import uncertainty
-from ema.fit.candidates import HEAVIEST
+from ema.fit.acceptance import Verdict, judge, surplus
 from ema.fit.companions import companions
+from ema.fit.estimator import Fit
+from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, prepare
-from ema.fit.refinement import refined
+from ema.fit.refinement import Refined, refined
 from ema.fit.scaling import scale_to_unit_modal_mass
-from ema.fit.select import Dropped, Selection, keep_picked, select
+from ema.fit.selection import Dropped, reduced, select
+from ema.fit.uncertainty import PoleErrors
 from ema.progress import Progress, advance, silent
 
 _NAMED = 10
-"""Dropped candidates that are told one by one."""
+"""Poles left out of the fit that are named one by one."""
 
 
 def modes(
@@ -32,92 +36,133 @@ def modes(
 ) -> ModalModel:
     """Modal model of FRFs: natural frequencies, damping, shapes, participation, residual terms and intervals.
 
-    Told nothing, the modes are selected automatically. The poles are refined by maximum likelihood together with the
-    background (poles outside the band, residual terms) that stays in the model.
+    All poles of the band are fitted together by maximum likelihood, with what lies outside it. A pole is accepted as a
+    mode when noise cannot explain it and its values and shape are told well enough; otherwise it is listed among the
+    ``candidates`` of the model, with the reason. Names choose what is reported, and change no value.
 
     Parameters
     ----------
-    frfs : the FRFs; the band is that of ``poles``.
-    near : frequencies in Hz; the most persistent pole next to each is taken.
-    index : rows of ``poles`` to take. With ``near`` or ``index`` nothing else is taken.
-    shapes : complex shapes, or real ones (each mode rotated to its mean phase).
+    frfs : FrfSet
+        The FRFs; the band is that of ``poles``.
+    poles : PoleTable
+        Poles of all model orders (`ema.fit.stabilise`).
+    near : sequence of float, optional
+        Frequencies in Hz: the modes next to these are reported, accepted or not. A frequency named twice asks for both
+        modes of a repeated root.
+    index : sequence of int, optional
+        Rows of ``poles``: the modes that these poles belong to are reported.
+    shapes : {"complex", "real"}
+        Complex shapes, or real ones (each mode rotated to its mean phase).
+
+    Returns
+    -------
+    ModalModel
+        The accepted modes by ascending frequency, or those named.
 
     Raises
     ------
-    InputError : the FRFs cannot be fitted, or there is no pole near a wanted frequency.
+    InputError
+        The FRFs cannot be fitted, or there is no pole near a wanted frequency.
     """
     if shapes not in ("complex", "real"):
         raise InputError("unknown kind of shapes", got=repr(shapes), expected="complex or real")
     band = frfs.band(*poles.band)
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
-    if near is None and index is None:
-        chosen = select(data, poles, band.added_decay)
-    else:
-        chosen = keep_picked(data, poles, band.added_decay, _picked(poles, near, index, frfs.name))
+    chosen = select(data, poles, band.added_decay)
     advance(progress, "residues", 1, 2)
-    model = _model(band, data, chosen)
+    while True:
+        optimum = refined(band, data, chosen)
+        errors = uncertainty.errors_of(optimum)
+        possible, alone = chosen.possible[optimum.kept], chosen.alone[optimum.kept]
+        gone = surplus(optimum, errors, possible, POLICY)
+        if not len(gone):
+            break
+        chosen = reduced(chosen, optimum.kept[gone], "its residue and that of a neighbour add up to those of one mode")
+    verdict = judge(optimum, errors, possible, alone, POLICY)
+    if near is None and index is None:
+        order = np.flatnonzero(verdict.accepted)
+    else:
+        order = np.array(_named(optimum.fit, verdict, possible, poles, near, index, frfs), int)
+    order = order[np.argsort(np.abs(optimum.fit.poles[order]), kind="stable")]
+    model = _model(band, data, optimum, errors, verdict, order)
+    notes = _findings(band, data, optimum, errors, verdict, order, (*chosen.dropped, *optimum.dropped))
+    model = replace(model, findings=(*notes, *model.findings))
     return _real(model) if shapes == "real" else model
 
 
-def _picked(table: PoleTable, near: Sequence[float] | None, index: Sequence[int] | None, where: str) -> list[int]:
-    """Rows of the pole table that the user named."""
-    rows = list(dict.fromkeys(index or ()))
-    outside = [row for row in rows if not 0 <= row < len(table.poles)]
+def _named(
+    fit: Fit,
+    verdict: Verdict,
+    possible: Bool[np.ndarray, "pole"],
+    table: PoleTable,
+    near: Sequence[float] | None,
+    index: Sequence[int] | None,
+    frfs: FrfSet,
+) -> list[int]:
+    """Poles of the fit that the user named, by frequency or by rows of the pole table."""
+    frequencies = natural_frequencies(fit.poles)
+    chosen: list[int] = []
+    outside = [row for row in index or () if not 0 <= row < len(table.poles)]
     if outside:
         raise InputError(
-            "no such row in the pole table", where=where, got=outside, expected=f"0 to {len(table.poles) - 1}"
+            "no such row in the pole table",
+            where=frfs.name,
+            got=outside,
+            expected=f"0 to {len(table.poles) - 1}",
         )
-    frequencies = table.natural_frequencies
+    for row in index or ():
+        distance = np.where(possible, np.abs(fit.poles + frfs.added_decay - table.poles[row]), np.inf)
+        reach = np.abs(fit.poles.real) + abs(table.poles[row].real)
+        if not np.any(distance <= reach):
+            raise _nothing_near(table.natural_frequencies[row], frequencies[possible], frfs.name, f"row {row}, ")
+        chosen.append(int(np.argmin(distance / reach)))
     for wanted in near or ():
-        distance = np.abs(frequencies - wanted)
-        # Among the poles about as near as the nearest ones, the stable one of the highest order is the best start.
-        close = np.flatnonzero(distance <= max(0.01 * wanted, 1e-12))
-        if not len(close):
-            raise InputError(
-                "no pole near the wanted frequency",
-                where=where,
-                got=f"{wanted:g} Hz",
-                expected=f"a frequency within 1 % of a pole; the nearest is {frequencies[np.argmin(distance)]:.6g} Hz"
-                if len(frequencies)
-                else "a pole table that is not empty",
-            )
-        merit = np.isin(table.letter[close], ["s", "d", "v"]) * 1.0 + table.order[close] / table.order.max()
-        merit -= distance[close] / (0.01 * wanted)
-        best = [int(row) for row in close[np.argsort(-merit)] if not _taken(table, int(row), rows)]
-        rows += best[:1]
-    return rows
+        distance = np.where(possible, np.abs(frequencies - wanted), np.inf)
+        if not np.any(distance <= POLICY.near * wanted):
+            raise _nothing_near(wanted, frequencies[possible], frfs.name)
+        close = np.flatnonzero(distance <= POLICY.near * wanted)
+        best = int(min(close, key=lambda pole: (not verdict.accepted[pole], distance[pole])))
+        # A frequency that is named again asks for the next pole of its group.
+        partners = [best, *np.flatnonzero((verdict.group == verdict.group[best]) & possible).tolist()]
+        chosen += [pole for pole in partners if pole not in chosen][:1]
+    return list(dict.fromkeys(chosen))
 
 
-def _taken(table: PoleTable, row: int, rows: list[int]) -> bool:
-    """Whether a pole repeats one that is already chosen: a frequency named twice asks for a repeated root."""
-    for other in rows:
-        near = abs(table.poles[row] - table.poles[other]) < abs(table.poles[other].real)
-        if near and abs(np.vdot(table.participation[row], table.participation[other])) ** 2 > 0.9:
-            return True
-    return False
-
-
-def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
-    """Modes and background on all outputs, refined with the noise of every FRF."""
-    optimum = refined(band, data, chosen)
-    state, scale = optimum.state, optimum.unit
-    poles, psi = state.poles * scale, state.shapes * scale
-    is_mode = chosen.is_mode[optimum.kept]
-    outside = np.flatnonzero(~is_mode)
-    unobserved = len(state.rest_poles)
-    background = np.einsum("kr,ir->rki", psi[:, outside], state.participation[:, outside])
-    residuals = Residuals(
-        lower=state.rest[:, :, unobserved] * scale**2,
-        upper=state.rest[:, :, unobserved + 1],
-        poles=np.concatenate([poles[outside], state.rest_poles[state.active[:unobserved]] * scale]),
-        residues=np.concatenate(
-            [background, scale * state.rest[:, :, :unobserved][:, :, state.active[:unobserved]].transpose(2, 0, 1)]
-        ),
+def _nothing_near(wanted: float, there: Float[np.ndarray, "pole"], where: str, prefix: str = "") -> InputError:
+    nearest = np.sort(there[np.argsort(np.abs(there - wanted))[:3]])
+    known = ", ".join(f"{frequency:.6g} Hz" for frequency in nearest)
+    return InputError(
+        "no pole near the wanted frequency",
+        where=where,
+        got=f"{prefix}{wanted:g} Hz",
+        expected=f"a frequency within {POLICY.near:.0%} of a pole; the nearest are {known}"
+        if len(there)
+        else "a band with a pole that stands out of the noise",
     )
-    order = np.flatnonzero(is_mode)
-    order = order[np.argsort(np.abs(poles[order]))]
-    shapes, participation = _normalise(psi[:, order], state.participation[:, order])
+
+
+def _model(
+    band: FrfSet,
+    data: Prepared,
+    optimum: Refined,
+    errors: PoleErrors,
+    verdict: Verdict,
+    order: Int[np.ndarray, "mode"],
+) -> ModalModel:
+    """The poles in ``order`` as modes, all others as background."""
+    fit = optimum.fit
+    poles, psi = fit.poles, fit.shapes[:, 0]
+    outside = np.setdiff1d(np.arange(len(poles)), order)
+    rest, fixed = fit.terms.coefficients(fit.rest[:, 0]), len(fit.terms.poles)
+    background = np.einsum("kr,ir->rki", psi[:, outside], fit.participation[:, outside])
+    residuals = Residuals(
+        lower=rest[:, :, fixed],
+        upper=rest[:, :, fixed + 1],
+        poles=np.concatenate([poles[outside], fit.terms.poles]),
+        residues=np.concatenate([background, rest[:, :, :fixed].transpose(2, 0, 1)]),
+    )
+    shapes, participation = _normalise(psi[:, order], fit.participation[:, order])
     model = ModalModel(
         poles=poles[order] + band.added_decay,
         shapes=shapes,
@@ -125,18 +170,38 @@ def _model(band: FrfSet, data: Prepared, chosen: Selection) -> ModalModel:
         participation=participation,
         inputs=data.references,
         residuals=residuals,
-        confidence=chosen.confidence[optimum.kept][order],
+        confidence=verdict.confidence[order],
+        groups=_groups(verdict.group[order]),
+        candidates=tuple(
+            _candidate(fit, errors, verdict, pole, band.added_decay)
+            for pole in outside[np.argsort(np.abs(poles[outside]), kind="stable")].tolist()
+            if verdict.possible[pole] and not verdict.accepted[pole]
+        ),
         condition=band.condition,
         provenance=band.provenance,
-        findings=(
-            *_findings(band, data, poles[order], (*chosen.dropped, *optimum.dropped)),
-            *_beyond(band, data, poles[outside]),
-        ),
         name=band.name,
     )
     model = scale_to_unit_modal_mass(model) if band.scaled else model
     model = replace(model, findings=(*model.findings, *companions(model)))
-    return uncertainty.attach(model, optimum, order)
+    return uncertainty.attach(model, optimum, errors, order)
+
+
+def _groups(group: Int[np.ndarray, "mode"]) -> tuple[tuple[int, ...], ...]:
+    """Positions of the modes of each group of two and more."""
+    found = [np.flatnonzero(group == number) for number in np.unique(group)]
+    return tuple(tuple(members.tolist()) for members in found if len(members) > 1)
+
+
+def _candidate(fit: Fit, errors: PoleErrors, verdict: Verdict, pole: int, added_decay: float) -> Candidate:
+    value = fit.poles[[pole]] + added_decay
+    return Candidate(
+        natural_frequency=float(natural_frequencies(value)[0]),
+        damping_ratio=float(damping_ratios(value)[0]),
+        frequency_std=float(errors.frequency[pole]),
+        damping_std=float(errors.damping[pole]),
+        confidence=float(verdict.confidence[pole]),
+        reason=verdict.reasons[pole],
+    )
 
 
 def _normalise(
@@ -159,9 +224,15 @@ def _real(model: ModalModel) -> ModalModel:
 
 
 def _findings(
-    band: FrfSet, data: Prepared, poles: Complex[np.ndarray, "mode"], dropped: Sequence[Dropped]
+    band: FrfSet,
+    data: Prepared,
+    optimum: Refined,
+    errors: PoleErrors,
+    verdict: Verdict,
+    order: Int[np.ndarray, "mode"],
+    dropped: Sequence[Dropped],
 ) -> tuple[Finding, ...]:
-    """What was dropped, modes at the band edge, DOFs without a signal."""
+    """Candidates and what was dropped, modes at the band edge, groups, DOFs without a signal."""
     where = band.name or "fit"
     found: list[Finding] = []
     if data.dead:
@@ -175,6 +246,7 @@ def _findings(
                 advice="Check the cable and the channel table.",
             )
         )
+    found += _candidates(where, optimum, verdict, order)
     for drop in dropped[-_NAMED:]:
         frequency, damping = natural_frequencies(np.array([drop.pole]))[0], damping_ratios(np.array([drop.pole]))[0]
         found.append(
@@ -182,9 +254,10 @@ def _findings(
                 "info",
                 "dropped-candidate",
                 where,
-                f"A pole at {frequency:.6g} Hz with {100 * damping:.3g} % damping was not taken: {drop.reason}.",
+                f"A pole at {frequency:.6g} Hz with {100 * damping:.3g} % damping was left out of the fit: "
+                f"{drop.reason}.",
                 value=float(frequency),
-                advice="Name it with near=[...] if you know that it is a mode.",
+                advice="Look at the stabilisation diagram; measure with less noise if you expect a mode there.",
             )
         )
     if len(dropped) > _NAMED:
@@ -193,11 +266,69 @@ def _findings(
                 "info",
                 "dropped-candidate",
                 where,
-                f"{len(dropped) - _NAMED} more candidates were not taken: noise or misfit explains them.",
+                f"{len(dropped) - _NAMED} more poles were left out of the fit: noise or misfit explains them.",
                 value=float(len(dropped) - _NAMED),
                 advice="Look at the stabilisation diagram.",
             )
         )
+    poles = optimum.fit.poles
+    found += _at_the_edges(where, data, poles[order], poles[np.setdiff1d(np.arange(len(poles)), order)])
+    found += _multiplicity(where, data, optimum.fit, errors, verdict, order)
+    if not len(order):
+        found.append(
+            Finding(
+                "warning",
+                "no-modes",
+                where,
+                "No mode stands out of the noise in this band.",
+                advice="Look at the coherence and at the candidates, and name frequencies with near=[...] to see one.",
+            )
+        )
+    return tuple(found)
+
+
+def _candidates(where: str, optimum: Refined, verdict: Verdict, order: Int[np.ndarray, "mode"]) -> list[Finding]:
+    """A finding for each pole of the fit that was not accepted, an error where it dominates the FRFs."""
+    fit, found = optimum.fit, []
+    poles = np.flatnonzero(verdict.possible & ~verdict.accepted)
+    around, overall = verdict.energy
+    for pole in poles:
+        frequency, damping = natural_frequencies(fit.poles[[pole]])[0], damping_ratios(fit.poles[[pole]])[0]
+        place = f"{where}, {frequency:.6g} Hz"
+        named = "was reported because it was named, and" if pole in order else "was not accepted as a mode:"
+        sentence = f"A pole with {100 * damping:.3g} % damping {named} {verdict.reasons[pole]}."
+        if around[pole] >= POLICY.dominant and overall[pole] >= POLICY.large and pole not in order:
+            found.append(
+                Finding(
+                    "error",
+                    "dominant-candidate",
+                    place,
+                    f"{sentence} It carries {min(around[pole], 1):.0%} of the energy of the FRFs around it.",
+                    value=float(around[pole]),
+                    limit=POLICY.dominant,
+                    advice="Do not use the modes next to it: look at the FRFs there, and measure with another "
+                    "reference or a finer frequency resolution.",
+                )
+            )
+            continue
+        found.append(
+            Finding(
+                "info",
+                "candidate",
+                place,
+                sentence,
+                value=float(frequency),
+                advice="Name it with near=[...] to report it all the same.",
+            )
+        )
+    return found
+
+
+def _at_the_edges(
+    where: str, data: Prepared, poles: Complex[np.ndarray, "mode"], background: Complex[np.ndarray, "pole"]
+) -> list[Finding]:
+    """Modes that the band cuts through, and resonances outside the band whose flank reaches into it."""
+    found = []
     low, high = 2 * np.pi * data.frequencies[0], 2 * np.pi * data.frequencies[-1]
     for pole in poles:
         if min(abs(pole) - low, high - abs(pole)) < abs(pole.real):
@@ -211,36 +342,64 @@ def _findings(
                     advice="Widen the band by a few bandwidths for a trustworthy damping.",
                 )
             )
-    if not len(poles):
-        found.append(
-            Finding(
-                "warning",
-                "no-modes",
-                where,
-                "No mode stands out of the noise in this band.",
-                advice="Look at the coherence, and name frequencies with near=[...] to insist.",
-            )
-        )
-    return tuple(found)
-
-
-def _beyond(band: FrfSet, data: Prepared, background: Complex[np.ndarray, "pole"]) -> tuple[Finding, ...]:
-    """Resonances outside the band whose flank reaches into it: they stay in the background, by name."""
-    low, high = 2 * np.pi * data.frequencies[0], 2 * np.pi * data.frequencies[-1]
     size = np.abs(background)
     near = np.where(size < low, low - size, size - high)
-    cut = (near > 0) & (near < np.abs(background.real)) & (damping_ratios(background) <= HEAVIEST)
-    return tuple(
-        Finding(
-            "info",
-            "band-edge",
-            f"{band.name or 'fit'}, {frequency:.6g} Hz",
-            "The resonance of this mode lies just outside the band; it is in the background, not among the modes.",
-            value=float(frequency),
-            advice="Widen the band if the mode is wanted.",
+    cut = (near > 0) & (near < np.abs(background.real)) & (damping_ratios(background) <= POLICY.heaviest)
+    for frequency in natural_frequencies(background[cut]):
+        found.append(
+            Finding(
+                "info",
+                "band-edge",
+                f"{where}, {frequency:.6g} Hz",
+                "The resonance of this mode lies just outside the band; it is in the background, not among the modes.",
+                value=float(frequency),
+                advice="Widen the band if the mode is wanted.",
+            )
         )
-        for frequency in natural_frequencies(background[cut])
-    )
+    return found
+
+
+def _multiplicity(
+    where: str, data: Prepared, fit: Fit, errors: PoleErrors, verdict: Verdict, order: Int[np.ndarray, "mode"]
+) -> list[Finding]:
+    """Groups of modes that the data do not tell apart; a single reference, which shows no multiplicity at all."""
+    found = []
+    if len(data.references) == 1 and len(order):
+        found.append(
+            Finding(
+                "info",
+                "multiplicity-not-observable",
+                where,
+                "With a single reference the modes of a repeated root look like one: a mode reported here may be "
+                "several with the same frequency and damping.",
+                value=1.0,
+                limit=2.0,
+                advice="Add a reference where symmetric or identical parts of the structure are expected to have such "
+                "modes.",
+            )
+        )
+    for group in np.unique(verdict.group[order]):
+        members = order[verdict.group[order] == group]
+        if len(members) < 2:
+            continue
+        mean = fit.poles[members].mean()
+        cause = errors.poles[members].mean(axis=0)
+        along = (np.conj(mean) * cause).real / abs(mean)
+        frequency = abs(mean) / (2 * np.pi)
+        half = COVERAGE_FACTOR * float(np.linalg.norm(along)) / (2 * np.pi)
+        found.append(
+            Finding(
+                "info",
+                "mode-group",
+                f"{where}, {frequency:.6g} Hz",
+                f"{len(members)} modes lie closer together than the data tell them apart: their mean frequency is "
+                f"{frequency:.6g} Hz +- {half:.2g} Hz; any shapes from the space that theirs span describe the FRFs as "
+                "well.",
+                value=float(len(members)),
+                advice="Compare the space of the shapes (principal angles), not single shapes.",
+            )
+        )
+    return found
 
 
 def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, Float[np.ndarray, "out in"]]:

@@ -4,9 +4,10 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from ema.data import damping_ratios
-from ema.fit import search
-from ema.fit.candidates import HEAVIEST, inside
-from ema.fit.likelihood import ModalFit, Observations
+from ema.fit import estimator, search
+from ema.fit.candidates import inside
+from ema.fit.estimator import Fit, Observations
+from ema.fit.policy import POLICY
 
 _PLACES = (np.arange(9) - 4) / 4.5
 _WIDTHS = np.array([0.5, 1.0, 2.0])
@@ -16,7 +17,7 @@ _NEAR = 7
 
 
 def another_mode(
-    data: Observations, fit: ModalFit, factor: float, band: tuple[float, float], places: Int[np.ndarray, "place"]
+    data: Observations, fit: Fit, factor: float, band: tuple[float, float], places: Int[np.ndarray, "place"]
 ) -> Float[np.ndarray, "place"]:
     """Probability that one more mode, which is not in the fit, overlaps each of some modes.
 
@@ -30,19 +31,19 @@ def another_mode(
     factor : residual energy over that of the assumed noise.
     places : positions of the modes in the fit.
     """
-    own = np.flatnonzero(inside(fit.poles, band) & (damping_ratios(fit.poles) <= HEAVIEST))
+    own = np.flatnonzero(inside(fit.poles, band) & (damping_ratios(fit.poles) <= POLICY.heaviest))
     if not len(places) or not len(own):
         return np.zeros(len(places))
-    poles, modes, outputs = fit.poles[places], len(fit.poles), data.signals.shape[1]
+    poles, outputs = fit.poles[places], data.outputs
     strength = np.linalg.norm(fit.participation, axis=0)
-    energy = strength**2 * np.sum(fit.coefficients[: 2 * modes].reshape(modes, -1) ** 2, axis=1)
+    energy = strength**2 * np.sum(np.abs(fit.psi) ** 2, axis=1)
     density = len(own) / (2 * np.pi * (band[1] - band[0]))
     reach = np.maximum(-2 * poles.real, 0.75 / density)
     trials = (
         1j * (poles.imag[:, None] + reach[:, None] * _PLACES)[:, :, None]
         + np.multiply.outer(poles.real, _WIDTHS)[:, None]
     )
-    schur, remaining = search.trial_equations(data, fit, trials.reshape(-1))
+    schur, remaining = estimator.trial_equations(data, fit, trials.reshape(-1))
     noise = search.Noise.of(data, fit)
     level = factor * noise.explains(data, poles, fit.participation.T[places], fit) / noise.required
     vectors = np.unique((fit.participation[:, own] / strength[own]).T, axis=0)

@@ -6,38 +6,41 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import FrfSet
-from ema.fit import likelihood, noise, scatter, search, weighted
+from ema.fit import estimator, noise, scatter, search
+from ema.fit.estimator import Fit, Observations
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT
-from ema.fit.select import Dropped, Selection
-from ema.fit.weighted import Linearisation, State, Weighted
+from ema.fit.selection import Dropped, Selection
 
 _ENOUGH = 60_000
 """Values from which the structure of the noise and its correlation are estimated."""
 _BEYOND = 3.0
 """Energy of the residual over that of the known noise from which on the noise is not what limits the fit."""
-_ROUNDS = 4
+_AT_ONCE = 400_000
+"""Values that are worked on at a time."""
+_ROUNDS = 5
 """Optima at which the poles are judged again."""
+_DOUBT = 2.0
+"""Standard deviations above the mean of what noise gives to as many unknowns, within which terms are left out."""
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
 
 
 @dataclass(frozen=True)
 class Refined:
-    """The optimum in units of ``unit`` rad/s; ``kept`` (mode,) are the poles of the selection that it has,
-    ``dropped`` the modes that it has not, and why.
+    """The optimum and its data; ``kept`` (mode,) are the poles of the selection that it has, ``dropped`` the modes that
+    it has not, and why.
 
     ``inflation`` (unknown,) is the variance of each shared unknown over what the weights say, ``inflation_of_shapes``
     (mode,) that of shapes: residual energy over that of the assumed noise, times the loss by errors that are correlated
     over lines, times that of a misfit at the peaks, and for poles at least what changes between lines, outputs and
-    blows. ``basis`` says in words what the noise level rests on.
+    impacts. ``basis`` says in words what the noise level rests on.
     """
 
-    state: State
-    normal: Linearisation
+    fit: Fit
+    data: Observations
     kept: Int[np.ndarray, "mode"]
     dropped: tuple[Dropped, ...]
-    unit: float
     inflation: Float[np.ndarray, "unknown"]
     inflation_of_shapes: Float[np.ndarray, "mode"]
     basis: str
@@ -45,141 +48,146 @@ class Refined:
 
 def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     """Refine selected poles, participation, shapes and residual terms with a weight for every line of every FRF."""
-    unit = float(np.abs(chosen.data.s).mean())
-    s = 2j * np.pi * data.frequencies / unit
-    signals = np.ascontiguousarray((data.values * ((s * unit) ** -data.derivative)[:, None, None]).transpose(1, 2, 0))
-    flat = Weighted(s, unit, signals, np.broadcast_to(1.0, signals.shape))
-    start = _start(data, chosen, unit)
+    flat = _observations(data)
+    start = _start(flat, data, chosen)
     known, basis = _known(band, data)
     misfit = _misfit(flat, start, data.derivative, known)
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
-    flat = replace(flat, weights=_weights(flat, start, data.derivative, known, misfit))
-    # Few values: what the start was still off by shows in their noise.
-    again = known is None and not misfit and signals.size <= _ENOUGH
-    floor = likelihood.narrowest_decay(chosen.data) / unit
-    state, kept = weighted.normalised(start), np.arange(len(start.poles))
-    normal = weighted.linearise(flat, state)
+    fit, kept = start, np.arange(len(start.poles))
     dropped: tuple[Dropped, ...] = ()
-    for _ in range(_ROUNDS):
+    # Few values: what the start was still off by shows in their noise.
+    again = 2 if known is None and not misfit and flat.signals.size <= _ENOUGH else 1
+    for turn in range(_ROUNDS):
+        if turn < again:
+            flat = replace(flat, weights=_weights(flat, fit, data.derivative, known, misfit))
+            fit = estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
+        before = len(fit.poles)
         # What is fitted badly asks for poles that noise would not: then all of them stay.
         if not misfit:
-            state, normal, kept, gone = _pruned(flat, state, normal, chosen, kept)
+            fit, kept, gone = _pruned(flat, fit, chosen, kept)
             dropped = (*dropped, *gone)
-        state, normal = weighted.refine(flat, state, floor, normal)
-        if again:
-            again = False
-            flat = replace(flat, weights=_weights(flat, state, data.derivative, known, misfit))
-            state = weighted.normalised(state)
-            normal = weighted.linearise(flat, state)
-            continue
-        settled = replace(normal, offset=np.zeros_like(normal.offset))
-        if misfit or not len(_needless(flat, state, settled, chosen, kept)[0]):
+        if turn >= again and len(fit.poles) == before:
             break
-        state = weighted.normalised(state)
-        normal = weighted.linearise(flat, state)
-    factor = weighted.cost(flat, state) / weighted.freedom(flat, state)
-    of_poles, of_shapes = _loss(flat, state)
-    between, of_what = _between(flat, state, normal, factor * of_poles, band, data, chosen.is_mode[kept])
+        fit = estimator.refine(flat, _spared(flat, fit))
+    factor = fit.variance_factor(flat)
+    of_poles, of_shapes = _loss(flat, fit)
+    between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
     basis += of_what
-    at_peaks = _at_peaks(flat, state) if misfit else np.ones(len(state.poles))
-    inflation = np.tile((factor * of_poles * at_peaks)[state.owners], 2)
-    half, modes = len(inflation) // 2, len(state.poles)
+    at_peaks = _at_peaks(flat, fit) if misfit else np.ones(len(fit.poles))
+    inflation = np.tile((factor * of_poles * at_peaks)[fit.owners], 2)
+    half, modes = len(inflation) // 2, len(fit.poles)
     inflation[:modes] *= np.maximum(between[0] / at_peaks, 1)
     inflation[half : half + modes] *= np.maximum(between[1] / at_peaks, 1)
-    return Refined(state, normal, kept, dropped, unit, inflation, factor * of_shapes * at_peaks, basis)
+    return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, basis)
+
+
+def _observations(data: Prepared) -> Observations:
+    """All lines of all FRFs, each output a row, not yet weighted."""
+    s = 2j * np.pi * data.frequencies
+    signals = np.ascontiguousarray((data.values * (s**-data.derivative)[:, None, None]).transpose(1, 2, 0))[:, None]
+    weights = np.ones((len(signals), *signals.shape[2:]))
+    return Observations(s, signals, weights)
+
+
+def _start(flat: Observations, data: Prepared, chosen: Selection) -> Fit:
+    """The selection with shapes and residual terms on all outputs."""
+    fit = chosen.fit
+    observed = estimator.observe(
+        data.frequencies, data.values, data.derivative, chosen.noise, chosen.starts, rotate=False
+    )
+    everywhere = estimator.evaluate(observed, fit.poles, fit.participation, fit.terms)
+    outputs = chosen.noise.outputs[:, None]
+    shapes = everywhere.shapes[0] * outputs
+    rest = everywhere.rest[0] * outputs[:, :, None]
+    return estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (shapes[:, None], rest[:, None]))
 
 
 def _between(
-    flat: Weighted,
-    state: State,
-    normal: Linearisation,
+    flat: Observations,
+    fit: Fit,
     variance: Float[np.ndarray, "mode"],
     band: FrfSet,
     data: Prepared,
     is_mode: Bool[np.ndarray, "mode"],
 ) -> tuple[Float[np.ndarray, "2 mode"], str]:
     """Factors for what noise alone does not explain, and what it is in words."""
+    change = scatter.Changes.of(flat, fit, variance)
     found = {
-        "noise that the FRFs share": scatter.between_lines(flat, state, normal, variance),
-        "scatter between the FRFs": scatter.between_outputs(flat, state, normal, variance),
+        "noise that the FRFs share": scatter.between_lines(flat, fit, change),
+        "scatter between the FRFs": scatter.between_outputs(flat, fit, change),
     }
     if band.deviations is not None:
-        blows = _single_blows(band, data, flat)
-        found["scatter between the blows"] = scatter.between_blows(flat, state, normal, variance, *blows)
+        impacts = _single_impacts(band, data, flat)
+        found["scatter between the impacts"] = scatter.between_impacts(flat, fit, change, *impacts)
     words = [name for name, factor in found.items() if np.any(factor[:, is_mode] > 1)]
     basis = f"; of some poles, {' and '.join(words)}, which is beyond that" if words else ""
     return np.max(list(found.values()), axis=0), basis
 
 
+def _spared(flat: Observations, fit: Fit) -> Fit:
+    """The fit without the last residual terms, as long as noise explains them for all FRFs together.
+
+    A set of terms is left out when its gain, poles adapted, stays within two standard deviations of what noise gives to
+    as many unknowns.
+    """
+    noise = fit.variance_factor(flat)
+    gained = _promised(fit)
+    while fit.rest.shape[-1]:
+        fewer = estimator.with_terms(flat, fit, max(fit.rest.shape[-1] - 2, 0))
+        count = fit.rest.size - fewer.rest.size
+        lost = (fewer.cost - _promised(fewer)) - (fit.cost - gained)
+        if lost > noise * (count + _DOUBT * np.sqrt(2 * count)):
+            break
+        fit, gained = fewer, _promised(fewer)
+    return fit
+
+
+def _promised(fit: Fit) -> float:
+    """What a Gauss-Newton step would take off the cost."""
+    by_cause = estimator.root(fit)
+    return float(np.sum((by_cause.T @ fit.gradient) ** 2))
+
+
 def _pruned(
-    data: Weighted, state: State, normal: Linearisation, chosen: Selection, kept: Int[np.ndarray, "mode"]
-) -> tuple[State, Linearisation, Int[np.ndarray, "left"], tuple[Dropped, ...]]:
-    """The state without poles that noise explains, which poles of the selection stay, and the modes that do not."""
+    data: Observations, fit: Fit, chosen: Selection, kept: Int[np.ndarray, "mode"]
+) -> tuple[Fit, Int[np.ndarray, "left"], tuple[Dropped, ...]]:
+    """The fit without poles that noise explains, which poles of the selection stay, and the modes that do not."""
     dropped: tuple[Dropped, ...] = ()
     while True:
-        gone, share = _needless(data, state, normal, chosen, kept)
+        gone, share = _needless(data, fit, chosen, kept)
         if not len(gone):
-            return state, normal, kept, dropped
+            return fit, kept, dropped
         dropped += tuple(
-            Dropped(complex(state.poles[k] * data.unit), f"it explains {part:.2g} times what noise of its lines would")
+            Dropped(complex(fit.poles[k]), f"it explains {part:.2g} times what noise of its lines would")
             for k, part in zip(gone, share, strict=True)
-            if chosen.is_mode[kept[k]]
+            if chosen.possible[kept[k]]
         )
-        state, kept = weighted.without_poles(state, gone), np.delete(kept, gone)
-        normal = weighted.linearise(data, state)
+        left = np.setdiff1d(np.arange(len(fit.poles)), gone)
+        fit, kept = estimator.drop(data, fit, left), kept[left]
 
 
 def _needless(
-    data: Weighted, state: State, normal: Linearisation, chosen: Selection, kept: Int[np.ndarray, "mode"]
+    data: Observations, fit: Fit, chosen: Selection, kept: Int[np.ndarray, "mode"]
 ) -> tuple[Int[np.ndarray, "gone"], Float[np.ndarray, "gone"]]:
     """Poles that noise explains, none of them near another one of them, and their energy over what noise explains.
 
     Here every line of every FRF has its own noise, which the selection knows on the average only. A mode has to exceed
     what noise does anywhere in the band; background stays as long as it does more than noise at its place.
     """
-    gain, unknowns = weighted.gains(data, state, normal)
-    lines = np.abs(data.s.imag)
-    mode = search.passes_for_mode(unknowns, len(lines)) * search.caution(
-        state.poles, state.poles, float(np.min(np.diff(lines)))
-    )
-    is_mode = chosen.is_mode[kept]
-    share = gain / np.where(is_mode, mode, weighted.chance(unknowns))
-    if chosen.named:
-        share[is_mode] = np.inf
+    gain = estimator.gains(fit) / max(fit.variance_factor(data), 1e-300)
+    unknowns = 2 * (data.outputs + data.references)
+    mode = search.passes_for_mode(unknowns, len(data.s)) * search.caution(fit.poles, fit.poles, data.line)
+    is_mode = chosen.possible[kept]
+    share = gain / np.where(is_mode, mode, unknowns + _DOUBT * np.sqrt(2 * unknowns))
     gone: list[int] = []
     for k in np.argsort(share):
         if share[k] > 1:
             break
-        reach = 4 * (np.abs(state.poles[gone].real) + abs(state.poles[k].real))
-        if np.all(np.abs(state.poles[gone] - state.poles[k]) > reach):
+        reach = 4 * (np.abs(fit.poles[gone].real) + abs(fit.poles[k].real))
+        if np.all(np.abs(fit.poles[gone] - fit.poles[k]) > reach):
             gone.append(int(k))
     return np.array(gone, int), share[gone]
-
-
-def _start(data: Prepared, chosen: Selection, unit: float) -> State:
-    """The selection with shapes and residual terms on all outputs."""
-    fit, blocks = chosen.fit, []
-    for first in range(0, len(data.dofs), 48):
-        rows = slice(first, first + 48)
-        part = replace(chosen.noise, outputs=chosen.noise.outputs[rows])
-        observed = likelihood.observe(
-            data.frequencies, data.values[:, rows], data.derivative, part, chosen.starts, rotate=False
-        )
-        blocks.append(likelihood.linear_unknowns(observed, fit) * chosen.noise.outputs[rows])
-    coefficients = np.concatenate(blocks, axis=1)
-    modes, references, unobserved = len(fit.poles), len(data.references), len(chosen.data.rest)
-    pairs = (coefficients[0::2] + 1j * coefficients[1::2]).T
-    rest = pairs[:, modes:].reshape(len(data.dofs), references, unobserved + 1)
-    static = rest[:, :, -1]
-    return State(
-        poles=fit.poles / unit,
-        participation=fit.participation,
-        shapes=pairs[:, :modes] / unit,
-        rest_poles=chosen.data.rest / unit,
-        rest=np.concatenate([rest[:, :, :-1] / unit, np.stack([static.real, static.imag], axis=2)], axis=2),
-        active=np.ones(unobserved + 2, bool),
-    )
 
 
 def _known(band: FrfSet, data: Prepared) -> tuple[Float[np.ndarray, "out in freq"] | None, str]:
@@ -203,8 +211,8 @@ def _places(band: FrfSet, data: Prepared) -> tuple[list[int], list[int]]:
     return [dofs.index(dof) for dof in data.dofs], [references.index(dof) for dof in data.references]
 
 
-def _single_blows(
-    band: FrfSet, data: Prepared, flat: Weighted
+def _single_impacts(
+    band: FrfSet, data: Prepared, flat: Observations
 ) -> tuple[Complex[np.ndarray, "blow out in freq"], Int[np.ndarray, "blow out in"]]:
     """Deviations by single blows, arranged like the signals, and the numbers of the blows."""
     assert band.deviations is not None
@@ -213,15 +221,14 @@ def _single_blows(
         values, blows = values.transpose(0, 1, 3, 2), blows.transpose(0, 2, 1)
     rows, columns = _places(band, data)
     values = values[:, values.shape[1] - len(data.frequencies) :][:, :, rows][:, :, :, columns]
-    curve = (flat.s * flat.unit) ** -data.derivative
+    curve = flat.s**-data.derivative
     return values.transpose(0, 2, 3, 1) * curve, blows[:, rows][:, :, columns]
 
 
-def _misfit(data: Weighted, state: State, derivative: int, known: Float[np.ndarray, "out in freq"] | None) -> bool:
+def _misfit(data: Observations, fit: Fit, derivative: int, known: Float[np.ndarray, "out in freq"] | None) -> bool:
     """Whether the residual is no noise: correlated over lines, and beyond the known variance where there is one."""
     some = _some(data)
-    residual = data.signals[some] - weighted.model(data, state, some)
-    residual *= (np.abs(data.s) * data.unit) ** derivative
+    residual = estimator.residual(data, fit, some)[:, 0] * np.abs(data.s) ** derivative
     residual /= np.sqrt(known[some]) if known is not None else 1
     energy = np.abs(residual) ** 2
     together = float(np.sum((residual[..., 1:] * residual[..., :-1].conj()).real))
@@ -232,9 +239,9 @@ def _misfit(data: Weighted, state: State, derivative: int, known: Float[np.ndarr
 
 
 def _weights(
-    data: Weighted, state: State, derivative: int, known: Float[np.ndarray, "out in freq"] | None, misfit: bool
+    data: Observations, fit: Fit, derivative: int, known: Float[np.ndarray, "out in freq"] | None, misfit: bool
 ) -> Float[np.ndarray, "out in freq"]:
-    """Weights of all lines of all FRFs from their variances, or from the residual of a state.
+    """Weights of all lines of all FRFs from their variances, or from the residual of a fit.
 
     A ``misfit`` that is larger than the noise may shape them within narrow limits only.
     """
@@ -242,22 +249,22 @@ def _weights(
 
     def powers(rows: slice) -> tuple[np.ndarray, np.ndarray]:
         """Noise power (stated, or that of the residual) and squared size of the fitted FRF for some rows."""
-        fitted = weighted.model(data, state, rows)
+        fitted = estimator.fitted(data, fit, rows)[:, 0]
         size = (fitted.real**2 + fitted.imag**2) * curve
         if known is not None:
-            return known[rows] * data.unit ** (-2 * derivative), size
-        residual = data.signals[rows] - fitted
+            return known[rows], size
+        residual = data.signals[rows, 0] - fitted
         return (residual.real**2 + residual.imag**2) * curve, size
 
     some = _some(data)
     power, size = powers(some)
     found = noise.structure(power, size, plain=misfit)
-    if known is None and len(state.poles):
-        left = 1 - _leverage(data, state, curve / found.variance(power, size))
+    if known is None and len(fit.poles):
+        left = 1 - _leverage(data, fit, curve / found.variance(power, size))
         found = noise.structure(power, size, left, plain=misfit)
     typical = float(np.median(_relative(found.variance(power, size), size))) if misfit else 0.0
-    weights = np.empty(data.signals.shape)
-    for rows in data.blocks():
+    weights = np.empty(data.weights.shape)
+    for rows in data.row_blocks(data.signals[0].size, _AT_ONCE):
         power, size = powers(rows)
         variance = found.variance(power, size) if known is None else noise.pooled(power, found, size)
         # An FRF that is fitted well draws the poles to itself and is fitted better: none counts more than the typical.
@@ -273,74 +280,74 @@ def _relative(variance: Float[np.ndarray, "out in freq"], size: Float[np.ndarray
     return found + tiny
 
 
-def _leverage(data: Weighted, state: State, weights: Float[np.ndarray, "some in freq"]) -> Float[np.ndarray, "in freq"]:
+def _leverage(data: Observations, fit: Fit, weights: Float[np.ndarray, "some in freq"]) -> Float[np.ndarray, "in freq"]:
     """Share of the noise of each line that the modes follow, typical of all outputs.
 
     Where a peak is a few lines wide this is a good part, and the residual alone would make those lines look quiet.
     """
-    outputs, modes = len(data.signals), len(state.poles)
+    outputs, modes = data.outputs, len(fit.poles)
     typical = np.mean(weights / np.mean(weights, axis=-1, keepdims=True), axis=0)
-    direct, mirrored = 1 / (data.s - state.poles[:, None]), 1 / (data.s - state.poles.conj()[:, None])
+    direct, mirrored = 1 / (data.s - fit.poles[:, None]), 1 / (data.s - fit.poles.conj()[:, None])
     columns = []
-    for entries, weight in zip(state.participation[:, :, None], typical, strict=True):
+    for entries, weight in zip(fit.participation[:, :, None], typical, strict=True):
         one, other = entries * direct, entries.conj() * mirrored
         columns.append(np.concatenate([one + other, 1j * (one - other)]) * np.sqrt(weight))
     information = np.zeros((2 * modes, 2 * modes))
     for block in columns:
         flat = block.view(float)
         information += flat @ flat.T
-    spread = weighted.inverse(information)
+    spread = estimator.inverse(information)
     shares = [0.5 * np.sum((block.conj() * (spread @ block)).real, axis=0) for block in columns]
     # Poles and participation are shared by all outputs.
     return np.minimum(np.array(shares) * (1 + len(columns) / outputs), 0.8)
 
 
-def _some(data: Weighted) -> slice:
+def _some(data: Observations) -> slice:
     """Outputs that stand for all."""
     return slice(None, None, max(1, data.signals.size // _ENOUGH))
 
 
-def _loss(data: Weighted, state: State) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
+def _loss(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
     """Variance of poles and of shapes over that for errors independent from line to line, each mode.
 
     The errors correlate as the residual does; what counts is how far the sensitivity of a mode reaches over lines:
     ``sum_l rho(l) c(l)`` with the autocorrelations of residual and sensitivity, each 1 at lag 0.
     """
     some, lines = _some(data), len(data.s)
-    residual = np.sqrt(data.weights[some]) * (data.signals[some] - weighted.model(data, state, some))
+    residual = np.sqrt(data.weights[some]) * estimator.residual(data, fit, some)[:, 0]
     chance = 2.5 / np.sqrt(residual.size)
     rho = _autocorrelation(residual.reshape(-1, lines), chance)
     telling = int(np.argmax(np.append(rho, 0.0) < chance))
-    ones = np.ones(len(state.poles))
+    ones = np.ones(len(fit.poles))
     if telling < 2:
         return ones, ones
     typical = np.sqrt(np.mean(data.weights[some], axis=(0, 1)))
     result = []
     for power in (2, 1):
-        sensitivity = typical / (data.s - state.poles[:, None]) ** power
+        sensitivity = typical / (data.s - fit.poles[:, None]) ** power
         reach = np.stack([_autocorrelation(row[None])[1:telling] for row in sensitivity])
         result.append(np.maximum(1, 1 + 2 * reach @ rho[1:telling]))
     return result[0], result[1]
 
 
-def _at_peaks(data: Weighted, state: State) -> Float[np.ndarray, "mode"]:
+def _at_peaks(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
     """Residual energy where it moves each pole over that of all lines, at least 1: what is fitted badly is worst there.
 
     It is made up for what the pole and the shapes have followed of these lines.
     """
-    modes, outputs = len(state.poles), len(data.signals)
+    modes, outputs = len(fit.poles), data.outputs
     found, total = np.zeros(modes), np.zeros(modes)
-    near = np.abs(data.s - state.poles[:, None]) ** -4
-    size = np.abs(state.participation) ** 2
-    for rows in data.blocks():
-        residual = data.signals[rows] - weighted.model(data, state, rows)
-        energy = data.weights[rows] * np.abs(residual) ** 2
+    near = np.abs(data.s - fit.poles[:, None]) ** -4
+    size = np.abs(fit.participation) ** 2
+    for rows in data.row_blocks(data.signals[0].size, _AT_ONCE):
+        energy = data.weights[rows] * np.abs(estimator.residual(data, fit, rows)[:, 0]) ** 2
+        shapes = np.abs(fit.shapes[rows, 0]) ** 2
         for values, result in ((data.weights[rows] * energy, found), (data.weights[rows], total)):
-            result += np.einsum("oif,mf,im,om->m", values, near, size, np.abs(state.shapes[rows]) ** 2, optimize=True)
+            result += np.einsum("oif,mf,im,om->m", values, near, size, shapes, optimize=True)
     reach = np.mean(data.weights, axis=(0, 1)) * near
     lines = np.sum(reach, axis=1) ** 2 / np.sum(reach**2, axis=1)
     left = np.maximum(1 - (1 + 1 / outputs) / lines, 0.2)
-    usual = weighted.cost(data, state) / data.signals.size
+    usual = 2 * fit.cost / data.equations
     return np.maximum(found / (total * usual * left), 1)
 
 

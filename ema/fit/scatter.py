@@ -1,14 +1,14 @@
-"""Scatter of the poles between FRFs that were measured one after the other, and between the blows that they average."""
+"""Scatter of the poles between FRFs that were measured one after the other, and between the impacts they average."""
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.special
 import scipy.stats
 from jaxtyping import Complex, Float, Int
 
-from ema.fit import weighted
-from ema.fit.weighted import Linearisation, State, Weighted
+from ema.fit import estimator
+from ema.fit.estimator import Fit, Observations
 
 _CHANCE = 5e-3
 """Probability that noise alone passes for scatter."""
@@ -22,107 +22,116 @@ _PRIOR = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 64.0])
 """Degrees of freedom tried for how alike the modes scatter: 1 hardly, 64 all the same."""
 
 
-def between_outputs(
-    data: Weighted, state: State, normal: Linearisation, variance: Float[np.ndarray, "mode"]
-) -> Float[np.ndarray, "2 mode"]:
+@dataclass(frozen=True)
+class Changes:
+    """What turns a pull on the shared unknowns into changes of the poles of a fit, and their variance by noise.
+
+    ``by_pull`` (unknown, 2 mode) are the columns of the covariance that belong to the real parts of the poles, then to
+    their imaginary parts, for noise as the weights say; ``noise`` (2, mode) the variance of these parts.
+    """
+
+    by_pull: Float[np.ndarray, "unknown change"]
+    noise: Float[np.ndarray, "2 mode"]
+
+    @classmethod
+    def of(cls, data: Observations, fit: Fit, variance: Float[np.ndarray, "mode"]) -> "Changes":
+        """For the ``variance`` of each pole over what the weights say."""
+        modes, half = len(fit.poles), len(fit.gradient) // 2
+        level = max(fit.variance_factor(data), np.finfo(float).tiny)
+        by_cause = estimator.root(fit, level)
+        rows = np.concatenate([np.arange(modes), half + np.arange(modes)])
+        covariance = by_cause @ by_cause[rows].T / level
+        own = np.diagonal(covariance[rows]).reshape(2, modes)
+        return cls(covariance, own * variance)
+
+    def parts(self, pull: Float[np.ndarray, "part unknown"]) -> Float[np.ndarray, "2 part mode"]:
+        """Changes of the real, and of the imaginary parts of the poles by each pull."""
+        return (pull @ self.by_pull).reshape(len(pull), 2, -1).transpose(1, 0, 2)
+
+
+def between_outputs(data: Observations, fit: Fit, changes: Changes) -> Float[np.ndarray, "2 mode"]:
     """Factor on the variance of the real and of the imaginary part of each pole for what changes between the outputs.
 
     Where a hammer roves, its points are hit at different times, in different ways, with the sensor loading another
     place: each FRF is clean and has a pole of its own. Leaving out one output after the other shows that (one step of
     the jackknife, Wu 1986; sandwich variance over groups, Liang and Zeger 1986).
-
-    Parameters
-    ----------
-    variance : of each pole over what the weights say.
     """
-    modes = len(state.poles)
-    if len(data.signals) < 3 or not modes:
+    modes = len(fit.poles)
+    if data.outputs < 3 or not modes:
         return np.ones((2, modes))
-    share = np.minimum(_shares(data, state), _LARGEST_SHARE)
+    share = np.minimum(_shares(data, fit), _LARGEST_SHARE)
     freedom = np.maximum(1 / np.sum(share**2, axis=0) - 1, 1)
     usual = np.sum(share / (1 - share), axis=0)
-    covariance = normal.covariance()
-    change = weighted.scores(data, state, normal) @ covariance
-    seen = np.array([np.sum((part / (1 - share)) ** 2, axis=0) / usual for part in _of_poles(change, modes)])
-    return _factors(seen, np.array([freedom, freedom]), state, covariance, variance, 0.5 * (freedom + 1))
+    pull = np.concatenate(
+        [estimator.pulls(data, fit, estimator.residual(data, fit, rows), rows)[:, 0] for rows in _blocks(data)]
+    )
+    seen = np.sum((changes.parts(pull) / (1 - share)) ** 2, axis=1) / usual
+    return _factors(seen, np.array([freedom, freedom]), fit, changes, 0.5 * (freedom + 1))
 
 
-def between_lines(
-    data: Weighted, state: State, normal: Linearisation, variance: Float[np.ndarray, "mode"]
-) -> Float[np.ndarray, "2 mode"]:
+def between_lines(data: Observations, fit: Fit, changes: Changes) -> Float[np.ndarray, "2 mode"]:
     """Factor on the variance of the real and of the imaginary part of each pole for noise that the FRFs share.
 
-    The force of a blow is a part of all FRFs of that blow: its noise moves them together, and many FRFs tell no more
-    than one. What the residuals of all FRFs on a line do to a pole shows that (sandwich variance over groups of lines,
-    Liang and Zeger 1986).
-
-    Parameters
-    ----------
-    variance : of each pole over what the weights say.
+    The force of an impact is a part of all FRFs of that impact: its noise moves them together, and many FRFs tell no
+    more than one. What the residuals of all FRFs on a line do to a pole shows that (sandwich variance over groups of
+    lines, Liang and Zeger 1986).
     """
-    modes, count = len(state.poles), len(data.s)
-    if data.signals[..., 0].size < 2 or not modes or count < 4 * _GROUPS:
+    modes = len(fit.poles)
+    if data.outputs * data.references < 2 or not modes or len(data.s) < 4 * _GROUPS:
         return np.ones((2, modes))
-    residual = data.signals - np.concatenate([weighted.model(data, state, rows) for rows in data.blocks()])
-    pull = np.empty((_GROUPS, len(normal.gradient)))
-    for group in range(_GROUPS):
-        lines = slice(group, None, _GROUPS)
-        some = replace(data, s=data.s[lines], signals=data.signals[..., lines], weights=data.weights[..., lines])
-        pull[group] = np.sum(weighted.scores(some, state, normal, residual[..., lines]), axis=0)
-    covariance = normal.covariance()
-    seen, freedom = [], []
-    for part in _of_poles(pull @ covariance, modes):
-        left = (part - np.mean(part, axis=0)) ** 2
-        seen.append(np.sum(left, axis=0) * _GROUPS / (_GROUPS - 1))
-        freedom.append(np.full(modes, _GROUPS - 1.0))
-    return _factors(np.array(seen), np.array(freedom), state, covariance, variance)
+    pull = np.zeros((_GROUPS, len(fit.gradient)))
+    for rows in _blocks(data):
+        residual = estimator.residual(data, fit, rows)
+        for group in range(_GROUPS):
+            lines = slice(group, None, _GROUPS)
+            pull[group] += estimator.pulls(data.lines(lines), fit, residual[..., lines], rows).sum(axis=(0, 1))
+    parts = changes.parts(pull)
+    left = (parts - np.mean(parts, axis=1, keepdims=True)) ** 2
+    seen = np.sum(left, axis=1) * _GROUPS / (_GROUPS - 1)
+    return _factors(seen, np.full((2, modes), _GROUPS - 1.0), fit, changes)
 
 
-def between_blows(
-    data: Weighted,
-    state: State,
-    normal: Linearisation,
-    variance: Float[np.ndarray, "mode"],
-    deviations: Complex[np.ndarray, "blow out in freq"],
-    blows: Int[np.ndarray, "blow out in"],
+def between_impacts(
+    data: Observations,
+    fit: Fit,
+    changes: Changes,
+    deviations: Complex[np.ndarray, "impact out in freq"],
+    impacts: Int[np.ndarray, "impact out in"],
 ) -> Float[np.ndarray, "2 mode"]:
-    """Factor on the variance of the real and of the imaginary part of each pole for what changes between the blows.
+    """Factor on the variance of the real and of the imaginary part of each pole for what changes between the impacts.
 
-    Blows differ in strength, place and direction, and a joint answers to that: the averaged FRF is clean, and its pole
-    is that of these few blows. What each blow does to a pole follows from its deviation from the average (one step of
-    the jackknife). One blow shifts all FRFs that it was measured in at once, so its noise may be common to them too.
+    Impacts differ in strength, place and direction, and a joint answers to that: the averaged FRF is clean, and its
+    pole is that of these few impacts. What each impact does to a pole follows from its deviation from the average (one
+    step of the jackknife). One impact shifts all FRFs that it was measured in at once, so its noise may be common to
+    them too.
 
     Parameters
     ----------
-    variance : of each pole over what the weights say.
-    deviations : of the FRFs, like the signals; ``blows`` says which blow each belongs to, -1 to none.
+    deviations : of the FRFs, like the signals; ``impacts`` says which impact each belongs to, -1 to none.
     """
-    modes, count = len(state.poles), int(blows.max(initial=-1)) + 1
+    modes, count = len(fit.poles), int(impacts.max(initial=-1)) + 1
     if not modes or not count:
         return np.ones((2, modes))
-    pull = np.zeros((count, len(normal.gradient)))
-    for change, numbers in zip(deviations, blows, strict=True):
+    pull = np.zeros((count, len(fit.gradient)))
+    for change, numbers in zip(deviations, impacts, strict=True):
         together = bool(np.all(numbers == numbers[:, :1]))
         for column in range(1 if together else numbers.shape[1]):
             own = change if together else np.where(np.arange(numbers.shape[1])[:, None] == column, change, 0)
             some = numbers[:, column] >= 0
-            np.add.at(pull, numbers[some, column], weighted.scores(data, state, normal, own)[some])
-    covariance = normal.covariance()
-    average = _averages(blows, count)
-    seen, freedom = zip(*(_pooled(part, average) for part in _of_poles(pull @ covariance, modes)))
+            np.add.at(pull, numbers[some, column], estimator.pulls(data, fit, own[:, None])[some, 0])
+    average = _averages(impacts, count)
+    seen, freedom = zip(*(_pooled(part, average) for part in changes.parts(pull)))
     each = count / len(np.unique(average))
-    return _factors(np.array(seen), np.array(freedom), state, covariance, variance, each)
+    return _factors(np.array(seen), np.array(freedom), fit, changes, each)
 
 
-def _of_poles(change: Float[np.ndarray, "part unknown"], modes: int) -> list[Float[np.ndarray, "part mode"]]:
-    """Changes of the real, and of the imaginary parts of the poles."""
-    half = change.shape[1] // 2
-    return [change[:, :modes], change[:, half : half + modes]]
+def _blocks(data: Observations) -> list[slice]:
+    return data.row_blocks(data.signals[0].size, 400_000)
 
 
-def _averages(blows: Int[np.ndarray, "blow out in"], count: int) -> Int[np.ndarray, "count"]:
-    """Number of the average that each blow is part of."""
-    flat = blows.reshape(len(blows), -1)
+def _averages(impacts: Int[np.ndarray, "impact out in"], count: int) -> Int[np.ndarray, "count"]:
+    """Number of the average that each impact is part of."""
+    flat = impacts.reshape(len(impacts), -1)
     found = np.zeros(count, int)
     first = np.min(np.where(flat >= 0, flat, count), axis=0)
     held = flat >= 0
@@ -131,9 +140,9 @@ def _averages(blows: Int[np.ndarray, "blow out in"], count: int) -> Int[np.ndarr
 
 
 def _pooled(
-    change: Float[np.ndarray, "blow mode"], average: Int[np.ndarray, "blow"]
+    change: Float[np.ndarray, "impact mode"], average: Int[np.ndarray, "impact"]
 ) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
-    """Variance by the blows of all averages together, and its degrees of freedom (Satterthwaite 1946)."""
+    """Variance by the impacts of all averages together, and its degrees of freedom (Satterthwaite 1946)."""
     labels, places, members = np.unique(average, return_inverse=True, return_counts=True)
     each = np.zeros((len(labels), change.shape[1]))
     np.add.at(each, places, change**2)
@@ -146,9 +155,8 @@ def _pooled(
 def _factors(
     seen: Float[np.ndarray, "2 mode"],
     freedom: Float[np.ndarray, "2 mode"],
-    state: State,
-    covariance: Float[np.ndarray, "unknown unknown"],
-    variance: Float[np.ndarray, "mode"],
+    fit: Fit,
+    changes: Changes,
     broadened: float | Float[np.ndarray, "mode"] = 0.0,
 ) -> Float[np.ndarray, "2 mode"]:
     """Factors of real and imaginary parts: scatter is compared with the decay rate, and with the frequency.
@@ -157,12 +165,10 @@ def _factors(
     of an average is too high by, and half of that for one pole in several FRFs. ``broadened`` is that share times the
     number of resonances; the error is added to the variance.
     """
-    modes, half = len(state.poles), len(covariance) // 2
-    own = np.diagonal(covariance)
-    noise = np.array([own[:modes], own[half : half + modes]]) * variance
-    size = np.array([state.poles.real**2, np.abs(state.poles) ** 2])
+    noise = changes.noise
+    size = np.array([fit.poles.real**2, np.abs(fit.poles) ** 2])
     real, imaginary = (widened(*row) for row in zip(seen, noise, size, freedom, (False, True), strict=True))
-    error = broadened * (imaginary - 1) * noise[1] / np.abs(state.poles.real)
+    error = broadened * (imaginary - 1) * noise[1] / np.abs(fit.poles.real)
     return np.array([real + error**2 / np.maximum(noise[0], np.finfo(float).tiny), imaginary])
 
 
@@ -211,12 +217,12 @@ def _log_density(
     return found - scipy.special.betaln(first / 2, second / 2)
 
 
-def _shares(data: Weighted, state: State) -> Float[np.ndarray, "out mode"]:
+def _shares(data: Observations, fit: Fit) -> Float[np.ndarray, "out mode"]:
     """Share of each output in what the data tell of each pole."""
-    near = np.abs(data.s - state.poles[:, None]) ** -4
-    share = np.empty(state.shapes.shape)
-    for rows in data.blocks():
-        found = np.einsum("oif,mf,im->om", data.weights[rows], near, np.abs(state.participation) ** 2, optimize=True)
-        share[rows] = found * np.abs(state.shapes[rows]) ** 2
+    near, size = np.abs(data.s - fit.poles[:, None]) ** -4, np.abs(fit.participation) ** 2
+    share = np.empty((data.outputs, len(fit.poles)))
+    for rows in _blocks(data):
+        found = np.einsum("oif,mf,im->om", data.weights[rows], near, size, optimize=True)
+        share[rows] = found * np.abs(fit.shapes[rows, 0]) ** 2
     result: np.ndarray = share / np.maximum(np.sum(share, axis=0), np.finfo(float).tiny)
     return result

@@ -7,12 +7,11 @@ import scipy.stats
 from jaxtyping import Complex, Float
 
 from ema.data import damping_ratios, natural_frequencies
-from ema.fit import likelihood
-from ema.fit.candidates import HEAVIEST, inside
-from ema.fit.likelihood import ModalFit, Observations
+from ema.fit import estimator
+from ema.fit.candidates import inside
+from ema.fit.estimator import Fit, Observations
+from ema.fit.policy import POLICY
 
-FALSE_ALARM = 1e-6
-"""Probability that noise alone passes for a mode somewhere in the band."""
 MISFIT = 0.2
 """Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told."""
 VISIBLE = 0.25
@@ -37,21 +36,22 @@ _CHANCE = 0.01
 """Probability with which noise alone passes for a resonance outside the band."""
 
 
-def search(data: Observations, fit: ModalFit, band: tuple[float, float], rounds: int, hidden: bool) -> ModalFit:
+def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int, hidden: bool) -> Fit:
     """Add modes that the residual still shows, the strongest first, as long as noise and misfit cannot explain them.
 
     ``hidden`` admits modes without a peak of their own even where the residual is a misfit.
     """
-    references, outputs, _ = data.signals.shape
+    references, outputs = data.references, data.outputs
     freedom = 2 * outputs * references
     limit = passes_for_mode(freedom, len(data.s))
     for _ in range(rounds):
-        profile, together = likelihood.residuals(data, fit)
-        correlation = together.sum() / max(np.sum(profile**2), 1e-300)
-        trials = _trials(band, _peaks(data, profile))
+        by_reference, together = estimator.profile(data, fit)
+        power = by_reference.mean(axis=0)
+        correlation = together.sum() / max(power.sum(), 1e-300)
+        trials = _trials(band, _peaks(data, power))
         net = len(trials)
         trials = np.concatenate([trials, _beside(fit, band)])
-        factor = max(likelihood.variance_factor(data, fit), 1e-300)
+        factor = max(fit.variance_factor(data), 1e-300)
         gain, vectors = trial_gains(data, fit, trials)
         required = np.full(len(trials), limit * factor)
         if not hidden:
@@ -63,19 +63,17 @@ def search(data: Observations, fit: ModalFit, band: tuple[float, float], rounds:
         chosen = _apart(trials, gain / required, 3 if hidden else 1)
         if not chosen:
             break
-        larger = fit
-        for k in chosen:
-            larger = likelihood.with_mode(data, larger, complex(trials[k]), vectors[k])
-        larger = likelihood.refine(data, larger, iterations=25, tolerance=1e-2)
+        larger = estimator.with_modes(data, fit, trials[chosen], vectors[chosen])
+        larger = estimator.refine(data, larger, iterations=25)
         if fit.cost - larger.cost < required[chosen].min() or np.any(larger.poles.real >= 0):
             break
-        if not hidden and correlation > MISFIT and likelihood.dominance(data, larger)[-1] < VISIBLE:
+        if not hidden and correlation > MISFIT and estimator.dominance(data, larger)[-1] < VISIBLE:
             break
         fit = larger
     return fit
 
 
-def complete(data: Observations, fit: ModalFit, band: tuple[float, float], rounds: int) -> ModalFit:
+def complete(data: Observations, fit: Fit, band: tuple[float, float], rounds: int) -> Fit:
     """Add modes as long as each lowers the cost by more than noise alone would, and take out what they replace.
 
     Takes the residual for noise. Gains are those of one more mode, not of a free residue matrix: with several
@@ -84,15 +82,13 @@ def complete(data: Observations, fit: ModalFit, band: tuple[float, float], round
     most, tried = _AT_ONCE, np.zeros(0, complex)
     for _ in range(rounds):
         noise = Noise.of(data, fit)
-        trials = np.concatenate([_trials(band, _peaks(data, np.sqrt(noise.power.mean(axis=1)))), _around(fit, band)])
+        trials = np.concatenate([_trials(band, _peaks(data, noise.power.mean(axis=0))), _around(fit, band)])
         trials = trials[np.all(np.abs(trials[:, None] - tried) > np.abs(trials.real)[:, None], axis=1)]
         gain, vectors = mode_gains(data, fit, trials)
         chosen = _apart(trials, gain / noise.explains(data, trials, vectors, fit, gain), most)
         if not chosen:
             break
-        larger = fit
-        for k in chosen:
-            larger = likelihood.with_mode(data, larger, complex(trials[k]), vectors[k])
+        larger = estimator.with_modes(data, fit, trials[chosen], vectors[chosen])
         larger = prune(data, _settled(data, larger, noise.required), noise)
         if larger.cost + noise.required * len(larger.poles) < fit.cost + noise.required * (
             len(fit.poles) - _WORTHWHILE
@@ -107,27 +103,27 @@ def complete(data: Observations, fit: ModalFit, band: tuple[float, float], round
     return fit
 
 
-def beyond(data: Observations, fit: ModalFit, band: tuple[float, float]) -> ModalFit:
+def beyond(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
     """Add the resonances outside the band that the residual asks for, one on each side at most.
 
     They belong to the background and cannot be false modes, so little is asked of them. Left out, they move heavy modes
     at the edge of the band by more than their intervals say. Takes the residual for noise.
     """
-    references, outputs, _ = data.signals.shape
+    references, outputs = data.references, data.outputs
     limit = float(scipy.stats.chi2.isf(_CHANCE, 2 * outputs + 2 * references))
     for edge, width in ((band[0], band[0] - band[1]), (band[1], band[1] - band[0])):
         places = edge + _OUTSIDE * width
         trials = (2 * np.pi * places[places > 0, None] * (-_TRIAL_DAMPING + 1j)).reshape(-1)
         if not len(trials):
             continue
-        required = limit * likelihood.variance_factor(data, fit)
+        required = limit * fit.variance_factor(data)
         gain, vectors = mode_gains(data, fit, trials)
         best = int(np.argmax(gain))
         if gain[best] <= required:
             continue
-        larger = likelihood.refine(data, likelihood.with_mode(data, fit, complex(trials[best]), vectors[best]), 30)
+        larger = estimator.refine(data, estimator.with_modes(data, fit, trials[[best]], vectors[[best]]), 30)
         kept = inside(larger.poles, band).sum() == inside(fit.poles, band).sum() and np.all(larger.poles.real < 0)
-        if kept and fit.cost - larger.cost > required:
+        if kept and fit.cost - larger.cost > required and np.all(larger.share >= estimator.RANK):
             fit = larger
     return fit
 
@@ -140,15 +136,15 @@ class Noise:
 
     required: float
     scale: float
-    power: Float[np.ndarray, "bin in"]
+    power: Float[np.ndarray, "in bin"]
 
     @classmethod
-    def of(cls, data: Observations, fit: ModalFit) -> "Noise":
+    def of(cls, data: Observations, fit: Fit) -> "Noise":
         """The noise that the residual of ``fit`` shows."""
-        references, outputs, _ = data.signals.shape
+        references, outputs = data.references, data.outputs
         limit = passes_for_mode(2 * outputs + 2 * references, len(data.s))
-        power = likelihood.power_by_reference(data, fit)
-        factor, scale = likelihood.variance_factor(data, fit), max(float(power.mean()), 1e-300)
+        power = estimator.profile(data, fit)[0]
+        factor, scale = fit.variance_factor(data), max(float(power.mean()), 1e-300)
         return cls(limit * max(factor, 1e-300), scale, power / scale)
 
     def explains(
@@ -156,7 +152,7 @@ class Noise:
         data: Observations,
         poles: Complex[np.ndarray, "pole"],
         vectors: Complex[np.ndarray, "pole in"],
-        fit: ModalFit,
+        fit: Fit,
         gain: Float[np.ndarray, "pole"] | None = None,
     ) -> Float[np.ndarray, "pole"]:
         """Energy that a mode has to exceed at each pole: noise that grows with the FRF is largest at its peaks, and
@@ -164,20 +160,20 @@ class Noise:
 
         The ``gain`` of modes that the residual still holds is no noise.
         """
-        line = float(np.min(np.diff(data.s.imag)))
+        line = data.line
         width = np.maximum(np.abs(poles.real), 3 * line)
-        shares = np.abs(vectors * data.reference_weights) ** 2
+        shares = np.abs(vectors) ** 2 * np.mean(data.weights, axis=(0, 2))
         shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1e-300)
         level = np.empty(len(poles))
         for first in range(0, len(poles), 128):
             rows = slice(first, first + 128)
             distance = (data.s.imag[None, :] - poles.imag[rows, None]) ** 2
             near = 1 / (distance + width[rows, None] ** 2)
-            level[rows] = np.einsum("pi,pi->p", near @ self.power, shares[rows])
+            level[rows] = np.einsum("pi,pi->p", near @ self.power.T, shares[rows])
             if gain is not None:
                 own = 1 / (distance + np.maximum(poles.real[rows, None] ** 2, 0.01 * line**2))
                 held = np.einsum("pk,pk->p", own, near) / own.sum(axis=1) * np.sum(shares[rows] ** 2, axis=1)
-                level[rows] -= held * gain[rows] / (2 * data.signals.shape[1] * self.scale)
+                level[rows] -= held * gain[rows] / (2 * data.outputs * self.scale)
             level[rows] /= near.sum(axis=1)
         return self.required * np.maximum(level, 1) * caution(poles, fit.poles, line)
 
@@ -201,13 +197,13 @@ def passes_for_mode(freedom: int, lines: int) -> float:
     """Energy that a mode of so many unknowns fitted to noise exceeds somewhere in the band with the false-alarm
     probability.
     """
-    return float(scipy.stats.chi2.isf(FALSE_ALARM / lines, freedom))
+    return float(scipy.stats.chi2.isf(POLICY.false_alarm / lines, freedom))
 
 
-def _settled(data: Observations, fit: ModalFit, required: float) -> ModalFit:
+def _settled(data: Observations, fit: Fit, required: float) -> Fit:
     """Refined until further steps gain next to nothing of what a mode does."""
     for _ in range(6):
-        refined = likelihood.refine(data, fit, iterations=5, tolerance=1e-2)
+        refined = estimator.refine(data, fit, iterations=5)
         gained, fit = fit.cost - refined.cost, refined
         if gained < 0.1 * _WORTHWHILE * required:
             break
@@ -216,17 +212,17 @@ def _settled(data: Observations, fit: ModalFit, required: float) -> ModalFit:
 
 def prune(
     data: Observations,
-    fit: ModalFit,
+    fit: Fit,
     noise: Noise,
     dropped: list[tuple[complex, str]] | None = None,
     thorough: bool = False,
-) -> ModalFit:
+) -> Fit:
     """Take out, the weakest first, the poles that noise explains once the others have adapted.
 
     ``thorough`` also tries neighbours whose places noise leaves uncertain as one; only where the residual is noise.
     """
     while len(fit.poles):
-        gain = likelihood.gains(fit)
+        gain = estimator.gains(fit)
         needed = noise.explains(data, fit.poles, fit.participation.T, fit)
         reasons = {
             int(k): f"it explains {gain[k] / needed[k]:.2g} times what noise would"
@@ -250,31 +246,31 @@ def prune(
     return fit
 
 
-def _without(data: Observations, fit: ModalFit, gone: list[int], iterations: int) -> ModalFit:
+def _without(data: Observations, fit: Fit, gone: list[int], iterations: int) -> Fit:
     keep = np.ones(len(fit.poles), bool)
     keep[gone] = False
-    return likelihood.refine(data, likelihood.drop(data, fit, keep), iterations, tolerance=1e-2)
+    return estimator.refine(data, estimator.drop(data, fit, keep), iterations)
 
 
-def _single_lines(data: Observations, fit: ModalFit, required: float) -> list[int]:
+def _single_lines(data: Observations, fit: Fit, required: float) -> list[int]:
     """Poles narrower than a line that explain nothing without the three lines they stand on: mains and such."""
-    line = float(np.min(np.diff(data.s.imag)))
     found = []
-    for k in np.flatnonzero(-2 * fit.poles.real <= line):
-        masked = likelihood.without_lines(data, float(fit.poles[k].imag))
-        if likelihood.gains(likelihood.evaluate(masked, fit.poles, fit.participation))[k] < required:
+    for k in np.flatnonzero(-2 * fit.poles.real <= data.line):
+        masked = data.without_lines(float(fit.poles[k].imag))
+        alone = estimator.evaluate(masked, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
+        if estimator.gains(alone)[k] < required:
             found.append(int(k))
     return found
 
 
 def _merged(
     data: Observations,
-    fit: ModalFit,
+    fit: Fit,
     gain: Float[np.ndarray, "pole"],
     required: float,
     pairs: list[tuple[int, int]],
     thorough: bool,
-) -> tuple[list[int], ModalFit]:
+) -> tuple[list[int], Fit]:
     """The fit without the weaker of two poles, where one mode does as well as the two.
 
     ``thorough`` tries without the stronger one too, and lets what stays settle where little is lost.
@@ -292,9 +288,9 @@ def _merged(
     return [], fit
 
 
-def confused(data: Observations, fit: ModalFit) -> list[tuple[int, int]]:
+def confused(data: Observations, fit: Fit) -> list[tuple[int, int]]:
     """Neighbours within one bandwidth of each other whose place noise leaves uncertain by a fifth of their distance."""
-    covariance = likelihood.covariance(fit, likelihood.variance_factor(data, fit))
+    covariance = estimator.covariance(fit, fit.variance_factor(data))
     uncertain = 2 * np.pi * np.sqrt(np.maximum(covariance[:, 0, 0], 0))
     distance = np.abs(fit.poles[:, None] - fit.poles[None, :])
     near = distance < np.abs(fit.poles.real)[:, None] + np.abs(fit.poles.real)[None, :]
@@ -303,14 +299,11 @@ def confused(data: Observations, fit: ModalFit) -> list[tuple[int, int]]:
     return list(zip(first.tolist(), second.tolist(), strict=True))
 
 
-def overlapping(fit: ModalFit) -> list[tuple[int, int]]:
+def overlapping(fit: Fit) -> list[tuple[int, int]]:
     """Pairs of poles within one bandwidth of each other with the same shape and participation."""
-    count = len(fit.poles)
-    shapes = fit.coefficients[: 2 * count].reshape(count, 2, fit.coefficients.shape[1])
-    psi = shapes[:, 0] + 1j * shapes[:, 1]
     distance = np.abs(fit.poles[:, None] - fit.poles[None, :])
     near = distance < np.abs(fit.poles.real)[:, None] + np.abs(fit.poles.real)[None, :]
-    alike = (_macs(psi) > 0.9) & (_macs(fit.participation.T) > 0.9)
+    alike = (_macs(fit.psi) > 0.9) & (_macs(fit.participation.T) > 0.9)
     first, second = np.nonzero(np.triu(near & alike, 1))
     return list(zip(first.tolist(), second.tolist(), strict=True))
 
@@ -333,9 +326,9 @@ def _apart(trials: Complex[np.ndarray, "trial"], merit: Float[np.ndarray, "trial
     return chosen
 
 
-def _peaks(data: Observations, profile: Float[np.ndarray, "bin"]) -> Float[np.ndarray, "peak"]:
+def _peaks(data: Observations, power: Float[np.ndarray, "bin"]) -> Float[np.ndarray, "peak"]:
     """Frequencies (Hz) of the sixteen largest maxima of the residual energy."""
-    power = np.convolve(profile**2, np.ones(3), mode="same")
+    power = np.convolve(power, np.ones(3), mode="same")
     inner = power[1:-1]
     maxima = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
     return data.s.imag[maxima[np.argsort(-power[maxima])][:16]] / (2 * np.pi)
@@ -349,34 +342,34 @@ def _trials(band: tuple[float, float], peaks: Float[np.ndarray, "peak"] | None =
     return (2 * np.pi * places[:, None] * (-_TRIAL_DAMPING + 1j)[None, :]).reshape(-1)
 
 
-def _around(fit: ModalFit, band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
+def _around(fit: Fit, band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
     """Trial poles around every mode, in units of its decay rate: narrower and wider, lower and higher."""
-    own = fit.poles[inside(fit.poles, band) & (damping_ratios(fit.poles) <= HEAVIEST)]
+    own = fit.poles[inside(fit.poles, band) & (damping_ratios(fit.poles) <= POLICY.heaviest)]
     offsets = [width + place * 1j for place in (-1.5, -0.5, 0.5, 1.5) for width in (0.3, 1.0, 2.5)]
     trials = np.concatenate([1j * own.imag + own.real * (o.real + 1j * o.imag) for o in offsets])
-    return trials[inside(trials, band) & (damping_ratios(trials) <= HEAVIEST)]
+    return trials[inside(trials, band) & (damping_ratios(trials) <= POLICY.heaviest)]
 
 
-def _beside(fit: ModalFit, band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
+def _beside(fit: Fit, band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
     """Trial poles on both sides of every mode: the second of a pair that one pole has been fitted to."""
-    own = fit.poles[inside(fit.poles, band) & (damping_ratios(fit.poles) <= HEAVIEST)]
+    own = fit.poles[inside(fit.poles, band) & (damping_ratios(fit.poles) <= POLICY.heaviest)]
     return np.concatenate([own + 0.4j * own.real, own - 0.4j * own.real])
 
 
 def trial_gains(
-    data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
+    data: Observations, fit: Fit, trials: Complex[np.ndarray, "trial"]
 ) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"]]:
     """Cost that each trial pole alone, with a free residue matrix, would take off; and its leading participation."""
-    gain, vectors, _ = _trial_residues(*trial_equations(data, fit, trials))
+    gain, vectors, _ = _trial_residues(*estimator.trial_equations(data, fit, trials))
     return gain, vectors
 
 
 def mode_gains(
-    data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
+    data: Observations, fit: Fit, trials: Complex[np.ndarray, "trial"]
 ) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"]]:
     """As `trial_gains`, with a residue of rank one: what a mode at each trial pole would take off."""
-    references = data.signals.shape[0]
-    schur, remaining = trial_equations(data, fit, trials)
+    references = data.references
+    schur, remaining = estimator.trial_equations(data, fit, trials)
     gain, vectors, _ = _trial_residues(schur, remaining)
     if references == 1:
         return gain, vectors
@@ -440,23 +433,6 @@ def _participation(
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
 
 
-def trial_equations(
-    data: Observations, fit: ModalFit, trials: Complex[np.ndarray, "trial"]
-) -> tuple[Float[np.ndarray, "trial row row"], Float[np.ndarray, "trial row out"]]:
-    """Normal equations of a free residue matrix at each trial pole, the linear unknowns of ``fit`` eliminated."""
-    references, outputs, _ = data.signals.shape
-    count, weights = len(trials), data.reference_weights
-    own, overlap, cross = likelihood.trial_products(data, fit, trials)
-    scale = 1 / np.sqrt(np.diag(fit.gram))
-    inverse = np.linalg.inv(fit.gram * np.outer(scale, scale) + 1e-12 * np.eye(len(scale))) * np.outer(scale, scale)
-    remaining = (cross - overlap @ fit.coefficients).reshape(count, 2 * references, outputs)
-    overlap = overlap.reshape(count, 2 * references, len(scale))
-    block = np.einsum("tab,i,ij->taibj", own, weights**2, np.eye(references)).reshape(count, 2 * references, -1)
-    schur = block - overlap @ inverse @ overlap.transpose(0, 2, 1)
-    ridge = 1e-9 * np.einsum("tii->ti", block)
-    return schur + ridge[:, :, None] * np.eye(2 * references), remaining
-
-
 def _trial_residues(
     schur: Float[np.ndarray, "trial row row"], remaining: Float[np.ndarray, "trial row out"]
 ) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"], Complex[np.ndarray, "trial in out"]]:
@@ -469,7 +445,7 @@ def _trial_residues(
 
 
 def misfit(
-    data: Observations, fit: ModalFit, band: tuple[float, float], factor: float, correlation: float
+    data: Observations, fit: Fit, band: tuple[float, float], factor: float, correlation: float
 ) -> Float[np.ndarray, "pole"]:
     """How much more than white noise the residual yields to a pole of this damping in this part of the band.
 
@@ -479,7 +455,7 @@ def misfit(
     """
     if correlation < 0.25 * MISFIT:
         return np.ones(len(fit.poles))
-    references, outputs, _ = data.signals.shape
+    references, outputs = data.references, data.outputs
     trials = _trials(band)
     gain, _ = trial_gains(data, fit, trials)
     ratio = np.maximum(gain.reshape(-1, len(_TRIAL_DAMPING)) / (factor * 2 * outputs * references), 1)

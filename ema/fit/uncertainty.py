@@ -7,14 +7,14 @@ of its own. An error is held as a factor: one complex number for each of a set o
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float, Int
 
 from ema.data import ModalModel, ModalUncertainty
 from ema.dof import match
 from ema.errors import InputError
+from ema.fit import estimator
+from ema.fit.estimator import Fit
 from ema.fit.refinement import Refined
-from ema.fit.weighted import State, unit_scale
 
 
 @dataclass(frozen=True)
@@ -29,19 +29,64 @@ class _Errors:
     own: Complex[np.ndarray, "out 2"]
 
 
-def attach(model: ModalModel, optimum: Refined, order: Int[np.ndarray, "mode"]) -> ModalModel:
+@dataclass(frozen=True)
+class PoleErrors:
+    """Uncertainty of every pole of an optimum: errors of the poles by independent causes of unit variance (pole, cause)
+    in rad/s, standard deviations of natural frequency [Hz] and damping ratio, and variance of each shape over its
+    energy without what only rescales or turns it.
+    """
+
+    poles: Complex[np.ndarray, "pole cause"]
+    frequency: Float[np.ndarray, "pole"]
+    damping: Float[np.ndarray, "pole"]
+    scatter: Float[np.ndarray, "pole"]
+    root: Float[np.ndarray, "unknown cause"]
+    modes: tuple[_Errors, ...]
+
+
+def errors_of(optimum: Refined) -> PoleErrors:
+    """Errors of all poles of an optimum."""
+    fit = optimum.fit
+    root = estimator.root(fit, optimum.inflation)
+    modes, half = len(fit.poles), len(root) // 2
+    poles = root[:modes] + 1j * root[half : half + modes]
+    size = np.abs(fit.poles)[:, None]
+    along = (fit.poles.conj()[:, None] * poles).real / size
+    damping = -poles.real / size + fit.poles.real[:, None] * along / size**2
+    each = tuple(_errors(optimum, root, mode) for mode in range(modes))
+    scatter = np.array([_scatter(fit.shapes[:, 0, mode], each[mode]) for mode in range(modes)])
+    return PoleErrors(
+        poles=poles,
+        frequency=np.linalg.norm(along, axis=1) / (2 * np.pi),
+        damping=np.linalg.norm(damping, axis=1),
+        scatter=scatter.reshape(modes),
+        root=root,
+        modes=each,
+    )
+
+
+def _scatter(psi: Complex[np.ndarray, "out"], errors: _Errors) -> float:
+    """Variance of a shape over its energy, without what only rescales or turns it.
+
+    The MAC of the shape with the true one is expected near ``1 / (1 + scatter)``.
+    """
+    energy = max(float(np.vdot(psi, psi).real), 1e-300)
+    # The component along the shape itself rescales and turns it.
+    shared = np.sum(np.abs(errors.shape) ** 2) - np.sum(np.abs(psi.conj() @ errors.shape) ** 2) / energy
+    own = np.sum(np.abs(errors.own) ** 2) - np.sum(np.abs(psi.conj()[:, None] * errors.own) ** 2) / energy
+    return float(max(shared, 0.0) + own) / energy
+
+
+def attach(model: ModalModel, optimum: Refined, found: PoleErrors, order: Int[np.ndarray, "mode"]) -> ModalModel:
     """The model with its uncertainty; its modes are those of the optimum in the given order, scaled in whatever way."""
-    state, unit = optimum.state, optimum.unit
+    fit = optimum.fit
     if not len(order):
         return replace(model, covariance=np.zeros((0, 2, 2)))
-    root = _root(optimum)
-    modes = [
-        _Mode(model, place, state, _errors(optimum, root, int(mode)), int(mode), unit)
-        for place, mode in enumerate(order)
-    ]
+    root = found.root
+    modes = [_Mode(model, place, fit, found.modes[mode], int(mode)) for place, mode in enumerate(order)]
     values = np.concatenate([mode.values() for mode in modes])
     covariance = values @ values.T
-    found = ModalUncertainty(
+    statement = ModalUncertainty(
         values=covariance,
         shapes=np.array([mode.shapes() for mode in modes]),
         common=np.array([mode.common(root, 2 * len(model.inputs)) for mode in modes]),
@@ -52,44 +97,28 @@ def attach(model: ModalModel, optimum: Refined, order: Int[np.ndarray, "mode"]) 
     )
     own = np.arange(len(modes))
     blocks = covariance.reshape(len(modes), 2, len(modes), 2)[own, :, own]
-    return replace(model, covariance=blocks, uncertainty=found)
-
-
-def _root(optimum: Refined) -> Float[np.ndarray, "unknown cause"]:
-    """Square root of the covariance of the shared unknowns."""
-    normal = optimum.normal
-    scale = unit_scale(normal.information)
-    scaled, ridge = normal.information * np.outer(scale, scale), 1e-13
-    while True:
-        try:
-            factor = np.linalg.cholesky(scaled + ridge * np.eye(len(scale)))
-        except np.linalg.LinAlgError:
-            ridge *= 100
-            continue
-        inverse = scipy.linalg.solve_triangular(factor, np.eye(len(scale)), lower=True, check_finite=False)
-        return np.sqrt(optimum.inflation)[:, None] * scale[:, None] * inverse.T
+    return replace(model, covariance=blocks, uncertainty=statement)
 
 
 def _errors(optimum: Refined, root: Float[np.ndarray, "unknown cause"], mode: int) -> _Errors:
     """Errors of one mode of the optimum."""
-    state, normal = optimum.state, optimum.normal
-    modes, half, references = len(state.poles), len(root) // 2, len(state.participation)
+    fit = optimum.fit
+    modes, half, references = len(fit.poles), len(root) // 2, len(fit.participation)
     by_cause = root[:half] + 1j * root[half:]
     participation = np.zeros((references, root.shape[1]), complex)
-    for place, entry in enumerate(state.free):
+    for place, entry in enumerate(fit.free):
         if entry % modes == mode:
             participation[entry // modes] = by_cause[modes + place]
-    first = int(np.count_nonzero(state.determined[: len(state.determined) // 2]))
-    rows = np.array([mode, first + mode])
-    slope = normal.slope[:, rows] @ root
-    block = optimum.inflation_of_shapes[mode] * normal.local[:, rows][:, :, rows]
+    change = estimator.changes_of_shape(fit, mode)[:, 0] @ root
+    rows = np.array([mode, modes + mode])
+    block = optimum.inflation_of_shapes[mode] * fit.local[:, rows[:, None], rows]
     floor = np.finfo(float).tiny
     # Cholesky factor of the 2 x 2 blocks, written out.
     a = np.sqrt(np.maximum(block[:, 0, 0], floor))
     b = block[:, 1, 0] / a
     c = np.sqrt(np.maximum(block[:, 1, 1] - b**2, 0))
     own = np.stack([a + 1j * b, 1j * c], axis=1)
-    return _Errors(by_cause[mode], participation, slope[:, 0] + 1j * slope[:, 1], own)
+    return _Errors(by_cause[mode], participation, change[:, 0] + 1j * change[:, 1], own)
 
 
 def _squares(factor: Complex[np.ndarray, "*shape cause"]) -> Float[np.ndarray, "*shape 2 2"]:
@@ -103,9 +132,9 @@ def _squares(factor: Complex[np.ndarray, "*shape cause"]) -> Float[np.ndarray, "
 class _Mode:
     """What follows for one mode of the model."""
 
-    def __init__(self, model: ModalModel, place: int, state: State, errors: _Errors, mode: int, unit: float) -> None:
-        self.pole, self.unit, self.mode, self.owners = state.poles[mode], unit, mode, np.tile(state.owners, 2)
-        self.psi, self.entries = state.shapes[:, mode], state.participation[:, mode]
+    def __init__(self, model: ModalModel, place: int, fit: Fit, errors: _Errors, mode: int) -> None:
+        self.pole, self.mode, self.owners = fit.poles[mode], mode, np.tile(fit.owners, 2)
+        self.psi, self.entries = fit.shapes[:, 0, mode], fit.participation[:, mode]
         self.errors, self.scaled = errors, model.scaling == "unit modal mass"
         self.final = model.shapes[:, place]
         self.largest = int(np.argmax(np.abs(self.psi)))
@@ -133,14 +162,12 @@ class _Mode:
             largest = self.psi[self.largest] or 1.0
             return -errors.shape[self.largest] / largest, -errors.own[rows] / largest
         references, _, signs = self.drive
-        omega = self.unit * self.pole.imag
+        omega = self.pole.imag
         s, t = signs * self.psi[rows], 2j * omega * self.entries[references]
         energy = float(np.sum(np.abs(s) ** 2)) or 1.0
         square = np.sum(s.conj() * t) / energy or 1.0
         ds, ds_own = signs[:, None] * errors.shape[rows], signs[:, None] * errors.own[rows]
-        dt = 2j * (
-            self.unit * self.entries[references, None] * errors.pole.imag + omega * errors.participation[references]
-        )
+        dt = 2j * (self.entries[references, None] * errors.pole.imag + omega * errors.participation[references])
         turn = np.sum(ds.conj() * t[:, None] + s.conj()[:, None] * dt, axis=0)
         turn -= 2 * square * np.sum((s.conj()[:, None] * ds).real, axis=0)
         own = ds_own.conj() * t[:, None] - 2 * square * (s.conj()[:, None] * ds_own).real
@@ -150,7 +177,7 @@ class _Mode:
         """Errors of natural frequency (Hz) and damping ratio by the shared causes."""
         size, change = abs(self.pole), self.errors.pole
         along = (self.pole.conjugate() * change).real / size
-        return np.stack([self.unit / (2 * np.pi) * along, -change.real / size + self.pole.real * along / size**2])
+        return np.stack([along / (2 * np.pi), -change.real / size + self.pole.real * along / size**2])
 
     def shapes(self) -> Float[np.ndarray, "dof 2 2"]:
         return _squares(self.shape) + _squares(self.rest)
@@ -158,7 +185,7 @@ class _Mode:
     def participation(self) -> Float[np.ndarray, "in 2 2"]:
         change = np.zeros((len(self.entries), len(self.turn)), complex)
         change[:, : self.errors.participation.shape[1]] = self.errors.participation
-        return _squares(self.unit / (self.scale or 1.0) * (change - self.entries[:, None] * self.turn))
+        return _squares(1 / (self.scale or 1.0) * (change - self.entries[:, None] * self.turn))
 
     def residues(self) -> Float[np.ndarray, "dof in 2 2"]:
         """Residues do not depend on the scale of the shapes."""
@@ -166,7 +193,7 @@ class _Mode:
         blocks = []
         for entry, change in zip(self.entries, errors.participation, strict=True):
             shared = entry * errors.shape + self.psi[:, None] * change
-            blocks.append(self.unit**2 * (_squares(shared) + _squares(entry * errors.own)))
+            blocks.append(_squares(shared) + _squares(entry * errors.own))
         return np.stack(blocks, axis=1)
 
     def modal_mass(self) -> float:

@@ -168,5 +168,5 @@ def _extended(model: ModalModel, geometry: Geometry, place: Plane, body: Body) -
         shapes=np.hstack([model.shapes, moved.astype(complex)]),
         participation=np.hstack([model.participation, driven / (2j * damped)]),
         residuals=None if residuals is None else replace(residuals, lower=np.zeros_like(residuals.lower)),
-        covariance=None, confidence=None, uncertainty=None,
+        covariance=None, confidence=None, uncertainty=None, groups=(), candidates=(),
     )  # fmt: skip

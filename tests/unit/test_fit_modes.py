@@ -142,12 +142,40 @@ def test_out_of_band_modes_are_kept_in_the_background():
         assert np.linalg.norm(found.residues()[mode] - wanted) < 0.005 * np.linalg.norm(wanted)
 
 
+def least_residual(measured, truth, inside):
+    """Relative error, norm over norm, that the residual terms leave at best: least squares at the true poles.
+
+    Columns: modes of the band, one pole at half the lower and one at twice the upper edge with 5 % damping, 1 / s^2 and
+    a constant, all as accelerance. Nothing of it is code of the fit.
+    """
+    s = 2j * np.pi * measured.frequencies
+    omega = 2 * np.pi * np.array([measured.frequencies[0] / 2, 2 * measured.frequencies[-1]])
+    columns = []
+    for pole in [*truth.poles[inside], *(omega * (-0.05 + 1j))]:
+        one, other = s**2 / (s - pole), s**2 / (s - pole.conjugate())
+        columns += [one + other, 1j * (one - other)]
+    columns += [np.ones(len(s), complex), s**2]
+    matrix = np.stack([np.concatenate([column.real, column.imag]) for column in columns], axis=1)
+    matrix /= np.linalg.norm(matrix, axis=0)
+    errors = []
+    for frf in measured.values.reshape(len(s), -1).T:
+        right = np.concatenate([frf.real, frf.imag])
+        best = np.linalg.lstsq(matrix, right, rcond=1e-14)[0]
+        errors.append(np.linalg.norm(matrix @ best - right) / np.linalg.norm(right))
+    return np.array(errors).reshape(measured.values.shape[1:])
+
+
 def test_residual_terms_alone_follow_modes_far_away():
+    """What they leave is what they leave at best: 1.5e-4 in the worst FRF. The fit states values, not this error, so
+    its residual may not be larger, and the poles are exact.
+    """
     truth = model([20.0, 120.0, 150.0, 600.0], [0.01, 0.004, 0.006, 0.01], drive=(0, 7))
     measured = frfs(truth, 100, 200, 801)
     found = fitted(measured, near=[120, 150])
     _, error = reconstruction_error(measured, found)
-    assert np.all(error < 1e-4)
+    best = least_residual(measured, truth, slice(1, 3))
+    assert np.max(best) < 2e-4
+    assert np.linalg.norm(error) < 1.25 * np.linalg.norm(best), "the fit weighs the lines, least squares do not"
     np.testing.assert_allclose(found.poles, truth.poles[1:3], rtol=1e-6)
 
 

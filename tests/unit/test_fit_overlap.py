@@ -5,7 +5,7 @@ import pytest
 
 import ema.fit
 from ema.data import ModalModel
-from ema.fit import likelihood, overlap
+from ema.fit import estimator, overlap
 from ema.fit.prepare import prepare
 from tests.bench.cases import random_system
 from tests.bench.scoring import cramer_rao, score
@@ -18,14 +18,15 @@ HEAVY = 2
 
 def fitted(
     truth: ModalModel, modes: list[int], noise: float, seed: int = 0
-) -> tuple[likelihood.Observations, likelihood.ModalFit, float]:
+) -> tuple[estimator.Observations, estimator.Fit, float]:
     """Some modes of the truth, refined without the others, and the residual energy over that of the noise."""
     measured = prepare(rig.frfs(truth, LOW, HIGH, 801, noise, seed))
-    data = likelihood.observe(measured.frequencies, measured.values, measured.derivative, measured.noise)
+    data = estimator.observe(measured.frequencies, measured.values, measured.derivative, measured.noise)
     participation = truth.participation[:, modes]
     participation = participation / participation[np.argmax(np.abs(participation), axis=0), np.arange(len(modes))]
-    fit = likelihood.refine(data, likelihood.evaluate(data, truth.poles[modes], participation), 30)
-    return data, fit, likelihood.variance_factor(data, fit)
+    terms = estimator.residual_terms(data, estimator.fixed_poles(measured.frequencies))
+    fit = estimator.refine(data, estimator.evaluate(data, truth.poles[modes], participation, terms), 30)
+    return data, fit, fit.variance_factor(data)
 
 
 def probability(truth: ModalModel, modes: list[int], noise: float, seed: int) -> np.ndarray:
@@ -56,8 +57,8 @@ def test_where_noise_hides_everything_as_many_modes_are_expected_as_there_are():
 
 
 def test_without_modes_there_is_nothing_to_ask():
-    data, _, _ = fitted(rig.model(FREQUENCIES, DAMPING), [0], 0.01)
-    fit = likelihood.evaluate(data, np.zeros(0, complex), np.zeros((1, 0), complex))
+    data, one, _ = fitted(rig.model(FREQUENCIES, DAMPING), [0], 0.01)
+    fit = estimator.drop(data, one, np.zeros(1, bool))
     assert overlap.another_mode(data, fit, 1.0, (LOW, HIGH), np.zeros(0, int)).shape == (0,)
 
 

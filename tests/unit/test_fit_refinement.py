@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.fit import likelihood, modes, stabilise
+from ema.errors import InputError
+from ema.fit import estimator, modes, stabilise
 from ema.fit.prepare import prepare
 from ema.fit.refinement import refined
-from ema.fit.select import keep_picked, select
+from ema.fit.selection import select
 from tests.unit.fit_rig import frfs, model
 
 
@@ -32,26 +33,34 @@ def test_a_pole_in_the_noise_of_a_peak_is_dropped_and_told(seed):
     measured = with_noise_of_the_excitation(frfs(three(seed=seed), 100, 200, 801), 0.02, seed)
     data = prepare(measured)
     chosen = select(data, poles_over(measured))
-    assert chosen.is_mode.sum() == 3
+    assert chosen.possible.sum() == 3
     beside = 2 * np.pi * 150.1 * (-0.0006 + 1j)
     vector = chosen.fit.participation[:, int(np.argmin(np.abs(chosen.fit.poles - beside)))]
-    larger = likelihood.with_mode(chosen.data, chosen.fit, beside, vector)
+    larger = estimator.with_modes(chosen.data, chosen.fit, np.array([beside]), vector[None])
     spoiled = replace(
-        chosen, fit=larger, is_mode=np.append(chosen.is_mode, True), confidence=np.append(chosen.confidence, 1.0)
+        chosen,
+        fit=larger,
+        possible=np.append(chosen.possible, True),
+        alone=np.append(chosen.alone, 1.0),
+        persistence=np.append(chosen.persistence, 1.0),
     )
     optimum = refined(measured, data, spoiled)
     assert len(spoiled.fit.poles) - 1 not in optimum.kept, "the added pole"
-    assert set(np.flatnonzero(chosen.is_mode)) <= set(optimum.kept.tolist()), "the three modes"
+    assert set(np.flatnonzero(chosen.possible)) <= set(optimum.kept.tolist()), "the three modes"
     (gone,) = optimum.dropped
     assert abs(gone.pole - beside) < 0.1 * abs(beside.real) and "noise of its lines" in gone.reason
 
 
-def test_a_pole_that_a_user_names_stays_whatever_it_explains():
+def test_a_name_chooses_what_is_reported_and_changes_no_value():
     measured = frfs(three(), 100, 200, 801, noise=0.01)
     table = poles_over(measured)
-    wanted = [int(np.argmin(np.abs(table.natural_frequencies - f))) for f in (120.0, 137.0)]
-    optimum = refined(measured, prepare(measured), keep_picked(prepare(measured), table, 0.0, wanted))
-    assert {0, 1} <= set(optimum.kept.tolist()) and optimum.dropped == ()
+    every, named = modes(measured, table), modes(measured, table, near=[120.0, 175.0])
+    rows = [0, 2]
+    np.testing.assert_array_equal(named.poles, every.poles[rows])
+    np.testing.assert_array_equal(named.covariance, every.covariance[rows])
+    np.testing.assert_array_equal(named.shapes, every.shapes[:, rows])
+    with pytest.raises(InputError, match=r"137 Hz.*the nearest are .*120.*150"):
+        modes(measured, table, near=[137.0])
 
 
 def drifting(share):
@@ -94,7 +103,6 @@ def test_the_refinement_is_never_worse_than_its_start():
     measured = frfs(truth, 100, 200, 801)
     data = prepare(measured)
     table = stabilise(measured, range(4, 41, 2))
-    rows = [int(np.argmin(np.abs(table.natural_frequencies - f))) for f in (120.0, 150.0)]
-    optimum = refined(measured, data, keep_picked(data, table, 0.0, rows))
-    modal = optimum.state.poles[np.isin(optimum.kept, [0, 1])] * optimum.unit
-    np.testing.assert_allclose(np.sort_complex(modal), np.sort_complex(truth.poles[1:3]), rtol=1e-6)
+    fit = refined(measured, data, select(data, table)).fit
+    inside = (np.abs(fit.poles) > 2 * np.pi * 100) & (np.abs(fit.poles) < 2 * np.pi * 200)
+    np.testing.assert_allclose(np.sort_complex(fit.poles[inside]), np.sort_complex(truth.poles[1:3]), rtol=1e-6)

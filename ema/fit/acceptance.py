@@ -1,0 +1,187 @@
+"""Modes and candidates: what a pole has to show, on the final values and their intervals, to be accepted as a mode."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.special
+from jaxtyping import Bool, Float, Int
+from scipy.sparse.csgraph import connected_components
+
+from ema.data import damping_ratios, natural_frequencies
+from ema.fit import estimator
+from ema.fit.estimator import Fit
+from ema.fit.policy import SelectionPolicy
+from ema.fit.refinement import Refined
+from ema.fit.uncertainty import PoleErrors
+
+_SHAPE_FREEDOM = 6
+"""Degrees of freedom of the scatter of a shape: errors of a few poles make most of it."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of every pole of a fit: whether it can be a mode at all (in the band, oscillating), whether it is
+    accepted as one, why not, how sure that is, and its group.
+
+    ``group`` (pole,) numbers poles that belong together because the data do not tell them apart; ``energy`` (2, pole)
+    is that of each over that of the FRFs around it, and over that of all FRFs.
+    """
+
+    possible: Bool[np.ndarray, "pole"]
+    accepted: Bool[np.ndarray, "pole"]
+    reasons: tuple[str, ...]
+    confidence: Float[np.ndarray, "pole"]
+    group: Int[np.ndarray, "pole"]
+    energy: Float[np.ndarray, "2 pole"]
+
+
+def judge(
+    optimum: Refined,
+    errors: PoleErrors,
+    possible: Bool[np.ndarray, "pole"],
+    alone: Float[np.ndarray, "pole"],
+    policy: SelectionPolicy,
+) -> Verdict:
+    """Judge every pole of a fit by what its values and their uncertainty say.
+
+    Parameters
+    ----------
+    possible : poles that can be modes: in the band, oscillating.
+    alone : probability that a pole is not several modes that overlap.
+    """
+    fit = optimum.fit
+    energy = estimator.shares_of_energy(optimum.data, fit)
+    damping = damping_ratios(fit.poles)
+    limit = np.where(energy[0] >= policy.dominant, policy.visible_uncertainty, policy.damping_uncertainty)
+    std_f, std_z, scatter = errors.frequency, errors.damping, errors.scatter
+    group = groups(fit, errors, possible, policy)
+    members = np.bincount(group, minlength=len(group) + 1)[group] > 1
+    # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
+    resonant = possible & (std_z <= limit * damping)
+    spacing, apart = _distances(fit, group, resonant)
+    confidence = _confidence(fit, errors, group, resonant)
+    accepted, reasons = possible.copy(), [""] * len(fit.poles)
+    for pole in np.flatnonzero(possible):
+        reason = ""
+        if not resonant[pole]:
+            reason = f"its damping is uncertain by {std_z[pole] / damping[pole]:.0%}"
+        elif std_f[pole] > policy.frequency_uncertainty * spacing[pole]:
+            reason = f"its frequency is uncertain by {std_f[pole]:.2g} Hz, {spacing[pole]:.2g} Hz from a neighbour"
+        elif std_f[pole] > 0.5 * apart[pole]:
+            reason = f"its frequency is uncertain by {std_f[pole]:.2g} Hz, {apart[pole]:.2g} Hz from a neighbour"
+        elif scatter[pole] > policy.shape_scatter and not members[pole]:
+            reason = f"its shape is uncertain: a MAC of {1 / (1 + scatter[pole]):.2f} with the true one is expected"
+        elif alone[pole] < policy.alone:
+            reason = (
+                f"the data do not tell it from modes that overlap; the probability that it is one is {alone[pole]:.0%}"
+            )
+        elif confidence[pole] < policy.confidence:
+            reason = f"the probability that it is a mode with this frequency and shape is {confidence[pole]:.0%}"
+        reasons[pole], accepted[pole] = reason, not reason
+    return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy)
+
+
+def groups(
+    fit: Fit, errors: PoleErrors, possible: Bool[np.ndarray, "pole"], policy: SelectionPolicy
+) -> Int[np.ndarray, "pole"]:
+    """Number of the group of each pole: poles whose difference is within its uncertainty belong together.
+
+    Several references tell how many poles a group has, since each has to explain more than noise; but any other choice
+    of shapes from the space that they span does as well.
+    """
+    count = len(fit.poles)
+    linked = np.zeros((count, count), bool)
+    rows = np.flatnonzero(possible)
+    for place, a in enumerate(rows):
+        for b in rows[place + 1 :]:
+            distance = abs(fit.poles[a] - fit.poles[b])
+            if distance < policy.coincident * (abs(fit.poles[a].real) + abs(fit.poles[b].real)):
+                spread = float(np.linalg.norm(errors.poles[a] - errors.poles[b]))
+                linked[a, b] = distance < policy.grouped * spread
+    return np.asarray(connected_components(linked, directed=False)[1])
+
+
+def surplus(
+    optimum: Refined, errors: PoleErrors, possible: Bool[np.ndarray, "pole"], policy: SelectionPolicy
+) -> Int[np.ndarray, "gone"]:
+    """Poles of a fit that are too many: a group has as many modes as its joint residue has singular values above noise.
+
+    A resonance that moved from one record to the next, or with amplitude, is fitted by two poles next to each other
+    whose residues cancel; their sum is of rank one. A repeated root leaves a sum of as many ranks as it has modes. With
+    one reference there is no more than one. The weakest poles of a group are named.
+    """
+    fit = optimum.fit
+    group = groups(fit, errors, possible, policy)
+    gone: list[int] = []
+    for number in np.unique(group[possible]):
+        members = np.flatnonzero((group == number) & possible)
+        if len(members) < 2:
+            continue
+        residue = fit.shapes[:, 0, members] @ fit.participation[:, members].T
+        outputs, references = residue.shape
+        values = np.linalg.svd(residue, compute_uv=False)
+        # Largest singular value of a noise matrix (Davidson and Szarek 2001), times a margin.
+        noise = _residue_noise(optimum, errors, members) * (np.sqrt(outputs) + np.sqrt(references))
+        rank = max(1, int(np.count_nonzero(values > policy.rank_margin * noise)))
+        energy = np.linalg.norm(fit.shapes[:, 0, members], axis=0) * np.linalg.norm(
+            fit.participation[:, members], axis=0
+        )
+        gone += members[np.argsort(energy)][: max(0, len(members) - rank)].tolist()
+    return np.array(gone, int)
+
+
+def _residue_noise(optimum: Refined, errors: PoleErrors, members: Int[np.ndarray, "member"]) -> float:
+    """Root mean square error of the entries of the joint residue of some poles."""
+    fit, modes = optimum.fit, len(optimum.fit.poles)
+    rows = np.concatenate([members, modes + members])
+    inflation = float(np.max(optimum.inflation_of_shapes[members]))
+    own = inflation * fit.local[:, rows[:, None], rows]
+    shared = 0.0
+    total = 0.0
+    for i, entries in enumerate(fit.participation[:, members]):
+        real = np.concatenate([entries.real, -entries.imag])
+        imaginary = np.concatenate([entries.imag, entries.real])
+        total += float(np.sum(np.einsum("a,oab,b->o", real, own, real)))
+        total += float(np.sum(np.einsum("a,oab,b->o", imaginary, own, imaginary)))
+        change = sum(
+            entry * errors.modes[m].shape + fit.shapes[:, 0, [m]] * errors.modes[m].participation[i]
+            for entry, m in zip(entries, members, strict=True)
+        )
+        shared += float(np.sum(np.abs(change) ** 2))
+    return float(np.sqrt((total + shared) / fit.participation[:, 0].size / len(fit.shapes)))
+
+
+def _distances(
+    fit: Fit, group: Int[np.ndarray, "pole"], resonant: Bool[np.ndarray, "pole"]
+) -> tuple[Float[np.ndarray, "pole"], Float[np.ndarray, "pole"]]:
+    """Distance in Hz of each pole to the nearest ``resonant`` one of another group: of those with the same participation, in the
+    complex plane; and of those with the same or with a damping three times as large or small, in frequency.
+    """
+    frequencies, damping = natural_frequencies(fit.poles), np.maximum(damping_ratios(fit.poles), 1e-9)
+    norm = np.maximum(np.linalg.norm(fit.participation, axis=0), 1e-300)
+    alike = np.abs(fit.participation.conj().T @ fit.participation) / np.outer(norm, norm) > np.sqrt(0.9)
+    other = (group[:, None] != group) & resonant
+    # A wide mode over a narrow one, or the reverse, is no repeated root.
+    unlike = np.abs(np.log(damping[:, None] / damping)) > np.log(3)
+    plane = np.where(other & alike, np.abs(fit.poles[:, None] - fit.poles) / (2 * np.pi), np.inf)
+    along = np.where(other & (alike | unlike), np.abs(frequencies[:, None] - frequencies), np.inf)
+    return plane.min(axis=1, initial=np.inf), along.min(axis=1, initial=np.inf)
+
+
+def _confidence(
+    fit: Fit, errors: PoleErrors, group: Int[np.ndarray, "pole"], resonant: Bool[np.ndarray, "pole"]
+) -> Float[np.ndarray, "pole"]:
+    """Probability that a mode decays, is nearest to itself and shows its own shape (a MAC of 0.8 with the true one)."""
+    tiny = 1e-300
+    frequencies = natural_frequencies(fit.poles)
+    norm = np.maximum(np.linalg.norm(fit.participation, axis=0), tiny)
+    alike = np.abs(fit.participation.conj().T @ fit.participation) / np.outer(norm, norm) > np.sqrt(0.9)
+    other = alike & (group[:, None] != group) & resonant
+    apart = np.where(other, np.abs(frequencies[:, None] - frequencies), np.inf).min(axis=1, initial=np.inf)
+    nearest = scipy.special.erf(apart / (2 * np.sqrt(2) * np.maximum(errors.frequency, tiny)))
+    ratio = damping_ratios(fit.poles) / (np.sqrt(2) * np.maximum(errors.damping, tiny))
+    decaying = 0.5 * (1 + scipy.special.erf(ratio))
+    # Errors of a few poles make most of the scatter of a shape: chi-square with few degrees of freedom.
+    shape = scipy.special.gammainc(_SHAPE_FREEDOM / 2, _SHAPE_FREEDOM / 2 * 0.25 / np.maximum(errors.scatter, tiny))
+    single = np.bincount(group, minlength=len(group) + 1)[group] == 1
+    return nearest * decaying * np.where(single, shape, 1.0)

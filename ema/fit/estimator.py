@@ -1,0 +1,788 @@
+"""Maximum likelihood estimation of modes: one engine for the search of modes and for the final values.
+
+Poles and participation are shared by all FRFs; shapes and residual terms are linear and belong to one output. For given
+poles and participation the linear unknowns are eliminated output by output (variable projection, Golub and Pereyra
+1973, in Kaufman's approximation), and Gauss-Newton steps move the shared ones (modal form: El-Kafafy, De Troyer,
+Guillaume 2014).
+
+Outputs with the same weights share one elimination: FRFs form rows of members, each row with a weight for every line of
+every reference. In the search all outputs are members of one row; for the final values every output is a row.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Complex, Float, Int
+
+from ema.fit import model
+from ema.fit.model import Background, Functions
+from ema.fit.noise import NoiseLevel
+
+EDGE = 2.0
+"""Fixed poles of the residual terms lie at the band edges divided and multiplied by this."""
+FIXED = complex(-0.05, 1.0)
+"""These poles, over their angular frequency."""
+FEWEST = 24
+"""Directions of outputs that are always kept in the search: more cost next to nothing against the functions."""
+NARROWEST = 0.3
+"""Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping."""
+PRIOR = 1.0
+"""Information that every shared unknown has before the data are looked at, in units of the noise: a pole is known to
+its own decay rate, an entry of a participation vector to its largest one.
+
+Where the data tell nothing of a pole of the background, this keeps its uncertainty, and what of it reaches the modes,
+finite. A mode whose decay rate is told to 10 % has 100 times as much from the data: the prior narrows its interval by
+half a per cent; doubled, by one.
+"""
+ROUNDING = 1e-9
+"""Part of the information of an unknown that elimination leaves by rounding alone: it is added as uncertainty.
+
+The residual terms are eliminated first, with a condition of 1e6 at most (`ema.fit.model.RESIDUAL_RANK`), in doubles of
+1e-16. At twice the value the standard deviation of a pole that keeps 1e-6 of its information changes by 5e-4.
+"""
+RANK = 1e-6
+"""Part of the energy of a pole's function that nothing else in the model describes, below which the pole is taken out.
+
+Its residue is then uncertain by 1000 times what noise does to a single one, its place is not determined, and nothing
+else needs it. As long as it is in a fit, it stands still.
+"""
+FARTHEST = 0.7
+"""Step of a pole, over its decay rate, beyond which the linearisation says nothing."""
+_BLOCK = 2_000_000
+"""Products of functions that are worked on at a time."""
+_VALUES = 400_000
+"""Values of the FRFs that are worked on at a time."""
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Receptances and their weights ``2 / E|n|^2``: the residual energy of the true model is one per real equation.
+
+    ``s`` (line,) are lines, or centres of bins, in rad/s. The mean of a receptance over a bin is not its value at the
+    centre: ``means`` are what was measured, ``signals`` the same less the difference by a model (`centred`), and
+    ``spread`` (line,) is the variance of the angular frequencies of a bin.
+    """
+
+    s: Complex[np.ndarray, "line"]
+    signals: Complex[np.ndarray, "row member in line"]
+    weights: Float[np.ndarray, "row in line"]
+    spread: Float[np.ndarray, "line"] | None = None
+    means: Complex[np.ndarray, "row member in line"] | None = None
+
+    @property
+    def outputs(self) -> int:
+        """Outputs, or directions of outputs."""
+        return self.signals.shape[0] * self.signals.shape[1]
+
+    @property
+    def references(self) -> int:
+        """References."""
+        return self.signals.shape[2]
+
+    @property
+    def equations(self) -> int:
+        """Real equations."""
+        return 2 * self.signals.size
+
+    @property
+    def line(self) -> float:
+        """Least distance of lines or bins in rad/s."""
+        return float(np.min(np.diff(self.s.imag))) if len(self.s) > 1 else 0.0
+
+    @property
+    def narrowest_decay(self) -> float:
+        """Decay rate in rad/s of the narrowest pole that is followed."""
+        return 0.5 * NARROWEST * self.line
+
+    @property
+    def energy(self) -> float:
+        """Weighted energy of the data."""
+        return float(sum(np.sum(weights * _power(signals)) for signals, weights in self.blocks()))
+
+    def blocks(self) -> Iterator[tuple[Complex[np.ndarray, "r m in k"], Float[np.ndarray, "r 1 in k"]]]:
+        """Signals and weights of some rows at a time."""
+        for rows in self.row_blocks(self.signals[0].size, _VALUES):
+            yield self.signals[rows], self.weights[rows, None]
+
+    def row_blocks(self, size: int, most: int) -> list[slice]:
+        """Rows in blocks of at most so many values, ``size`` of them in a row."""
+        step = max(1, most // max(size, 1))
+        return [slice(first, first + step) for first in range(0, len(self.signals), step)]
+
+    def reweighted(self, factor: np.ndarray) -> "Observations":
+        """The same observations with weights multiplied by a factor that broadcasts."""
+        return replace(self, weights=self.weights * factor)
+
+    def lines(self, keep: slice) -> "Observations":
+        """Some of the lines."""
+        return Observations(self.s[keep], self.signals[..., keep], self.weights[..., keep])
+
+    def without_lines(self, frequency: float) -> "Observations":
+        """The observations without the line next to an angular frequency (rad/s) and its two neighbours."""
+        nearest = int(np.argmin(np.abs(self.s.imag - frequency)))
+        weights = self.weights.copy()
+        weights[..., max(nearest - 1, 0) : nearest + 2] = 0
+        return replace(self, weights=weights)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Unknowns at which the linear ones are optimal, and the linearisation there.
+
+    ``poles`` (mode,) rad/s, ``participation`` (in, mode) with a largest entry of 1, ``shapes`` (row, member, mode),
+    ``rest`` (row, member, in, column) coefficients of the residual terms ``terms``. ``information`` and ``gradient``
+    belong to the real parts, then the imaginary parts of the shared unknowns: poles, then the entries ``free`` of the
+    flattened participation; ``before`` is the diagonal of the information before the elimination.
+
+    Elimination, in real parts, then imaginary parts: ``local`` (row, 2 mode, 2 mode) inverts the information of the
+    shapes, ``slope`` (row, 2 mode, 2 unknown) is minus their change with the functions of the shared unknowns,
+    ``lean`` (row, in, column, 2 (mode + unknown)) minus that of the residual terms with all of these. ``share`` (mode,)
+    is the part of the energy of each mode's function that neither the others nor the residual terms can describe.
+    """
+
+    poles: Complex[np.ndarray, "mode"]
+    participation: Complex[np.ndarray, "in mode"]
+    terms: Background
+    shapes: Complex[np.ndarray, "row member mode"]
+    rest: Float[np.ndarray, "row member in column"]
+    cost: float
+    information: Float[np.ndarray, "unknown unknown"]
+    gradient: Float[np.ndarray, "unknown"]
+    before: Float[np.ndarray, "unknown"]
+    free: Int[np.ndarray, "entry"]
+    local: Float[np.ndarray, "row l l"]
+    slope: Float[np.ndarray, "row l unknown"]
+    lean: Float[np.ndarray, "row in column shared"]
+    share: Float[np.ndarray, "mode"]
+
+    @property
+    def owners(self) -> Int[np.ndarray, "complex_unknown"]:
+        """Mode to which each complex shared unknown belongs."""
+        modes = len(self.poles)
+        return np.concatenate([np.arange(modes), self.free % max(modes, 1)])
+
+    @property
+    def psi(self) -> Complex[np.ndarray, "mode out"]:
+        """Shapes on the outputs or their directions."""
+        return self.shapes.reshape(-1, len(self.poles)).T
+
+    @property
+    def scale(self) -> Float[np.ndarray, "unknown"]:
+        """Natural unit of each shared unknown: decay rate of a pole, 1 for an entry of the participation."""
+        own = np.concatenate([np.maximum(np.abs(self.poles.real), 1e-12 * np.abs(self.poles)), np.ones(len(self.free))])
+        return np.tile(own, 2)
+
+    def unknowns(self) -> int:
+        """Real unknowns: shapes, residual terms, poles and participation."""
+        return 2 * self.shapes.size + self.rest.size + len(self.gradient)
+
+    def variance_factor(self, data: Observations) -> float:
+        """Residual energy per real equation left over: 1 when the noise levels are right and the model holds."""
+        return self.cost / max(data.equations - self.unknowns(), 1)
+
+
+def evaluate(
+    data: Observations,
+    poles: Complex[np.ndarray, "mode"],
+    participation: Complex[np.ndarray, "in mode"],
+    terms: Background,
+    start: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Fit:
+    """Optimal linear unknowns at given poles and participation, and the linearisation there.
+
+    Parameters
+    ----------
+    participation : with a largest entry of 1 for each mode.
+    start : shapes and coefficients of the residual terms near the optimum, which keeps rounding out of the cost.
+    """
+    if start is None:
+        rows, members = data.signals.shape[:2]
+        nothing = (
+            np.zeros((rows, members, len(poles)), complex),
+            np.zeros((rows, members, data.references, terms.mixing.shape[1])),
+        )
+        first = evaluate(data, poles, participation, terms, nothing)
+        start = first.shapes, first.rest
+    found = model.functions(data.s, poles, terms.poles)
+    return _Evaluation(data, poles, participation, terms, found).at(*start)
+
+
+class _Evaluation:
+    """Normal equations of a model at given poles and participation."""
+
+    def __init__(
+        self,
+        data: Observations,
+        poles: Complex[np.ndarray, "mode"],
+        participation: Complex[np.ndarray, "in mode"],
+        terms: Background,
+        found: Functions,
+    ) -> None:
+        self.data, self.poles, self.participation, self.terms, self.found = data, poles, participation, terms, found
+        self.modes, self.references = len(poles), len(participation)
+        self.every = np.concatenate([poles, terms.poles])
+        self.free = free_entries(participation)
+        # Positions among shapes, poles and all entries of the participation.
+        self.keep = np.concatenate([np.arange(2 * self.modes), 2 * self.modes + self.free])
+        self.shared = len(self.keep)
+        half = np.arange(self.modes)
+        self.of_shapes = np.concatenate([half, self.shared + half])
+        rest = np.arange(self.modes, self.shared)
+        self.of_unknowns = np.concatenate([rest, self.shared + rest])
+
+    def at(self, shapes: np.ndarray, rest: np.ndarray) -> Fit:
+        """The fit whose linear unknowns are best, reached from a start."""
+        data, modes, unknowns = self.data, self.modes, self.shared - self.modes
+        rows, members, columns = data.signals.shape[0], data.signals.shape[1], rest.shape[-1]
+        owners = np.concatenate([np.arange(modes), self.free % max(modes, 1)])
+        hermitian, symmetric = (np.zeros((unknowns, unknowns), complex) for _ in range(2))
+        gradient, before = np.zeros(unknowns, complex), np.zeros(unknowns)
+        share = np.ones(modes)
+        local = np.empty((rows, 2 * modes, 2 * modes))
+        slope = np.empty((rows, 2 * modes, 2 * unknowns))
+        lean = np.empty((rows, self.references, columns, 2 * self.shared))
+        new_shapes, new_rest, cost = np.empty((rows, members, modes), complex), np.empty(rest.shape), 0.0
+        size = self.references * (2 * modes + len(self.terms.poles) + 2) ** 2 + 4 * self.shared**2
+        for some in data.row_blocks(max(size, data.signals[0].size), _BLOCK):
+            weights = data.weights[some]
+            residual = data.signals[some] - self.synthesised(shapes[some], rest[some])
+            cost += float(np.sum(weights[:, None] * _power(residual)))
+            equations, bare, own_lean, of_rest = self.equations(weights)
+            of_shapes, right, of_terms = self.reduced(weights, residual, own_lean)
+            normal = equations[:, self.of_shapes[:, None], self.of_shapes]
+            coupling = equations[:, self.of_shapes[:, None], self.of_unknowns]
+            local[some] = inverse(normal, 0.1 * ROUNDING * bare)
+            left_over = 1 / np.maximum(np.diagonal(local[some], axis1=1, axis2=2) * bare, 1.0)
+            share = np.minimum(share, left_over.reshape(len(weights), 2, modes).min(axis=(0, 1), initial=1.0))
+            slope[some] = local[some] @ coupling
+            step = np.einsum("rab,rmb->rma", local[some], of_shapes)
+            inner = equations[:, self.of_unknowns[:, None], self.of_unknowns]
+            before += np.sum(
+                np.diagonal(inner, axis1=1, axis2=2).reshape(len(inner), 2, -1).mean(axis=1)
+                * np.sum(np.abs(shapes[some][..., owners]) ** 2, axis=1),
+                axis=0,
+            )
+            p, q = model.complex_form(inner - coupling.transpose(0, 2, 1) @ slope[some])
+            new_shapes[some] = shapes[some] + step[..., :modes] + 1j * step[..., modes:]
+            free_step = np.einsum("ritu,rmit->rmiu", of_rest, of_terms)
+            moved = np.einsum("rits,rms->rmit", own_lean[..., self.of_shapes], step)
+            new_rest[some] = rest[some] + free_step - moved
+            cost -= float(np.sum(of_shapes * step) + np.sum(of_terms * free_step))
+            psi = new_shapes[some][..., owners]
+            left = right - np.einsum("rab,rma->rmb", slope[some], of_shapes)
+            gradient += np.sum(psi.conj() * (left[..., :unknowns] + 1j * left[..., unknowns:]), axis=(0, 1))
+            turned = psi.transpose(0, 2, 1)
+            hermitian += np.sum(p * (turned.conj() @ psi), axis=0)
+            symmetric += np.sum(q * (turned @ psi), axis=0)
+            lean[some] = own_lean
+        information = model.real_form(hermitian, symmetric)
+        idle = np.tile(share[owners] < RANK, 2)
+        information[idle], information[:, idle] = 0, 0
+        gradient[idle[:unknowns]] = 0
+        return Fit(
+            poles=self.poles,
+            participation=self.participation,
+            terms=self.terms,
+            shapes=new_shapes,
+            rest=new_rest,
+            cost=max(cost, 0.0),
+            information=0.5 * (information + information.T),
+            gradient=np.concatenate([gradient.real, gradient.imag]),
+            before=np.tile(before, 2),
+            free=self.free,
+            local=local,
+            slope=slope,
+            lean=lean,
+            share=share,
+        )
+
+    def synthesised(
+        self, shapes: Complex[np.ndarray, "r m mode"], rest: Float[np.ndarray, "r m in column"]
+    ) -> Complex[np.ndarray, "r m in line"]:
+        """FRFs of some rows."""
+        modes = shapes[:, :, None] * self.participation
+        return model.synthesise(self.found, np.concatenate([modes, self.terms.coefficients(rest)], axis=-1))
+
+    def equations(
+        self, weights: Float[np.ndarray, "r in line"]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Normal matrix (r, s, s) of shapes, poles and participation (real, then imaginary parts) per unit of the
+        shapes, with the residual terms eliminated; the diagonal (r, l) of that of the shapes before; how the residual
+        terms follow (r, in, column, s); and the inverse of their own normal matrices (r, in, column, column).
+        """
+        modes, references = self.modes, self.references
+        sums = model.sums_over_lines(self.found, weights).reshape(-1, len(self.found.sums))
+        both = model.products(self.every, modes, sums)
+        p, q = ([a.reshape(len(weights), references, *a.shape[1:]) for a in form] for form in both)
+        total = model.real_form(self._shared(p, hermitian=True), self._shared(q, hermitian=False))
+        bare = np.diagonal(total, axis1=1, axis2=2)[:, self.of_shapes].copy()
+        mixing = self.terms.mixing
+        lean, of_rest = [], []
+        for i in range(references):
+            across = model.real_form(self._coupling(p, i), self._coupling(q, i))
+            own = model.real_form(p[0][:, i, modes:, modes:], q[0][:, i, modes:, modes:])
+            of_rest.append(inverse(mixing.T @ own @ mixing))
+            across = mixing.T @ across
+            lean.append(of_rest[-1] @ across)
+            total -= across.transpose(0, 2, 1) @ lean[-1]
+        return total, bare, np.stack(lean, axis=1), np.stack(of_rest, axis=1)
+
+    def _shared(self, blocks: list[np.ndarray], hermitian: bool) -> np.ndarray:
+        """Products of the functions of shapes, poles and participation, summed over the references."""
+        modes, f, g = self.modes, slice(0, self.modes), slice(self.modes, 2 * self.modes)
+        size = 2 * modes if self.references == 1 else (2 + self.references) * modes
+        out = np.zeros((len(blocks[0]), size, size), complex)
+
+        def turned(block: np.ndarray) -> np.ndarray:
+            swapped = block.transpose(0, 2, 1)
+            return swapped.conj() if hermitian else swapped
+
+        for i, entries in enumerate(self.participation):
+            left = (entries.conj() if hermitian else entries)[:, None]
+            b11, b12, b22 = blocks[0][:, i, :modes, :modes], blocks[1][:, i, :modes], blocks[2][:, i]
+            out[:, f, f] += left * b11 * entries
+            out[:, f, g] += left * b12 * entries
+            out[:, g, g] += left * b22 * entries
+            if self.references > 1:
+                own = slice((2 + i) * modes, (3 + i) * modes)
+                out[:, f, own] = left * b11
+                out[:, g, own] = left * turned(b12)
+                out[:, own, own] = b11
+                out[:, own, f], out[:, own, g] = turned(out[:, f, own]), turned(out[:, g, own])
+        out[:, g, f] = turned(out[:, f, g])
+        return out[:, self.keep[:, None], self.keep]
+
+    def _coupling(self, blocks: list[np.ndarray], i: int) -> np.ndarray:
+        """Products of the functions behind the residual terms of a reference with those of the shared unknowns."""
+        modes, entries = self.modes, self.participation[i]
+        b11, b12 = blocks[0][:, i, modes:, :modes], blocks[1][:, i, modes:]
+        parts = [b11 * entries, b12 * entries]
+        if self.references > 1:
+            parts += [b11 if j == i else np.zeros_like(b11) for j in range(self.references)]
+        return np.concatenate(parts, axis=-1)[..., self.keep]
+
+    def reduced(
+        self,
+        weights: Float[np.ndarray, "r in line"],
+        residual: Complex[np.ndarray, "r m in line"],
+        lean: Float[np.ndarray, "r in column s"],
+    ) -> tuple[Float[np.ndarray, "r m l"], Float[np.ndarray, "r m unknown"], Float[np.ndarray, "r m in column"]]:
+        """Right-hand sides of shapes and of the functions of the shared unknowns, the residual terms eliminated, and of
+        these.
+        """
+        h, modes = model.projections(self.found, weights[:, None] * residual), self.modes
+        rest = len(self.terms.poles) + 2
+        f, g = h[..., :modes], h[..., modes + rest :]
+        conjugate = self.participation.conj()
+        parts = [np.sum(conjugate * f, axis=2), np.sum(conjugate * g, axis=2)]
+        if self.references > 1:
+            parts.append(f.reshape(*f.shape[:2], -1))
+        shared = np.concatenate(parts, axis=-1)[..., self.keep]
+        own = h[..., modes : modes + rest]
+        of_terms = np.concatenate([own.real, own.imag], axis=-1) @ self.terms.mixing
+        right = np.concatenate([shared.real, shared.imag], axis=-1) - np.einsum("rits,rmit->rms", lean, of_terms)
+        return right[..., self.of_shapes], right[..., self.of_unknowns], of_terms
+
+
+def centred(data: Observations, fit: Fit) -> Observations:
+    """The observations with the means over bins turned into values at the centres, by the model of a fit."""
+    if data.means is None or data.spread is None or not data.spread.any():
+        return data
+    poles = np.concatenate([fit.poles, fit.terms.poles])
+    rest = fit.terms.coefficients(fit.rest)[..., : len(fit.terms.poles)]
+    coefficients = np.concatenate([fit.shapes[:, :, None] * fit.participation, rest], axis=-1)
+    return replace(data, signals=data.means - model.bin_excess(data.s, data.spread, poles, coefficients))
+
+
+def free_entries(participation: Complex[np.ndarray, "in mode"]) -> Int[np.ndarray, "entry"]:
+    """Entries of the participation that are unknown, as positions in its flattened array: all but the largest ones."""
+    keep = np.ones(participation.shape, bool)
+    keep[np.argmax(np.abs(participation), axis=0), np.arange(participation.shape[1])] = False
+    return np.flatnonzero(keep)
+
+
+def inverse(
+    matrix: Float[np.ndarray, "*row n n"], rounding: Float[np.ndarray, "*row n"] | float = 0.0
+) -> Float[np.ndarray, "*row n n"]:
+    """Inverse of positive definite matrices, scaled to unit diagonal; ``rounding`` is added to the diagonal."""
+    diagonal = np.maximum(np.einsum("...ii->...i", matrix), 0) + rounding
+    scale = 1 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
+    scaled = matrix * scale[..., :, None] * scale[..., None, :]
+    scaled[..., np.arange(matrix.shape[-1]), np.arange(matrix.shape[-1])] = 1 + 1e-12
+    result: np.ndarray = np.linalg.inv(scaled) * scale[..., :, None] * scale[..., None, :]
+    return result
+
+
+def _power(values: np.ndarray) -> np.ndarray:
+    """Squared modulus."""
+    result: np.ndarray = values.real**2 + values.imag**2
+    return result
+
+
+def root(fit: Fit, factor: np.ndarray | float = 1.0) -> Float[np.ndarray, "unknown cause"]:
+    """Square root of the covariance of the shared unknowns, with the prior of `PRIOR`.
+
+    Parameters
+    ----------
+    factor : variance of each real unknown over what the weights say.
+
+    Notes
+    -----
+    The information is scaled to the natural unit of each unknown; with the prior its smallest eigenvalue is 1, so that
+    no direction is inverted that the data leave open.
+    """
+    spread = np.sqrt(np.broadcast_to(factor, fit.gradient.shape)) if len(fit.gradient) else np.zeros(0)
+    scale = fit.scale / np.maximum(spread, np.finfo(float).tiny)
+    matrix = fit.information * np.outer(scale, scale)
+    matrix[np.diag_indices(len(matrix))] += PRIOR + ROUNDING * fit.before * scale**2
+    result: np.ndarray = fit.scale[:, None] * _root_of_inverse(matrix)
+    return result
+
+
+def _root_of_inverse(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n cause"]:
+    """A factor R with ``R R^T`` the inverse of a symmetric matrix that is positive definite but for rounding.
+
+    Scaled to unit diagonal. Where Cholesky finds a negative pivot, rounding is all that some direction holds: its
+    eigenvalue is taken as `ROUNDING`.
+    """
+    own = 1 / np.sqrt(np.diag(matrix))
+    scaled = matrix * np.outer(own, own)
+    try:
+        factored = scipy.linalg.cholesky(scaled, lower=True, check_finite=False)
+    except scipy.linalg.LinAlgError:
+        values, vectors = scipy.linalg.eigh(scaled, check_finite=False)
+        return np.asarray(own[:, None] * vectors / np.sqrt(np.maximum(values, ROUNDING)))
+    back = scipy.linalg.solve_triangular(factored, np.eye(len(matrix)), lower=True, check_finite=False)
+    return np.asarray(own[:, None] * back.T)
+
+
+def _step(fit: Fit, damping: float) -> Float[np.ndarray, "unknown"]:
+    """Gauss-Newton step, damped in the natural units; poles move by no more than `FARTHEST` of their decay rate."""
+    scale, modes, half = fit.scale, len(fit.poles), len(fit.gradient) // 2
+    matrix = fit.information * np.outer(scale, scale)
+    matrix[np.diag_indices(len(matrix))] += PRIOR + ROUNDING * fit.before * scale**2
+    diagonal = (1 + damping) * np.diag(matrix)
+    np.fill_diagonal(matrix, diagonal)
+    gradient = fit.gradient * scale
+    step, held = np.zeros(2 * half), np.zeros(2 * half, bool)
+    for _ in range(modes + 1):
+        pull = gradient[~held] - matrix[np.ix_(~held, held)] @ step[held]
+        inverted = _root_of_inverse(matrix[np.ix_(~held, ~held)])
+        step[~held] = inverted @ (inverted.T @ pull)
+        move = np.hypot(step[:modes], step[half : half + modes])
+        far = np.flatnonzero((move > FARTHEST) & ~held[:modes])
+        if not len(far):
+            break
+        both = np.concatenate([far, half + far])
+        step[both] *= np.tile(FARTHEST / move[far], 2)
+        held[both] = True
+    return step * scale
+
+
+def refine(data: Observations, start: Fit, iterations: int = 12, tolerance: float = 1e-3) -> Fit:
+    """Gauss-Newton steps with Levenberg-Marquardt damping; never returns a larger cost than that of ``start``.
+
+    Parameters
+    ----------
+    tolerance : stop when a step promises to take less than this off the cost, in units of the noise and for each
+        unknown: 1e-3 is a thirtieth of a standard deviation.
+    """
+    fit, damping = start, 0.0
+    for _ in range(iterations if len(start.poles) else 0):
+        step = _step(fit, damping)
+        promised = float(step @ (2 * fit.gradient - fit.information @ step))
+        trial = _moved(data, fit, step)
+        if not trial.cost <= fit.cost:
+            damping = max(10 * damping, 1e-2)
+            if damping > 1e6:
+                break
+            continue
+        damping = damping / 10 if damping > 1e-2 else 0.0
+        gained, noise = fit.cost - trial.cost, trial.variance_factor(data)
+        fit = trial
+        if max(promised, gained) < tolerance * len(step) * noise or gained < 1e-9 * fit.cost:
+            break
+    return fit
+
+
+def _moved(data: Observations, fit: Fit, step: Float[np.ndarray, "unknown"]) -> Fit:
+    """The fit after a step of the shared unknowns; the linear ones start where the linearisation says."""
+    modes, half = len(fit.poles), len(step) // 2
+    change = step[:half] + 1j * step[half:]
+    participation = fit.participation.copy()
+    participation.reshape(-1)[fit.free] += change[modes:]
+    largest = participation[np.argmax(np.abs(participation), axis=0), np.arange(modes)]
+    poles = fit.poles + change[:modes]
+    # A pole that starts narrower than the floor may stay so: pushed away, it would raise the cost of every step.
+    ceiling = np.maximum(-data.narrowest_decay, fit.poles.real)
+    poles = np.minimum(poles.real, ceiling) + 1j * poles.imag
+    functions = fit.shapes[..., fit.owners] * change
+    real = np.concatenate([functions.real, functions.imag], axis=-1)
+    follow = np.einsum("rls,rms->rml", fit.slope, real)
+    shapes = fit.shapes - follow[..., :modes] - 1j * follow[..., modes:]
+    return evaluate(data, poles, participation / largest, fit.terms, (shapes * largest, fit.rest))
+
+
+def pulls(
+    data: Observations, fit: Fit, change: Complex[np.ndarray, "row member in line"], rows: slice = slice(None)
+) -> Float[np.ndarray, "r m unknown"]:
+    """What a change of the FRFs of some rows adds to the gradient of the shared unknowns, the linear ones adapted."""
+    found = model.functions(data.s, fit.poles, fit.terms.poles)
+    engine = _Evaluation(data, fit.poles, fit.participation, fit.terms, found)
+    of_shapes, right, _ = engine.reduced(data.weights[rows], change, fit.lean[rows])
+    left = right - np.einsum("rab,rma->rmb", fit.slope[rows], of_shapes)
+    half = left.shape[-1] // 2
+    complex_pull = fit.shapes[rows][..., fit.owners].conj() * (left[..., :half] + 1j * left[..., half:])
+    return np.concatenate([complex_pull.real, complex_pull.imag], axis=-1)
+
+
+def residual(data: Observations, fit: Fit, rows: slice = slice(None)) -> Complex[np.ndarray, "r m in line"]:
+    """Residual of some rows."""
+    return data.signals[rows] - fitted(data, fit, rows)
+
+
+def fitted(data: Observations, fit: Fit, rows: slice = slice(None)) -> Complex[np.ndarray, "r m in line"]:
+    """Receptances of the fit for some rows."""
+    found = model.functions(data.s, fit.poles, fit.terms.poles)
+    coefficients = fit.shapes[rows][:, :, None] * fit.participation
+    rest = fit.terms.coefficients(fit.rest[rows])
+    return model.synthesise(found, np.concatenate([coefficients, rest], axis=-1))
+
+
+def changes_of_shape(fit: Fit, mode: int) -> Float[np.ndarray, "row member 2 unknown"]:
+    """Change of the real and the imaginary part of a shape with the shared unknowns."""
+    rows = np.array([mode, len(fit.poles) + mode])
+    half = fit.slope.shape[-1] // 2
+    real, imaginary = fit.slope[:, None, rows, :half], fit.slope[:, None, rows, half:]
+    psi = fit.shapes[..., None, fit.owners]
+    return -np.concatenate([real * psi.real + imaginary * psi.imag, imaginary * psi.real - real * psi.imag], axis=-1)
+
+
+def gains(fit: Fit) -> Float[np.ndarray, "mode"]:
+    """Increase of the cost when one mode is left out and the other linear unknowns adapt, each mode in turn."""
+    modes = len(fit.poles)
+    result = np.empty(modes)
+    for mode in range(modes):
+        rows = np.array([mode, modes + mode])
+        own = np.stack([fit.shapes[..., mode].real, fit.shapes[..., mode].imag], axis=-1)
+        block = inverse(fit.local[:, rows[:, None], rows])
+        result[mode] = np.einsum("rma,rab,rmb->", own, block, own)
+    return result
+
+
+def drop(data: Observations, fit: Fit, keep: np.ndarray) -> Fit:
+    """The fit with some of its modes only."""
+    start = fit.shapes[..., keep], fit.rest
+    return evaluate(data, fit.poles[keep], fit.participation[:, keep], fit.terms, start)
+
+
+def determined(data: Observations, fit: Fit) -> Fit:
+    """The fit without poles that the rest of the model describes (`RANK`), or that do not oscillate."""
+    while True:
+        known = (fit.share >= RANK) & (fit.poles.imag > 0)
+        if known.all():
+            return fit
+        # Of several that describe each other all but one may have to stay.
+        known |= fit.share > np.min(np.where(known, np.inf, fit.share), initial=np.inf)
+        fit = drop(data, fit, known)
+
+
+def with_modes(
+    data: Observations, fit: Fit, poles: Complex[np.ndarray, "new"], vectors: Complex[np.ndarray, "new in"]
+) -> Fit:
+    """The fit with further modes."""
+    largest = np.take_along_axis(vectors, np.argmax(np.abs(vectors), axis=1)[:, None], axis=1)
+    shapes = np.concatenate([fit.shapes, np.zeros((*fit.shapes.shape[:2], len(poles)), complex)], axis=-1)
+    participation = np.concatenate([fit.participation, (vectors / largest).T], axis=1)
+    return evaluate(data, np.concatenate([fit.poles, poles]), participation, fit.terms, (shapes, fit.rest))
+
+
+def with_terms(data: Observations, fit: Fit, columns: int) -> Fit:
+    """The fit with the first residual terms only."""
+    terms = fit.terms.fewer(columns)
+    return evaluate(data, fit.poles, fit.participation, terms, (fit.shapes, fit.rest[..., :columns]))
+
+
+def covariance(fit: Fit, factor: float) -> Float[np.ndarray, "mode 2 2"]:
+    """Covariance of natural frequency (Hz) and damping ratio of each mode."""
+    by_cause = root(fit, factor)
+    modes, half = len(fit.poles), len(fit.gradient) // 2
+    size = np.abs(fit.poles)[:, None]
+    real, imaginary = by_cause[:modes], by_cause[half : half + modes]
+    along = (fit.poles.real[:, None] * real + fit.poles.imag[:, None] * imaginary) / size
+    both = np.stack([along / (2 * np.pi), -real / size + fit.poles.real[:, None] * along / size**2], axis=1)
+    result: np.ndarray = both @ both.transpose(0, 2, 1)
+    return result
+
+
+def profile(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "in line"], Float[np.ndarray, "line"]]:
+    """Mean square of the weighted residual for each reference and line; and its product with that of the next line,
+    which noise leaves near 0 and a misfit near the square, over all FRFs.
+    """
+    power, together = np.zeros(data.weights.shape[1:]), np.zeros(len(data.s))
+    for rows in data.row_blocks(data.signals[0].size, _VALUES):
+        weighted = residual(data, fit, rows) * np.sqrt(data.weights[rows, None])
+        power += np.sum(_power(weighted), axis=(0, 1))
+        together[:-1] += np.sum((weighted[..., 1:] * weighted[..., :-1].conj()).real, axis=(0, 1, 2))
+    return power / (2 * data.outputs), together / (2 * data.outputs * data.references)
+
+
+def correlation(data: Observations, fit: Fit) -> float:
+    """Correlation of neighbouring residuals: 0 for noise, up to 1 for what a better model would explain."""
+    power, together = profile(data, fit)
+    return float(together.sum() / max(float(power.mean(axis=0).sum()), 1e-300))
+
+
+def dominance(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
+    """Energy of each mode over that of the data within its half-power bandwidth (three lines at least)."""
+    return shares_of_energy(data, fit)[0]
+
+
+def shares_of_energy(data: Observations, fit: Fit) -> Float[np.ndarray, "2 mode"]:
+    """Energy of each mode within its half-power bandwidth (three lines at least), over that of the data there, and over
+    that of all data.
+    """
+    result = np.empty((2, len(fit.poles)))
+    energy = np.sum([np.sum(w * _power(x), axis=(0, 1, 2)) for x, w in data.blocks()], axis=0)
+    for mode, pole in enumerate(fit.poles):
+        distance = np.abs(data.s.imag - pole.imag)
+        least = min(2, len(distance) - 1)
+        near = np.flatnonzero(distance <= max(abs(pole.real), float(np.partition(distance, least)[least])))
+        lines = slice(int(near[0]), int(near[-1]) + 1)
+        found = model.functions(data.s[lines], fit.poles[[mode]], fit.terms.poles[:0])
+        own = model.synthesise(found, (fit.shapes[:, :, None] * fit.participation)[..., [mode]])
+        total = float(np.sum(data.weights[:, None, :, lines] * _power(own)))
+        result[:, mode] = total / max(float(energy[lines].sum()), 1e-300), total / max(float(energy.sum()), 1e-300)
+    return result
+
+
+def trial_equations(
+    data: Observations, fit: Fit, trials: Complex[np.ndarray, "trial"]
+) -> tuple[Float[np.ndarray, "trial row row"], Float[np.ndarray, "trial row out"]]:
+    """Normal equations of a free residue matrix at each trial pole, the linear unknowns of ``fit`` eliminated; rows are
+    the real parts for each reference, then the imaginary parts. For observations of one row.
+    """
+    references, modes, count = data.references, len(fit.poles), len(trials)
+    weights, every = data.weights[0], np.concatenate([fit.poles, fit.terms.poles])
+    direct, opposite = 1 / (data.s - trials[:, None]), -1 / (data.s + trials[:, None])
+    of_trials = (weights + 0j) @ (direct + opposite).T
+    found = model.functions(data.s, fit.poles, fit.terms.poles)
+    sums = model.sums_over_lines(found, weights)
+    own_p, own_q, p, q = model.trial_products(trials, of_trials, every, modes, sums)
+    mixing, width = fit.terms.mixing, fit.lean.shape[-1] // 2
+    block, overlap = np.zeros((count, 2 * references, 2 * references)), np.zeros((count, 2 * references, 2 * modes))
+    trial = model.Functions(direct, opposite.conj(), direct)
+    h = model.projections(trial, (weights[None] * residual(data, fit)[0]))
+    remaining = np.concatenate([h.real, h.imag], axis=1).transpose(2, 1, 0)
+    of_shapes = np.concatenate([np.arange(modes), width + np.arange(modes)])
+    for i, entries in enumerate(fit.participation):
+        rows = np.array([i, references + i])
+        block[:, rows[:, None], rows] = model.real_form(own_p[i][:, None, None], own_q[i][:, None, None])
+        with_shapes = model.real_form(p[i][:, None, :modes] * entries, q[i][:, None, :modes] * entries)
+        with_terms = model.real_form(p[i][:, None, modes:], q[i][:, None, modes:]) @ mixing
+        own_terms = fit.lean[0, i][:, of_shapes]
+        gram = _of_terms(every, modes, sums[[i]], mixing)
+        block[:, rows[:, None], rows] -= with_terms @ inverse(gram) @ with_terms.transpose(0, 2, 1)
+        overlap[:, rows] = with_shapes - with_terms @ own_terms
+    schur = block - overlap @ fit.local[0] @ overlap.transpose(0, 2, 1)
+    ridge = 1e-9 * np.einsum("tii->ti", block)
+    return schur + ridge[:, :, None] * np.eye(2 * references), remaining
+
+
+def _of_terms(
+    every: Complex[np.ndarray, "pole"], modes: int, sums: Complex[np.ndarray, "1 sum"], mixing: np.ndarray
+) -> Float[np.ndarray, "column column"]:
+    """Normal matrix of the residual terms of one reference."""
+    (p, *_), (q, *_) = model.products(every, modes, sums)
+    result: np.ndarray = mixing.T @ model.real_form(p[0, modes:, modes:], q[0, modes:, modes:]) @ mixing
+    return result
+
+
+def bins(
+    frequencies: Float[np.ndarray, "freq"], poles: Complex[np.ndarray, "pole"], fineness: float = 0.1
+) -> Int[np.ndarray, "bin"]:
+    """First lines of bins, none wider than ``fineness`` times the distance to the nearest pole or 1/400 of the band.
+
+    There the model is so smooth that the mean over the bin holds all that its lines hold.
+    """
+    omega = 2 * np.pi * frequencies
+    distance = np.full(len(omega), np.inf)
+    for pole in poles:
+        np.minimum(distance, np.abs(1j * omega - pole), out=distance)
+    step = 2 * np.pi * (frequencies[-1] - frequencies[0]) / (len(frequencies) - 1)
+    widest = np.clip(fineness * distance / step, 1, max(1, len(omega) / 400)).astype(int)
+    starts, line = [], 0
+    while line < len(omega):
+        starts.append(line)
+        width = int(widest[line])
+        line += max(1, min(width, int(widest[min(line + width, len(omega)) - 1])))
+    return np.array(starts)
+
+
+def observe(
+    frequencies: Float[np.ndarray, "freq"],
+    values: Complex[np.ndarray, "freq out in"],
+    derivative: int,
+    noise: NoiseLevel,
+    starts: Int[np.ndarray, "bin"] | None = None,
+    rotate: bool = True,
+) -> Observations:
+    """FRFs as one row: outputs over their noise, lines averaged in bins, outputs rotated onto their main directions.
+
+    Parameters
+    ----------
+    frequencies : Hz, above 0.
+    derivative : power q of ``s`` that turns a receptance into the data.
+    noise : standard deviations of lines (those of a single line, one for each bin), outputs and references.
+    starts : first line of each bin; by default every line is its own.
+    """
+    lines, outputs, references = values.shape
+    omega = 2 * np.pi * frequencies
+    starts = np.arange(lines) if starts is None else starts
+    counts = np.diff(np.append(starts, lines))
+    centre = np.add.reduceat(omega, starts) / counts
+    spread = np.maximum(np.add.reduceat(omega**2, starts) / counts - centre**2, 0) * (counts > 1)
+    signals = np.empty((outputs, references, len(starts)), complex)
+    receptance = (1j * omega) ** -derivative
+    for first in range(0, outputs, 16):
+        block = values[:, first : first + 16].transpose(1, 2, 0) * receptance
+        signals[first : first + 16] = np.add.reduceat(block, starts, axis=-1) if len(starts) < lines else block
+    signals /= counts * noise.outputs[:, None, None]
+    by_line = counts * centre ** (2 * derivative) / noise.lines**2
+    weights = by_line / noise.references[:, None] ** 2
+    if rotate and outputs > FEWEST:
+        signals = _rotated(signals, weights)
+    return Observations(1j * centre, signals[None], weights[None], spread, signals[None])
+
+
+def _rotated(
+    signals: Complex[np.ndarray, "out in line"], weights: Float[np.ndarray, "in line"]
+) -> Complex[np.ndarray, "q in line"]:
+    """Project the outputs on the leading eigenvectors of their correlation (real, so that conjugate terms stay so).
+
+    Directions of noise alone have the energy of the known noise; the smallest and the median energy bound it where it
+    is known badly. With more modes than outputs every direction holds signal, and the median says nothing.
+    """
+    outputs = len(signals)
+    flat = (signals * np.sqrt(weights)).reshape(outputs, -1).view(float)
+    energy, directions = np.linalg.eigh(flat @ flat.T)
+    # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967).
+    ratio = np.sqrt(min(outputs / flat.shape[1], 0.25))
+    noise = max(float(flat.shape[1]), float(energy[0]) / (1 - ratio) ** 2)
+    floor = min(float(np.median(energy)), noise) * (1 + ratio) ** 2
+    kept = int(np.clip(np.count_nonzero(energy > 1.05 * floor) + 2, FEWEST, outputs))
+    leading = np.ascontiguousarray(directions[:, -kept:].T)
+    rotated = leading @ np.ascontiguousarray(signals).reshape(outputs, -1).view(float)
+    return rotated.view(complex).reshape(kept, *signals.shape[1:])
+
+
+def fixed_poles(frequencies: Float[np.ndarray, "freq"]) -> Complex[np.ndarray, "term"]:
+    """Fixed poles of the residual terms: one below the band and one above it stand for all that is farther away."""
+    return 2 * np.pi * np.array([frequencies[0] / EDGE, frequencies[-1] * EDGE]) * FIXED
+
+
+def residual_terms(data: Observations, poles: Complex[np.ndarray, "term"]) -> Background:
+    """Residual terms that are orthonormal under the mean weights of the observations."""
+    return model.background(data.s, np.mean(data.weights, axis=(0, 1)), poles)

@@ -1,0 +1,63 @@
+"""What decides about modes: every threshold of the selection with its meaning and where it comes from."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelectionPolicy:
+    """Thresholds by which poles are accepted as modes; the others stay candidates, with the reason.
+
+    Parameters
+    ----------
+    heaviest : damping ratio above which a pole describes the background and not a mode. Structures with joints reach
+        10 %; poles that stand for residual terms begin at 30 %.
+    false_alarm : probability that noise alone passes for a mode somewhere in the band. It sets the energy that a mode
+        has to explain (chi-square over all its unknowns, divided by the lines).
+    persistence : share of the model orders that have to show a pole for it to be tried from the start. The search of
+        the residual finds what is missing, so that the value matters little.
+    damping_uncertainty : standard deviation of the damping ratio over its value beyond which the data do not tell that
+        there is a resonance. A mode counts as identifiable when the Cramer-Rao bound is below 0.1; the excess leaves
+        room for the scatter of that estimate.
+    visible_uncertainty : the same for a mode that dominates the FRFs around it: such a resonance is there, and its
+        interval says how badly its damping is known. Beyond a third the damping is hardly told from zero.
+    frequency_uncertainty : standard deviation of the natural frequency over the distance to the nearest mode with the
+        same participation beyond which the two cannot be told apart. Identifiable modes have 0.2 at most.
+    shape_scatter : variance of a shape over its energy beyond which a MAC of 0.8 with the true shape is not expected:
+        the MAC is near 1 / (1 + scatter).
+    confidence : probability that a mode is one, is nearest to itself and shows its own shape, below which it stays a
+        candidate.
+    alone : probability that a mode is not several that overlap, below which it stays a candidate.
+    grouped : distance of two poles, in standard deviations of their difference, within which they are a group: their
+        sum and the space of their shapes are determined, each for itself is not. Modes count as identifiable when the
+        standard deviation of each is a fifth of their distance at most, which is 2.5 times that of a difference whose
+        errors add up. A double root is farther apart in the estimates once in 500 draws (two-dimensional normal).
+    coincident : distance of two poles over the sum of their decay rates within which they can be a group. A resonance
+        that moves within a test moves by a few hundredths of its bandwidth; two modes that are farther apart and not
+        told apart stay candidates.
+    rank_margin : singular value of the joint residue of a group, over the largest one that noise has, from which on it
+        counts as a mode.
+    near : part of a wanted frequency within which a mode has to lie.
+    dominant : share of the energy within the half-power bandwidth from which on a candidate is reported as an error:
+        what dominates the FRFs there has to be explained.
+    large : share of the energy of all FRFs that such a candidate carries at least.
+    """
+
+    heaviest: float = 0.20
+    false_alarm: float = 1e-6
+    persistence: float = 0.3
+    damping_uncertainty: float = 0.12
+    visible_uncertainty: float = 1 / 3
+    frequency_uncertainty: float = 1 / 3
+    shape_scatter: float = 0.25
+    confidence: float = 0.75
+    alone: float = 0.5
+    grouped: float = 2.5
+    coincident: float = 0.1
+    rank_margin: float = 2.0
+    near: float = 0.01
+    dominant: float = 0.5
+    large: float = 0.01
+
+
+POLICY = SelectionPolicy()
+"""The policy of this version."""

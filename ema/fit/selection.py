@@ -1,0 +1,384 @@
+"""Which poles the FRFs ask for, found and refined on compressed data.
+
+Poles that persist over the model orders are refined together by maximum likelihood. Where the residual is larger than
+the noise, narrower bands are searched. A pole stays when leaving it out costs more than noise, or the misfit of its
+neighbourhood, could explain, and when it is not the second half of a peak that one mode already explains. Which of the
+poles are accepted as modes is decided afterwards, on the final values (`ema.fit.acceptance`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+
+from ema.data import PoleTable, damping_ratios, natural_frequencies
+from ema.fit import estimator
+from ema.fit.candidates import Candidates, inside, of_table, zoom
+from ema.fit.estimator import Fit, Observations
+from ema.fit.noise import NoiseLevel
+from ema.fit.overlap import another_mode
+from ema.fit.policy import POLICY
+from ema.fit.prepare import Prepared
+from ema.fit.search import MISFIT, VISIBLE, Noise, beyond, complete, misfit, passes_for_mode, prune, search
+
+_ROUNDS = 100
+_SPREAD = 2.0
+"""Factor by which a misfit may raise or lower the noise of a bin."""
+_TELLING = 6
+"""Outputs from which on equal shapes say that two poles are one mode."""
+_LINES = 2.0
+"""Half-power bandwidth in frequency lines below which a mode has to show as a peak."""
+_DISPLACED = 0.2
+"""Displacement over the decay rate below which nobody asks whether another mode is the cause."""
+_COLLINEAR = 0.6
+"""Modal phase collinearity below which the shape of a mode without a peak of its own speaks against it."""
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """A candidate that was not taken, and why."""
+
+    pole: complex
+    reason: str
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Poles of the band and of its surroundings, refined together on compressed data.
+
+    ``starts`` are the bins of ``data``; ``possible`` (pole,) marks those that can be modes (in the band, oscillating);
+    ``persistence`` (pole,) is the share of the model orders that show each; ``alone`` (pole,) the probability that no
+    other mode hides under it; ``trusted`` says that the residual is noise; ``dropped`` are poles that are not in the
+    fit any more.
+    """
+
+    fit: Fit
+    data: Observations
+    noise: NoiseLevel
+    starts: Int[np.ndarray, "bin"]
+    possible: Bool[np.ndarray, "pole"]
+    persistence: Float[np.ndarray, "pole"]
+    alone: Float[np.ndarray, "pole"]
+    trusted: bool
+    dropped: tuple[Dropped, ...] = ()
+
+
+def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Selection:
+    """Find the poles that the FRFs ask for, and take out what noise or misfit explains.
+
+    ``added_decay`` is what an exponential window did to the data; the table is already free of it.
+    """
+    band = table.band
+    everything = of_table(table, added_decay)
+    chosen = everything.keep(everything.persistence >= min(POLICY.persistence, everything.persistence.max(initial=0)))
+    state = _observe(prepared, chosen)
+    for share in (6, 20):
+        found = zoom(prepared, state.data, state.fit, share)
+        larger = Candidates(state.fit.poles, state.fit.participation, np.ones(len(state.fit.poles))).joined(found)
+        if len(larger.poles) == len(state.fit.poles):
+            break
+        everything = everything.joined(found)
+        state = _observe(prepared, larger)
+    dropped: list[Dropped] = []
+    result = _trusting(prepared, state, band, dropped)
+    trusted = result is not None
+    if result is None:
+        dropped = []
+        result = _doubting(state, everything, band, dropped)
+    fit = result.fit
+    possible = inside(fit.poles, band) & (damping_ratios(fit.poles) <= POLICY.heaviest) & (fit.poles.real < 0)
+    alone = _alone(result.data, fit, band, possible) if trusted else np.ones(len(fit.poles))
+    lost = [d for d in dropped if np.all(np.abs(fit.poles - d.pole) > np.abs(fit.poles.real) + abs(d.pole.real))]
+    return Selection(
+        fit=fit,
+        data=result.data,
+        noise=result.noise,
+        starts=result.starts,
+        possible=possible,
+        persistence=_persistence(fit, everything),
+        alone=alone,
+        trusted=trusted,
+        dropped=tuple(lost),
+    )
+
+
+def reduced(chosen: Selection, gone: Int[np.ndarray, "gone"], reason: str) -> Selection:
+    """The selection without some of its poles; the others adapt."""
+    keep = np.ones(len(chosen.fit.poles), bool)
+    keep[gone] = False
+    fit = estimator.refine(chosen.data, estimator.drop(chosen.data, chosen.fit, keep))
+    dropped = tuple(Dropped(complex(chosen.fit.poles[pole]), reason) for pole in gone)
+    return replace(
+        chosen,
+        fit=fit,
+        possible=chosen.possible[keep],
+        persistence=chosen.persistence[keep],
+        alone=chosen.alone[keep],
+        dropped=(*chosen.dropped, *dropped),
+    )
+
+
+def _trusting(
+    prepared: Prepared, state: "_State", band: tuple[float, float], dropped: list[Dropped]
+) -> "_State | None":
+    """Take whatever noise cannot explain. ``None`` when that does not end in a residual that is noise."""
+    state = _reweight(state, 3)
+    gone: list[tuple[complex, str]] = []
+    state = state.with_fit(prune(state.data, state.fit, Noise.of(state.data, state.fit), gone))
+    before = len(state.fit.poles)
+    state = _grown(prepared, state, band)
+    if estimator.correlation(state.data, state.fit) > MISFIT:
+        return None
+    grown = len(state.fit.poles) != before
+    state = _reweight(state, 12)
+    if grown:
+        state = _grown(prepared, state, band)
+    thorough = estimator.correlation(state.data, state.fit) <= 0.5 * MISFIT
+    final = prune(state.data, state.fit, Noise.of(state.data, state.fit), gone, thorough)
+    state = state.with_fit(estimator.refine(state.data, final))
+    dropped += [
+        Dropped(pole, why)
+        for pole, why in gone
+        if inside(np.array([pole]), band)[0] and damping_ratios(np.array([pole]))[0] <= POLICY.heaviest
+    ]
+    # A misfit can be decorated with poles until it looks like noise; then most of them come from the search.
+    decorated = len(state.fit.poles) > max(before + 3, 1.5 * before)
+    if decorated or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
+        return None
+    return state.with_fit(beyond(state.data, estimator.determined(state.data, state.fit), band))
+
+
+def _grown(prepared: Prepared, state: "_State", band: tuple[float, float]) -> "_State":
+    """Modes added that the residual shows; the bins are made anew where these need finer ones."""
+    fit = complete(state.data, state.fit, band, rounds=8 + len(state.fit.poles) // 4)
+    if len(fit.poles) == len(state.fit.poles):
+        return state.with_fit(fit)
+    noise = np.repeat(state.noise.lines, np.diff(np.append(state.starts, len(prepared.frequencies))))
+    prepared = replace(prepared, noise=replace(prepared.noise, lines=noise))
+    return _observe(prepared, Candidates(fit.poles, fit.participation, np.ones(len(fit.poles))))
+
+
+def _doubting(state: "_State", candidates: Candidates, band: tuple[float, float], dropped: list[Dropped]) -> "_State":
+    """Take what stands out of a misfit: peaks of their own, or poles that the model orders agree on."""
+    weighted = _reweight(state, 3)
+    weighted = weighted.with_fit(_eliminate(weighted.data, weighted.fit, candidates, band, dropped))
+    if inside(weighted.fit.poles, band).any():
+        weighted = weighted.with_fit(search(weighted.data, weighted.fit, band, rounds=12, hidden=False))
+    else:
+        # No model order shows a mode: noise that grows with the FRF itself does that. Search before weights hide it.
+        outside = estimator.drop(state.data, state.fit, ~inside(state.fit.poles, band))
+        weighted = _reweight(state.with_fit(search(state.data, outside, band, rounds=12, hidden=False)), 3)
+        weighted = weighted.with_fit(_eliminate(weighted.data, weighted.fit, candidates, band, dropped))
+    weighted = _reweight(weighted, 12)
+    final = _eliminate(weighted.data, weighted.fit, candidates, band, dropped)
+    return weighted.with_fit(estimator.determined(weighted.data, final))
+
+
+@dataclass(frozen=True)
+class _State:
+    """Data in bins, their noise, and the fit so far."""
+
+    data: Observations
+    noise: NoiseLevel
+    starts: Int[np.ndarray, "bin"]
+    fit: Fit
+
+    def with_fit(self, fit: Fit) -> "_State":
+        return replace(self, fit=fit)
+
+
+def _observe(prepared: Prepared, candidates: Candidates) -> _State:
+    """Weighted data in bins that are fine where the candidates are, and a first, rough refinement of these."""
+    starts = estimator.bins(prepared.frequencies, candidates.poles)
+    middle = (starts + np.append(starts[1:], len(prepared.frequencies)) - 1) // 2
+    noise = replace(prepared.noise, lines=prepared.noise.lines[middle])
+    data = estimator.observe(prepared.frequencies, prepared.values, prepared.derivative, noise, starts)
+    terms = estimator.residual_terms(data, estimator.fixed_poles(prepared.frequencies))
+    fit = estimator.evaluate(data, candidates.poles, candidates.participation, terms)
+    fit = estimator.refine(data, fit, iterations=4)
+    data = estimator.centred(data, fit)
+    return _State(data, noise, starts, estimator.refine(data, _again(data, fit), iterations=2))
+
+
+def _reweight(state: _State, iterations: int) -> _State:
+    """Take the noise of each bin from the residual and refine again; with few FRFs, from its neighbours too.
+
+    A residual that is correlated over lines is misfit: it may shape the weights within narrow limits only, or a peak
+    that is fitted badly would lose the weight that it takes to fit it well.
+    """
+    data = state.data
+    by_reference, together = estimator.profile(data, state.fit)
+    power = by_reference.mean(axis=0)
+    correlation = together.sum() / max(power.sum(), 1e-300)
+    window = int(np.clip(150 // (data.outputs * data.references), 1, min(9, len(power)))) | 1
+    power = np.convolve(np.pad(power, window // 2, mode="edge"), np.ones(window) / window, mode="valid")[: len(power)]
+    power = np.maximum(power, 0.05 * np.median(power) + 1e-300)
+    if correlation > MISFIT:
+        power = np.clip(power, np.median(power) / _SPREAD**2, np.median(power) * _SPREAD**2)
+    data = estimator.centred(data.reweighted(1 / power), state.fit)
+    noise = replace(state.noise, lines=state.noise.lines * np.sqrt(power))
+    return _State(data, noise, state.starts, estimator.refine(data, _again(data, state.fit), iterations))
+
+
+def _again(data: Observations, fit: Fit) -> Fit:
+    """The fit on other data: its linear unknowns adapt."""
+    again = estimator.evaluate(data, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
+    return estimator.determined(data, again)
+
+
+def _threshold(data: Observations, unknowns: int) -> float:
+    """Energy that a mode fitted to noise alone exceeds, anywhere in the band, with the false-alarm probability."""
+    return passes_for_mode(2 * data.outputs + unknowns, len(data.s))
+
+
+def _eliminate(
+    data: Observations,
+    fit: Fit,
+    candidates: Candidates,
+    band: tuple[float, float],
+    dropped: list[Dropped],
+    trusting: bool = False,
+) -> Fit:
+    """Take out, one after the other, what noise or misfit explains and what repeats a neighbour.
+
+    ``trusting`` takes the residual for noise, whatever it looks like.
+    """
+    limit = _threshold(data, 2 * len(fit.participation))
+    for _ in range(_ROUNDS):
+        if not len(fit.poles):
+            break
+        factor = max(fit.variance_factor(data), 1e-300)
+        correlation = 0.0 if trusting else estimator.correlation(data, fit)
+        gain = estimator.gains(fit) / factor
+        required = limit * misfit(data, fit, band, factor, correlation)
+        reasons = {
+            int(k): f"it explains {gain[k] / required[k]:.2g} times what noise and misfit would"
+            for k in np.flatnonzero(gain <= required)
+        }
+        reasons |= dict.fromkeys(
+            _spurs(data, fit, band, limit * factor), "it lives in one frequency line and its neighbours"
+        )
+        # Leaving one out can make another one needed, so the weaker ones go first.
+        weakest = sorted(reasons, key=lambda k: gain[k] / required[k])[: (len(reasons) + 2) // 3]
+        reasons = {k: reasons[k] for k in weakest}
+        if not reasons and correlation > MISFIT:
+            doubtful = (_persistence(fit, candidates) < POLICY.persistence) | (_collinearity(fit) < _COLLINEAR)
+            doubtful |= _echoes(fit, gain)
+            hidden = doubtful & (estimator.dominance(data, fit) < VISIBLE)
+            lowest = np.argsort(np.where(hidden, gain, np.inf))[: (np.count_nonzero(hidden) + 2) // 3]
+            reasons = dict.fromkeys(
+                map(int, lowest),
+                "it makes no peak of its own, and few orders show it or its shape is complex or a neighbour's",
+            )
+        if not reasons:
+            twin = _twin(fit, gain)
+            if twin is None:
+                break
+            reasons = {twin: "it repeats a neighbour within its bandwidth"}
+        keep = np.ones(len(fit.poles), bool)
+        keep[list(reasons)] = False
+        for k, why in reasons.items():
+            if inside(fit.poles[[k]], band)[0] and damping_ratios(fit.poles[[k]])[0] <= POLICY.heaviest:
+                dropped.append(Dropped(complex(fit.poles[k]), why))
+        fit = estimator.refine(data, estimator.drop(data, fit, keep), iterations=3)
+    return fit
+
+
+def _spurs(data: Observations, fit: Fit, band: tuple[float, float], required: float) -> list[int]:
+    """Poles as narrow as the lines allow that explain nothing without the three lines they stand on: mains and such;
+    and narrow ones that sit on somebody else's peak, where noise is largest.
+    """
+    floor = data.narrowest_decay
+    found = []
+    narrow = inside(fit.poles, band) & (-fit.poles.real <= _LINES * floor / estimator.NARROWEST)
+    if narrow.any():
+        found = [int(k) for k in np.flatnonzero(narrow & (estimator.dominance(data, fit) < VISIBLE))]
+    narrowest = inside(fit.poles, band) & (-fit.poles.real <= 1.05 * floor)
+    for k in np.setdiff1d(np.flatnonzero(narrowest), found):
+        masked = data.without_lines(float(fit.poles[k].imag))
+        alone = estimator.evaluate(masked, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
+        if estimator.gains(alone)[k] < required:
+            found.append(int(k))
+    return found
+
+
+def _collinearity(fit: Fit) -> Float[np.ndarray, "pole"]:
+    """Modal phase collinearity of each shape (Pappa et al. 1993)."""
+    x, y = fit.psi.real, fit.psi.imag
+    real, cross, imaginary = (np.sum(a * b, axis=1) for a, b in ((x, x), (x, y), (y, y)))
+    total = np.maximum(real + imaginary, 1e-300)
+    return 1 - 4 * (real * imaginary - cross**2) / total**2
+
+
+def _echoes(fit: Fit, gain: Float[np.ndarray, "pole"]) -> Bool[np.ndarray, "pole"]:
+    """Poles with the shape and the participation of a stronger one within a tenth of the frequency."""
+    count, psi = len(fit.poles), fit.psi
+    result = np.zeros(count, bool)
+    if psi.shape[1] < _TELLING:
+        return result
+    for a in range(count):
+        near = np.abs(fit.poles.imag - fit.poles[a].imag) < 0.1 * abs(fit.poles[a])
+        for b in np.flatnonzero(near & (gain > gain[a])):
+            alike = _mac(fit.participation[:, a], fit.participation[:, b]) > 0.9
+            result[a] |= alike and _mac(psi[a], psi[b]) > 0.9
+    return result
+
+
+def _persistence(fit: Fit, candidates: Candidates) -> Float[np.ndarray, "pole"]:
+    """Share of the model orders that show each pole; a cluster of candidates speaks for the nearest pole only."""
+    if not len(candidates.poles) or not len(fit.poles):
+        return np.zeros(len(fit.poles))
+    reach = np.maximum(np.abs(fit.poles.real)[:, None], np.abs(candidates.poles.real)[None, :])
+    distance = np.abs(fit.poles[:, None] - candidates.poles[None, :]) / reach
+    nearest = np.argmin(distance, axis=0)
+    speaks = (distance < 1) & (nearest[None, :] == np.arange(len(fit.poles))[:, None])
+    return np.where(speaks, candidates.persistence[None, :], 0).max(axis=1)
+
+
+def _twin(fit: Fit, gain: Float[np.ndarray, "mode"]) -> int | None:
+    """The weaker of two poles that one mode explains.
+
+    Within one bandwidth of each other, their shapes and participation are the same; or they share the participation
+    and lie within a small part of the bandwidth and 0.15 % of the frequency: a resonance that moved from one record to
+    the next leaves such a pair, with arbitrary shapes.
+    """
+    count = len(fit.poles)
+    psi = fit.psi
+    for a in range(count):
+        reach = np.abs(fit.poles.real) + abs(fit.poles[a].real)
+        distance = np.abs(fit.poles - fit.poles[a])
+        for b in np.flatnonzero(distance < reach):
+            if b <= a or _mac(fit.participation[:, a], fit.participation[:, b]) < 0.9:
+                continue
+            apart = abs(fit.poles[b].imag - fit.poles[a].imag)
+            moved = apart < 0.3 * reach[b] and apart < 0.0015 * abs(fit.poles[a])
+            if moved or _mac(psi[a], psi[b]) > 0.9:
+                return int(a if gain[a] < gain[b] else b)
+    return None
+
+
+def _mac(a: Complex[np.ndarray, "dof"], b: Complex[np.ndarray, "dof"]) -> float:
+    scale = float(np.vdot(a, a).real * np.vdot(b, b).real)
+    return abs(np.vdot(a, b)) ** 2 / scale if scale > 0 else 0.0
+
+
+def _alone(
+    data: Observations, fit: Fit, band: tuple[float, float], possible: Bool[np.ndarray, "pole"]
+) -> Float[np.ndarray, "pole"]:
+    """Probability that no other mode, hidden under each of some modes, displaces it by its decay rate.
+
+    The energy that a mode may explain without being noticed displaces a pole by as many standard deviations as its root
+    says: with few FRFs, much noise or much overlap this is far.
+    """
+    factor = fit.variance_factor(data)
+    covariance = estimator.covariance(fit, factor)
+    frequency, damping = np.sqrt(covariance[:, 0, 0]), np.sqrt(covariance[:, 1, 1])
+    unnoticed = np.sqrt(_threshold(data, 2 * len(fit.participation)) - 2 * data.outputs)
+    ratio = np.maximum(damping_ratios(fit.poles), 1e-300)
+    displaced = np.minimum(unnoticed * np.hypot(frequency / natural_frequencies(fit.poles), damping) / ratio, 1)
+    # Narrower than a few lines, a mode overlaps with nothing.
+    wide = -fit.poles.real > _LINES / estimator.NARROWEST * data.narrowest_decay
+    places = np.flatnonzero(possible & wide & (displaced > _DISPLACED))
+    result = np.ones(len(fit.poles))
+    result[places] -= another_mode(data, fit, factor, band, places) * displaced[places]
+    return result
