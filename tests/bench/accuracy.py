@@ -2,7 +2,13 @@
 
 ``python -m tests.bench.accuracy`` runs everything (sizes are options), keeps each draw so that ``--resume`` goes on
 after an interruption, and writes ``tests/bench/results/accuracy.json`` and ``docs/accuracy.md``. ``--quick`` takes small
-numbers and writes nothing. Seeds are drawn at run time and printed.
+numbers, about a minute a section, and writes nothing. ``--only systems,disturbed`` takes some of the sections. Seeds are
+drawn at run time and printed; ``--seed`` repeats a run.
+
+Sections: ``systems`` (coverage on random systems), ``invariance`` (the same measurement said in another way), ``disturbed``
+(errors that are not noise), ``roots`` (double roots), ``setups`` (set-ups that do not agree), ``time`` (against the peer's
+pole time); ``case``, ``small``, ``random``, ``residues`` (errors over the bound), ``cost``, ``listed`` and ``halves`` (real
+measurements), ``peers``.
 """
 
 import argparse
@@ -11,7 +17,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -24,11 +29,20 @@ from acquisition.datasets import dataset_folder
 from ema.data import FrfSet
 from ema.fit import modal
 from ema.study import Study, chain, expectations
-from tests.bench import draws, halves
+from tests.bench import (
+    cpu_time,
+    disturbed,
+    draws,
+    halves,
+    invariance,
+    provenance,
+    repeated_roots,
+    set_ups,
+    systems,
+)
 from tests.bench.cases import Case, case_160, case_small
 from tests.bench.environments import CACHE
 from tests.bench.fit import OURS, ROWS, compare, random_line, random_outcome
-from tests.bench.machine import description
 from tests.bench.scoring import Bound, cramer_rao, residue_bound, score
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,6 +50,18 @@ RESULT = Path(__file__).parent / "results" / "accuracy.json"
 NOISES = (0.001, 0.01, 0.05)
 PEERS = ("sdypy_ema", "pyfbs", "pyyeti", "pyoma2", "pydvma")
 SECTIONS = ("case", "random", "small", "residues", "cost", "listed", "halves", "peers")
+JUDGES: dict[str, ModuleType] = {
+    "systems": systems, "invariance": invariance, "disturbed": disturbed, "roots": repeated_roots, "setups": set_ups,
+    "time": cpu_time,
+}  # fmt: skip
+"""Benches of one form: ``COUNT`` and ``QUICK`` items, ``one(seed, number, quick)``, ``line``, ``summary``, ``report``."""
+RESTS: dict[str, tuple[str, ...]] = {
+    "case": ("tests.bench.draws",), "small": ("tests.bench.draws",), "random": ("tests.bench.fit", "tests.bench.ours"),
+    "residues": ("tests.bench.draws",), "cost": ("tests.bench.draws",), "listed": ("ema.study.chain",),
+    "halves": ("tests.bench.halves",), "peers": ("tests.bench.fit", "tests.bench.ours"),
+    **{name: (module.__name__,) for name, module in JUDGES.items()},
+}  # fmt: skip
+"""The modules whose code, with all that it imports, makes the figures of a section."""
 RECIPES = (("freefree_beam", "02"), ("hammer_blows", "03"), ("steel_subframe", "05"))
 """Recipes about real measurements, and how their folder begins."""
 
@@ -59,8 +85,9 @@ QUICK = Sizes(case=5, small=40, random=6, residues=3, cost=1, halves=1, peers=1)
 class Kept:
     """Draws done so far, one JSON object per line in a file, so that an interrupted run can go on."""
 
-    def __init__(self, path: Path | None, resume: bool) -> None:
+    def __init__(self, path: Path | None, resume: bool, fixed: int | None = None) -> None:
         self.path = path
+        self.fixed = fixed
         self._done: dict[str, list] = {}
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -89,7 +116,10 @@ class Kept:
         return done[:count]
 
     def seed(self, key: str) -> int:
-        """A seed drawn at run time, printed, and kept."""
+        """The seed that was asked for, or one drawn at run time, printed, and kept."""
+        if self.fixed is not None:
+            print(f"{key}: seed {self.fixed}", flush=True)
+            return self.fixed
         value = self.items(f"seed of {key}", 1, lambda _: int(np.random.default_rng().integers(1, 1_000_000)))[0]
         print(f"{key}: seed {value}", flush=True)
         return int(value)
@@ -159,6 +189,20 @@ def random_systems(kept: Kept, count: int, jobs: int = 1) -> dict:
     with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
         done = kept.items("random", count, one, random_line, pool.map if jobs > 1 else map)
     return {"title": "random systems, default settings", "seeds": [seed], "runs": {OURS: done}}
+
+
+def judged(kept: Kept, name: str, count: int | None, quick: bool, jobs: int = 1) -> dict:
+    """One of ``JUDGES``: its items, kept under the fingerprint of the code that made them, and their summary."""
+    judge = JUDGES[name]
+    key = f"{name} {provenance.fingerprint(judge.__name__)}{' quick' if quick else ''}"
+    seed = kept.seed(key)
+    wanted = (judge.QUICK if quick else judge.COUNT) if count is None else count
+    one = partial(judge.one, seed, quick=quick)
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        rows = kept.items(f"{key} {seed}", wanted, one, judge.line, pool.map if jobs > 1 else map)
+    found = judge.summary(rows)
+    print(judge.report(found), flush=True)
+    return {"seed": seed, **found}
 
 
 def _random_one(seeds: list[int], number: int) -> dict:
@@ -307,7 +351,8 @@ def parsed() -> argparse.Namespace:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench.accuracy", description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="small numbers; nothing is written")
-    parser.add_argument("--only", default=",".join(SECTIONS), help="sections to run")
+    parser.add_argument("--only", default=",".join((*SECTIONS, *JUDGES)), help="sections to run")
+    parser.add_argument("--seed", type=int, help="one seed for all sections, instead of seeds drawn at run time")
     parser.add_argument("--resume", action="store_true", help="go on with the draws of the last run")
     parser.add_argument("--noise", help="noise levels instead of 0.001,0.01,0.05")
     parser.add_argument(
@@ -328,12 +373,14 @@ def main() -> None:
     """Run the sections that are asked for, and write the results and the page."""
     options = parsed()
     given = dict(pair.split("=") for pair in options.sizes.split(",") if pair)
-    sizes = replace(QUICK if options.quick else Sizes(), **{name: int(size) for name, size in given.items()})
+    sizes = replace(
+        QUICK if options.quick else Sizes(), **{name: int(size) for name, size in given.items() if name not in JUDGES}
+    )
     noises = tuple(map(float, options.noise.split(","))) if options.noise else NOISES
     every = {one.name: one for one in (draws.UNTOLD, draws.KNOWN, draws.FIVE)}
     told = tuple(every[name.strip()] for name in options.knowledge.split(","))
     small_told = told if told != (draws.UNTOLD, draws.KNOWN) else (*told, draws.FIVE)
-    kept = Kept(None if options.quick else options.cache / "accuracy.jsonl", options.resume)
+    kept = Kept(None if options.quick else options.cache / "accuracy.jsonl", options.resume, options.seed)
     peer_names = [name for name in options.peers.split(",") if name]
     sections: dict[str, Callable[[], object]] = {
         "case": lambda: case_draws(kept, sizes.case, noises, told),
@@ -345,15 +392,16 @@ def main() -> None:
         "halves": lambda: real_halves(kept, sizes.halves),
         "peers": lambda: peers(kept, sizes.peers, peer_names, noises, options.cache, options.timeout),
     }
+    for name in JUDGES:
+        count = int(given[name]) if name in given else None
+        jobs = 1 if name == "time" else options.jobs  # runs side by side would take time from each other
+        sections[name] = partial(judged, kept, name, count, options.quick, jobs)
     known = json.loads(RESULT.read_text()) if RESULT.exists() else {}
     for name in options.only.split(","):
         start = time.process_time()
         found = sections[name]()
         print(f"-- {name}: {time.process_time() - start:.0f} s of processor time", flush=True)
-        known[name] = {
-            "found": found, "date": datetime.now(UTC).strftime("%Y-%m-%d"), "machine": description(),
-            "seconds": time.process_time() - start,
-        }  # fmt: skip
+        known[name] = {"found": found, "seconds": time.process_time() - start, **provenance.stamp(*RESTS[name])}
         if not options.quick:
             RESULT.parent.mkdir(exist_ok=True)
             RESULT.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.bench import judged_page
 from tests.bench.accuracy_goals import goals
 from tests.bench.environments import NAMES
 from tests.bench.fit import OURS
@@ -64,7 +65,8 @@ def sections() -> list[str]:
     }  # fmt: skip
     written = {section: write(known[section]) for section, write in writers.items() if section in known}
     compared = written.pop("peers", "")
-    return [goals(known), *written.values(), "\n\n".join(NOT_CONTAINED), *filter(None, [compared])]
+    judged = judged_page.sections(known)
+    return [goals(known), *judged, *written.values(), "\n\n".join(NOT_CONTAINED), *filter(None, [compared])]
 
 
 def measured(section: dict) -> str:

@@ -12,15 +12,14 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from ema.data import ModalModel
+from tests.bench import provenance
 from tests.bench.cases import Case, case_160, case_large, random_system
 from tests.bench.environments import CACHE, NAMES, PEERS, interpreter
-from tests.bench.machine import description
 from tests.bench.scoring import Bound, cramer_rao, modes_of_poles, score
 
 OURS = "friction-ema"
@@ -252,7 +251,7 @@ def _draw(generator: np.random.Generator, count: int) -> list[int]:
 
 
 def _stamp() -> dict:
-    return {"date": datetime.now(UTC).strftime("%Y-%m-%d"), "machine": description()}
+    return provenance.stamp("tests.bench.fit", "tests.bench.ours")
 
 
 def _keep(known: dict, quick: bool) -> None:

@@ -22,6 +22,7 @@ from ema.estimate import hammer_test
 from ema.estimate.blows import find_blows
 from ema.estimate.double_hits import second_hits
 from tests.bench.hammer_signals import Chain, Second, draw_chain, draw_contact, force, ringing
+from tests.bench.provenance import stamp
 
 CASES = ("clean", "near", "later")
 """No second blow; one 2-30 ms behind the end of the main pulse; one anywhere later in the block."""
@@ -152,7 +153,7 @@ def main() -> None:
     arguments = parser.parse_args()
     seed = int.from_bytes(os.urandom(4)) if arguments.seed is None else arguments.seed
     print(f"seed {seed}")
-    result = {"seed": seed, "second blows": detector(arguments.cases, seed)}
+    result = {**stamp("tests.bench.hammer"), "seed": seed, "second blows": detector(arguments.cases, seed)}
     signals = campaign(seed)
     result["ours"] = ours(signals)
     if arguments.peer:

@@ -11,7 +11,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
 import json
-from datetime import date
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -23,6 +22,7 @@ from ema.data import FrictionLaw
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.place.objective import scores
 from ema.place.task import only, predicted
+from tests.bench.provenance import stamp
 from tests.unit.placement_rig import bare_table
 
 RESULT = Path(__file__).parent / "results" / "placement.json"
@@ -89,7 +89,7 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--candidates", type=int, default=100)
     chosen = options.parse_args()
-    result = {"date": str(date.today()), "predictor": predictor(), "stages": stages(chosen.candidates)}
+    result = {**stamp("tests.bench.placement"), "predictor": predictor(), "stages": stages(chosen.candidates)}
     RESULT.parent.mkdir(exist_ok=True)
     RESULT.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     print(json.dumps(result, indent=1))

@@ -32,15 +32,19 @@ class Bound:
     identifiable: np.ndarray
 
 
-def cramer_rao(case: Case) -> Bound:
+def cramer_rao(case: Case, residual_terms: bool = False) -> Bound:
     """Cramer-Rao bound of frequencies and damping ratios.
 
     The model is the modal form that made the case: for every mode inside and outside the band an unknown pole, an unknown
     participation and unknown complex shape (rank-one residues), nothing else. The noise level is taken as known. The
     shapes are eliminated output by output (Schur complement), so the cost is linear in the outputs.
+
+    Parameters
+    ----------
+    residual_terms : whether each FRF also has an unknown complex lower and upper residual term, as a fit has.
     """
     model = _everything(case)
-    covariance = _covariance(model)
+    covariance = _covariance(model, residual_terms)
     count = len(case.truth.poles)
     frequency_std, damping_std = np.empty(count), np.empty(count)
     for mode, pole in enumerate(case.truth.poles):
@@ -97,11 +101,12 @@ def _everything(case: Case) -> _Model:
     return _Model(case.frfs.frequencies, case.noise_std, poles, shapes * largest, participation / largest, fixed)
 
 
-def _covariance(model: _Model) -> np.ndarray:
+def _covariance(model: _Model, residual_terms: bool = False) -> np.ndarray:
     """Covariance of (Re p, Im p of all modes, then of all participations; zero where these are fixed)."""
     size = 2 * len(model.poles)
     information = sum(
-        total - cross.T @ np.linalg.lstsq(local, cross, rcond=1e-14)[0] for local, cross, total in _blocks(model)
+        total - cross.T @ np.linalg.lstsq(local, cross, rcond=1e-14)[0]
+        for local, cross, total in _blocks(model, residual_terms)
     )
     free = np.ones(len(information), bool)
     for mode, reference in enumerate(model.fixed):
@@ -114,13 +119,15 @@ def _covariance(model: _Model) -> np.ndarray:
     return covariance
 
 
-def _blocks(model: _Model) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _blocks(model: _Model, residual_terms: bool = False) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Fisher information of each output: of its shapes, between these and the poles and participations, of the latter.
 
     A change dc of the factor of 1/(s - p) changes an FRF by s^2 (dc / (s - p) + conj), which is linear in the two real
-    numbers of dc: everything follows from the Gram matrix of those real columns, for 1/(s - p) and 1/(s - p)^2.
+    numbers of dc: everything follows from the Gram matrix of those real columns, for 1/(s - p) and 1/(s - p)^2. Residual
+    terms belong to one FRF each: what of the columns lies in their span tells nothing.
     """
     columns = _real_columns(model.frequencies, model.poles)
+    terms = _residual_columns(model.frequencies)
     size, references = 2 * len(model.poles), len(model.participation)
     through = [_rotations(row) for row in model.participation]
     for output, shape in enumerate(model.shapes):
@@ -132,6 +139,10 @@ def _blocks(model: _Model) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]
             weighted = columns * np.concatenate([weight, weight])[:, None]
             gram = dsyrk(1.0, weighted.T)
             gram += np.triu(gram, 1).T
+            if residual_terms:
+                span = np.linalg.qr(terms * np.concatenate([weight, weight])[:, None])[0]
+                within = span.T @ weighted
+                gram -= within.T @ within
             by_pole = _rotations(shape * model.participation[reference])
             jacobian = np.zeros((2 * size, unknowns))
             jacobian[size:, :size] = by_pole
@@ -153,6 +164,14 @@ def _real_columns(frequencies: np.ndarray, poles: np.ndarray) -> np.ndarray:
         blocks.append(np.stack([plus, minus], axis=2).reshape(len(frequencies), -1))
     together = np.concatenate(blocks, axis=1)
     return np.concatenate([together.real, together.imag])
+
+
+def _residual_columns(frequencies: np.ndarray) -> np.ndarray:
+    """Change of (Re H, Im H) of an accelerance with the real and imaginary parts of its lower and upper residual term."""
+    zero, one = np.zeros(len(frequencies)), np.ones(len(frequencies))
+    square = (frequencies / frequencies[-1]) ** 2
+    parts = [(one, zero), (zero, one), (square, zero), (zero, square)]
+    return np.array([np.concatenate(pair) for pair in parts]).T
 
 
 def _rotations(values: np.ndarray) -> np.ndarray:

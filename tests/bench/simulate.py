@@ -18,7 +18,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from datetime import date
 from functools import partial
 from pathlib import Path
 from time import process_time
@@ -27,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from ema.simulate import Masing, double_beam, snapback, snapback_reference
-from tests.bench import machine
+from tests.bench import provenance
 from tests.bench.environments import interpreter
 
 RESULT = Path(__file__).parent / "results" / "simulate.json"
@@ -181,7 +180,7 @@ def main() -> None:
             continue
         # a first call is always a whole one
         quick = told.quick and not name.startswith("first call")
-        row = {"quick": quick, "date": date.today().isoformat(), "machine": machine.description()}
+        row = {"quick": quick, **provenance.stamp("tests.bench.simulate")}
         rows[name] = row | job(quick)
         print(name, {key: value for key, value in rows[name].items() if key != "machine"}, flush=True)
         told.out.parent.mkdir(exist_ok=True)

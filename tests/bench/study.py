@@ -13,7 +13,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from ema.study import Study
-from tests.bench.machine import description
+from tests.bench.provenance import stamp
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULT = Path(__file__).with_name("results") / "study.json"
@@ -50,7 +50,7 @@ def main() -> None:
     total = time.perf_counter() - start
     assert result.forecast_check is not None
     found = {
-        "machine": description(), "seconds": total, "stages": stages.spent, "inside": result.forecast_check.inside,
+        **stamp("tests.bench.study"), "seconds": total, "stages": stages.spent, "inside": result.forecast_check.inside,
         "values": result.forecast_check.values, "met": all(one.met for one in result.expectations),
     }  # fmt: skip
     for stage, seconds in sorted(stages.spent.items(), key=lambda item: -item[1]):

@@ -26,7 +26,7 @@ import acquisition
 from acquisition.files import uff
 from ema.data import FrfSet
 from ema.dof import Dof
-from tests.bench import machine
+from tests.bench import machine, provenance
 
 RESULT = Path(__file__).parent / "results" / "uff.json"
 LINES = 6401
@@ -131,7 +131,8 @@ def main() -> None:
     quick = parser.parse_args().quick
     folder = Path(tempfile.mkdtemp())
     try:
-        result: dict[str, Any] = {"machine": {**machine.description(), "pyuff": machine._version("pyuff")}}
+        result: dict[str, Any] = provenance.stamp("tests.bench.uff")
+        result["machine"]["pyuff"] = machine._version("pyuff")
         for binary, name in ((True, "58b"), (False, "58")):
             result[name] = compare(folder, binary)
         if not quick:

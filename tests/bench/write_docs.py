@@ -31,6 +31,24 @@ This page is written by `python -m tests.bench.write_docs` from the figures of `
 """
 
 
+AGE = {"speed.md": ("fit", "simulate", "hammer", "uff", "study", "placement"), "accuracy.md": ("accuracy", "fit")}
+"""Results that each page shows."""
+
+
+def older(benches: tuple[str, ...]) -> str:
+    """A paragraph that names the figures which are older than the code they describe; empty where none is."""
+    from tests.bench import provenance
+
+    old = [name for name, stored in provenance.published().items() if provenance.outdated(stored)]
+    mine = [name for name in old if name.partition(",")[0] in benches]
+    if not mine:
+        return ""
+    return (
+        "\n\n**Older than the code:** these figures were measured with an earlier version and do not describe the present "
+        f"one: {'; '.join(mine)}. They are replaced when their bench runs again."
+    )
+
+
 def median(runs: Iterable[dict], value: Callable[[dict], float]) -> float:
     """Median over the runs that ended; NaN where none did."""
     known = [value(run) for run in runs if "error" not in run]
@@ -271,6 +289,8 @@ def main() -> None:
     }
     DOCS.mkdir(exist_ok=True)
     for page, sections in pages.items():
+        if page in AGE:
+            sections = [sections[0].strip() + older(AGE[page]), *sections[1:]]
         (DOCS / page).write_text("\n\n".join(section.strip() for section in sections) + "\n", encoding="utf-8")
 
 
