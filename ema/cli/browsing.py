@@ -66,7 +66,7 @@ def browse(
     from ema.cli import screen
 
     with screen.Bars() as bars:
-        bench = workbench(campaign, output, bars, [chart for path in charts or [] for chart in maps_of(path)])
+        bench = workbench(campaign, output, bars.__call__, [chart for path in charts or [] for chart in maps_of(path)])
         bench.placements += tuple(one for path in placed or [] for one in placements_of(path))
     running = serve(bench, host, port)
     print(f"Open {running.address}  (Ctrl-C ends)", flush=True)

@@ -48,7 +48,10 @@ def ramp(
                          expected="a support that carries the static load",
                          advice="clamp it, or excite it with a pulse instead of a snap-back")  # fmt: skip
     solved = np.linalg.solve(matrix, np.column_stack([load, slip.T]))
-    gains, reach = np.ascontiguousarray(slip @ solved[:, 1:]), slip @ solved[:, 0]
+    gains, reach = slip @ solved[:, 1:], slip @ solved[:, 0]
+    # A beam that friction alone holds is free when all its contacts slide: 1/k - gains is then singular, and rounding
+    # would give it a sign. A sliding contact yields by 1e-12 of its slip less, which no result shows.
+    gains = 0.5 * (gains + gains.T) - np.diag(1e-12 / stiffness)
     count = len(stiffness)
     u, f, z = np.zeros(count), np.zeros(count), np.zeros((count, laws.stiffness_shares.shape[1]))
     top = (system.contacts.limits if limits is None else limits).copy()
