@@ -24,7 +24,8 @@ class Verdict:
     accepted as one, why not, how sure that is, and its group.
 
     ``group`` (pole,) numbers poles that belong together because the data do not tell them apart; ``energy`` (2, pole)
-    is that of each over that of the FRFs around it, and over that of all FRFs.
+    is that of each over that of the FRFs around it, and over that of all FRFs. ``unresolved`` (pole,) are resonances
+    narrower than the lines resolve: their damping is bounded from above and not determined.
     """
 
     possible: Bool[np.ndarray, "pole"]
@@ -33,6 +34,7 @@ class Verdict:
     confidence: Float[np.ndarray, "pole"]
     group: Int[np.ndarray, "pole"]
     energy: Float[np.ndarray, "2 pole"]
+    unresolved: Bool[np.ndarray, "pole"]
 
 
 def judge(
@@ -56,8 +58,12 @@ def judge(
     std_f, std_z, scatter = errors.frequency, errors.damping, errors.scatter
     group = groups(fit, errors, possible, policy)
     members = np.bincount(group, minlength=len(group) + 1)[group] > 1
+    # Half-power bandwidths in lines.
+    unit = 2 * np.abs(fit.poles) / max(optimum.data.line, 1e-300)
+    narrow = (damping * unit < policy.unresolved) & (std_z * unit < policy.unresolved)
+    unresolved = narrow & (energy[0] >= policy.dominant) & (energy[1] >= policy.large) & (std_z > limit * damping)
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
-    resonant = possible & (std_z <= limit * damping)
+    resonant = possible & ((std_z <= limit * damping) | unresolved)
     spacing, apart = _distances(fit, group, resonant)
     confidence = _confidence(fit, errors, group, resonant)
     accepted, reasons = possible.copy(), [""] * len(fit.poles)
@@ -78,7 +84,7 @@ def judge(
         elif confidence[pole] < policy.confidence:
             reason = f"the probability that it is a mode with this frequency and shape is {confidence[pole]:.0%}"
         reasons[pole], accepted[pole] = reason, not reason
-    return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy)
+    return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy, unresolved)
 
 
 def groups(
@@ -154,8 +160,9 @@ def _residue_noise(optimum: Refined, errors: PoleErrors, members: Int[np.ndarray
 def _distances(
     fit: Fit, group: Int[np.ndarray, "pole"], resonant: Bool[np.ndarray, "pole"]
 ) -> tuple[Float[np.ndarray, "pole"], Float[np.ndarray, "pole"]]:
-    """Distance in Hz of each pole to the nearest ``resonant`` one of another group: of those with the same participation, in the
-    complex plane; and of those with the same or with a damping three times as large or small, in frequency.
+    """Distance in Hz of each pole to the nearest ``resonant`` one of another group: of those with the same
+    participation, in the complex plane; and of those with the same or with a damping three times as large or small, in
+    frequency.
     """
     frequencies, damping = natural_frequencies(fit.poles), np.maximum(damping_ratios(fit.poles), 1e-9)
     norm = np.maximum(np.linalg.norm(fit.participation, axis=0), 1e-300)

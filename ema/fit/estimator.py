@@ -238,7 +238,7 @@ class _Evaluation:
         rows, members, columns = data.signals.shape[0], data.signals.shape[1], rest.shape[-1]
         owners = np.concatenate([np.arange(modes), self.free % max(modes, 1)])
         hermitian, symmetric = (np.zeros((unknowns, unknowns), complex) for _ in range(2))
-        gradient, before = np.zeros(unknowns, complex), np.zeros(unknowns)
+        gradient, before, lost = np.zeros(unknowns, complex), np.zeros(unknowns), np.zeros(2 * unknowns)
         share = np.ones(modes)
         local = np.empty((rows, 2 * modes, 2 * modes))
         slope = np.empty((rows, 2 * modes, 2 * unknowns))
@@ -264,6 +264,8 @@ class _Evaluation:
                 * np.sum(np.abs(shapes[some][..., owners]) ** 2, axis=1),
                 axis=0,
             )
+            size_of_shapes = np.tile(np.sum(np.abs(shapes[some][..., owners]) ** 2, axis=1), 2)
+            lost += np.sum(np.einsum("rlu,rl->ru", slope[some] ** 2, bare) * size_of_shapes, axis=0)
             p, q = model.complex_form(inner - coupling.transpose(0, 2, 1) @ slope[some])
             new_shapes[some] = shapes[some] + step[..., :modes] + 1j * step[..., modes:]
             free_step = np.einsum("ritu,rmit->rmiu", of_rest, of_terms)
@@ -278,9 +280,12 @@ class _Evaluation:
             symmetric += np.sum(q * (turned @ psi), axis=0)
             lean[some] = own_lean
         information = model.real_form(hermitian, symmetric)
-        idle = np.tile(share[owners] < RANK, 2)
+        # An error of the eliminated shapes' matrix M returns as slope^T dM slope in the information.
+        rounding = 0.1 * ROUNDING * (np.tile(before, 2) + lost)
+        idle = np.tile(share[owners] < RANK, 2) | (np.diag(information) <= rounding)
         information[idle], information[:, idle] = 0, 0
-        gradient[idle[:unknowns]] = 0
+        gradient.real[idle[:unknowns]] = 0
+        gradient.imag[idle[unknowns:]] = 0
         return Fit(
             poles=self.poles,
             participation=self.participation,

@@ -272,6 +272,7 @@ def _findings(
             )
         )
     poles = optimum.fit.poles
+    found += _unresolved(where, poles, errors, order[verdict.unresolved[order]], band.added_decay)
     found += _at_the_edges(where, data, poles[order], poles[np.setdiff1d(np.arange(len(poles)), order)])
     found += _multiplicity(where, data, optimum.fit, errors, verdict, order)
     if not len(order):
@@ -319,6 +320,29 @@ def _candidates(where: str, optimum: Refined, verdict: Verdict, order: Int[np.nd
                 sentence,
                 value=float(frequency),
                 advice="Name it with near=[...] to report it all the same.",
+            )
+        )
+    return found
+
+
+def _unresolved(
+    where: str, poles: Complex[np.ndarray, "pole"], errors: PoleErrors, order: Int[np.ndarray, "mode"], decay: float
+) -> list[Finding]:
+    """Modes whose peaks are too narrow for the frequency lines to state their damping."""
+    found = []
+    for pole in order:
+        value = poles[[pole]] + decay
+        most = damping_ratios(value)[0] + COVERAGE_FACTOR * errors.damping[pole]
+        found.append(
+            Finding(
+                "warning",
+                "damping-not-resolved",
+                f"{where}, {natural_frequencies(value)[0]:.6g} Hz",
+                "The half-power bandwidth of this mode is less than the distance of the frequency lines: its damping "
+                f"ratio is not determined, only that it is below {100 * most:.2g} %.",
+                value=float(damping_ratios(value)[0]),
+                limit=float(most),
+                advice="Record longer, so that the frequency lines are closer.",
             )
         )
     return found

@@ -20,6 +20,9 @@ class SelectionPolicy:
         room for the scatter of that estimate.
     visible_uncertainty : the same for a mode that dominates the FRFs around it: such a resonance is there, and its
         interval says how badly its damping is known. Beyond a third the damping is hardly told from zero.
+    unresolved : half-power bandwidth, and its standard deviation, in frequency lines within which a resonance that
+        dominates the FRFs is a mode whatever the relative uncertainty of its damping: its frequency is determined,
+        and its damping is bounded from above. With one line between the half-power points nothing tells more.
     frequency_uncertainty : standard deviation of the natural frequency over the distance to the nearest mode with the
         same participation beyond which the two cannot be told apart. Identifiable modes have 0.2 at most.
     shape_scatter : variance of a shape over its energy beyond which a MAC of 0.8 with the true shape is not expected:
@@ -47,6 +50,7 @@ class SelectionPolicy:
     persistence: float = 0.3
     damping_uncertainty: float = 0.12
     visible_uncertainty: float = 1 / 3
+    unresolved: float = 1.0
     frequency_uncertainty: float = 1 / 3
     shape_scatter: float = 0.25
     confidence: float = 0.75
