@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from ema.data import FrfSet, poles_from
+from ema.dof import Dof
 from ema.fit import estimator, modes, stabilise
 from tests.bench.cases import random_system
 
@@ -32,3 +34,25 @@ def test_orders_far_beyond_the_modes_end_in_modes(orders):
     found = modes(case.frfs, stabilise(case.frfs, orders))
     std = np.sqrt(found.covariance[:, [0, 1], [0, 1]])
     assert len(found.poles) and np.all(np.isfinite(std)) and np.all(std[:, 0] < 0.1 * found.natural_frequencies)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_peak_narrower_than_the_lines_is_a_mode_whose_damping_is_bounded(seed):
+    """A half-power bandwidth of a tenth of a line: the frequency is determined, the damping ratio is not."""
+    rng = np.random.default_rng(seed)
+    spacing, frequency = 0.25, 180 + rng.uniform(-1, 1)
+    damping = 0.05 * spacing / frequency
+    lines = np.arange(100, 260, spacing)
+    pole = poles_from(np.array([frequency]), np.array([damping]))
+    clean = 1 / (2j * np.pi * lines - pole) - 1 / (2j * np.pi * lines - pole.conj())
+    noise = rng.standard_normal((len(lines), 2)) @ [1, 1j]
+    values = clean + 0.05 * np.sort(np.abs(clean))[-3] * noise
+    frfs = FrfSet(lines, values[:, None, None], (Dof(1, "+Z"),), (Dof(1, "+Z"),), "receptance")
+    model = modes(frfs, stabilise(frfs, orders=range(2, 11, 2)))
+    near = np.flatnonzero(np.abs(model.natural_frequencies - frequency) < spacing)
+    assert len(near) == 1
+    std = np.sqrt(model.covariance[near[0], [0, 1], [0, 1]])
+    assert abs(model.natural_frequencies[near[0]] - frequency) < 5 * std[0] < spacing
+    found = [finding for finding in model.findings if finding.code == "damping-not-resolved"]
+    if std[1] > model.damping_ratios[near[0]] / 3:
+        assert found and found[0].limit > damping
