@@ -138,10 +138,7 @@ def test_energy_of_the_reference_mode_with_damping_and_a_harmonic_load(law, mass
         assert run.energy.supplied[-1] == pytest.approx(work, rel=1e-3)
 
 
-UNSOLVED = pytest.mark.xfail(reason="harmonic balance finds no steady state at 18 Hz with some versions of numpy")
-
-
-@pytest.mark.parametrize("law", [pytest.param(law, marks=UNSOLVED) if law == "lugre" else law for law in LAWS])
+@pytest.mark.parametrize("law", LAWS)
 def test_power_of_steady_states(law):
     found = frf(model(law), np.array([18.0, 22.0, 27.0, 33.0]), 2.0, TIP, [TIP])
     assert found.converged.all() and np.all(found.friction_power > 0)

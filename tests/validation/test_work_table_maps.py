@@ -46,14 +46,7 @@ def rough(root):
     return mapped(root, "rough")
 
 
-ROUNDED = pytest.mark.xfail(
-    reason="with some versions of scipy two modes differ by 1.8e-5: rounding of the imported plate"
-)
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=ROUNDED) if name == "bending" else name for name in SETTINGS]
-)
+@pytest.mark.parametrize("name", SETTINGS)
 def test_the_model_file_is_the_truth_behind_the_signals(root, name):
     setting = SETTINGS[name]
     points = work_table.grid() if name == "hammer" else work_table.shaker_points(setting)
