@@ -4,7 +4,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Complex
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from ema.data import Geometry, ModalModel
 from ema.dof import Dof
@@ -72,19 +75,19 @@ def _fill(
 ) -> Bool[np.ndarray, "n"]:
     """Write into ``displacement`` the values at unmeasured nodes for which the sum over the edges of
     |difference|^2 / length is least: linear along a line, and constant beyond its last measured point."""
-    laplacian: Float[np.ndarray, "n n"] = np.zeros((len(measured), len(measured)))
-    for a, b, length in _edges(geometry):
-        weight = 1 / max(length, 1e-12)
-        laplacian[[a, b], [a, b]] += weight
-        laplacian[[a, b], [b, a]] -= weight
+    edges = _edges(geometry)
+    if not edges:
+        return np.zeros(len(measured), bool)
+    first, second, length = np.array(edges).T
+    ends = np.concatenate([first, second]).astype(int), np.concatenate([second, first]).astype(int)
+    weight = np.tile(1 / np.maximum(length, 1e-12), 2)
+    pulls = csr_array((weight, ends), shape=(len(measured), len(measured)))
     # only nodes that an edge path joins to a measured one can be filled
-    reached = measured.copy()
-    while (grown := reached | ((laplacian != 0) @ reached)).sum() > reached.sum():
-        reached = grown
-    open_nodes = np.flatnonzero(reached & ~measured)
-    if len(open_nodes):
+    part = connected_components(pulls, directed=False)[1]
+    filled: np.ndarray = np.isin(part, part[measured]) & ~measured
+    if filled.any():
         known = displacement[measured].reshape(int(measured.sum()), -1)
-        pull = -laplacian[np.ix_(open_nodes, np.flatnonzero(measured))] @ known
-        solved = np.linalg.solve(laplacian[np.ix_(open_nodes, open_nodes)], pull)
-        displacement[open_nodes] = solved.reshape(len(open_nodes), *displacement.shape[1:])
-    return reached & ~measured
+        own = diags_array(np.bincount(ends[0], weight, len(measured))[filled])
+        solved = splu((own - pulls[filled][:, filled]).tocsc()).solve(pulls[filled][:, measured] @ known.view(float))
+        displacement[filled] = np.ascontiguousarray(solved).view(complex).reshape(-1, *displacement.shape[1:])
+    return filled

@@ -37,6 +37,9 @@ _SAFETY, _LEAST = 4.0, 0.8
 _FEWEST, _WIDER, _MOST_RUNS, _MOST_ROUGH = 3, (5, 9, 14), 400, 60
 """Harmonics of the first try, and of those after it failed; Newton runs per frequency, after which it counts as one
 without a steady state, and where a neighbour would do as well."""
+_ASIDE, _SHORTEST = (0.003, -0.003, 0.01, -0.01, 0.03), 0.05
+"""Where a steady state is looked for beside a frequency that shows none, relative, and the share of the way back below
+which no step is tried. Half a bandwidth of lightly damped modes is 0.003 and more."""
 
 
 @dataclass
@@ -336,6 +339,11 @@ class Condensed:
 
         ``start`` (contact, 2 H): amplitudes of a neighbour. Its number of harmonics is where the search begins.
         """
+        point = self._tried(frequency, start)
+        return point if point is not None or self.harmonics is not None else self._from_aside(frequency)
+
+    def _tried(self, frequency: float, start: np.ndarray | None) -> _Point | None:
+        """The solution from the start, or from wider ones where there is none."""
         self.left = _MOST_RUNS
         point = self._solved(frequency, start)
         for count in _WIDER:
@@ -344,6 +352,24 @@ class Condensed:
                 wider = np.zeros((len(self.limits), 2 * count)) if start is None else _with_harmonics(start, count)
                 point = self._solved(frequency, wider)
         return point
+
+    def _from_aside(self, frequency: float) -> _Point | None:
+        """The solution reached from one at a frequency beside, in steps that are halved where one of them fails."""
+        for aside in _ASIDE:
+            place, share = frequency * (1 + aside), 1.0
+            point = self._tried(place, None)
+            self.left = _MOST_RUNS
+            while point is not None and share > _SHORTEST:
+                target = frequency if share == 1.0 else place + share * (frequency - place)
+                start = _with_harmonics(point.amplitudes, max(_FEWEST, point.count // 2))
+                near = self._solved(target, start)
+                if near is None:
+                    share *= 0.5
+                elif share == 1.0:
+                    return near
+                else:
+                    place, point, share = target, near, 1.0
+        return None
 
     def _solved(self, frequency: float, start: np.ndarray | None) -> _Point | None:
         """As ``solve``, with no fewer harmonics than those of the start."""

@@ -98,7 +98,6 @@ def test_every_mode_can_be_dropped(bench: Workbench):
     assert frequencies(bench) == [333]
 
 
-@pytest.mark.clock
 def test_a_picked_mode_follows_within_half_a_second_on_160_frfs(root: Path):
     """Process time of a pick with all that follows it, on two accelerometers and 80 points."""
     from ema.fit import stabilise
@@ -242,7 +241,6 @@ def test_a_point_of_a_map_shows_an_frf_of_a_run_that_was_not_fitted(bench: Workb
         point(told, 0, 1, 1)
 
 
-@pytest.mark.clock
 def test_5000_points_stay_usable():
     """Process time and size of what the page asks for, with 5000 points in the geometry and 3000 places."""
     from ema.app.places import place_view, placement_view
