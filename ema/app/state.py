@@ -10,7 +10,7 @@ from threading import RLock
 
 import numpy as np
 
-from ema import fit, shapes, store, synthesis
+from ema import shapes, store, synthesis
 from ema.data import (
     FrfSet,
     HitGallery,
@@ -25,6 +25,7 @@ from ema.data import (
     StudyResult,
 )  # fmt: skip
 from ema.errors import InputError
+from ema.fit.modal import Estimate, estimated
 
 _PICKED = "picked rows of the pole table"
 _MOST_UNDONE = 200
@@ -98,6 +99,7 @@ class Workbench:
     placements: tuple[Placement, ...] = ()
     look: Look | None = None
     _now: Moment = field(init=False)
+    _estimates: dict[int, Estimate] = field(init=False, default_factory=dict)
     _past: list[Moment] = field(init=False, default_factory=list)
     _lock: RLock = field(init=False, default_factory=RLock)
 
@@ -207,7 +209,7 @@ class Workbench:
             rows = list(dict.fromkeys(nearest(poles, float(frequency)) for frequency in wanted))
             base = replace(work.result, run=run, frfs=frfs, hits=hits, poles=poles)
             what = f"exclude blow {blow.index + 1} of {blow.recording}"
-            self._keep(Work(fitted(base, rows), tuple(rows), excluded), what)
+            self._keep(Work(self._picked(base, rows), tuple(rows), excluded), what)
 
     def undo(self) -> None:
         """Take back the last change of a run.
@@ -299,7 +301,17 @@ class Workbench:
 
     def _pick(self, rows: Sequence[int], what: str) -> None:
         work = self.work
-        self._keep(replace(work, result=fitted(work.result, rows), picked=tuple(rows)), what)
+        self._keep(replace(work, result=self._picked(work.result, rows), picked=tuple(rows)), what)
+
+    def _picked(self, run: RunResult, rows: Sequence[int]) -> RunResult:
+        """The run with the modes of these rows; the fit of all poles does not depend on them and is kept."""
+        if not rows:
+            return _without_modes(run)
+        known = self._estimates.get(self.place)
+        if known is None or known.frfs is not run.frfs or known.table is not run.poles:
+            assert run.poles is not None
+            known = self._estimates[self.place] = estimated(run.frfs, run.poles)
+        return _with_modes(run, known.model(index=rows), rows)
 
     def _keep(self, work: Work, what: str) -> None:
         works = tuple(work if place == self.place else other for place, other in enumerate(self._now.works))
@@ -309,18 +321,20 @@ class Workbench:
         self.revision += 1
 
 
-def fitted(run: RunResult, rows: Sequence[int]) -> RunResult:
-    """The run with the modes of these rows of its pole table, and all that follows from them."""
+def _without_modes(run: RunResult) -> RunResult:
+    """The run with no mode picked."""
+    nothing = replace(
+        run.modes, poles=np.zeros(0, complex), shapes=run.modes.shapes[:, :0], covariance=None, confidence=None,
+        participation=run.modes.participation[:, :0], residuals=None, uncertainty=None, findings=(), groups=(),
+        candidates=(),
+    )  # fmt: skip
+    nothing = replace(nothing, provenance=_noted(nothing.provenance, ()))
+    return replace(run, modes=nothing, quality=None, reconstruction=None, reconstruction_error=None, auto_mac=None)
+
+
+def _with_modes(run: RunResult, modes: ModalModel, rows: Sequence[int]) -> RunResult:
+    """The run with the modes picked by rows of its pole table, and all that follows from them."""
     assert run.poles is not None
-    if not rows:
-        nothing = replace(
-            run.modes, poles=np.zeros(0, complex), shapes=run.modes.shapes[:, :0], covariance=None, confidence=None,
-            participation=run.modes.participation[:, :0], residuals=None, uncertainty=None, findings=(), groups=(),
-            candidates=(),
-        )  # fmt: skip
-        nothing = replace(nothing, provenance=_noted(nothing.provenance, ()))
-        return replace(run, modes=nothing, quality=None, reconstruction=None, reconstruction_error=None, auto_mac=None)
-    modes = fit.modes(run.frfs, run.poles, index=list(rows))
     modes = replace(modes, provenance=_noted(modes.provenance, rows))
     band = run.frfs.band(*run.poles.band)
     rebuilt = synthesis.frfs(

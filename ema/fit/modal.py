@@ -1,11 +1,11 @@
 """From poles to modes: selection, residues with what lies outside, scaling."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
+from jaxtyping import Complex, Float, Int
 
 from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.data.modal import COVERAGE_FACTOR
@@ -66,6 +66,48 @@ def modes(
     """
     if shapes not in ("complex", "real"):
         raise InputError("unknown kind of shapes", got=repr(shapes), expected="complex or real")
+    model = estimated(frfs, poles, progress).model(near, index)
+    return _real(model) if shapes == "real" else model
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`)."""
+
+    frfs: FrfSet
+    table: PoleTable
+    band: FrfSet
+    data: Prepared
+    optimum: Refined
+    errors: PoleErrors
+    verdict: Verdict
+    dropped: tuple[Dropped, ...]
+
+    def model(self, near: Sequence[float] | None = None, index: Sequence[int] | None = None) -> ModalModel:
+        """The accepted modes, or those named (`modes`).
+
+        Raises
+        ------
+        InputError : there is no pole near a wanted frequency.
+        """
+        fit, verdict = self.optimum.fit, self.verdict
+        if near is None and index is None:
+            order = np.flatnonzero(verdict.accepted)
+        else:
+            order = np.array(_named(fit, verdict, self.table, near, index, self.frfs), int)
+        order = order[np.argsort(np.abs(fit.poles[order]), kind="stable")]
+        model = _model(self.band, self.data, self.optimum, self.errors, verdict, order)
+        notes = _findings(self.band, self.data, self.optimum, self.errors, verdict, order, self.dropped)
+        return replace(model, findings=(*notes, *model.findings))
+
+
+def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Estimate:
+    """Fit and judge all poles of the band of a pole table.
+
+    Raises
+    ------
+    InputError : the FRFs cannot be fitted.
+    """
     band = frfs.band(*poles.band)
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
@@ -80,28 +122,19 @@ def modes(
             break
         chosen = reduced(chosen, optimum.kept[gone], "its residue and that of a neighbour add up to those of one mode")
     verdict = judge(optimum, errors, possible, alone, POLICY)
-    if near is None and index is None:
-        order = np.flatnonzero(verdict.accepted)
-    else:
-        order = np.array(_named(optimum.fit, verdict, possible, poles, near, index, frfs), int)
-    order = order[np.argsort(np.abs(optimum.fit.poles[order]), kind="stable")]
-    model = _model(band, data, optimum, errors, verdict, order)
-    notes = _findings(band, data, optimum, errors, verdict, order, (*chosen.dropped, *optimum.dropped))
-    model = replace(model, findings=(*notes, *model.findings))
-    return _real(model) if shapes == "real" else model
+    return Estimate(frfs, poles, band, data, optimum, errors, verdict, (*chosen.dropped, *optimum.dropped))
 
 
 def _named(
     fit: Fit,
     verdict: Verdict,
-    possible: Bool[np.ndarray, "pole"],
     table: PoleTable,
     near: Sequence[float] | None,
     index: Sequence[int] | None,
     frfs: FrfSet,
 ) -> list[int]:
     """Poles of the fit that the user named, by frequency or by rows of the pole table."""
-    frequencies = natural_frequencies(fit.poles)
+    frequencies, possible = natural_frequencies(fit.poles), verdict.possible
     chosen: list[int] = []
     outside = [row for row in index or () if not 0 <= row < len(table.poles)]
     if outside:

@@ -5,9 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Complex
-from scipy.sparse import csr_array, diags_array
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
 from ema.data import Geometry, ModalModel
 from ema.dof import Dof
@@ -75,6 +72,10 @@ def _fill(
 ) -> Bool[np.ndarray, "n"]:
     """Write into ``displacement`` the values at unmeasured nodes for which the sum over the edges of
     |difference|^2 / length is least: linear along a line, and constant beyond its last measured point."""
+    from scipy.sparse import csr_array, diags_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.sparse.linalg import splu
+
     edges = _edges(geometry)
     if not edges:
         return np.zeros(len(measured), bool)
