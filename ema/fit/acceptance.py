@@ -54,14 +54,15 @@ def judge(
     fit = optimum.fit
     energy = estimator.shares_of_energy(optimum.data, fit)
     damping = damping_ratios(fit.poles)
-    limit = np.where(energy[0] >= policy.dominant, policy.visible_uncertainty, policy.damping_uncertainty)
+    visible = energy[0] >= policy.visible
+    limit = np.where(visible, policy.visible_uncertainty, policy.damping_uncertainty)
     std_f, std_z, scatter = errors.frequency, errors.damping, errors.scatter
     group = groups(fit, errors, possible, policy)
     members = np.bincount(group, minlength=len(group) + 1)[group] > 1
     # Half-power bandwidths in lines.
     unit = 2 * np.abs(fit.poles) / max(optimum.data.line, 1e-300)
     narrow = (damping * unit < policy.unresolved) & (std_z * unit < policy.unresolved)
-    unresolved = narrow & (energy[0] >= policy.dominant) & (energy[1] >= policy.large) & (std_z > limit * damping)
+    unresolved = narrow & visible & (std_z > limit * damping)
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
     resonant = possible & ((std_z <= limit * damping) | unresolved)
     spacing, apart = _distances(fit, group, resonant)

@@ -97,7 +97,7 @@ def zoom(prepared: Prepared, data: Observations, fit: Fit, share: int) -> Candid
         degrees = range(max(1, top // 3), top + 1, max(1, top // 8))
         weights = 1 / np.clip(prepared.noise.lines[rows], 0.2, 5.0)
         outputs = lscf.principal_outputs(prepared.values[rows], weights, prepared.noise)
-        polynomials = lscf.normal_matrices(f, outputs, degrees, weights)
+        polynomials = lscf.normal_matrices(f, outputs, degrees, weights, noise=1.0)
         tables = [(degree, *lscf.poles(polynomials, degree)) for degree in degrees]
         own = cluster(
             np.concatenate([np.full(len(p), degree) for degree, p, _ in tables]),

@@ -42,7 +42,7 @@ ROUNDING = 1e-9
 The residual terms are eliminated first, with a condition of 1e6 at most (`ema.fit.model.RESIDUAL_RANK`), in doubles of
 1e-16. At twice the value the standard deviation of a pole that keeps 1e-6 of its information changes by 5e-4.
 """
-RANK = 1e-6
+RANK = 1e-8
 """Part of the energy of a pole's function that nothing else in the model describes, below which the pole is taken out.
 
 Its residue is then uncertain by 1000 times what noise does to a single one, its place is not determined, and nothing
@@ -50,6 +50,11 @@ else needs it. As long as it is in a fit, it stands still.
 """
 FARTHEST = 0.7
 """Step of a pole, over its decay rate, beyond which the linearisation says nothing."""
+SLOWEST = 0.1
+"""Imaginary part of a pole over its modulus below which none is followed: on the real axis the functions of a pole and
+of its conjugate are one. Damping ratios end at 0.995."""
+_ROUNDED = 1e-12
+"""Rounding of the cost, over its value."""
 _BLOCK = 2_000_000
 """Products of functions that are worked on at a time."""
 _VALUES = 400_000
@@ -463,21 +468,33 @@ def _root_of_inverse(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n c
     return np.asarray(own[:, None] * back.T)
 
 
-def _step(fit: Fit, damping: float) -> Float[np.ndarray, "unknown"]:
-    """Gauss-Newton step, damped in the natural units; poles move by no more than `FARTHEST` of their decay rate."""
+def _step(data: Observations, fit: Fit, damping: float, prior: float) -> Float[np.ndarray, "unknown"]:
+    """Gauss-Newton step, damped in the natural units; poles move by no more than `FARTHEST` of their decay rate, get no
+    narrower than the lines can tell, and keep oscillating (`SLOWEST`). The others follow where one is held.
+    """
     scale, modes, half = fit.scale, len(fit.poles), len(fit.gradient) // 2
     matrix = fit.information * np.outer(scale, scale)
-    matrix[np.diag_indices(len(matrix))] += PRIOR + ROUNDING * fit.before * scale**2
+    matrix[np.diag_indices(len(matrix))] += prior + ROUNDING * fit.before * scale**2
     diagonal = (1 + damping) * np.diag(matrix)
     np.fill_diagonal(matrix, diagonal)
     gradient = fit.gradient * scale
     step, held = np.zeros(2 * half), np.zeros(2 * half, bool)
-    for _ in range(modes + 1):
+    # What is narrower from the start moves freely: pushed away, it would raise the cost of every step.
+    narrower = -fit.poles.real < data.narrowest_decay
+    room = np.where(narrower, np.inf, -data.narrowest_decay - fit.poles.real) / scale[:modes]
+    fall = np.maximum(fit.poles.imag - SLOWEST * np.abs(fit.poles), 0) / scale[:modes]
+    for _ in range(3 * modes + 1):
         pull = gradient[~held] - matrix[np.ix_(~held, held)] @ step[held]
         inverted = _root_of_inverse(matrix[np.ix_(~held, ~held)])
         step[~held] = inverted @ (inverted.T @ pull)
+        narrow = np.flatnonzero((step[:modes] > room) & ~held[:modes])
+        step[narrow], held[narrow] = room[narrow], True
+        slow = np.flatnonzero((-step[half : half + modes] > fall) & ~held[half : half + modes])
+        step[half + slow], held[half + slow] = -fall[slow], True
+        if len(narrow) or len(slow):
+            continue
         move = np.hypot(step[:modes], step[half : half + modes])
-        far = np.flatnonzero((move > FARTHEST) & ~held[:modes])
+        far = np.flatnonzero((move > FARTHEST) & ~(held[:modes] & held[half : half + modes]))
         if not len(far):
             break
         both = np.concatenate([far, half + far])
@@ -486,20 +503,24 @@ def _step(fit: Fit, damping: float) -> Float[np.ndarray, "unknown"]:
     return step * scale
 
 
-def refine(data: Observations, start: Fit, iterations: int = 12, tolerance: float = 1e-3) -> Fit:
+def refine(
+    data: Observations, start: Fit, iterations: int = 12, *, tolerance: float = 1e-3, prior: float = PRIOR
+) -> Fit:
     """Gauss-Newton steps with Levenberg-Marquardt damping; never returns a larger cost than that of ``start``.
 
     Parameters
     ----------
     tolerance : stop when a step promises to take less than this off the cost, in units of the noise and for each
         unknown: 1e-3 is a thirtieth of a standard deviation.
+    prior : information that holds each unknown in its place for a step, in its natural unit. What the data tell with as
+        much information converges by half in each step.
     """
     fit, damping = start, 0.0
     for _ in range(iterations if len(start.poles) else 0):
-        step = _step(fit, damping)
+        step = _step(data, fit, damping, prior)
         promised = float(step @ (2 * fit.gradient - fit.information @ step))
         trial = _moved(data, fit, step)
-        if not trial.cost <= fit.cost:
+        if not trial.cost <= (1 + _ROUNDED) * fit.cost:
             damping = max(10 * damping, 1e-2)
             if damping > 1e6:
                 break
@@ -507,7 +528,7 @@ def refine(data: Observations, start: Fit, iterations: int = 12, tolerance: floa
         damping = damping / 10 if damping > 1e-2 else 0.0
         gained, noise = fit.cost - trial.cost, trial.variance_factor(data)
         fit = trial
-        if max(promised, gained) < tolerance * len(step) * noise or gained < 1e-9 * fit.cost:
+        if max(promised, gained) < tolerance * len(step) * noise or gained < 1e-6 * tolerance * fit.cost:
             break
     return fit
 
@@ -520,9 +541,6 @@ def _moved(data: Observations, fit: Fit, step: Float[np.ndarray, "unknown"]) -> 
     participation.reshape(-1)[fit.free] += change[modes:]
     largest = participation[np.argmax(np.abs(participation), axis=0), np.arange(modes)]
     poles = fit.poles + change[:modes]
-    # A pole that starts narrower than the floor may stay so: pushed away, it would raise the cost of every step.
-    ceiling = np.maximum(-data.narrowest_decay, fit.poles.real)
-    poles = np.minimum(poles.real, ceiling) + 1j * poles.imag
     functions = fit.shapes[..., fit.owners] * change
     real = np.concatenate([functions.real, functions.imag], axis=-1)
     follow = np.einsum("rls,rms->rml", fit.slope, real)

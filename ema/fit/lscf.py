@@ -26,6 +26,15 @@ from ema.fit.noise import NoiseLevel
 CIRCLE = 1.2
 """Length of the circle over the length of the band."""
 
+_NEGLIGIBLE = 1e-4
+"""Weight of the whole circle in the equations, over that of the noise of the FRFs.
+
+In the empty part of the circle polynomials may grow without cost, and rounding alone would decide how. The weight is in
+units of the noise: its effect on a pole stays a hundredth of its standard deviation, and rounding falls by its root.
+"""
+_LEAST, _MOST = 1e-14, 1e-6
+"""Bounds of that weight over the energy of the FRFs: rounding, and what data that are nothing but noise may ask for."""
+
 _BLOCK = 2048
 
 
@@ -33,8 +42,9 @@ _BLOCK = 2048
 class Polynomials:
     """Reduced normal matrices of the denominator polynomial for every order.
 
-    ``matrix[order]`` is Hermitian of size ``references * (order + 1)``, block k belonging to z^k. ``sampling_time`` (s)
-    and ``start`` (rad/s) map ``z`` back to poles: ``p = log(z) / T + j start``; ``width`` is the band in rad/s.
+    ``matrix[order]`` is Hermitian of size ``references * (order + 1)``, block k belonging to z^k; ``ridge`` is what is
+    added to their diagonals. ``sampling_time`` (s) and ``start`` (rad/s) map ``z`` back to poles: ``p = log(z) / T +
+    j start``; ``width`` is the band in rad/s.
     """
 
     matrices: dict[int, Complex[np.ndarray, "n n"]]
@@ -42,6 +52,7 @@ class Polynomials:
     sampling_time: float
     start: float
     width: float
+    ridge: float
 
 
 def principal_outputs(
@@ -75,6 +86,8 @@ def normal_matrices(
     values: Complex[np.ndarray, "freq out in"],
     orders: Sequence[int],
     weights: Float[np.ndarray, "freq"],
+    *,
+    noise: float = 0.0,
 ) -> Polynomials:
     """Reduced normal matrices of all ``orders`` (degree of the complex polynomials).
 
@@ -83,6 +96,7 @@ def normal_matrices(
     frequencies : Hz; an axis with holes or uneven steps costs a slower transform.
     values : the FRFs with the references on the last axis.
     weights : amplitude weight of each line, common to all FRFs.
+    noise : variance of the noise of an FRF; 1 where the values are over their noise.
     """
     lines, outputs, references = values.shape
     top = max(orders)
@@ -106,8 +120,10 @@ def normal_matrices(
     cross = np.empty((2 * top + 1, outputs, references), complex)
     for output in range(0, outputs, 64):
         cross[:, output : output + 64] = correlate(values[:, output : output + 64] * power[:, None, None])
+    signal = float(np.einsum("aa->", energy[:references, :references]).real) / references
+    share = float(np.clip(_NEGLIGIBLE * noise * outputs * ones[0, 0].real / max(signal, 1e-300), _LEAST, _MOST))
     # Rows of the numerator eliminated one after the other: the first k of them are all that order k - 1 has.
-    factor = scipy.linalg.cholesky(ones + 1e-14 * ones[0, 0] * np.eye(top + 1), lower=True)
+    factor = scipy.linalg.cholesky(ones + share * ones[0, 0] * np.eye(top + 1), lower=True)
     eliminated = scipy.linalg.solve_triangular(
         factor, cross[distance].transpose(0, 2, 1, 3).reshape(top + 1, -1), lower=True, overwrite_b=True
     ).reshape(top + 1, outputs, -1)
@@ -119,7 +135,12 @@ def normal_matrices(
         size = references * (order + 1)
         matrices[order] = energy[:size, :size] - explained[:size, :size]
     return Polynomials(
-        matrices, references, 2 * np.pi / (points * step), 2 * np.pi * frequencies[0], step * (lines - 1)
+        matrices=matrices,
+        references=references,
+        sampling_time=2 * np.pi / (points * step),
+        start=2 * np.pi * frequencies[0],
+        width=step * (lines - 1),
+        ridge=share * signal,
     )
 
 
@@ -134,11 +155,9 @@ def poles(
     """
     matrix, size = polynomials.matrices[order], polynomials.references
     free, fixed = (slice(size, None), slice(0, size)) if clear else (slice(0, -size), slice(-size, None))
-    ridge = 1e-14 * np.trace(matrix[free, free]).real / matrix.shape[0]
+    raised = matrix[free, free] + polynomials.ridge * np.eye(matrix.shape[0] - size)
     try:
-        solved = scipy.linalg.cho_solve(
-            scipy.linalg.cho_factor(matrix[free, free] + ridge * np.eye(matrix.shape[0] - size)), -matrix[free, fixed]
-        )
+        solved = scipy.linalg.cho_solve(scipy.linalg.cho_factor(raised), -matrix[free, fixed])
     except scipy.linalg.LinAlgError:
         solved = np.linalg.lstsq(matrix[free, free], -matrix[free, fixed], rcond=1e-14)[0]
     # A(z)^T L = 0; with the lowest coefficient fixed the companion matrix is that of the reversed polynomial in 1/z.

@@ -18,10 +18,11 @@ class SelectionPolicy:
     damping_uncertainty : standard deviation of the damping ratio over its value beyond which the data do not tell that
         there is a resonance. A mode counts as identifiable when the Cramer-Rao bound is below 0.1; the excess leaves
         room for the scatter of that estimate.
-    visible_uncertainty : the same for a mode that dominates the FRFs around it: such a resonance is there, and its
-        interval says how badly its damping is known. Beyond a third the damping is hardly told from zero.
-    unresolved : half-power bandwidth, and its standard deviation, in frequency lines within which a resonance that
-        dominates the FRFs is a mode whatever the relative uncertainty of its damping: its frequency is determined,
+    visible_uncertainty : the same for a mode that is seen as a peak: such a resonance is there, and its interval says
+        how badly its damping is known. Beyond a third the damping is hardly told from zero.
+    visible : share of the energy within its half-power bandwidth from which on a mode is seen as a peak.
+    unresolved : half-power bandwidth, and its standard deviation, in frequency lines within which a resonance that is
+        seen as a peak is a mode whatever the relative uncertainty of its damping: its frequency is determined,
         and its damping is bounded from above. With one line between the half-power points nothing tells more.
     frequency_uncertainty : standard deviation of the natural frequency over the distance to the nearest mode with the
         same participation beyond which the two cannot be told apart. Identifiable modes have 0.2 at most.
@@ -50,6 +51,7 @@ class SelectionPolicy:
     persistence: float = 0.3
     damping_uncertainty: float = 0.12
     visible_uncertainty: float = 1 / 3
+    visible: float = 0.25
     unresolved: float = 1.0
     frequency_uncertainty: float = 1 / 3
     shape_scatter: float = 0.25

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import FrfSet
-from ema.fit import estimator, noise, scatter, search
+from ema.fit import estimator, model, noise, scatter, search
 from ema.fit.estimator import Fit, Observations
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT
@@ -22,6 +22,9 @@ _ROUNDS = 5
 """Optima at which the poles are judged again."""
 _DOUBT = 2.0
 """Standard deviations above the mean of what noise gives to as many unknowns, within which terms are left out."""
+_ITERATIONS, _CONVERGED, _LOOSE = 25, 1e-13, 1e-4
+"""Steps to the optimum at most, what they may still promise for each unknown in units of the noise (a millionth of a
+standard deviation), and the information that holds the unknowns in their place (`estimator.refine`)."""
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
 
@@ -49,7 +52,8 @@ class Refined:
 def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     """Refine selected poles, participation, shapes and residual terms with a weight for every line of every FRF."""
     flat = _observations(data)
-    start = _start(flat, data, chosen)
+    # The selection knows means over bins; what it is still off by is no misfit.
+    start = _optimum(flat, _start(flat, data, chosen))
     known, basis = _known(band, data)
     misfit = _misfit(flat, start, data.derivative, known)
     if misfit and known is not None:
@@ -69,7 +73,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
             dropped = (*dropped, *gone)
         if turn >= again and len(fit.poles) == before:
             break
-        fit = estimator.refine(flat, _spared(flat, fit))
+        fit = _optimum(flat, _spared(flat, fit))
     factor = fit.variance_factor(flat)
     of_poles, of_shapes = _loss(flat, fit)
     between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
@@ -82,11 +86,17 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, basis)
 
 
+def _optimum(flat: Observations, start: Fit) -> Fit:
+    """The optimum next to a start: where the search came from does not show in it, nor in the weights made from it."""
+    return estimator.refine(flat, start, _ITERATIONS, tolerance=_CONVERGED, prior=_LOOSE)
+
+
 def _observations(data: Prepared) -> Observations:
-    """All lines of all FRFs, each output a row, not yet weighted."""
+    """All lines of all FRFs, each output a row; the noise of each FRF is known by its size, of lines nothing yet."""
     s = 2j * np.pi * data.frequencies
     signals = np.ascontiguousarray((data.values * (s**-data.derivative)[:, None, None]).transpose(1, 2, 0))[:, None]
-    weights = np.ones((len(signals), *signals.shape[2:]))
+    scale = np.multiply.outer(data.noise.outputs, data.noise.references)
+    weights = np.abs(s) ** (2 * data.derivative) / scale[:, :, None] ** 2
     return Observations(s, signals, weights)
 
 
@@ -96,11 +106,14 @@ def _start(flat: Observations, data: Prepared, chosen: Selection) -> Fit:
     observed = estimator.observe(
         data.frequencies, data.values, data.derivative, chosen.noise, chosen.starts, rotate=False
     )
-    everywhere = estimator.evaluate(observed, fit.poles, fit.participation, fit.terms)
+    # Those of the selection follow its bins and weights, which depend on how it got there.
+    weight = np.abs(flat.s) ** (2 * data.derivative) / data.noise.lines**2
+    terms = model.background(flat.s, weight, fit.terms.poles)
+    everywhere = estimator.evaluate(observed, fit.poles, fit.participation, terms)
     outputs = chosen.noise.outputs[:, None]
     shapes = everywhere.shapes[0] * outputs
     rest = everywhere.rest[0] * outputs[:, :, None]
-    return estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (shapes[:, None], rest[:, None]))
+    return estimator.evaluate(flat, fit.poles, fit.participation, terms, (shapes[:, None], rest[:, None]))
 
 
 def _between(
@@ -159,7 +172,7 @@ def _pruned(
         if not len(gone):
             return fit, kept, dropped
         dropped += tuple(
-            Dropped(complex(fit.poles[k]), f"it explains {part:.2g} times what noise of its lines would")
+            Dropped(complex(chosen.fit.poles[kept[k]]), f"it explains {part:.2g} times what noise of its lines would")
             for k, part in zip(gone, share, strict=True)
             if chosen.possible[kept[k]]
         )

@@ -14,8 +14,6 @@ from ema.fit.policy import POLICY
 
 MISFIT = 0.2
 """Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told."""
-VISIBLE = 0.25
-"""Share of the energy at its own frequency from which on a mode is seen as a peak."""
 
 _AT_ONCE = 6
 """Modes added in one round."""
@@ -67,20 +65,23 @@ def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int,
         larger = estimator.refine(data, larger, iterations=25)
         if fit.cost - larger.cost < required[chosen].min() or np.any(larger.poles.real >= 0):
             break
-        if not hidden and correlation > MISFIT and estimator.dominance(data, larger)[-1] < VISIBLE:
+        if not hidden and correlation > MISFIT and estimator.dominance(data, larger)[-1] < POLICY.visible:
             break
         fit = larger
     return fit
 
 
-def complete(data: Observations, fit: Fit, band: tuple[float, float], rounds: int) -> Fit:
+def complete(data: Observations, fit: Fit, band: tuple[float, float], rounds: int, *, enough: float) -> Fit:
     """Add modes as long as each lowers the cost by more than noise alone would, and take out what they replace.
 
     Takes the residual for noise. Gains are those of one more mode, not of a free residue matrix: with several
-    references a weak mode stands out much better.
+    references a weak mode stands out much better. With more than ``enough`` poles the residual is no noise, and the
+    search ends.
     """
     most, tried = _AT_ONCE, np.zeros(0, complex)
     for _ in range(rounds):
+        if len(fit.poles) > enough:
+            break
         noise = Noise.of(data, fit)
         trials = np.concatenate([_trials(band, _peaks(data, noise.power.mean(axis=0))), _around(fit, band)])
         trials = trials[np.all(np.abs(trials[:, None] - tried) > np.abs(trials.real)[:, None], axis=1)]

@@ -19,7 +19,7 @@ from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
-from ema.fit.search import MISFIT, VISIBLE, Noise, beyond, complete, misfit, passes_for_mode, prune, search
+from ema.fit.search import MISFIT, Noise, beyond, complete, misfit, passes_for_mode, prune, search
 
 _ROUNDS = 100
 _SPREAD = 2.0
@@ -126,13 +126,15 @@ def _trusting(
     gone: list[tuple[complex, str]] = []
     state = state.with_fit(prune(state.data, state.fit, Noise.of(state.data, state.fit), gone))
     before = len(state.fit.poles)
-    state = _grown(prepared, state, band)
-    if estimator.correlation(state.data, state.fit) > MISFIT:
+    # A misfit can be decorated with poles until it looks like noise; then most of them come from the search.
+    enough = max(before + 3, 1.5 * before)
+    state = _grown(prepared, state, band, enough)
+    if len(state.fit.poles) > enough or estimator.correlation(state.data, state.fit) > MISFIT:
         return None
     grown = len(state.fit.poles) != before
     state = _reweight(state, 12)
     if grown:
-        state = _grown(prepared, state, band)
+        state = _grown(prepared, state, band, enough)
     thorough = estimator.correlation(state.data, state.fit) <= 0.5 * MISFIT
     final = prune(state.data, state.fit, Noise.of(state.data, state.fit), gone, thorough)
     state = state.with_fit(estimator.refine(state.data, final))
@@ -141,17 +143,15 @@ def _trusting(
         for pole, why in gone
         if inside(np.array([pole]), band)[0] and damping_ratios(np.array([pole]))[0] <= POLICY.heaviest
     ]
-    # A misfit can be decorated with poles until it looks like noise; then most of them come from the search.
-    decorated = len(state.fit.poles) > max(before + 3, 1.5 * before)
-    if decorated or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
+    if len(state.fit.poles) > enough or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
         return None
     return state.with_fit(beyond(state.data, estimator.determined(state.data, state.fit), band))
 
 
-def _grown(prepared: Prepared, state: "_State", band: tuple[float, float]) -> "_State":
+def _grown(prepared: Prepared, state: "_State", band: tuple[float, float], enough: float) -> "_State":
     """Modes added that the residual shows; the bins are made anew where these need finer ones."""
-    fit = complete(state.data, state.fit, band, rounds=8 + len(state.fit.poles) // 4)
-    if len(fit.poles) == len(state.fit.poles):
+    fit = complete(state.data, state.fit, band, rounds=8 + len(state.fit.poles) // 4, enough=enough)
+    if len(fit.poles) == len(state.fit.poles) or len(fit.poles) > enough:
         return state.with_fit(fit)
     noise = np.repeat(state.noise.lines, np.diff(np.append(state.starts, len(prepared.frequencies))))
     prepared = replace(prepared, noise=replace(prepared.noise, lines=noise))
@@ -264,7 +264,7 @@ def _eliminate(
         if not reasons and correlation > MISFIT:
             doubtful = (_persistence(fit, candidates) < POLICY.persistence) | (_collinearity(fit) < _COLLINEAR)
             doubtful |= _echoes(fit, gain)
-            hidden = doubtful & (estimator.dominance(data, fit) < VISIBLE)
+            hidden = doubtful & (estimator.dominance(data, fit) < POLICY.visible)
             lowest = np.argsort(np.where(hidden, gain, np.inf))[: (np.count_nonzero(hidden) + 2) // 3]
             reasons = dict.fromkeys(
                 map(int, lowest),
@@ -292,7 +292,7 @@ def _spurs(data: Observations, fit: Fit, band: tuple[float, float], required: fl
     found = []
     narrow = inside(fit.poles, band) & (-fit.poles.real <= _LINES * floor / estimator.NARROWEST)
     if narrow.any():
-        found = [int(k) for k in np.flatnonzero(narrow & (estimator.dominance(data, fit) < VISIBLE))]
+        found = [int(k) for k in np.flatnonzero(narrow & (estimator.dominance(data, fit) < POLICY.visible))]
     narrowest = inside(fit.poles, band) & (-fit.poles.real <= 1.05 * floor)
     for k in np.setdiff1d(np.flatnonzero(narrowest), found):
         masked = data.without_lines(float(fit.poles[k].imag))

@@ -55,7 +55,7 @@ def stabilise_prepared(
     degrees = _degrees(orders, data)
     weights = 1 / np.clip(data.noise.lines, 0.2, 5.0)
     outputs = lscf.principal_outputs(data.values, weights, data.noise)
-    polynomials = lscf.normal_matrices(data.frequencies, outputs, degrees, weights)
+    polynomials = lscf.normal_matrices(data.frequencies, outputs, degrees, weights, noise=1.0)
     order, poles, letters, vectors = [], [], [], []
     previous: tuple[np.ndarray, np.ndarray] | None = None
     for done, degree in enumerate(degrees):
