@@ -47,7 +47,8 @@ def record(
     source : what delivers the records, a virtual rig for instance; the device of the ``rig.toml`` by default. It is
         closed at the end.
     run : its id; letters, digits, - and _.
-    judge : what is wrong with a take (``ema.estimate.check_hit``); an error rejects it. By default every take counts.
+    judge : what is wrong with a take (``ema.estimate.check_impact``); an error rejects it. By default every take
+        counts.
 
     Raises
     ------

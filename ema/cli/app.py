@@ -35,6 +35,14 @@ Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for 
 Salvage = Annotated[
     bool, typer.Option("--salvage", help="Read what damaged files still hold; what was lost becomes a finding.")
 ]
+Keep = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--keep",
+        help="Use impacts in spite of their faults (may be repeated): all, a fault such as double-hit or overload, a "
+        "record or point such as 12:+Z, or an impact by its number from 0, such as 12:+Z#3.",
+    ),
+]
 Measurement = Annotated[
     Path,
     typer.Argument(help="A campaign's folder or campaign.toml, a recipe, or a file with FRFs.", show_default=False),
@@ -69,6 +77,7 @@ def run(
     limit: LimitOfRecipe = None,
     jobs: Jobs = None,
     salvage: Salvage = False,
+    keep: Keep = None,
     json: Json = False,
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
@@ -77,7 +86,7 @@ def run(
     from ema.study import Study, summary
 
     others = [name for name in split_formats(formats) if name != "html"]
-    study = replace(Study.load(recipe, output), salvage=salvage)
+    study = replace(Study.load(recipe, output), salvage=salvage).keeping(keep or [])
     processes = (jobs or os.cpu_count() or 1) if study.recipe.placement else 1
     with screen.Bars() as bars, workers(None, processes) as executor:
         result = study.run(progress=bars, resume=resume, executor=executor)
@@ -101,6 +110,7 @@ def check(
     run: Annotated[list[str] | None, typer.Option("--run", help="Only this run (may be repeated).")] = None,
     limit: LimitOfRecipe = None,
     salvage: Salvage = False,
+    keep: Keep = None,
     json: Json = False,
 ) -> int:
     """Say what was measured, under which conditions, and what is wrong with it; no modes."""
@@ -108,7 +118,7 @@ def check(
     from ema.compare import repeat_findings
     from ema.study import Study
 
-    study = replace(Study.load(campaign), salvage=salvage)
+    study = replace(Study.load(campaign), salvage=salvage).keeping(keep or [])
     with screen.Bars() as bars:
         opened = study.open(bars)
         opened = replace(opened, findings=opened.findings + repeat_findings(opened.runs))
@@ -136,6 +146,7 @@ def fit(
     ] = False,
     limit: LimitOfRecipe = None,
     salvage: Salvage = False,
+    keep: Keep = None,
     json: Json = False,
 ) -> int:
     """Fit the modes of one run or file and print them."""
@@ -146,7 +157,7 @@ def fit(
     from ema.study.measured import frfs_of
     from ema.study.plain import modes, opinion
 
-    study = replace(Study.load(measurement), salvage=salvage)
+    study = replace(Study.load(measurement), salvage=salvage).keeping(keep or [])
     told: dict[str, Any] = study.recipe.fit.given()
     told |= {} if band is None else {"band": band}
     told |= {} if order is None else {"orders": (2, order, 2)}

@@ -18,7 +18,7 @@ from ema.study.recipe import EstimateTable
 
 @dataclass(frozen=True)
 class Checked:
-    """A run, its FRFs, its blows where it has some, and all findings."""
+    """A run, its FRFs, its impacts where it has some, and all findings."""
 
     run: Run
     frfs: FrfSet
@@ -82,8 +82,8 @@ def _lines(one: Checked) -> list[str]:
     if one.hits is not None:
         low, high = one.hits.usable_band
         lines.append(
-            f"blows: {len(one.hits.accepted)} of {len(one.hits.hits)} used; force spectrum down 10 dB at {low:.0f} Hz, "
-            f"20 dB at {high:.0f} Hz"
+            f"impacts: {len(one.hits.accepted)} of {len(one.hits.hits)} used; force spectrum down 10 dB at {low:.0f} "
+            f"Hz, 20 dB at {high:.0f} Hz"
         )
     lines.append(
         f"FRFs: {len(frfs.outputs)} responses x {len(frfs.inputs)} forces, {frfs.quantity} in {frfs.unit}, "

@@ -34,10 +34,10 @@ def record(
     """Measure a hammer test: each take is judged and on disk before the next is armed; the same command goes on."""
     from acquisition import rig_file
     from acquisition.session import Session
-    from ema.estimate import check_hit
+    from ema.estimate import check_impact
 
     rig = rig_file.load(folder)
-    session = Session(folder, rig, run, check_hit)
+    session = Session(folder, rig, run, check_impact)
     print(f"{session.done} of {session.wanted} takes are in {folder}", flush=True)
     for note in session.notes:
         print(f"Note: {note}.", flush=True)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ema.estimate.impact import hammer, hammer_test
     from ema.estimate.integrate import integrated, to_quantity
     from ema.estimate.levels import level_bins
-    from ema.estimate.live import check_hit
+    from ema.estimate.live import check_hit, check_impact
     from ema.estimate.nonlinearity import Homogeneity, causality, homogeneity
     from ema.estimate.random_excitation import shaker
     from ema.estimate.shaker_force import (
@@ -35,6 +35,7 @@ _NAMES = {
     "Steps": "stepped_sine",
     "causality": "nonlinearity",
     "check_hit": "live",
+    "check_impact": "live",
     "control_level": "shaker_force",
     "force_at_resonance": "shaker_force",
     "hammer": "impact",
@@ -60,9 +61,9 @@ _NAMES = {
 
 __all__ = [
     "Calibration", "ForceLevel", "Homogeneity", "Phase", "PhaseResonance", "Steps", "causality", "check_hit",
-    "control_level", "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated", "known_mass",
-    "level_bins", "measured_loop", "phase_resonance", "phases", "quality", "ring_down", "shaker", "stepped",
-    "stepped_test", "sweep", "sweep_rate", "to_quantity", "without_dead", "without_mount_mass",
+    "check_impact", "control_level", "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated",
+    "known_mass", "level_bins", "measured_loop", "phase_resonance", "phases", "quality", "ring_down", "shaker",
+    "stepped", "stepped_test", "sweep", "sweep_rate", "to_quantity", "without_dead", "without_mount_mass",
 ]  # fmt: skip
 
 

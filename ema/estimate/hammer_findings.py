@@ -7,8 +7,9 @@ import numpy as np
 
 from ema.data import Finding
 from ema.dof import Dof
+from ema.estimate import impact_choice
 from ema.estimate.block_end import LEFT_OVER, STRONGEST, RingDown
-from ema.estimate.judge import Judged
+from ema.estimate.judge import ONE_LEVEL, Judged
 from ema.estimate.levels import LevelEffect, pooled_effect
 
 NONLINEAR = 0.05
@@ -21,32 +22,48 @@ SWEEP_LEFT_OVER = 0.2
 """Response at the end of a sweep's record relative to its rms that betrays leakage."""
 
 _ADVICE = {
-    "double-hit": "Repeat the blow if the point has too few left.",
+    "double-hit": "Repeat the impact if the point has too few left.",
     "overload": "Raise the range of the channel or strike more softly.",
-    "pre-trigger": "Start the record earlier: at least 5 % of the block before the blow.",
-    "next-blow": "Wait longer between the blows.",
+    "pre-trigger": "Start the record earlier: at least 5 % of the block before the impact.",
+    "next-impact": "Wait longer between the impacts.",
+    "early-impact": "Wait longer between the impacts.",
     "level": "",
-    "excluded-hit": "",
+    "excluded-impact": "",
 }
 _REMARKS = {
     "under-range": ("below 10 % of the full scale of", "Lower the range of the channel or strike harder."),
-    "not-at-rest": ("while still moving:", "Wait until the structure is at rest before the next blow."),
+    "not-at-rest": ("while still moving:", "Wait until the structure is at rest before the next impact."),
     "dc-shift": ("with a lasting shift of the mean of", "Check the sensor's mounting and range: it was overloaded."),
 }
+_OVERRULE = "`keep` in the settings uses it all the same."
 
 
-def about_blows(judged: Sequence[Judged], where: str) -> list[Finding]:
-    """One finding per rejected blow, and one per kind of remark and channel."""
+def about_impacts(judged: Sequence[Judged], where: str) -> list[Finding]:
+    """One finding per impact with a fault, one for small further contacts, one per kind of remark and channel."""
     findings = []
     for one in judged:
-        for code, reason in one.reasons[:1]:
-            quiet = code in ("level", "excluded-hit")
+        if one.clean and one.used:
+            continue
+        for reason in sorted(one.reasons, key=lambda reason: -reason.error)[:1]:
+            verdict = "used although it has a fault" if one.used else "not used"
+            advice = _ADVICE[reason.code]
             findings.append(
                 Finding(
-                    "info" if quiet else "warning", code, f"{where}, {one.record}, point {one.dof}, hit {one.index}",
-                    f"not used: {reason}.", abs(one.blow.peak), None, _ADVICE[code],
+                    "info" if one.asked else "warning", reason.code,
+                    f"{where}, {one.record}, point {one.dof}, impact {one.index}", f"{verdict}: {reason.text}.",
+                    abs(one.pulse.peak), None, advice if one.used or one.asked else f"{advice} {_OVERRULE}",
                 )
             )  # fmt: skip
+    small = [one.second.ratio for one in judged if one.clean and one.used and one.second is not None]
+    if small:
+        findings.append(
+            Finding(
+                "info", "double-hit", where,
+                f"{len(small)} of {len(judged)} impacts have further contacts of {100 * min(small):.2g} to "
+                f"{100 * max(small):.2g} % of the peak; they are part of the measured force.", max(small), ONE_LEVEL,
+                "They do not bias the FRFs of a linear structure.",
+            )
+        )  # fmt: skip
     counted: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
     for one in judged:
         for remark in one.remarks:
@@ -58,7 +75,7 @@ def about_blows(judged: Sequence[Judged], where: str) -> list[Finding]:
         findings.append(
             Finding(
                 "info" if len(values) < 0.1 * len(judged) else "warning", code, f"{where}, channel {channel}",
-                f"{len(values)} of {len(judged)} blows {text} {channel} (worst {100 * worst:.1f} %).", worst,
+                f"{len(values)} of {len(judged)} impacts {text} {channel} (worst {100 * worst:.1f} %).", worst,
                 values[0][1], advice,
             )
         )  # fmt: skip
@@ -68,21 +85,21 @@ def about_blows(judged: Sequence[Judged], where: str) -> list[Finding]:
 def about_force(judged: Sequence[Judged], where: str) -> list[Finding]:
     """Sign and pre-trigger of the force."""
     findings = []
-    negative = sum(one.blow.peak < 0 for one in judged)
+    negative = sum(one.pulse.peak < 0 for one in judged)
     if negative:
         findings.append(
             Finding(
-                "warning", "force-sign", where, f"{negative} of {len(judged)} blows are negative pulses.",
+                "warning", "force-sign", where, f"{negative} of {len(judged)} impacts are negative pulses.",
                 float(negative), 0.0,
                 "A hammer can only push: reverse the sign of the force channel by a repair, unless its DOF points "
-                "against the blow on purpose.",
+                "against the impact on purpose.",
             )
         )  # fmt: skip
     short = sum(one.before < 4 for one in judged)
     if short:
         findings.append(
             Finding(
-                "warning", "pre-trigger", where, f"{short} of {len(judged)} blows have no pre-trigger.", float(short),
+                "warning", "pre-trigger", where, f"{short} of {len(judged)} impacts have no pre-trigger.", float(short),
                 0.0, "Start the record earlier: offset and noise of the channels are unknown.",
             )
         )  # fmt: skip
@@ -90,27 +107,69 @@ def about_force(judged: Sequence[Judged], where: str) -> list[Finding]:
 
 
 def about_points(judged: Sequence[Judged], where: str) -> list[Finding]:
-    """Points without blows, and points with a single one."""
-    left = Counter({one.dof: 0 for one in judged})
-    left.update(one.dof for one in judged if one.accepted)
+    """Points without impacts, points whose impacts all have faults, and points with a single one."""
+    used = {dof: [one for one in judged if one.dof == dof and one.used] for dof in dict.fromkeys(o.dof for o in judged)}
     findings = []
-    lost = [dof for dof, count in left.items() if count == 0]
+    lost = [dof for dof, own in used.items() if not own]
     if lost:
         findings.append(
             Finding(
-                "error", "lost-point", where, f"no blow is left at {_list(lost)}.", float(len(lost)), 0.0,
+                "error", "lost-point", where, f"no impact is left at {_list(lost)}.", float(len(lost)), 0.0,
                 "These points are missing in the FRFs: measure them again.",
             )
         )  # fmt: skip
-    single = [dof for dof, count in left.items() if count == 1]
+    for biased in (True, False):
+        doubtful = [
+            dof for dof, own in used.items()
+            if own and not any(one.clean for one in own) and any(one.biased for one in own) == biased
+        ]  # fmt: skip
+        if doubtful:
+            faults = sorted({reason.code for dof in doubtful for one in used[dof] for reason in one.reasons})
+            effect = "the FRFs there are biased" if biased else "the force is not that of a single contact"
+            findings.append(
+                Finding(
+                    "error" if biased else "warning", "best-effort", where,
+                    f"every impact at {_list(doubtful)} has a fault ({', '.join(faults)}): the best of them are used, "
+                    f"{effect}.", float(len(doubtful)), 0.0,
+                    "Measure these points again before anything is concluded from them." if biased
+                    else "Look at the force signals; repeat the point if its joints slip.",
+                )
+            )  # fmt: skip
+    single = [dof for dof, own in used.items() if len(own) == 1]
     if single:
         findings.append(
             Finding(
-                "warning", "one-average", where, f"one blow only at {_list(single)}: the coherence is 1 by definition.",
-                1.0, 3.0, "Strike each point three to five times.",
+                "warning", "one-average", where,
+                f"one impact only at {_list(single)}: the coherence is 1 by definition.", 1.0, 3.0,
+                "Strike each point three to five times.",
             )
         )  # fmt: skip
     return findings
+
+
+def about_selection(judged: Sequence[Judged], selection: Sequence[str], where: str) -> list[Finding]:
+    """Entries of ``keep`` and ``reject`` that this run has no impact for."""
+    return [
+        Finding(
+            "info", "selection", where, f"no impact of this run is called {entry!r}.", None, None,
+            "Impacts are called by record or point and their number from 0, such as '12:+Z#3'.",
+        ) for entry in impact_choice.unmatched(judged, selection)
+    ]  # fmt: skip
+
+
+def about_swap(swapped: Sequence[tuple[str, str]], records: int, where: str) -> list[Finding]:
+    """Force and response channels that were probably exchanged, as (force, response) of each record that shows it."""
+    if not len(swapped) > 0.5 * records:
+        return []
+    (force, response), count = Counter(swapped).most_common(1)[0]
+    return [
+        Finding(
+            "error", "swapped-channels", where,
+            f"in {count} of {records} records the force channel {force} rings like a response and the response channel "
+            f"{response} is a pulse like a force: the two are probably exchanged.", float(count), 0.5 * records,
+            f"Exchange the roles of {force} and {response} in campaign.toml.",
+        )
+    ]  # fmt: skip
 
 
 def about_window(ring: RingDown, used: float, asked: bool, where: str) -> list[Finding]:
@@ -153,7 +212,7 @@ def ring_duration(ring: RingDown) -> float:
 
 
 def about_levels(effects: list[LevelEffect], bins: Sequence[tuple[float, float]], where: str) -> list[Finding]:
-    """Whether the level of the blows matters."""
+    """Whether the level of the impacts matters."""
     if not effects:
         return []
     effect = pooled_effect(effects)
@@ -163,8 +222,9 @@ def about_levels(effects: list[LevelEffect], bins: Sequence[tuple[float, float]]
     return [
         Finding(
             "warning", "level-dependence", where,
-            f"the FRFs change by {100 * effect.change:.0f} % with the level of the blows: the structure is not linear.",
-            effect.change, NONLINEAR, f"Use blows of one level at a time (level = one of {levels}).",
+            f"the FRFs change by {100 * effect.change:.0f} % with the level of the impacts: the structure is not "
+            "linear.",
+            effect.change, NONLINEAR, f"Use impacts of one level at a time (level = one of {levels}).",
         )
     ]  # fmt: skip
 

@@ -12,8 +12,9 @@ from jaxtyping import Complex, Float
 from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, hammer_findings, single_input
+from ema.estimate import channels, hammer_findings, impact_choice, single_input
 from ema.estimate.block_end import RingDown, ring_down
+from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
 from ema.estimate.single_blows import SingleBlows
@@ -26,10 +27,10 @@ KEPT_IN_MEMORY = 256 * 2**20
 """Bytes of records that are kept between the two passes; larger runs are read twice."""
 
 SHORT = 0.8
-"""Room behind a blow, relative to the median, below which the blow is given up rather than all blocks shortened."""
+"""Room behind an impact, relative to the median, below which it is given up rather than all blocks shortened."""
 
-SAMPLED_BLOWS = 40
-"""Blows that are enough to see how far the response decays."""
+SAMPLED_IMPACTS = 40
+"""Impacts that are enough to see how far the response decays."""
 
 _Key = tuple[Dof, tuple[Dof, ...]]
 
@@ -44,6 +45,8 @@ class Options:
     level: tuple[float, float] | None = None
     decay: float | None = None
     window_force: bool = True
+    keep: tuple[str, ...] = ()
+    reject: tuple[str, ...] = ()
 
 
 @dataclass
@@ -73,9 +76,14 @@ def hammer(
     decay: float | None = None,
     window_force: bool = True,
     progress: Progress = silent,
+    *,
+    keep: Sequence[str] = (),
+    reject: Sequence[str] = (),
 ) -> FrfSet:
     """FRFs of a hammer test; parameters and errors as in :func:`hammer_test`."""
-    return hammer_test(run, estimator, block, trigger, level, decay, window_force, progress)[0]
+    return hammer_test(
+        run, estimator, block, trigger, level, decay, window_force, progress, keep=keep, reject=reject
+    )[0]  # fmt: skip
 
 
 def hammer_test(
@@ -87,109 +95,135 @@ def hammer_test(
     decay: float | None = None,
     window_force: bool = True,
     progress: Progress = silent,
+    *,
+    keep: Sequence[str] = (),
+    reject: Sequence[str] = (),
 ) -> tuple[FrfSet, HitGallery]:
-    """FRFs of a hammer test, with all its blows.
+    """FRFs of a hammer test, with all its impacts.
+
+    An impact is left out by the error that it causes in the processed FRF (see :mod:`ema.estimate.impact_choice`); a
+    point whose impacts all have faults gets the best estimate they allow, with a finding ``best-effort``.
 
     Parameters
     ----------
     run : every recording has one reference channel (the hammer), whose DOF says where it struck, one or more responses,
-        and one blow or many. Blows on the same DOF are averaged, over recordings too.
+        and one impact or many. Impacts on the same DOF are averaged, over recordings too.
     estimator : ``H1`` (noise on the responses), ``H2`` (noise on the force) or ``Hv``.
-    block : samples per block; by default from blow to blow, or to the end of the record.
-    trigger : force in N above its offset that counts as a blow; by default found from the noise and the strongest blow.
+    block : samples per block; by default from impact to impact, or to the end of the record.
+    trigger : force in N above its offset that counts as an impact; by default found from the noise and the strongest
+        impact.
     level : peak forces in N to use, ``(lowest, highest)``; by default all.
     decay : decay rate in 1/s of an exponential window; by default none unless the response still rings at the end of
         the block. It is applied to force and response, and passed on in ``FrfSet.added_decay``.
-    window_force : replace the force outside its contact by zero.
+    window_force : replace the force outside its contacts by zero.
+    keep : impacts to use whatever is wrong with them, by ``"all"``, by fault (``"double-hit"``, ``"overload"``,
+        ``"pre-trigger"``, ``"next-impact"``, ``"early-impact"``), by record or point (``"12:+Z"``), or by their number
+        from 0 in one of these (``"12:+Z#3"``). What ``reject``, ``level`` and the campaign leave out stays out.
+    reject : impacts not to use, named in the same way.
 
     Raises
     ------
     InputError : a record cannot be used (no force, no response, not a number, too short), the force never triggers, or
-        no blow is left.
+        every impact is excluded by the settings or the campaign.
     """
-    options = Options(estimator, block, trigger, level, decay, window_force)
+    options = Options(estimator, block, trigger, level, decay, window_force, tuple(keep), tuple(reject))
     where = channels.describe(run)
     takes = _Takes(channels.recordings_of(run))
     judged, findings = _scan(run, takes, options, progress)
-    length, before = _block(judged, options)
-    judged = _within_blocks(judged, length, before, options)
-    if not any(one.accepted for one in judged):
-        raise InputError(
-            "no blow is left", where=where, got="; ".join(sorted({one.reasons[0][1] for one in judged})[:3]),
-            advice="measure again, or relax the limits",
-        )  # fmt: skip
     rate = takes[0].sampling_rate
+    length, before = _block(judged, options)
+    judged = impact_choice.with_room(judged, length, before, options.level)
     ring = _ring_down(takes, judged, length, rate)
     added = ring.needed if decay is None else decay
+    judged = impact_choice.with_errors(judged, length, before, rate, ring, added)
+    judged = impact_choice.chosen(judged, options.keep, options.reject)
+    if not any(one.used for one in judged):
+        raise InputError(
+            "no impact is left", where=where, got="; ".join(sorted({one.reasons[0].text for one in judged})[:3]),
+            advice="all of them are excluded by the settings or the campaign",
+        )  # fmt: skip
     sums: dict[_Key, Sums] = {}
-    blows, effects = SingleBlows(), list[LevelEffect]()
+    single, effects = SingleBlows(), list[LevelEffect]()
     for key, parts, effect in _transformed(run, takes, judged, length, before, added, options, progress):
         sums[key] = reduce(add, parts, sums[key]) if key in sums else reduce(add, parts)
-        blows.keep(key, parts)
+        single.keep(key, parts)
         effects += [effect] if effect is not None else []
     gallery = _gallery(takes, judged, sums, length, rate)
     findings += [
         *hammer_findings.about_force(judged, where),
-        *hammer_findings.about_blows(judged, where),
+        *hammer_findings.about_impacts(judged, where),
         *hammer_findings.about_points(judged, where),
+        *hammer_findings.about_selection(judged, (*options.keep, *options.reject), where),
         *hammer_findings.about_window(ring, added, decay is not None, where),
         *hammer_findings.about_levels(effects, level_bins(gallery), where),
         *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
     ]
-    return _assemble(run, takes[0], sums, blows, length, added, options, findings), gallery
+    return _assemble(run, takes[0], sums, single, length, added, options, findings), gallery
 
 
 def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tuple[list[Judged], list[Finding]]:
-    """Every blow of the run, judged by itself."""
-    judged: list[Judged] = []
-    findings: list[Finding] = []
-    rate = None
+    """Every impact of the run, judged by itself."""
+    judged: dict[int, list[Judged]] = {}
+    layouts: list[channels.Layout] = []
+    swapped: list[tuple[str, str]] = []
     for place in range(len(takes.records)):
         record = takes[place]
-        where = channels.describe(run, record)
-        layout = channels.layout(record, where)
-        channels.finite(record, layout, where)
-        if len(layout.references) > 1:
-            raise InputError(
-                "a record of a hammer test has one force channel", where=where, got=f"{len(layout.references)}",
-                advice="give the other channels another role",
-            )  # fmt: skip
-        rate = record.sampling_rate if rate is None else rate
-        if record.sampling_rate != rate:
-            raise InputError(
-                "the records of the run differ in sampling rate", where=where, got=f"{record.sampling_rate:g} Hz",
-                expected=f"{rate:g} Hz",
-            )  # fmt: skip
-        found = judge_record(record, layout, place, options.trigger)
-        if not found:
-            findings.append(
-                Finding(
-                    "error", "no-trigger", where, "the force channel never triggers: the record is not used.", None,
-                    None, "Check the hammer's channel, or give the trigger level.",
-                )
-            )  # fmt: skip
-        judged += found
-        advance(progress, "finding blows", place + 1, len(takes.records))
-    if not judged:
+        layout = _checked(run, record, takes[0].sampling_rate)
+        judged[place] = judge_record(record, layout, place, options.trigger)
+        layouts.append(layout)
+        if (response := probably_swapped(record, layout)) is not None:
+            swapped.append((record.channels[layout.references[0]].name, response))
+        advance(progress, "finding impacts", place + 1, len(takes.records))
+    counts = np.array([len(own) for own in judged.values()])
+    if len(counts) > 1 and np.mean(counts == 1) > 0.5:  # one impact per record: all pulses of a record are contacts
+        for number in np.flatnonzero(counts > 1).tolist():
+            judged[number] = judge_record(takes[number], layouts[number], number, options.trigger, alone=True)
+    findings = hammer_findings.about_swap(swapped, len(counts), channels.describe(run))
+    silence = [channels.describe(run, takes[place]) for place, own in judged.items() if not own]
+    if len(silence) == len(counts):
         raise InputError(
             "the force channel never triggers", where=channels.describe(run),
-            got=f"no blow in {len(takes.records)} record{'s' if len(takes.records) > 1 else ''}",
-            advice="check the hammer's channel, or lower the trigger",
+            got=f"no impact in {len(counts)} record{'s' if len(counts) > 1 else ''}",
+            advice=findings[0].message if findings else "check the hammer's channel, or lower the trigger",
         )  # fmt: skip
-    return judged, findings
+    findings += [
+        Finding(
+            "error", "no-trigger", where, "the force channel never triggers: the record is not used.", None, None,
+            "Check the hammer's channel, or give the trigger level.",
+        ) for where in silence
+    ]  # fmt: skip
+    return [one for own in judged.values() for one in own], findings
+
+
+def _checked(run: Run, record: Recording, rate: float) -> channels.Layout:
+    """The layout of a record that can be used."""
+    where = channels.describe(run, record)
+    layout = channels.layout(record, where)
+    channels.finite(record, layout, where)
+    if len(layout.references) > 1:
+        raise InputError(
+            "a record of a hammer test has one force channel", where=where, got=f"{len(layout.references)}",
+            advice="give the other channels another role",
+        )  # fmt: skip
+    if record.sampling_rate != rate:
+        raise InputError(
+            "the records of the run differ in sampling rate", where=where, got=f"{record.sampling_rate:g} Hz",
+            expected=f"{rate:g} Hz",
+        )  # fmt: skip
+    return layout
 
 
 def _block(judged: list[Judged], options: Options) -> tuple[int, int]:
     """Samples per block and samples before the trigger that belong to it."""
-    usable = [one for one in judged if one.accepted] or judged
+    usable = _best_of_points(judged)
     before = int(min(np.median([one.before for one in usable]), np.median([one.after for one in usable]) // 20))
     if options.block is not None:
         if options.block < 16:
             raise InputError("the block is too short", got=f"{options.block} samples", expected="at least 16")
         return options.block, min(before, options.block // 20)
     rooms = np.array([min(one.before, before) + one.after for one in usable])
-    # A few blows that were followed by another one too early do not shorten the blocks of all, unless their point has
-    # no better ones.
+    # A few impacts that were followed by another one too early do not shorten the blocks of all, unless their point
+    # has no better ones.
     long = rooms >= SHORT * np.median(rooms)
     room = rooms[long].min() if np.mean(long) >= 2 / 3 else np.quantile(rooms, 0.1, method="lower")
     best = {one.dof: 0 for one in usable}
@@ -197,6 +231,14 @@ def _block(judged: list[Judged], options: Options) -> tuple[int, int]:
         best[one.dof] = max(best[one.dof], int(own))
     room = min(int(room), *best.values())
     return room if room < 64 else _fast_length(room), before
+
+
+def _best_of_points(judged: list[Judged]) -> list[Judged]:
+    """The impacts that the block has to hold: of each point those without fault, or all that nobody excludes."""
+    usable = [one for one in judged if one.clean]
+    points = {one.dof for one in usable}
+    usable += [one for one in judged if one.dof not in points and not one.asked]
+    return usable or judged
 
 
 def _fast_length(samples: int) -> int:
@@ -207,33 +249,15 @@ def _fast_length(samples: int) -> int:
     return length
 
 
-def _within_blocks(judged: list[Judged], length: int, before: int, options: Options) -> list[Judged]:
-    """The verdicts now that the block is known: too little room, the ring-down of an earlier blow, another level."""
-    verdicts: list[Judged] = []
-    for number, one in enumerate(judged):
-        earlier = judged[number - 1] if number and judged[number - 1].place == one.place else None
-        if min(one.before, before) + one.after < length:
-            one = one.because("next-blow", f"the next blow or the end of the record comes after {one.after} samples")
-        if earlier is not None and one.blow.start - earlier.blow.start < 0.5 * length:
-            gap = one.blow.start - earlier.blow.start
-            one = one.because("next-blow", f"it follows the blow before within {gap} of {length} samples")
-        if options.level is not None and not options.level[0] <= abs(one.blow.peak) <= options.level[1]:
-            low, high = options.level
-            one = one.because("level", f"its peak of {abs(one.blow.peak):.4g} is not in {low:g} ... {high:g}")
-        verdicts.append(one)
-    return verdicts
-
-
 def _ring_down(takes: _Takes, judged: list[Judged], length: int, rate: float) -> RingDown:
     """How far the response has decayed at the end of the blocks, from a sample of them."""
-    accepted = [one for one in judged if one.accepted]
-    samples = min(length, min(one.after for one in accepted))
+    usable = [one for one in judged if one.clean] or [one for one in judged if not one.asked] or judged
+    samples = min(length, min(one.after for one in usable))
     blocks = []
-    for one in accepted[:: max(len(accepted) // SAMPLED_BLOWS, 1)]:
+    for one in usable[:: max(len(usable) // SAMPLED_IMPACTS, 1)]:
         record = takes[one.place]
         rows = list(record.with_role("response"))
-        start = one.blow.start
-        blocks.append((record.signals[rows, start : start + samples], one.rest, one.quiet))
+        blocks.append((record.signals[rows, one.start : one.start + samples], one.rest, one.quiet))
     return ring_down(blocks, rate)
 
 
@@ -241,37 +265,39 @@ def _transformed(
     run: Run, takes: _Takes, judged: list[Judged], length: int, before: int, decay: float, options: Options,
     progress: Progress,
 ) -> Iterator[tuple[_Key, list[Sums], LevelEffect | None]]:  # fmt: skip
-    """Sums of spectra of the blows of each record, under (force DOF, response DOFs)."""
+    """Sums of spectra of the impacts of each record, under (force DOF, response DOFs)."""
     for place in range(len(takes.records)):
-        accepted = [one for one in judged if one.place == place and one.accepted]
+        accepted = [one for one in judged if one.place == place and one.used]
         if accepted:
             record = takes[place]
             layout = channels.layout(record, channels.describe(run, record))
             spectra = [_spectra(record, layout, one, length, before, decay, options.window_force) for one in accepted]
-            peaks = np.array([abs(one.blow.peak) for one in accepted])
+            peaks = np.array([abs(one.pulse.peak) for one in accepted])
             effect = level_effect(spectra, peaks)
             parts = [single_input.summed(force, response) for force, response in spectra]
             yield (layout.inputs[0], layout.outputs), parts, effect
-        advance(progress, "transforming blows", place + 1, len(takes.records))
+        advance(progress, "transforming impacts", place + 1, len(takes.records))
 
 
 def _spectra(
     record: Recording, layout: channels.Layout, one: Judged, length: int, before: int, decay: float, windowed: bool
 ) -> tuple[Complex[np.ndarray, "freq"], Complex[np.ndarray, "out freq"]]:
-    """Fourier transforms of force and responses of a blow."""
-    trigger = one.blow.start
-    start = trigger - min(one.before, before)
-    pulse = _pulse(record.signals[layout.references[0]], one, start, length, windowed)
+    """Fourier transforms of force and responses of an impact; zeros follow where its room is shorter than the block."""
+    start = one.start - min(one.before, before)
+    room = min(length, impact_choice.room_of(one, before))
+    pulse = _pulse(record.signals[layout.references[0]], one, start, room, windowed)
     rows = list(layout.responses)
-    block = record.signals[rows[0] : rows[-1] + 1, start : start + length]
+    block = record.signals[rows[0] : rows[-1] + 1, start : start + room]
     if rows != list(range(rows[0], rows[-1] + 1)):
-        block = record.signals[rows, start : start + length]
+        block = record.signals[rows, start : start + room]
     if decay > 0:
-        window = exponential_window(length, trigger - start, record.sampling_rate, decay).astype(block.dtype)
+        window = exponential_window(room, one.start - start, record.sampling_rate, decay).astype(block.dtype)
         pulse = pulse * window[: len(pulse)]
         block = (block - one.rest.astype(block.dtype)[:, None]) * window
-    response = scipy.fft.rfft(block, axis=1)
-    if decay == 0:
+    elif room < length:
+        block = block - one.rest.astype(block.dtype)[:, None]
+    response = scipy.fft.rfft(block, length, axis=1)
+    if decay == 0 and room == length:
         response[:, 0] -= length * one.rest  # without a window the offset lives in this line only
     return scipy.fft.rfft(pulse, length), response
 
@@ -279,18 +305,26 @@ def _spectra(
 def _pulse(
     signal: Float[np.ndarray, "sample"], one: Judged, start: int, length: int, windowed: bool
 ) -> Float[np.ndarray, "some"]:
-    """The force of a block without its offset; up to twice the contact, with a taper, when windowed."""
+    """The force of a block without its offset; when windowed, its contacts with a taper, the main one up to twice."""
     if not windowed:
         return signal[start : start + length] - one.offset
-    contact = max(one.blow.stop - one.blow.start, 4)
-    first, last = one.blow.start - start, min(one.blow.start - start + 2 * contact + 8, length)
-    end = min(last + contact, length)
-    window = force_window(end, max(first - contact // 20, 0), last, contact // 2)
+    contact = max(one.pulse.stop - one.pulse.start, 4)
+    main = one.pulse.start
+    spans = [(max(main - contact // 20, start), main + 2 * contact + 8)]
+    spans += () if one.second is None else [(max(first, start), last) for first, last in one.second.spans]
+    end = min(max(last for _, last in spans) + contact - start, length)
+    taper = contact // 2
+    window = np.zeros(end)
+    for first, last in spans:
+        low, high = max(first - start - taper - 1, 0), min(last - start + taper + 1, end)
+        if low < high:
+            some = force_window(high - low, first - start - low, min(last - start, end) - low, taper)
+            window[low:high] = np.maximum(window[low:high], some)
     return (signal[start : start + end] - one.offset) * window.astype(signal.dtype)
 
 
 def _assemble(
-    run: Run, first: Recording, sums: dict[_Key, Sums], blows: SingleBlows, length: int, decay: float,
+    run: Run, first: Recording, sums: dict[_Key, Sums], single: SingleBlows, length: int, decay: float,
     options: Options, findings: list[Finding],
 ) -> FrfSet:  # fmt: skip
     """The FRF set of all sums."""
@@ -325,7 +359,7 @@ def _assemble(
         provenance=Provenance(
             steps=("estimate.hammer",), options=tuple((name, str(value)) for name, value in vars(options).items())
         ),
-        deviations=blows.deviations(values, sums, outputs, inputs, factor),
+        deviations=single.deviations(values, sums, outputs, inputs, factor),
     )  # fmt: skip
 
 
@@ -344,7 +378,7 @@ def _without_overlap(sums: dict[_Key, Sums]) -> dict[_Key, Sums]:
 
 
 def _gallery(takes: _Takes, judged: list[Judged], sums: dict[_Key, Sums], length: int, rate: float) -> HitGallery:
-    """The blows and the mean energy spectrum of the accepted ones."""
+    """The impacts and the mean energy spectrum of those used."""
     total = np.zeros(length // 2 + 1)
     for part in sums.values():
         total += part.force
@@ -356,18 +390,19 @@ def _gallery(takes: _Takes, judged: list[Judged], sums: dict[_Key, Sums], length
 
 
 def _hit(one: Judged, record: Recording) -> Hit:
-    """A blow as a noun; with a second blow its pulse reaches as far."""
-    rate, blow = record.sampling_rate, one.blow
+    """An impact as the gallery holds it; with a second contact its pulse reaches as far."""
+    rate, pulse = record.sampling_rate, one.pulse
     force = record.signals[record.with_role("reference")[0]]
-    contact = blow.stop - blow.start + 1
-    first, last = max(blow.start - contact, 0), blow.stop + 4 * contact
+    contact = pulse.stop - pulse.start + 1
+    first, last = max(pulse.start - contact, 0), pulse.stop + 4 * contact
     if one.second is not None:
         first, last = max(min(first, one.second.sample - 2 * contact), 0), max(last, one.second.sample + 2 * contact)
     return Hit(
-        recording=one.record, index=one.index, dof=one.dof, time=blow.start / rate, peak=blow.peak,
-        impulse=float((force[blow.start : blow.stop + 1] - one.offset).sum() / rate),
-        contact_time=(blow.stop - blow.start) / rate, accepted=one.accepted,
-        reason="; ".join(text for _, text in one.reasons), pulse=force[first:last] - one.offset, sampling_rate=rate,
+        recording=one.record, index=one.index, dof=one.dof, time=one.start / rate, peak=pulse.peak,
+        impulse=float((force[pulse.start : pulse.stop + 1] - one.offset).sum() / rate),
+        contact_time=(pulse.stop - pulse.start) / rate, accepted=one.used,
+        reason="; ".join(reason.text for reason in one.reasons), pulse=force[first:last] - one.offset,
+        sampling_rate=rate,
     )  # fmt: skip
 
 

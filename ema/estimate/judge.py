@@ -1,5 +1,6 @@
-"""Which blows of a hammer test can be used, and why the others cannot."""
+"""The impacts of a hammer test, each with what is known about it and what it does to the FRF."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -8,9 +9,9 @@ from jaxtyping import Bool, Float
 
 from ema.data import Channel, Recording
 from ema.dof import Dof
-from ema.estimate.blows import Blow, find_blows
 from ema.estimate.channels import Layout
-from ema.estimate.double_hits import SecondHit, second_hits
+from ema.estimate.pulses import Pulse, find_pulses, impacts_of
+from ema.estimate.second_contacts import SecondContact, second_contacts
 
 FULL_SCALE = 0.98
 """Part of a channel's range that counts as an overload."""
@@ -19,27 +20,43 @@ CLIPPED_WITHIN = 1024
 """Samples behind an extreme in which its equals are looked for."""
 
 UNDER_RANGE = 0.1
-"""Part of a channel's range that a blow should exceed."""
+"""Part of a channel's range that an impact should exceed."""
 
 DC_SHIFT = 0.01
-"""Change of a response's mean by a blow, relative to its peak, that betrays an overloaded or loose sensor."""
+"""Change of a response's mean by an impact, relative to its peak, that betrays an overloaded or loose sensor."""
 
 NOT_AT_REST = 0.05
-"""Response before a blow relative to that behind it."""
-
-FASTEST = 0.06
-"""Seconds between two pulses below which nobody can have struck twice on purpose."""
+"""Response before an impact relative to that behind it."""
 
 PRE_TRIGGER = 0.05
-"""Seconds before a blow that belong to it, where there are so many."""
+"""Seconds before an impact that belong to it, where there are so many."""
 
 FEW = 16
-"""Samples below which statistics of the quiet before a blow say nothing."""
+"""Samples below which statistics of the quiet before an impact say nothing."""
+
+
+TOLERATED = 0.02
+"""Error that an impact may cause in the processed FRF, relative to the FRF, before it counts as biased.
+
+It is what a response that has not died away within the block may leave without a window. Halved, every impact at the
+limit of a block is doubtful; doubled, errors reach the 4 % at which curve fits of light damping visibly change.
+"""
+
+ONE_LEVEL = 0.1
+"""Height of a second contact relative to the main one up to which the impact counts as one of a single level.
+
+A measured second contact within the block does not bias the FRF of a linear structure. A joint that slips answers to
+the level, which a contact of 10 % changes by less than two impacts of one person differ. It only matters where a point
+has enough other impacts.
+"""
+
+ASKED = frozenset({"excluded-impact", "level"})
+"""Reasons that somebody gave: they are never overruled."""
 
 
 @dataclass(frozen=True)
 class Remark:
-    """Something about a blow that does not exclude it."""
+    """Something about an impact that does not exclude it."""
 
     code: str
     channel: str
@@ -48,96 +65,123 @@ class Remark:
 
 
 @dataclass(frozen=True)
-class Judged:
-    """A blow with all that is known about it; ``reasons`` says why it is not used, empty where it is.
+class Reason:
+    """Something that counts against an impact, with the relative ``error`` that it causes in the processed FRF."""
 
-    ``place`` is the record's place in the run; ``before`` and ``after`` are the samples of the record that belong to
-    this blow alone, seen from its trigger; ``rest`` and ``quiet`` (out,) are mean and rms of the responses before it.
+    code: str
+    text: str
+    error: float
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An impact with all that is known about it.
+
+    ``place`` is the record's place in the run; ``pulse`` is the main contact, ``start`` the first sample of the first
+    one; ``before`` and ``after`` are the samples of the record that belong to this impact alone, seen from ``start``;
+    ``rest`` and ``quiet`` (out,) are mean and rms of the responses before it, ``unrest`` the largest ratio of that rms
+    to that behind it; ``second`` are its further contacts. ``used`` is decided when all impacts of a point are known.
     """
 
     place: int
     record: str
     index: int
     dof: Dof
-    blow: Blow
+    pulse: Pulse
+    start: int
     offset: float
     before: int
     after: int
     rest: Float[np.ndarray, "out"]
     quiet: Float[np.ndarray, "out"]
-    second: SecondHit | None
-    reasons: tuple[tuple[str, str], ...] = ()
+    second: SecondContact | None
+    unrest: float = 0.0
+    reasons: tuple[Reason, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    used: bool = False
 
     @property
-    def accepted(self) -> bool:
-        """Whether the blow is used."""
-        return not self.reasons
+    def error(self) -> float:
+        """Relative error that the impact causes in the processed FRF."""
+        return max((reason.error for reason in self.reasons), default=0.0)
 
-    def because(self, code: str, text: str) -> "Judged":
-        """The blow with one more reason against it."""
-        return replace(self, reasons=(*self.reasons, (code, text)))
+    @property
+    def asked(self) -> bool:
+        """Whether somebody excludes it."""
+        return any(reason.code in ASKED for reason in self.reasons)
+
+    @property
+    def biased(self) -> bool:
+        """Whether its error is larger than what is tolerated."""
+        return self.error > TOLERATED
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing counts against it but small further contacts, which are part of the measured force."""
+        small = self.second is None or self.second.ratio <= ONE_LEVEL
+        return not self.biased and all(reason.code == "double-hit" and small for reason in self.reasons)
+
+    def because(self, code: str, text: str, error: float = np.inf) -> "Judged":
+        """The impact with one more reason against it."""
+        return replace(self, reasons=(*self.reasons, Reason(code, text, error)))
 
 
-def judge_record(record: Recording, layout: Layout, place: int, trigger: float | None) -> list[Judged]:
-    """All blows of a record, each judged by itself."""
+def judge_record(
+    record: Recording, layout: Layout, place: int, trigger: float | None, alone: bool = False
+) -> list[Judged]:
+    """All impacts of a record, each judged by itself; ``alone`` where the record is known to hold one."""
     force = record.signals[layout.references[0]]
-    blows, offset, noise = find_blows(force, record.sampling_rate, trigger)
-    blows, bounces = _without_bounces(blows, record.sampling_rate)
-    if not blows:
+    pulses, offset, noise = find_pulses(force, record.sampling_rate, trigger)
+    impacts = impacts_of(pulses, record.sampling_rate, alone)
+    if not impacts:
         return []
-    room = _rooms(blows, len(force), record.sampling_rate)
-    seconds = second_hits(force, blows, room, offset, noise)
+    mains = [max(impact, key=lambda pulse: abs(pulse.peak)) for impact in impacts]
+    rooms = _rooms([impact[0].start for impact in impacts], len(force), record.sampling_rate)
+    seen = [
+        (before + main.start - impact[0].start, after - main.start + impact[0].start)
+        for impact, main, (before, after) in zip(impacts, mains, rooms)
+    ]
+    seconds = second_contacts(force, mains, seen, offset, noise)
     judged = []
-    for index, (blow, (before, after), bounce, second) in enumerate(zip(blows, room, bounces, seconds)):
-        rest, quiet = _quiet(record.signals, layout.responses, blow, before)
+    for index, (impact, main, (before, after), second) in enumerate(zip(impacts, mains, rooms, seconds)):
+        second = _all_contacts(impact, main, second)
+        start = impact[0].start if second is None else min(impact[0].start, second.spans[0][0])
+        before, after = max(before + start - impact[0].start, 0), after - start + impact[0].start
+        rest, quiet = _quiet(record.signals, layout.responses, start, before)
         one = Judged(
-            place, record.name, index, layout.inputs[0], blow, offset, before, after, rest, quiet, bounce or second
+            place, record.name, index, layout.inputs[0], main, start, offset, before, after, rest, quiet, second
         )
         judged.append(_judge(one, record, layout))
     judged = _reported_overloads(judged, record, layout)
     excluded = dict(record.excluded_hits)
     return [
-        one.because("excluded-hit", f"excluded: {excluded[one.index]}") if one.index in excluded else one
+        one.because("excluded-impact", f"excluded: {excluded[one.index]}") if one.index in excluded else one
         for one in judged
     ]
 
 
-def _without_bounces(blows: list[Blow], rate: float) -> tuple[list[Blow], list[SecondHit | None]]:
-    """Pulses that follow each other too fast for a hand are one blow that bounced; the strongest stands for it."""
-    gaps = np.diff([blow.start for blow in blows])
-    least = max(FASTEST * rate, 0.3 * float(np.median(gaps)) if len(gaps) > 2 else 0.0)
-    kept: list[Blow] = []
-    bounces: list[SecondHit | None] = []
-    last = -np.inf
-    for blow in blows:
-        if blow.start - last < least:
-            main, other = kept[-1], blow
-            if abs(blow.peak) > abs(main.peak):
-                main, other = blow, main
-            kept[-1] = replace(main, start=kept[-1].start)
-            bounces[-1] = SecondHit(other.top, abs(other.peak / main.peak))
-        else:
-            kept.append(blow)
-            bounces.append(None)
-        last = blow.start
-    return kept, bounces
+def _all_contacts(impact: tuple[Pulse, ...], main: Pulse, second: SecondContact | None) -> SecondContact | None:
+    """The further contacts of an impact: its other pulses, and those that are weaker than any pulse."""
+    for pulse in impact:
+        if pulse is not main:
+            own = SecondContact(pulse.top, abs(pulse.peak / main.peak), ((pulse.start, pulse.stop + 1),))
+            second = own.joined(second)
+    return second
 
 
-def _rooms(blows: list[Blow], samples: int, rate: float) -> list[tuple[int, int]]:
-    """Samples before and after the trigger of each blow that are free of its neighbours."""
+def _rooms(starts: Sequence[int], samples: int, rate: float) -> list[tuple[int, int]]:
+    """Samples before and after the beginning of each impact that are free of its neighbours."""
     margin = int(PRE_TRIGGER * rate)
-    starts = [blow.start for blow in blows]
     before = [starts[0], *(min((b - a) // 2, margin) for a, b in pairwise(starts))]
     after = [b - quiet - a for a, b, quiet in zip(starts, starts[1:], before[1:])]
     return list(zip(before, [*after, samples - starts[-1]]))
 
 
 def _quiet(
-    signals: Float[np.ndarray, "channel sample"], rows: tuple[int, ...], blow: Blow, before: int
+    signals: Float[np.ndarray, "channel sample"], rows: tuple[int, ...], start: int, before: int
 ) -> tuple[Float[np.ndarray, "out"], Float[np.ndarray, "out"]]:
-    """Mean and rms about it of the responses before a blow; of the whole record and 0 where there is too little."""
-    part = signals[list(rows), max(blow.start - before, 0) : max(blow.start - 1, 0)]
+    """Mean and rms about it of the responses before an impact; of the whole record and 0 where there is too little."""
+    part = signals[list(rows), max(start - before, 0) : max(start - 1, 0)]
     if part.shape[1] < FEW:
         return signals[list(rows)].mean(axis=1, dtype=np.float64), np.zeros(len(rows))
     part = part[:, -1024:]
@@ -145,24 +189,29 @@ def _quiet(
 
 
 def _judge(one: Judged, record: Recording, layout: Layout) -> Judged:
-    """Reasons and remarks that need the signals of one blow."""
-    blow = one.blow
-    if blow.start == 0:
-        one = one.because("pre-trigger", "the record begins in the middle of the blow")
+    """Reasons and remarks that need the signals of one impact."""
+    begun = abs(float(record.signals[layout.references[0], 0]) - one.offset) / abs(one.pulse.peak)
+    if one.start == 0 and begun > TOLERATED:
+        text = f"the record begins in the middle of the impact, at {100 * begun:.0f} % of its peak"
+        one = one.because("pre-trigger", text, begun)
     if one.second is not None:
-        delay = 1e3 * (one.second.sample - blow.top) / record.sampling_rate
-        one = one.because("double-hit", f"second blow of {100 * one.second.ratio:.0f} %, {delay:+.1f} ms from the peak")
+        delay = 1e3 * (one.second.sample - one.pulse.top) / record.sampling_rate
+        text = f"second contact of {100 * one.second.ratio:.2g} %, {delay:+.1f} ms from the peak"
+        one = one.because("double-hit", text, 0.0)
     rows = [*layout.references, *layout.responses]
     # A view, not a copy, in the usual order of channels.
     signals = record.signals[: len(rows)] if rows == list(range(len(rows))) else record.signals[rows]
-    part = signals[:, blow.start : blow.start + one.after]
+    part = signals[:, one.start : one.start + one.after]
     tops, bottoms = part.argmax(axis=1), part.argmin(axis=1)
     every = np.arange(len(rows))
     high, low = part[every, tops], part[every, bottoms]
     for number, row in enumerate(rows):
         clipped = overload(part[number], record.channels[row], (int(tops[number]), int(bottoms[number])))
         if clipped is not None:
-            one = one.because("overload", f"channel {record.channels[row].name} is overloaded at {clipped:.4g}")
+            share = float(np.mean(np.abs(part[number]) >= FULL_SCALE * abs(clipped)))
+            text = f"channel {record.channels[row].name} is overloaded at {clipped:.4g}"
+            # what is cut off is unknown: of several overloads the one that lasts shortest is the least
+            one = one.because("overload", text, 1.0 + share)
     rest = np.concatenate([[one.offset], one.rest])
     peaks = np.maximum(high - rest, rest - low)
     remarks = []
@@ -171,15 +220,17 @@ def _judge(one: Judged, record: Recording, layout: Layout) -> Judged:
         if channel.range and peak < UNDER_RANGE * channel.range:
             remarks.append(Remark("under-range", channel.name, float(peak / channel.range), UNDER_RANGE))
     names = [record.channels[row].name for row in layout.responses]
-    return replace(one, remarks=(*remarks, *_steadiness(part[1:], names, one, peaks[1:])))
+    steadiness, unrest = _steadiness(part[1:], names, one, peaks[1:])
+    return replace(one, remarks=(*remarks, *steadiness), unrest=unrest)
 
 
 def _steadiness(
     signals: Float[np.ndarray, "out sample"], names: list[str], one: Judged, peaks: Float[np.ndarray, "out"]
-) -> list[Remark]:
-    """Whether the responses were at rest before a blow and have the same mean long after it."""
+) -> tuple[list[Remark], float]:
+    """Whether the responses were at rest before an impact and have the same mean long after it; rms before over rms
+    behind it."""
     if not one.quiet.any():
-        return []
+        return [], 0.0
     few = max(signals.shape[1] // 20, FEW)
     level = np.sqrt(np.mean((signals[:, :few] - one.rest[:, None]) ** 2, axis=1))
     late = signals[:, -4 * few :]
@@ -192,9 +243,10 @@ def _steadiness(
         Remark("not-at-rest", names[row], float(one.quiet[row] / max(level[row], 1e-300)), NOT_AT_REST)
         for row in np.flatnonzero(restless)
     ]
-    return remarks + [
+    remarks += [
         Remark("dc-shift", names[row], float(shift[row] / peaks[row]), DC_SHIFT) for row in np.flatnonzero(shifted)
     ]
+    return remarks, float(np.max(one.quiet / np.maximum(level, 1e-300)))
 
 
 def overload(
@@ -233,14 +285,14 @@ def _steep(signal: Float[np.ndarray, "sample"], place: int, equal: Bool[np.ndarr
 
 
 def _reported_overloads(judged: list[Judged], record: Recording, layout: Layout) -> list[Judged]:
-    """An overload that the front end reports and no blow shows may be in any of them."""
+    """An overload that the front end reports and no impact shows may be in any of them."""
     if record.overloads is None:
         return judged
     for row in (*layout.references, *layout.responses):
         name = record.channels[row].name
         if record.overloads[row] and not any(
-            code == "overload" and f"channel {name} " in text for one in judged for code, text in one.reasons
+            reason.code == "overload" and f"channel {name} " in reason.text for one in judged for reason in one.reasons
         ):
             text = f"channel {name} was overloaded at some time in the record, says the front end"
-            judged = [one.because("overload", text) for one in judged]
+            judged = [one.because("overload", text, 1.0) for one in judged]
     return judged

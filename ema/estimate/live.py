@@ -1,17 +1,22 @@
-"""A verdict on one take of a hammer test while the next blow can still be repeated."""
+"""A verdict on one take of a hammer test while the next impact can still be repeated."""
+
+import warnings
+from dataclasses import replace
 
 from ema.data import Finding, Recording
 from ema.estimate import channels, hammer_findings
+from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import judge_record
 
 
-def check_hit(recording: Recording, trigger: float | None = None) -> tuple[Finding, ...]:
-    """What is wrong with the blows of a take; an error among it means that no blow can be used.
+def check_impact(recording: Recording, trigger: float | None = None) -> tuple[Finding, ...]:
+    """What is wrong with the impacts of a take; an error among it means that the take should be repeated.
 
     Parameters
     ----------
-    recording : one force channel and one or more responses, with one blow or many.
-    trigger : force in N above its offset that counts as a blow; by default found from the noise and the strongest blow.
+    recording : one force channel and one or more responses, with one impact or many.
+    trigger : force in N above its offset that counts as an impact; by default found from the noise and the strongest
+        impact.
 
     Raises
     ------
@@ -20,10 +25,22 @@ def check_hit(recording: Recording, trigger: float | None = None) -> tuple[Findi
     where = "take" if not recording.name else f"take {recording.name}"
     layout = channels.layout(recording, where)
     channels.finite(recording, layout, where)
-    judged = judge_record(recording, layout, 0, trigger)
-    findings = [*hammer_findings.about_force(judged, where), *hammer_findings.about_blows(judged, "take")]
-    if any(one.accepted for one in judged):
+    judged = [replace(one, used=one.clean) for one in judge_record(recording, layout, 0, trigger)]
+    response = probably_swapped(recording, layout)
+    swapped = [] if response is None else [(recording.channels[layout.references[0]].name, response)]
+    findings = [
+        *hammer_findings.about_swap(swapped, 1, where),
+        *hammer_findings.about_force(judged, where),
+        *hammer_findings.about_impacts(judged, "take"),
+    ]
+    if any(one.used for one in judged):
         return tuple(findings)
-    nothing = "the force channel never triggers" if not judged else "no blow of this take can be used"
-    code = "no-trigger" if not judged else "no-blow"
+    nothing = "the force channel never triggers" if not judged else "no impact of this take is without fault"
+    code = "no-trigger" if not judged else "no-impact"
     return (Finding("error", code, where, f"{nothing}.", None, None, "Strike again."), *findings)
+
+
+def check_hit(recording: Recording, trigger: float | None = None) -> tuple[Finding, ...]:
+    """The former name of :func:`check_impact`."""
+    warnings.warn("ema.estimate.check_hit is called check_impact", DeprecationWarning, stacklevel=2)
+    return check_impact(recording, trigger)

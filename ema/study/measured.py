@@ -12,7 +12,7 @@ from ema.progress import Progress, silent
 from ema.study.recipe import EstimateTable
 
 _OPTIONS = {
-    "hammer": ("estimator", "block", "trigger", "level", "decay", "window_force"),
+    "hammer": ("estimator", "block", "trigger", "level", "decay", "window_force", "keep", "reject"),
     "random": ("estimator", "method", "block", "overlap"),
     "sweep": ("estimator", "block"),
     "stepped sine": ("discard",),
@@ -21,7 +21,7 @@ _OPTIONS = {
 
 
 def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> tuple[FrfSet, HitGallery | None]:
-    """FRFs of a run: those it brought along, or those of its records; and its blows, if any.
+    """FRFs of a run: those it brought along, or those of its records; and its impacts, if any.
 
     Set-ups of the sensors are estimated one by one and merged; the frequency shift between them is a finding.
 
@@ -94,7 +94,7 @@ def _block(frfs: FrfSet, run: Run) -> int:
 
 
 def _joined(galleries: Sequence[HitGallery | None]) -> HitGallery | None:
-    """The blows of all set-ups; the force spectrum is that of the first one, the usable band that of the worst."""
+    """The impacts of all set-ups; the force spectrum is that of the first one, the usable band that of the worst."""
     present = [gallery for gallery in galleries if gallery is not None]
     if not present:
         return None

@@ -30,6 +30,7 @@ class Table(BaseModel):
 class EstimateTable(Table):
     """``[estimate]``: settings of ``ema.estimate``; those of another kind of excitation do not disturb.
 
+    ``keep`` and ``reject`` name impacts as :func:`ema.estimate.hammer_test` has it: ``"double-hit"``, ``"12:+Z#3"``.
     ``discard`` s at the start of every frequency of a stepped sine, ``mount_mass`` kg between load cell and structure.
     """
 
@@ -39,6 +40,8 @@ class EstimateTable(Table):
     level: tuple[float, float] | None = None
     decay: float | None = Field(default=None, ge=0)
     window_force: bool = True
+    keep: list[str] = []
+    reject: list[str] = []
     method: Literal["local", "welch"] = "local"
     overlap: float = Field(default=0.75, ge=0, lt=1)
     discard: float = Field(default=0.0, ge=0)

@@ -14,7 +14,7 @@ from ema.errors import CancelledError, FailureError, InputError
 from ema.file_names import safe_name
 from ema.progress import Progress, advance, silent
 from ema.study import chain, expectations, friction, kept, mapping, recipe, statements
-from ema.study.recipe import MapTable, Recipe
+from ema.study.recipe import EstimateTable, MapTable, Recipe
 from ema.study.sources import data_of, opened
 
 
@@ -64,6 +64,14 @@ class Study:
         if output is not None:
             report = Path(output) / report.name
         return cls(read, campaign, report, report.with_suffix(".h5"), path)
+
+    def keeping(self, impacts: Sequence[str]) -> "Study":
+        """The study that uses some impacts in spite of their faults, besides those that its recipe keeps."""
+        settings = self.recipe.estimate
+        if not impacts:
+            return self
+        settings = EstimateTable(**(settings.given() | {"keep": [*settings.keep, *impacts]}))
+        return replace(self, recipe=self.recipe.model_copy(update={"estimate": settings}))
 
     @property
     def kept(self) -> Path:

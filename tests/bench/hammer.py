@@ -1,6 +1,6 @@
-"""Hammer tests: second blows found, clean blows left alone, and the time from records to FRFs.
+"""Hammer tests: second contacts found, clean impacts left alone, and the time from records to FRFs.
 
-``python -m tests.bench.hammer [--cases N] [--seed S] [--peer PYTHON]`` draws its seeds at run time, prints every miss
+``python -m tests.bench.hammer [--cases N] [--records N] [--seed S] [--peer PYTHON]`` draws its seeds at run time, prints every miss
 and writes ``results/hammer.json``. PYTHON is the interpreter of the environment that peers/sdypy_frf/requirements.txt
 describes.
 """
@@ -19,22 +19,26 @@ import numpy as np
 from ema.data import Channel, Condition, Recording, Run
 from ema.dof import Dof
 from ema.estimate import hammer_test
-from ema.estimate.blows import find_blows
-from ema.estimate.double_hits import second_hits
+from ema.estimate.pulses import find_pulses
+from ema.estimate.second_contacts import second_contacts
+from tests.bench.hammer_records import RATIOS, RECORDS, Drawn, draw
 from tests.bench.hammer_signals import Chain, Second, draw_chain, draw_contact, force, ringing
 from tests.bench.provenance import stamp
 
 CASES = ("clean", "near", "later")
-"""No second blow; one 2-30 ms behind the end of the main pulse; one anywhere later in the block."""
+"""No second contact; one 2-30 ms behind the end of the main pulse; one anywhere later in the block."""
+
+DELAYS = ((0.005, 0.1), (0.1, 0.5))
+"""Seconds from the beginning of an impact to that of its second contact."""
 
 SHAPES = ("half sine", "haversine", "skew")
-POINTS, BLOWS, SAMPLES, RATE = 80, 5, 16384, 16384.0
+POINTS, IMPACTS, SAMPLES, RATE = 80, 5, 16384, 16384.0
 REPEATS = 7
 
 
 @dataclass(frozen=True)
 class Case:
-    """One blow with its truth."""
+    """One impact with its truth."""
 
     chain: Chain
     contact: float
@@ -47,7 +51,7 @@ class Case:
 
 
 def one_case(rng: np.random.Generator, kind: str) -> Case:
-    """Draw a blow; a second one of at least 5 % of it, or 2 % where the filter rings by less than 0.5 %."""
+    """Draw an impact; a second contact of at least 5 % of it, or 2 % where the filter rings by less than 0.5 %."""
     chain, contact, shape = draw_chain(rng), draw_contact(rng), str(rng.choice(SHAPES))
     duration, start = float(rng.uniform(0.15, 0.6)), float(rng.uniform(0.005, 0.03))
     ripple = ringing(chain, contact, shape)
@@ -62,17 +66,17 @@ def one_case(rng: np.random.Generator, kind: str) -> Case:
 
 
 def verdict(case: Case) -> bool:
-    """Whether the detector is right about a blow."""
+    """Whether the detector is right about an impact."""
     rate = case.chain.rate
     samples = int(case.duration * rate)
     signal = force(
         case.chain, samples, case.start, case.contact, case.shape, case.second, np.random.default_rng(case.seed)
     )
-    blows, offset, noise = find_blows(signal, rate)
-    if len(blows) != 1:  # a strong second pulse is a pulse of its own: seen anyway
-        return bool(blows) and case.second is not None
-    rooms = [(min(blows[0].start, int(0.05 * rate)), samples - blows[0].start)]
-    found = second_hits(signal, blows, rooms, offset, noise)[0] is not None
+    pulses, offset, noise = find_pulses(signal, rate)
+    if len(pulses) != 1:  # a strong second contact is a pulse of its own: seen anyway
+        return bool(pulses) and case.second is not None
+    rooms = [(min(pulses[0].start, int(0.05 * rate)), samples - pulses[0].start)]
+    found = second_contacts(signal, pulses, rooms, offset, noise)[0] is not None
     return found == (case.second is not None)
 
 
@@ -92,21 +96,62 @@ def detector(cases: int, seed: int) -> dict:
     return result
 
 
+def hammer_tests(cases: int, seed: int) -> dict:
+    """Whole hammer tests: second contacts found by height and delay, clean tests with a finding, errors of the FRFs.
+
+    The error is the norm of the difference from the true FRFs over their norm, up to where the force spectrum ends;
+    ``clean`` is that of tests without second contacts.
+    """
+    rng = np.random.default_rng([seed, 1])
+    result: dict[str, dict] = {}
+    for records in RECORDS:
+        clean = [_tested(draw(rng, records, second=False)) for _ in range(cases)]
+        result[records] = {
+            "clean": {
+                "cases": cases, "false alarms": sum(found for found, _ in clean),
+                "median error": float(np.median([error for _, error in clean])),
+            }
+        }  # fmt: skip
+        for delays in DELAYS:
+            counts = {ratio: [0, 0] for ratio in RATIOS}
+            errors = []
+            for _ in range(cases):
+                drawn = draw(rng, records, second=True, delays=delays)
+                found, error = _tested(drawn)
+                counts[drawn.ratio][0] += found
+                counts[drawn.ratio][1] += 1
+                errors.append(error)
+                if not found:
+                    print(f"  missed, {records}: {drawn.ratio:.0%}, {1e3 * drawn.delay:.1f} ms")
+            result[records][f"{1e3 * delays[0]:.0f}-{1e3 * delays[1]:.0f} ms"] = {
+                "found": {f"{ratio:.0%}": counts[ratio] for ratio in RATIOS}, "median error": float(np.median(errors)),
+            }  # fmt: skip
+        print(records, result[records])
+    return result
+
+
+def _tested(drawn: Drawn) -> tuple[bool, float]:
+    """Whether any impact of the test has something against it, and the error of the FRFs."""
+    frfs, gallery = hammer_test(drawn.run)
+    found = any(hit.reason for hit in gallery.hits)
+    return found, drawn.error(frfs, (20.0, min(0.8 / drawn.contact, 0.35 * drawn.run.recordings[0].sampling_rate)))
+
+
 def campaign(seed: int) -> np.ndarray:
-    """Signals (point, blow, channel, sample) of a structure of six modes."""
+    """Signals (point, impact, channel, sample) of a structure of six modes."""
     from scipy.fft import irfft, rfft
 
     rng = np.random.default_rng(seed)
     t = np.arange(SAMPLES) / RATE
     tones = np.array([np.exp((-0.01 + 1j) * 2 * np.pi * f * t).imag for f in (120, 310, 500, 777, 1200, 2100)])
-    signals = np.zeros((POINTS, BLOWS, 3, SAMPLES))
+    signals = np.zeros((POINTS, IMPACTS, 3, SAMPLES))
     for point in range(POINTS):
         spectra = rfft(rng.standard_normal((2, 6)) @ tones, axis=1)
-        for blow in range(BLOWS):
+        for impact in range(IMPACTS):
             pulse = np.zeros(SAMPLES)
             pulse[820:836] = 100 * (1 + 0.1 * rng.standard_normal()) * np.sin(np.pi * np.arange(16) / 16)
-            signals[point, blow, 0] = pulse
-            signals[point, blow, 1:] = irfft(spectra * rfft(pulse), SAMPLES, axis=1)
+            signals[point, impact, 0] = pulse
+            signals[point, impact, 1:] = irfft(spectra * rfft(pulse), SAMPLES, axis=1)
     return signals + 1e-3 * signals.std(axis=-1, keepdims=True) * rng.standard_normal(signals.shape)
 
 
@@ -128,11 +173,11 @@ def ours(signals: np.ndarray) -> dict:
         frfs, gallery = hammer_test(run)
         wall.append(time.perf_counter() - start[0])
         cpu.append(time.process_time() - start[1])
-    return {"wall": min(wall), "cpu": min(cpu), "blows": len(gallery.accepted), "shape": frfs.values.shape}
+    return {"wall": min(wall), "cpu": min(cpu), "impacts": len(gallery.accepted), "shape": frfs.values.shape}
 
 
 def peer(signals: np.ndarray, python: str) -> dict:
-    """The same by sdypy-FRF (FRFs and coherence, without its checks of the blows)."""
+    """The same by sdypy-FRF (FRFs and coherence, without its checks of the impacts)."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "signals.npy"
         np.save(path, signals)
@@ -148,18 +193,24 @@ def main() -> None:
     """Run and write the result."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--cases", type=int, default=1000)
+    parser.add_argument("--records", type=int, default=300)
     parser.add_argument("--seed", type=int, default=None)
     parser.add_argument("--peer", default="")
     arguments = parser.parse_args()
     seed = int.from_bytes(os.urandom(4)) if arguments.seed is None else arguments.seed
     print(f"seed {seed}")
-    result = {**stamp("tests.bench.hammer"), "seed": seed, "second blows": detector(arguments.cases, seed)}
+    result = {**stamp("tests.bench.hammer"), "seed": seed, "second contacts": detector(arguments.cases, seed)}
+    result["records"] = hammer_tests(arguments.records, seed)
     signals = campaign(seed)
     result["ours"] = ours(signals)
     if arguments.peer:
         result["sdypy-FRF"] = peer(signals, arguments.peer)
         result["time ratio (cpu)"] = result["ours"]["cpu"] / result["sdypy-FRF"]["cpu"]
-    print(json.dumps({name: value for name, value in result.items() if name != "second blows"}, indent=1))
+    print(
+        json.dumps(
+            {name: value for name, value in result.items() if name not in ("second contacts", "records")}, indent=1
+        )
+    )
     out = Path(__file__).parent / "results" / "hammer.json"
     out.parent.mkdir(exist_ok=True)
     out.write_text(json.dumps(result, indent=1) + "\n")

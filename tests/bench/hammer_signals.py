@@ -1,4 +1,4 @@
-"""Force signals of hammer blows with everything a measuring chain adds, and with known truth."""
+"""Force signals of hammer impacts with everything a measuring chain adds, and with known truth."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class Chain:
 
 @dataclass(frozen=True)
 class Second:
-    """A second blow: height and width relative to the main one, and its start behind the main one's end in s."""
+    """A second contact: height and width relative to the main one, and its start behind the main one's end in s."""
 
     ratio: float
     width: float
@@ -57,7 +57,7 @@ def pulse(t, contact, shape):
 
 
 def force(chain, samples, start, contact, shape, second=None, rng=None):
-    """The recorded force of one blow of height about 1 that starts at ``start`` s; its second blow, where there is one."""
+    """The recorded force of one impact of height about 1 that starts at ``start`` s; its second contact, where there is one."""
     fine = chain.rate * FINE
     t = np.arange(samples * FINE) / fine
     signal = pulse(t - start, contact, shape)

@@ -10,7 +10,7 @@ sensors = tuple(
 hammer = ema.simulate.RovingHammer(tuple(ema.Dof(node, "-Z") for node in (1, 1, 5, 5, 67, 67)), hits=1)
 rig = ema.simulate.VirtualRig(table.with_beam(), hammer, sensors, 4096.0, noise={"acceleration": 0.001})
 
-with acquisition.record("today", rig, run="beam", judge=ema.estimate.check_hit) as takes:   # or the device of rig.toml
+with acquisition.record("today", rig, run="beam", judge=ema.estimate.check_impact) as takes:   # or the device of rig.toml
     for take in takes.first(6):
         print(take.point, take.peak, take.reasons or "accepted")
 

@@ -84,4 +84,4 @@ def test_progress_is_shown_on_a_terminal(four):
         assert process.stdout is not None and json.loads(process.stdout.read())
     os.close(master)
     assert process.returncode == 0
-    assert b"finding blows" in shown
+    assert b"finding impacts" in shown

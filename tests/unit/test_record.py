@@ -22,7 +22,7 @@ from ema.cli.recording import opened
 from ema.data import Channel, Finding, Recording
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
-from ema.estimate import check_hit
+from ema.estimate import check_impact
 from ema.simulate import RovingHammer, VirtualRig
 from ema.simulate.rig import RingCell
 from ema.study import table
@@ -125,7 +125,7 @@ def virtual(path: Path, points: int = 3, takes: int = 2) -> Path:
     return folder_with(path, RIG.format(points=told, takes=takes))
 
 
-def session(folder: Path, judge=check_hit, run: str = "beam") -> Session:
+def session(folder: Path, judge=check_impact, run: str = "beam") -> Session:
     return Session(folder, rig_file.load(folder), run, judge)
 
 
@@ -395,10 +395,10 @@ class Watched:
 
 def test_recording_from_python_makes_a_campaign_and_goes_on(tmp_path: Path):
     folder = virtual(tmp_path / "day")
-    with acquisition.record(folder, rig_of((1, 1, 5)), "beam", check_hit) as takes:
+    with acquisition.record(folder, rig_of((1, 1, 5)), "beam", check_impact) as takes:
         told = [(take.point, take.accepted) for take in takes.first(3)]
     assert told == [(1, True), (1, True), (5, True)]
-    with acquisition.record(folder, rig_of((5, 67, 67)), "beam", check_hit) as takes:
+    with acquisition.record(folder, rig_of((5, 67, 67)), "beam", check_impact) as takes:
         assert takes.session.done == 3 and takes.session.point == 5
         assert [take.point for take in takes] == [5, 67, 67]
         assert takes.session.point is None

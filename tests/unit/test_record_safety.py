@@ -337,11 +337,11 @@ def test_the_command_says_that_no_take_counts(tmp_path: Path, capsys: pytest.Cap
 
     folder = rig_folder(tmp_path / "today", points=(1,), takes=2)
     monkeypatch.setattr(recording, "opened", lambda rig, one: DrawnImpacts(0))
-    monkeypatch.setattr(estimate, "check_hit", nothing)
+    monkeypatch.setattr(estimate, "check_impact", nothing)
     ended = ema_command(capsys, "record", folder, "--run", "beam", "--takes", 3)
     assert ended.status == 1 and "Next: ema run" not in ended.out
     assert "0 of 2 takes; 3 rejected" in ended.out and "the hammer struck twice" in ended.out
-    monkeypatch.setattr(estimate, "check_hit", everything)
+    monkeypatch.setattr(estimate, "check_impact", everything)
     ended = ema_command(capsys, "record", folder, "--run", "beam", "--takes", 1)
     assert ended.status == 0 and "the same command goes on" in ended.out
     ended = ema_command(capsys, "record", folder, "--run", "beam")

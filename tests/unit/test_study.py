@@ -27,7 +27,7 @@ def test_study_finds_the_truth_and_writes_report_and_result(small_study):
         assert np.allclose(np.diag(one.auto_mac), 1)
         assert one.quality.modal_phase_collinearity.min() > 0.999
     assert len(result.expectations) == 7 and all(expectation.met for expectation in result.expectations)
-    assert {"runs", "finding blows", "writing the report"} <= set(told)
+    assert {"runs", "finding impacts", "writing the report"} <= set(told)
     assert study.report == small_study.parent / "_build" / "recipe.html"
     page = study.report.read_text(encoding="utf-8")
     assert "Five points, two runs" in page and "120.0" in page
