@@ -1,4 +1,4 @@
-"""The blows of a hammer test."""
+"""The impacts of a hammer test."""
 
 from dataclasses import dataclass
 
@@ -11,11 +11,12 @@ from ema.dof import Dof
 
 @dataclass(frozen=True)
 class Hit:
-    """One blow.
+    """One impact.
 
     ``recording`` and ``index`` (from 0, in order of time) say which; ``dof`` is where and in which direction; ``time``
-    of the trigger in s from the start of the record; ``peak`` N, ``impulse`` N s, ``contact_time`` s; ``accepted`` with
-    the ``reason`` when not; ``pulse`` (sample,) the force around the blow in N at ``sampling_rate`` Hz.
+    of the trigger in s from the start of the record; ``peak`` N, ``impulse`` N s, ``contact_time`` s; ``accepted``
+    where it is used, with the ``reason`` that speaks against it; ``pulse`` (sample,) the force around the impact in N
+    at ``sampling_rate`` Hz.
     """
 
     recording: str
@@ -36,9 +37,9 @@ class Hit:
 
 @dataclass(frozen=True)
 class HitGallery:
-    """All blows of a run and the force autospectrum of the accepted ones.
+    """All impacts of a run and the force autospectrum of the accepted ones.
 
-    ``force_spectrum`` (freq,) N^2 s^2 (energy spectral density, mean over accepted blows) at ``frequencies`` Hz;
+    ``force_spectrum`` (freq,) N^2 s^2 (energy spectral density, mean over accepted impacts) at ``frequencies`` Hz;
     ``usable_band`` are the frequencies in Hz at which it has fallen by 10 and by 20 dB.
     """
 
@@ -52,5 +53,5 @@ class HitGallery:
 
     @property
     def accepted(self) -> tuple[Hit, ...]:
-        """The blows that entered the averages."""
+        """The impacts that entered the averages."""
         return tuple(hit for hit in self.hits if hit.accepted)

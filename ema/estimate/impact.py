@@ -132,7 +132,7 @@ def hammer_test(
     judged, findings = _scan(run, takes, options, progress)
     rate = takes[0].sampling_rate
     length, before = _block(judged, options)
-    judged = impact_choice.with_room(judged, length, before, options.level)
+    judged = impact_choice.with_room(judged, length, before, rate, options.level)
     ring = _ring_down(takes, judged, length, rate)
     added = ring.needed if decay is None else decay
     judged = impact_choice.with_errors(judged, length, before, rate, ring, added)
@@ -311,7 +311,7 @@ def _pulse(
     contact = max(one.pulse.stop - one.pulse.start, 4)
     main = one.pulse.start
     spans = [(max(main - contact // 20, start), main + 2 * contact + 8)]
-    spans += () if one.second is None else [(max(first, start), last) for first, last in one.second.spans]
+    spans += [(max(contact.first, start), contact.last) for contact in one.contacts]
     end = min(max(last for _, last in spans) + contact - start, length)
     taper = contact // 2
     window = np.zeros(end)

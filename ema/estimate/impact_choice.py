@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ema.estimate.block_end import RingDown
-from ema.estimate.judge import Judged, Reason
+from ema.estimate.judge import Judged, Reason, with_contacts
 
 ENOUGH = 3
 """Impacts on a point from which on those that have a fault, though they hardly bias the FRF, are left out.
@@ -19,15 +19,15 @@ KINDS = frozenset({"all", "double-hit", "overload", "pre-trigger", "next-impact"
 """What `keep` and `reject` may name besides single impacts, records and points."""
 
 
-def with_room(judged: Sequence[Judged], length: int, before: int, level: tuple[float, float] | None) -> list[Judged]:
+def with_room(
+    judged: Sequence[Judged], length: int, before: int, rate: float, level: tuple[float, float] | None
+) -> list[Judged]:
     """The impacts judged by the block: too little room, response left of an earlier one, level, contacts behind it."""
     verdicts: list[Judged] = []
     for number, one in enumerate(judged):
         earlier = judged[number - 1] if number and judged[number - 1].place == one.place else None
-        if one.second is not None and one.second.sample >= one.start - min(one.before, before) + length:
-            # what follows the block has no effect in it
-            kept = tuple(reason for reason in one.reasons if reason.code != "double-hit")
-            one = replace(one, second=None, reasons=kept)
+        inside = tuple(c for c in one.contacts if c.first < one.start - min(one.before, before) + length)
+        one = with_contacts(one, inside, rate)  # what follows the block has no effect in it
         if room_of(one, before) < length:
             one = one.because(
                 "next-impact", f"the next impact or the end of the record comes after {one.after} samples"
@@ -62,9 +62,10 @@ def with_errors(
             return replace(reason, error=float(np.exp(-decay * one.after / rate)))
         if reason.code == "early-impact" and one.quiet.any():
             return replace(reason, error=one.unrest)
-        if reason.code == "double-hit" and one.second is not None:
-            left = one.start - min(one.before, before) + length - one.second.sample
-            return replace(reason, error=one.second.ratio * float(np.exp(-decay * left / rate)))
+        if reason.code == "double-hit":
+            end = one.start - min(one.before, before) + length
+            left = [(contact.ratio, max(end - contact.sample, 0) / rate) for contact in one.contacts]
+            return replace(reason, error=max(ratio * float(np.exp(-decay * seconds)) for ratio, seconds in left))
         return reason
 
     return [replace(one, reasons=tuple(priced(one, reason) for reason in one.reasons)) for one in judged]

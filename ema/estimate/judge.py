@@ -80,7 +80,7 @@ class Judged:
     ``place`` is the record's place in the run; ``pulse`` is the main contact, ``start`` the first sample of the first
     one; ``before`` and ``after`` are the samples of the record that belong to this impact alone, seen from ``start``;
     ``rest`` and ``quiet`` (out,) are mean and rms of the responses before it, ``unrest`` the largest ratio of that rms
-    to that behind it; ``second`` are its further contacts. ``used`` is decided when all impacts of a point are known.
+    to that behind it; ``contacts`` are its further ones. ``used`` is decided when all impacts of a point are known.
     """
 
     place: int
@@ -94,11 +94,16 @@ class Judged:
     after: int
     rest: Float[np.ndarray, "out"]
     quiet: Float[np.ndarray, "out"]
-    second: SecondContact | None
+    contacts: tuple[SecondContact, ...] = ()
     unrest: float = 0.0
     reasons: tuple[Reason, ...] = ()
     remarks: tuple[Remark, ...] = ()
     used: bool = False
+
+    @property
+    def second(self) -> SecondContact | None:
+        """The strongest further contact."""
+        return max(self.contacts, key=lambda contact: contact.ratio, default=None)
 
     @property
     def error(self) -> float:
@@ -141,15 +146,19 @@ def judge_record(
         (before + main.start - impact[0].start, after - main.start + impact[0].start)
         for impact, main, (before, after) in zip(impacts, mains, rooms)
     ]
-    seconds = second_contacts(force, mains, seen, offset, noise)
+    further = second_contacts(force, mains, seen, offset, noise)
     judged = []
-    for index, (impact, main, (before, after), second) in enumerate(zip(impacts, mains, rooms, seconds)):
-        second = _all_contacts(impact, main, second)
-        start = impact[0].start if second is None else min(impact[0].start, second.spans[0][0])
+    for index, (impact, main, (before, after), contacts) in enumerate(zip(impacts, mains, rooms, further)):
+        contacts += tuple(
+            SecondContact(pulse.top, abs(pulse.peak / main.peak), pulse.start, pulse.stop + 1)
+            for pulse in impact
+            if pulse is not main
+        )
+        start = min([impact[0].start, *(contact.first for contact in contacts)])
         before, after = max(before + start - impact[0].start, 0), after - start + impact[0].start
         rest, quiet = _quiet(record.signals, layout.responses, start, before)
         one = Judged(
-            place, record.name, index, layout.inputs[0], main, start, offset, before, after, rest, quiet, second
+            place, record.name, index, layout.inputs[0], main, start, offset, before, after, rest, quiet, contacts
         )
         judged.append(_judge(one, record, layout))
     judged = _reported_overloads(judged, record, layout)
@@ -160,13 +169,15 @@ def judge_record(
     ]
 
 
-def _all_contacts(impact: tuple[Pulse, ...], main: Pulse, second: SecondContact | None) -> SecondContact | None:
-    """The further contacts of an impact: its other pulses, and those that are weaker than any pulse."""
-    for pulse in impact:
-        if pulse is not main:
-            own = SecondContact(pulse.top, abs(pulse.peak / main.peak), ((pulse.start, pulse.stop + 1),))
-            second = own.joined(second)
-    return second
+def with_contacts(one: Judged, contacts: tuple[SecondContact, ...], rate: float) -> Judged:
+    """An impact with these further contacts and the reason that follows from the strongest of them."""
+    others = tuple(reason for reason in one.reasons if reason.code != "double-hit")
+    one = replace(one, contacts=contacts, reasons=others)
+    if one.second is None:
+        return one
+    delay = 1e3 * (one.second.sample - one.pulse.top) / rate
+    text = f"second contact of {100 * one.second.ratio:.2g} %, {delay:+.1f} ms from the peak"
+    return one.because("double-hit", text, 0.0)
 
 
 def _rooms(starts: Sequence[int], samples: int, rate: float) -> list[tuple[int, int]]:
@@ -194,10 +205,7 @@ def _judge(one: Judged, record: Recording, layout: Layout) -> Judged:
     if one.start == 0 and begun > TOLERATED:
         text = f"the record begins in the middle of the impact, at {100 * begun:.0f} % of its peak"
         one = one.because("pre-trigger", text, begun)
-    if one.second is not None:
-        delay = 1e3 * (one.second.sample - one.pulse.top) / record.sampling_rate
-        text = f"second contact of {100 * one.second.ratio:.2g} %, {delay:+.1f} ms from the peak"
-        one = one.because("double-hit", text, 0.0)
+    one = with_contacts(one, one.contacts, record.sampling_rate)
     rows = [*layout.references, *layout.responses]
     # A view, not a copy, in the usual order of channels.
     signals = record.signals[: len(rows)] if rows == list(range(len(rows))) else record.signals[rows]

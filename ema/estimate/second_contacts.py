@@ -1,9 +1,9 @@
 """Second contacts around an impact, distinguished from filter ringing, sensor undershoot and noise."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ema.estimate.pulses import Pulse
 
@@ -27,19 +27,12 @@ _BINOMIAL = (1 / 16, 4 / 16, 6 / 16)
 
 @dataclass(frozen=True)
 class SecondContact:
-    """Sample of its peak, its height relative to the main pulse, and the samples that this and any further contacts
-    of the impact span, as ``(first, last + 1)`` of each."""
+    """A further contact: sample of its peak, height relative to the main pulse, and samples ``first`` to ``last``."""
 
     sample: int
     ratio: float
-    spans: tuple[tuple[int, int], ...] = ()
-
-    def joined(self, other: "SecondContact | None") -> "SecondContact":
-        """The stronger of two, with the spans of both."""
-        if other is None:
-            return self
-        strong = self if self.ratio >= other.ratio else other
-        return replace(strong, spans=tuple(sorted({*self.spans, *other.spans})))
+    first: int
+    last: int
 
 
 def width_at_half(force: Float[np.ndarray, "sample"], pulse: Pulse, offset: float) -> int:
@@ -66,8 +59,8 @@ def smoothed(force: Float[np.ndarray, "sample"], offset: float, cell: int) -> Fl
 
 def second_contacts(
     force: Float[np.ndarray, "sample"], pulses: list[Pulse], rooms: list[tuple[int, int]], offset: float, noise: float
-) -> list[SecondContact | None]:
-    """The second contacts around each main pulse, within ``(samples before, samples after)`` its start, or ``None``.
+) -> list[tuple[SecondContact, ...]]:
+    """The second contacts around each main pulse, within ``(samples before, samples after)`` its start.
 
     The smoothed force minus its morphological opening (the baseline that no pulse narrower than the opening can lift)
     is the height of a pulse; a monotonic baseline such as the undershoot of a sensor gives zero, whatever its slope.
@@ -77,7 +70,7 @@ def second_contacts(
     doublings = 4 if 3 * width <= 16 * cell else 5
     z = smoothed(force, offset, cell)
     clear = CLEAR_OF_NOISE * noise * np.sqrt(0.273 / cell)
-    found: list[SecondContact | None] = []
+    found: list[tuple[SecondContact, ...]] = []
     for pulse, (before, after) in zip(pulses, rooms):
         sign = np.float32(np.sign(pulse.peak))
         first = max(pulse.top // cell - 2, 0)
@@ -86,23 +79,19 @@ def second_contacts(
         limit = max(SMALLEST * height, clear)
         behind = sign * z[top : max((pulse.start + after) // cell, top)]
         ahead = sign * z[max((pulse.start - before) // cell, 0) : top + 1][::-1]
-        contact = None
+        contacts: list[SecondContact] = []
         for part, direction in ((behind, 1), (ahead, -1)):
             start, rise = _rise(part, height, doublings, RINGING_CELLS if cell == 1 else 2)
-            if len(rise) and rise.max() > limit:
-                best = int(np.argmax(rise))
-                cells = top + direction * (start + np.flatnonzero(rise > limit))
-                own = SecondContact((top + direction * (start + best)) * cell, float(rise[best]) / height)
-                contact = replace(own, spans=_spans(np.sort(cells), cell, int(width))).joined(contact)
-        found.append(contact)
+            cells = np.flatnonzero(rise > limit)
+            # flanks of one contact and of the next overlap up to here: together they are one
+            for own in np.split(cells, np.flatnonzero(np.diff(cells) > 2 + 2 * width / cell) + 1):
+                if len(own):
+                    best = own[np.argmax(rise[own])]
+                    middle, *ends = ((top + direction * (start + int(one))) * cell for one in (best, own[0], own[-1]))
+                    first, last = max(min(ends) - int(width), 0), max(ends) + cell + int(width)
+                    contacts.append(SecondContact(middle, float(rise[best]) / height, first, last))
+        found.append(tuple(sorted(contacts, key=lambda contact: contact.sample)))
     return found
-
-
-def _spans(cells: Int[np.ndarray, "cell"], cell: int, width: int) -> tuple[tuple[int, int], ...]:
-    """Samples of cells that stand out, with the flanks of the pulses: a width at half height on both sides."""
-    edges = np.flatnonzero(np.diff(cells) > 2 + 2 * width // cell) + 1
-    groups = np.split(cells, edges)
-    return tuple((max(int(one[0]) * cell - width, 0), (int(one[-1]) + 1) * cell + width) for one in groups)
 
 
 def _rise(

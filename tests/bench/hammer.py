@@ -76,7 +76,7 @@ def verdict(case: Case) -> bool:
     if len(pulses) != 1:  # a strong second contact is a pulse of its own: seen anyway
         return bool(pulses) and case.second is not None
     rooms = [(min(pulses[0].start, int(0.05 * rate)), samples - pulses[0].start)]
-    found = second_contacts(signal, pulses, rooms, offset, noise)[0] is not None
+    found = second_contacts(signal, pulses, rooms, offset, noise)[0] != ()
     return found == (case.second is not None)
 
 
@@ -131,9 +131,9 @@ def hammer_tests(cases: int, seed: int) -> dict:
 
 
 def _tested(drawn: Drawn) -> tuple[bool, float]:
-    """Whether any impact of the test has something against it, and the error of the FRFs."""
+    """Whether any impact of the test has a second contact, and the error of the FRFs."""
     frfs, gallery = hammer_test(drawn.run)
-    found = any(hit.reason for hit in gallery.hits)
+    found = any("second contact" in hit.reason for hit in gallery.hits)
     return found, drawn.error(frfs, (20.0, min(0.8 / drawn.contact, 0.35 * drawn.run.recordings[0].sampling_rate)))
 
 

@@ -65,7 +65,7 @@ def draw(rng: np.random.Generator, records: str, *, second: bool, delays: tuple[
     for impact in range(1 if records == "lone" else IMPACTS):
         own = Second(ratio, float(rng.uniform(0.7, 1.4)), delay - contact) if impact == chosen else None
         start = float(rng.uniform(0.02, 0.04)) if records != "many" else float(rng.uniform(0.06, 0.2))
-        length = block if records != "many" else block + 0.2
+        length = block if records != "many" else (block + 0.3) * float(rng.uniform(0.85, 1.15))
         peak = 100 * float(rng.uniform(0.7, 1.3))
         quiet = Chain(chain.rate, chain.tau, chain.filter, chain.cutoff, 0.0)
         forces.append(peak * force(quiet, int(length * chain.rate), start, contact, shape, own))

@@ -180,7 +180,7 @@ def test_dead_responses_only(tmp_path, command):
 )  # fmt: skip
 def test_a_force_channel_that_never_triggers(tmp_path, command, force):
     silent = campaign(tmp_path / "all", spoiled(lambda record: with_signal(record, 0, force)))
-    command("run", silent).says(2, "run bare", "the force channel never triggers", "no blow in 4 records", "check")
+    command("run", silent).says(2, "run bare", "the force channel never triggers", "no impact in 4 records", "check")
     ended = command("check", campaign(tmp_path / "one", spoiled(lambda record: with_signal(record, 0, force), 1)))
     assert ended.status == 1 and "9 of 9 used" in ended.out
     assert "error: run bare, bare_2.uff: the force channel never triggers" in ended.out
@@ -201,7 +201,7 @@ def test_a_reversed_sensor(tmp_path, command):
 def test_a_reversed_hammer(tmp_path, command):
     ended = command("check", campaign(tmp_path, spoiled(lambda record: with_signal(record, 0, -record.signals[0]))))
     assert ended.status == 1
-    assert "12 of 12 blows are negative pulses. A hammer can only push" in ended.out
+    assert "12 of 12 impacts are negative pulses. A hammer can only push" in ended.out
 
 
 @pytest.mark.parametrize(("samples", "says"), [(1, "2 or more"), (10, "at least 16")])

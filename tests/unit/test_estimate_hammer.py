@@ -295,7 +295,19 @@ def test_a_second_contact_at_any_delay_stays_in_the_force():
         assert error(band.values, truth(model, band.frequencies, [0, 1], [0])) < 3e-3, delay
 
 
-def test_settings_overrule_the_choice(faulty):
+def test_contacts_behind_the_block_do_not_count():
+    records, _ = with_secondary_forces([0.5] * 3, [0.3] * 3, np.random.default_rng(6))
+    signals = [record.signals.copy() for record in records]
+    for one in signals:
+        one[:, 256:] += 0.08 * one[:, :-256].copy()  # and one of 8 % after 20 ms, with its response
+    run = run_of([replace(record, signals=one) for record, one in zip(records, signals, strict=True)])
+    _, whole = hammer_test(run)
+    assert all("second contact of 50 %" in hit.reason for hit in whole.hits)
+    _, short = hammer_test(run, block=2560)
+    assert all("second contact of 8" in hit.reason and hit.accepted for hit in short.hits)
+
+
+def test_settings_overrule_the_choice():
     rig = hammer_rig(faults=(Fault(1, 1, "double hit"),))
     run = run_of([replace(take, name=f"take {number}") for number, take in enumerate(rig.takes())])
 
