@@ -12,11 +12,11 @@ REACH = 4096
 RINGS = 0.5
 """Surplus of power on one side of the mean below which a signal rings; see :func:`one_sided`.
 
-The force of a hammer has 0.9 and more even with the undershoot of its sensor, a response that makes at least two
-oscillations 0.3 or less.
+Among 700 drawn records (:mod:`tests.bench.hammer_records`) responses had 0.29 and less, forces with the undershoot of
+their sensors 0.80 and more; the five forces of a real test 0.998, their responses 0.01.
 """
 
-PUSHES = 0.9
+PUSHES = 0.7
 """Surplus of power on one side of the mean above which a signal is a pulse."""
 
 

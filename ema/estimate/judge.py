@@ -201,10 +201,13 @@ def _quiet(
 
 def _judge(one: Judged, record: Recording, layout: Layout) -> Judged:
     """Reasons and remarks that need the signals of one impact."""
-    begun = abs(float(record.signals[layout.references[0], 0]) - one.offset) / abs(one.pulse.peak)
-    if one.start == 0 and begun > TOLERATED:
-        text = f"the record begins in the middle of the impact, at {100 * begun:.0f} % of its peak"
-        one = one.because("pre-trigger", text, begun)
+    if one.start == 0:
+        begun = min(abs(float(record.signals[layout.references[0], 0]) - one.offset) / abs(one.pulse.peak), 1.0)
+        # a half sine that is cut off at this height has lost (1 - cos(arcsin(height))) / 2 of its impulse
+        lost = 0.5 * (1 - np.sqrt(1 - begun**2))
+        if lost > TOLERATED:
+            text = f"the record begins in the middle of the impact, at {100 * begun:.0f} % of its peak"
+            one = one.because("pre-trigger", text, float(lost))
     one = with_contacts(one, one.contacts, record.sampling_rate)
     rows = [*layout.references, *layout.responses]
     # A view, not a copy, in the usual order of channels.

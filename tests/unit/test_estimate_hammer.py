@@ -252,14 +252,13 @@ def test_a_point_with_double_impacts_only_is_estimated_and_named():
     assert error(band.values, truth(structure(), band.frequencies, [0, 1], [0, 1, 2, 3])) < 2e-3
 
 
-def with_secondary_forces(ratios, delays, rng):
+def with_secondary_forces(ratios, delays, rng, contact=0.5e-3):
     """Impacts on a linear structure, each with a further contact that the sensor measures; one record each."""
     rate, samples = 12800.0, 12800
     model = structure()
     records = []
     for ratio, delay in zip(ratios, delays, strict=True):
         t = np.arange(samples) / rate - 0.05
-        contact = 0.5e-3
 
         def pulse(at, t=t, contact=contact):
             return np.where((t > at) & (t < at + contact), np.sin(np.pi * (t - at) / contact), 0)
@@ -305,6 +304,19 @@ def test_contacts_behind_the_block_do_not_count():
     assert all("second contact of 50 %" in hit.reason for hit in whole.hits)
     _, short = hammer_test(run, block=2560)
     assert all("second contact of 8" in hit.reason and hit.accepted for hit in short.hits)
+
+
+@pytest.mark.parametrize(("phase", "used"), [(0.05, True), (0.5, False)])
+def test_a_record_that_begins_within_the_impact_is_used_where_little_is_lost(phase, used):
+    """A half sine cut off at the phase p of its contact has lost (1 - cos(pi p)) / 2 of its impulse: 0.6 and 50 %."""
+    contact = 1.6e-3
+    records, model = with_secondary_forces([0.0] * 4, [0.1] * 4, np.random.default_rng(7), contact)
+    start = round((0.05 + phase * contact) * 12800)
+    cut = [replace(one, signals=one.signals[:, start:]) for one in records[:2]]
+    frfs, gallery = hammer_test(run_of([*cut, *records[2:]]), block=11000)
+    assert [hit.accepted for hit in gallery.hits] == [used, used, True, True]
+    band = frfs.band(20, 500)
+    assert error(band.values, truth(model, band.frequencies, [0, 1], [0])) < 0.02
 
 
 def test_settings_overrule_the_choice():

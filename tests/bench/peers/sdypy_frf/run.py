@@ -1,4 +1,4 @@
-"""sdypy-FRF: H1 and coherence of every point, and its verdict on clean blows; one JSON line on stdout."""
+"""sdypy-FRF: H1 and coherence of every point, and its verdict on clean impacts; one JSON line on stdout."""
 
 import json
 import sys
@@ -21,4 +21,6 @@ for _ in range(repeats):
     wall.append(time.perf_counter() - start[0])
     cpu.append(time.process_time() - start[1])
 flagged = np.mean([model._is_double_impact(point[:, 0]) for point in signals])
-print(json.dumps({"version": version("sdypy-FRF"), "wall": min(wall), "cpu": min(cpu), "clean blows flagged": flagged}))
+print(
+    json.dumps({"version": version("sdypy-FRF"), "wall": min(wall), "cpu": min(cpu), "clean impacts flagged": flagged})
+)
