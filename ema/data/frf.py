@@ -32,7 +32,10 @@ class FrfSet:
     estimator : H1, H2, Hv, ..., or where the FRFs came from.
     averages : number of averages behind each FRF, shape (out, in); ``None`` where unknown.
     added_decay : decay rate in rad/s that an exponential window added to every pole (the fit takes it off again).
-    deviations : what the single blows or blocks changed in their average, where they were kept.
+    deviations : what the single impacts or blocks changed in their average, where they were kept.
+    record_length : s from the beginning of the free vibrations to the end of the record, where the record began with
+        them and its end cut them off; ``None`` where it did not, or where nobody knows.
+    window : ``rectangular``, ``exponential`` or another one that the response was multiplied by; empty where unknown.
     """
 
     frequencies: Float[np.ndarray, "freq"]
@@ -51,6 +54,8 @@ class FrfSet:
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     name: str = ""
     deviations: Deviations | None = None
+    record_length: float | None = None
+    window: str = ""
 
     def __post_init__(self) -> None:
         freeze(

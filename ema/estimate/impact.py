@@ -13,7 +13,7 @@ from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Ru
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import channels, hammer_findings, impact_choice, single_input
-from ema.estimate.block_end import RingDown, ring_down
+from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
@@ -129,11 +129,16 @@ def hammer_test(
     options = Options(estimator, block, trigger, level, decay, window_force, tuple(keep), tuple(reject))
     where = channels.describe(run)
     takes = _Takes(channels.recordings_of(run))
-    judged, findings = _scan(run, takes, options, progress)
+    scanned, findings = _scan(run, takes, options, progress)
     rate = takes[0].sampling_rate
-    length, before = _block(judged, options)
-    judged = impact_choice.with_room(judged, length, before, rate, options.level)
+    length, before = _block(scanned, options)
+    judged = impact_choice.with_room(scanned, length, before, rate, options.level)
     ring = _ring_down(takes, judged, length, rate)
+    if ring.left_over > LEFT_OVER:
+        # A response that the block cuts off is a sum of poles on its lines only where the block begins with it.
+        length, before = _block(scanned, options, lead=_half_contact(judged))
+        judged = impact_choice.with_room(scanned, length, before, rate, options.level)
+        ring = _ring_down(takes, judged, length, rate)
     added = ring.needed if decay is None else decay
     judged = impact_choice.with_errors(judged, length, before, rate, ring, added)
     judged = impact_choice.chosen(judged, options.keep, options.reject)
@@ -213,10 +218,11 @@ def _checked(run: Run, record: Recording, rate: float) -> channels.Layout:
     return layout
 
 
-def _block(judged: list[Judged], options: Options) -> tuple[int, int]:
-    """Samples per block and samples before the trigger that belong to it."""
+def _block(judged: list[Judged], options: Options, lead: int | None = None) -> tuple[int, int]:
+    """Samples per block and samples before the trigger that belong to it, at most ``lead``."""
     usable = _best_of_points(judged)
     before = int(min(np.median([one.before for one in usable]), np.median([one.after for one in usable]) // 20))
+    before = before if lead is None else min(before, lead)
     if options.block is not None:
         if options.block < 16:
             raise InputError("the block is too short", got=f"{options.block} samples", expected="at least 16")
@@ -231,6 +237,11 @@ def _block(judged: list[Judged], options: Options) -> tuple[int, int]:
         best[one.dof] = max(best[one.dof], int(own))
     room = min(int(room), *best.values())
     return room if room < 64 else _fast_length(room), before
+
+
+def _half_contact(judged: list[Judged]) -> int:
+    """Half the usual contact in samples: what the filters of the front end put before an impact is shorter."""
+    return int(np.median([one.pulse.stop - one.pulse.start for one in judged])) // 2
 
 
 def _best_of_points(judged: list[Judged]) -> list[Judged]:
@@ -355,6 +366,7 @@ def _assemble(
         frequencies=scipy.fft.rfftfreq(length, 1 / first.sampling_rate), values=values.transpose(2, 1, 0),
         outputs=outputs, inputs=inputs, quantity=quantity, unit=unit, coherence=coherence.transpose(2, 1, 0),
         variance=variance.transpose(2, 1, 0), estimator=options.estimator, averages=averages, added_decay=decay,
+        record_length=length / first.sampling_rate, window="exponential" if decay > 0 else "rectangular",
         condition=run.condition, name=run.id, findings=tuple(findings),
         provenance=Provenance(
             steps=("estimate.hammer",), options=tuple((name, str(value)) for name, value in vars(options).items())
