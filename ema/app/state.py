@@ -26,6 +26,7 @@ from ema.data import (
 )  # fmt: skip
 from ema.errors import InputError
 from ema.fit.modal import Estimate, estimated
+from ema.fit.record_end import as_recorded
 
 _PICKED = "picked rows of the pole table"
 _MOST_UNDONE = 200
@@ -337,9 +338,8 @@ def _with_modes(run: RunResult, modes: ModalModel, rows: Sequence[int]) -> RunRe
     assert run.poles is not None
     modes = replace(modes, provenance=_noted(modes.provenance, rows))
     band = run.frfs.band(*run.poles.band)
-    rebuilt = synthesis.frfs(
-        _alone(modes, run.poles.band), band.frequencies, band.quantity, outputs=band.outputs, inputs=band.inputs
-    )
+    alone = as_recorded(_alone(modes, run.poles.band), band)
+    rebuilt = synthesis.frfs(alone, band.frequencies, band.quantity, outputs=band.outputs, inputs=band.inputs)
     rebuilt = replace(rebuilt, name=f"{run.run.id}, synthesis", unit=band.unit)
     size = np.linalg.norm(band.values, axis=0)
     error = np.linalg.norm(band.values - rebuilt.values, axis=0)

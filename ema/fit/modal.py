@@ -16,6 +16,7 @@ from ema.fit.companions import companions
 from ema.fit.estimator import Fit
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, prepare
+from ema.fit.record_end import as_recorded, of_whole_vibration
 from ema.fit.refinement import Refined, refined
 from ema.fit.scaling import scale_to_unit_modal_mass
 from ema.fit.selection import Dropped, reduced, select
@@ -96,7 +97,8 @@ class Estimate:
         else:
             order = np.array(_named(fit, verdict, self.table, near, index, self.frfs), int)
         order = order[np.argsort(np.abs(fit.poles[order]), kind="stable")]
-        model = _model(self.band, self.data, self.optimum, self.errors, verdict, order)
+        whole = of_whole_vibration(self.optimum, self.errors, order, self.band)
+        model = _model(self.band, self.data, *whole, verdict, order)
         notes = _findings(self.band, self.data, self.optimum, self.errors, verdict, order, self.dropped)
         return replace(model, findings=(*notes, *model.findings))
 
@@ -468,7 +470,7 @@ def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, F
 
     keep = measured.frequencies > 0
     measured = measured.lines(keep) if not keep.all() else measured
-    windowed = replace(model, poles=model.poles - measured.added_decay)
+    windowed = as_recorded(model, measured)
     quantity = "accelerance" if measured.quantity == "unstated" else measured.quantity
     rebuilt = synthesis.frfs(windowed, np.asarray(measured.frequencies), quantity, measured.outputs, measured.inputs)
     rebuilt = replace(rebuilt, quantity=measured.quantity, unit=measured.unit, added_decay=measured.added_decay)

@@ -23,6 +23,7 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
     InputError : the run cannot be used, or a verb refuses its input.
     """
     from ema.estimate import quality, without_dead
+    from ema.fit.record_end import as_recorded
 
     frfs, hits = frfs_of(run, estimate, progress)
     band = fit.band or default_band(frfs, hits)
@@ -30,7 +31,7 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
     alive = without_dead(inside)
     poles, modes = fitted(alive, fit, progress)
     reconstruction = synthesis.frfs(
-        modes, alive.frequencies, alive.quantity, outputs=alive.outputs, inputs=alive.inputs
+        as_recorded(modes, alive), alive.frequencies, alive.quantity, outputs=alive.outputs, inputs=alive.inputs
     )
     reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=alive.unit)
     findings = unique(run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
