@@ -10,7 +10,7 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {
     *(f"accuracy, {part}" for part in ("case", "cost", "halves", "listed", "peers", "random", "residues", "small")),
     *(f"fit, {part}" for part in ("160x1601", "160x6401", "900x4096", "random")),
-    "hammer", "placement", "study", "uff",
+    "placement", "study", "uff",
     *(f"simulate, {part}" for part in json.loads(
         (provenance.ROOT / "tests/bench/results/simulate.json").read_text(encoding="utf-8")
     )["rows"]),
