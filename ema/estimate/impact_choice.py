@@ -11,7 +11,8 @@ from ema.estimate.judge import Judged, Reason, with_contacts
 ENOUGH = 3
 """Impacts on a point from which on those that have a fault, though they hardly bias the FRF, are left out.
 
-Three is the least that ISO 7626-5 averages; with more, one impact less costs little noise and keeps the level uniform.
+Three tell a variance with two degrees of freedom. Of four, leaving out one raises the standard deviation of the average
+by 15 % and keeps the level uniform; set to two, it would raise it by 22 %.
 """
 
 

@@ -38,16 +38,16 @@ FEW = 16
 TOLERATED = 0.02
 """Error that an impact may cause in the processed FRF, relative to the FRF, before it counts as biased.
 
-It is what a response that has not died away within the block may leave without a window. Halved, every impact at the
-limit of a block is doubtful; doubled, errors reach the 4 % at which curve fits of light damping visibly change.
+It is what a response that has not died away within the block may leave without a window (`block_end.LEFT_OVER`).
+Halved, every impact at that limit is doubtful; doubled, a single impact may be worse than what a window is used for.
 """
 
 ONE_LEVEL = 0.1
 """Height of a second contact relative to the main one up to which the impact counts as one of a single level.
 
 A measured second contact within the block does not bias the FRF of a linear structure. A joint that slips answers to
-the level, which a contact of 10 % changes by less than two impacts of one person differ. It only matters where a point
-has enough other impacts.
+the level, which a contact of 10 % changes by at most 10 %; peaks of impacts by hand scatter by more. It only matters
+where a point has enough other impacts.
 """
 
 ASKED = frozenset({"excluded-impact", "level"})
