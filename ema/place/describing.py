@@ -28,7 +28,8 @@ def secant_table(name: str, parameters: tuple[tuple[str, float], ...]) -> Comple
                          expected="masing, parallel masing, iwan, regularised masing or dahl",
                          advice="rank with Dahl, and check the shortlist with LuGre in ema.simulate")  # fmt: skip
     amplitudes = np.exp(np.linspace(START, END, SIZE))
-    from ema.simulate.friction import PIECEWISE_LINEAR, springs_of
+    from ema.contact.iwan import springs_of
+    from ema.simulate.friction import PIECEWISE_LINEAR
 
     if name in PIECEWISE_LINEAR:
         stiffness, force = springs_of(FrictionLaw(name, 1.0, 1.0, parameters))

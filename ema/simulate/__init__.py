@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from ema.simulate.virtual import VirtualRig
     from ema.simulate.waveforms import hammer_pulse, stepped_sine, swept_sine
 
-drop_stale(Path(__file__).parent)
+drop_stale(Path(__file__).parent, Path(__file__).parents[1] / "contact")
 
 _NAMES = {
     "Blow": "inputs",

@@ -7,8 +7,8 @@ motion is added. All modes of a phase share ``half``, which mass-proportional da
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import copy_into, matvec
-from ema.simulate.phase_kernels import FAST, into_modes, phase_of
+from ema.contact.linear_kernels import copy_into, matvec
+from ema.simulate.phase_kernels import called, called_fast, into_modes, phase_of
 
 # rows of the work array of a phase: wave, mean, forced wave, frequency, and displacement and velocity at some time
 RE, IM, MEAN, TIDE_RE, TIDE_IM, OMEGA, X, V, COS, SIN, NOW_RE, NOW_IM = range(12)
@@ -19,7 +19,7 @@ HORIZON = 0.02
 TERMS = 60
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@called_fast
 def motion(wave, half, pulse, t):
     """Displacements and velocities (rows X, V) at time t after the start of a phase."""
     fade, c, s = np.exp(-half * t), np.cos(pulse * t), np.sin(pulse * t)
@@ -33,7 +33,7 @@ def motion(wave, half, pulse, t):
         wave[V, r] = -half * a - wave[OMEGA, r] * b - pulse * turned
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@called_fast
 def begin(wave, q, p, vectors, squares, slips, force, load, half, pulse, angle):
     """Waves of a phase that starts with the modal state q, p under contact forces ``force`` and a harmonic load."""
     into_modes(slips, force, wave[MEAN])
@@ -55,7 +55,7 @@ def begin(wave, q, p, vectors, squares, slips, force, load, half, pulse, angle):
         wave[RE, r], wave[IM, r] = x, -(v + half * x) / wave[OMEGA, r]
 
 
-@nb.njit(cache=True)
+@called
 def grown(rate, t):
     """Integral of exp(rate s) over s from 0 to t."""
     x = rate * t
@@ -64,7 +64,7 @@ def grown(rate, t):
     return (np.exp(x) - 1.0) / rate
 
 
-@nb.njit(cache=True)
+@called
 def books(wave, half, pulse, t):
     """Loss to damping and work of the harmonic load over the first t s of a phase, in closed form.
 
@@ -99,7 +99,7 @@ def books_over(wave, half, pulse, times, out):
         out[n, 0], out[n, 1] = books(wave, half, pulse, times[n])
 
 
-@nb.njit(cache=True)
+@called
 def excess(slide, k, limit, rest, u, v, blur, still):
     """Positive once a spring has to change: a stuck one above its limit, a sliding one whose velocity reverses.
 
@@ -110,7 +110,7 @@ def excess(slide, k, limit, rest, u, v, blur, still):
     return -slide * v - still
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@called_fast
 def series(row, wave, half, pulse, t, dt, out):
     """Taylor coefficients of the relative displacement of one contact about the time t of the rows NOW_RE, NOW_IM.
 
@@ -142,7 +142,7 @@ def series(row, wave, half, pulse, t, dt, out):
     return TERMS
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@called_fast
 def polynomial(terms, count, s):
     """Value and derivative of a polynomial."""
     value, slope = 0.0, 0.0
@@ -152,7 +152,7 @@ def polynomial(terms, count, s):
     return value, slope
 
 
-@nb.njit(cache=True)
+@called
 def crossing(terms, count, dt, slide, k, limit, rest, blur, still, start, end):
     """Share of ``dt`` at which a spring changes, by the Illinois form of false position on the exact motion."""
     if start >= 0.0:
@@ -175,7 +175,7 @@ def crossing(terms, count, dt, slide, k, limit, rest, blur, still, start, end):
     return high
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@called_fast
 def turn(wave):
     """Turn all waves by one interval."""
     for r in range(wave.shape[1]):
@@ -184,7 +184,7 @@ def turn(wave):
         wave[NOW_IM, r] = a * wave[SIN, r] + b * wave[COS, r]
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@called_fast
 def present(wave, half, pulse, t):
     """Displacements and velocities at the rows NOW_RE and NOW_IM."""
     c, s = np.cos(pulse * t), np.sin(pulse * t)
@@ -197,7 +197,7 @@ def present(wave, half, pulse, t):
             wave[V, r] -= pulse * (wave[TIDE_RE, r] * s + wave[TIDE_IM, r] * c)
 
 
-@nb.njit(cache=True)
+@called
 def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still, room):
     """First time up to ``horizon`` at which a spring sticks or slips, and that spring (-1: none)."""
     contact, k, limit, rest, slide, _ = springs
@@ -241,7 +241,7 @@ def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still,
     return horizon, -1
 
 
-@nb.njit(cache=True)
+@called
 def change(springs, j, u, lost):
     """Let one spring stick or slip at relative displacement u."""
     contact, k, limit, rest, slide, begun = springs
@@ -254,7 +254,7 @@ def change(springs, j, u, lost):
         slide[j] = 0.0
 
 
-@nb.njit(cache=True)
+@called
 def pulls(springs, force):
     """Constant part of the contact forces of a phase."""
     contact, k, limit, rest, slide, _ = springs
@@ -263,7 +263,7 @@ def pulls(springs, force):
         force[contact[j]] += k[j] * rest[j] if slide[j] == 0.0 else -slide[j] * limit[j]
 
 
-@nb.njit(cache=True)
+@called
 def keep(sample, slip, q, p, springs, lost, samples):
     """One sample: modal state, forces of the springs and friction loss of the contacts so far."""
     contact, k, limit, rest, slide, begun = springs

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.iwan import springs_of
 from ema.data import BeamModel, EnergyBalance, Response
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import fits_memory, positive
-from ema.simulate.friction import PIECEWISE_LINEAR, springs_of
+from ema.simulate.friction import PIECEWISE_LINEAR
 from ema.simulate.transient import Problem, displacement_findings, energy_findings, prepare, released
 
 _MEMORY = 2e8

@@ -1,26 +1,25 @@
 """Friction laws: their constructors, and how they are handed to the compiled solvers.
 
-Every law is elastic with k_T at first and limited by F_C = mu F_N; the time and the frequency solver use the same
-compiled increment (``friction_kernels``).
+Every law is elastic with k_T at first and limited by F_C = mu F_N. Time solvers take the increments of ``ema.contact``,
+steady states and contacts that hang together those of ``friction_kernels``.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from ema.contact.iwan import iwan_springs as iwan_springs
+from ema.contact.iwan import springs_of
+from ema.contact.laws import REGISTERED, ContactLaws, UserFunction, check_parameters, contact_laws
+from ema.contact.virgin import virgin_curve
 from ema.data import FrictionLaw
 from ema.errors import InputError
 
 PIECEWISE_LINEAR = ("masing", "coulomb", "parallel masing", "iwan")
 """Laws that consist of Masing springs: the event-driven reference mode takes these."""
-
-UserFunction = Callable[[float, float, float, float, float, float, float, float], float]
-_USER: dict[str, tuple[UserFunction, Any]] = {}
-_TABLE_SIZE = 2049
 
 
 def Masing(friction_coefficient: float, contact_stiffness: float, **options: Any) -> FrictionLaw:
@@ -163,7 +162,7 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
                          advice="use plain arithmetic, comparisons and the math module only") from error  # fmt: skip
     if not np.isfinite(trial):
         raise InputError("the law returns no number", where=f"law {name}", got=trial, expected="a finite force")
-    _USER[name] = (function, compiled)
+    REGISTERED[name] = (function, compiled)
 
     def make(friction_coefficient: float, contact_stiffness: float, *parameters: float, **options: Any) -> FrictionLaw:
         named = tuple((f"p{n}", float(p)) for n, p in enumerate(parameters))
@@ -173,12 +172,6 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
 
 
 _CODES = {"masing": 0, "coulomb": 0, "parallel masing": 0, "iwan": 0, "regularised masing": 1, "dahl": 2, "lugre": 3}
-
-_PARAMETERS = {
-    "regularised masing": ("exponent",), "iwan": ("chi", "beta", "springs"), "dahl": ("shape",),
-    "lugre": ("bristle damping", "viscous", "static ratio", "stribeck velocity"),
-}  # fmt: skip
-"""Parameters of the laws whose constructors check them, in the order in which the kernels take them."""
 
 
 @dataclass(frozen=True)
@@ -192,11 +185,12 @@ class PackedLaws:
     counts: Int[np.ndarray, "contact"]
     tables: Float[np.ndarray, "table 3 size"]
     user: Any
+    laws: tuple[FrictionLaw, ...]
+    pairs: tuple[int, ...]
 
-    @property
-    def single_springs(self) -> bool:
-        """Whether every contact is one Masing spring, for which the solvers know closed forms."""
-        return bool(np.all((self.codes == 0) & (self.counts == 1)))
+    def on(self, stiffness: Float[np.ndarray, "contact"]) -> ContactLaws:
+        """The same laws on contacts of ``stiffness`` N/m that each stand alone."""
+        return contact_laws(self.laws, stiffness, self.pairs)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
@@ -213,96 +207,9 @@ def check_isotropic(law: FrictionLaw, where: str) -> None:
     ------
     InputError : the law is a user's own.
     """
-    if law.isotropic and law.name in _USER:
+    if law.isotropic and law.name in REGISTERED:
         raise InputError("a law of the user's own has no isotropic form", where=where, got=f"{law.name}",
                          expected="isotropic=False, or one of " + ", ".join(sorted(_CODES)))  # fmt: skip
-
-
-def check_parameters(law: FrictionLaw) -> None:
-    """Refuse a law that was not made by its constructor, or was changed since.
-
-    Raises
-    ------
-    InputError : a parameter is missing, too many, or no number.
-    """
-    names = tuple(name for name, _ in law.parameters)
-    if law.name in _PARAMETERS and names != _PARAMETERS[law.name]:
-        raise InputError("not the parameters of this law", where=f"law {law.name}", got=", ".join(names) or "none",
-                         expected=", ".join(_PARAMETERS[law.name]),
-                         advice="make it by its constructor in ema.simulate")  # fmt: skip
-    if not all(np.isfinite(value) for _, value in law.parameters):
-        raise InputError("a parameter is no number", where=f"law {law.name}", got=dict(law.parameters),
-                         expected="finite numbers")  # fmt: skip
-
-
-def springs_of(law: FrictionLaw) -> tuple[Float[np.ndarray, "spring"], Float[np.ndarray, "spring"]]:
-    """Shares of stiffness and of slip force of the Masing springs that make a piecewise linear law."""
-    values = dict(law.parameters)
-    if law.name == "parallel masing":
-        count = len(values) // 2
-        return (
-            np.array([values[f"stiffness share {n}"] for n in range(count)]),
-            np.array([values[f"force share {n}"] for n in range(count)]),
-        )
-    if law.name == "iwan":
-        return iwan_springs(values["chi"], values["beta"], int(values["springs"]))
-    return np.ones(1), np.ones(1)
-
-
-def iwan_springs(
-    chi: float, beta: float, count: int
-) -> tuple[Float[np.ndarray, "spring"], Float[np.ndarray, "spring"]]:
-    """Shares of the Masing springs of an Iwan model: power-law density up to the largest slip, and a spring there.
-
-    Every spring has the stiffness and the slip force of its stretch of the density (Segalman 2005, Eqs. 10-14).
-    """
-    scale = beta + (chi + 1) / (chi + 2)
-    largest = (1 + beta) / scale
-    density = (chi + 1) / (largest ** (chi + 2) * scale)
-    edges = np.concatenate([[0.0], np.geomspace(3e-4, 1.0, count - 1 if beta > 0 else count)]) * largest
-    stiffness = density * np.diff(edges ** (chi + 1)) / (chi + 1)
-    force = density * np.diff(edges ** (chi + 2)) / (chi + 2)
-    if beta > 0:
-        last = beta / scale / largest
-        stiffness, force = np.append(stiffness, last), np.append(force, last * largest)
-    return stiffness / stiffness.sum(), force / force.sum()
-
-
-def virgin_rate(y: Float[np.ndarray, "*shape"], exponent: float) -> Float[np.ndarray, "*shape"]:
-    """dx/dy of the virgin curve of Eq. (5), dphi/dx = 1 - phi^m, with phi = 1 - exp(-y): smooth up to full slip."""
-    rest = np.maximum(np.exp(-y), 1e-300)
-    with np.errstate(divide="ignore"):
-        return np.asarray(rest / -np.expm1(exponent * np.log1p(-rest)))
-
-
-@lru_cache(maxsize=32)
-def _virgin_table(exponent: float) -> tuple[np.ndarray, float, float]:
-    """Virgin curve of Eq. (5) for one exponent: (value, slope, curvature) over a graded grid, its span and grading."""
-    points, weights = np.polynomial.legendre.leggauss(12)
-    points, weights = (points + 1) / 2, weights / 2
-
-    def climb(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        y = start[:, None] + (end - start)[:, None] * points
-        return np.asarray((virgin_rate(y, exponent) @ weights) * (end - start))
-
-    nodes = 36.0 * np.linspace(0, 1, 1200) ** 5
-    places = np.concatenate([[0.0], np.cumsum(climb(nodes[:-1], nodes[1:]))])
-    span = float(places[-1])
-    power = 1.0 if exponent >= 5 or exponent == round(exponent) else 5.0
-    t = np.linspace(0, 1, _TABLE_SIZE)
-    x = span * t**power
-    cell = np.clip(np.searchsorted(places, x, side="right") - 1, 0, len(nodes) - 2)
-    y = np.interp(x, places, nodes)
-    for _ in range(8):
-        rate = virgin_rate(np.maximum(y, 1e-300), exponent)
-        y = np.clip(y - (places[cell] + climb(nodes[cell], y) - x) / rate, nodes[cell], nodes[cell + 1])
-    phi = -np.expm1(-y)
-    slope = -np.expm1(exponent * np.log(np.maximum(phi, 1e-300)))
-    curvature = -exponent * np.maximum(phi, 1e-60) ** (exponent - 1) * slope
-    curvature[0] = -1.0 if exponent == 1 else 0.0
-    stretch = span * power * t ** (power - 1)
-    bend = span * power * (power - 1) * t ** max(power - 2, 0)
-    return np.array([phi, slope * stretch, curvature * stretch**2 + slope * bend]), span, power
 
 
 def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedLaws:
@@ -326,16 +233,13 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
     user, user_name = no_user_law, ""
     for row, law in enumerate(laws):
         values = [value for _, value in law.parameters]
-        if law.name in _USER:
+        if law.name in REGISTERED:
             if user_name not in ("", law.name):
                 raise InputError("two laws of the user's own in one model", got=f"{user_name} and {law.name}",
                                  expected="one")  # fmt: skip
-            codes[row], user, user_name = 4, _USER[law.name][1], law.name
+            codes[row], user, user_name = 4, REGISTERED[law.name][1], law.name
             parameters[row, : len(values)] = values
             continue
-        if law.name not in _CODES:
-            raise InputError("unknown friction law", got=law.name, expected="one of " + ", ".join(sorted(_CODES)),
-                             advice="a law of your own: ema.simulate.register_law")  # fmt: skip
         codes[row] = _CODES[law.name]
         if codes[row] == 0:
             stiffness, force = springs[id(law)]
@@ -344,12 +248,14 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
         elif codes[row] == 1:
             exponent = values[0]
             place = tables.setdefault(exponent, len(tables))
-            _, span, power = _virgin_table(exponent)
-            parameters[row, :5] = exponent, place, _TABLE_SIZE, span, power
+            table, span, power = virgin_curve(exponent)
+            parameters[row, :5] = exponent, place, table.shape[1], span, power
         elif codes[row] == 3:
             share = counts_of_joint[row]
             parameters[row, :4] = values[0] / share, values[1] / share, values[2], values[3]
         else:
             parameters[row, : len(values)] = values
-    stack = np.array([_virgin_table(m)[0] for m in tables]) if tables else np.zeros((1, 3, 2))
-    return PackedLaws(codes, parameters, shares_k, shares_f, counts, stack, user)
+    stack = np.array([virgin_curve(m)[0] for m in tables]) if tables else np.zeros((1, 3, 2))
+    return PackedLaws(
+        codes, parameters, shares_k, shares_f, counts, stack, user, tuple(laws), tuple(counts_of_joint)
+    )  # fmt: skip

@@ -7,7 +7,7 @@ deviation g = f - k u from a stuck spring, so that a stuck contact needs no equa
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import matvec
+from ema.contact.linear_kernels import matvec
 from ema.simulate.period_kernels import masing_period
 from ema.simulate.quadrature_kernels import smooth_period
 

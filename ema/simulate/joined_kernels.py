@@ -8,7 +8,7 @@ none; ``friction`` is the slip force over the momentary normal force.
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import contact_solve, matvec
+from ema.contact.linear_kernels import matvec
 from ema.simulate.friction_kernels import LUGRE, PARALLEL, project, step, stored_energy
 from ema.simulate.normal_kernels import FORCE, PENETRATION, mean_pull, pull, solve_pull
 from ema.simulate.plane_kernels import plane_step
@@ -28,6 +28,40 @@ from ema.simulate.transient_kernels import (
 
 # columns of what is kept of every normal contact: extremes of its force, steps open, first of them, widest gap
 LEAST, GREATEST, OPEN, FIRST, GAP = range(5)
+
+
+@nb.njit(cache=True)
+def contact_solve(i, free, gain, k, tolerance, limit, laws, u0, f0, h, z0, z1, a, b):
+    """Displacement of contact i from u + gain * (f(u) - k u) = free; returns u and f.
+
+    The sign of the slip increment is known beforehand; on its side the law is monotone, so Newton in a bracket.
+    """
+    codes, par, shares_k, shares_f, counts, tables, user = laws
+    code, count = codes[i], counts[i]
+    low, high = -np.inf, np.inf
+    if u0 + gain * (f0 - k * u0) < free:
+        low = u0
+    else:
+        high = u0
+    # start from an elastic increment, exact while the contact sticks
+    u = free - gain * (f0 - k * u0)
+    force, slope = f0, k
+    for _ in range(100):
+        force, slope = step(code, i, k, limit, par, shares_k, shares_f, count, tables, user, u0, u, h, z0, z1, a, b)
+        rest = u + gain * (force - k * u) - free
+        if abs(rest) <= tolerance:
+            break
+        if rest > 0.0:
+            high = u
+        else:
+            low = u
+        new = u - rest / max(1.0 + gain * (slope - k), 1e-12)
+        if not low < new < high:
+            new = 0.5 * (low + high) if np.isfinite(low) and np.isfinite(high) else u - rest
+        if new == u:
+            break
+        u = new
+    return u, force
 
 
 @nb.njit(cache=True)

@@ -7,22 +7,23 @@ change in one file would leave old machine code in the others.
 from pathlib import Path
 
 
-def drop_stale(folder: Path) -> bool:
-    """Remove the compiled kernels of a package whose sources have changed; says whether there was a change.
+def drop_stale(*folders: Path) -> bool:
+    """Remove the compiled kernels of packages that call each other, if a source has changed; says whether one had.
 
     A folder that cannot be written is left as it is: there numba does not keep compiled kernels either.
     """
-    kept = folder / "__pycache__"
-    mark = kept / "kernels.stamp"
+    kept = [folder / "__pycache__" for folder in folders]
+    mark = kept[0] / "kernels.stamp"
     try:
-        states = [(path.name, path.stat()) for path in sorted(folder.glob("*_kernels.py"))]
+        states = [(path.name, path.stat()) for folder in folders for path in sorted(folder.glob("*_kernels.py"))]
         stamp = "\n".join(f"{name} {state.st_mtime_ns} {state.st_size}" for name, state in states)
         if mark.is_file() and mark.read_text(encoding="utf-8") == stamp:
             return False
-        for pattern in ("*.nbi", "*.nbc"):
-            for path in kept.glob(pattern):
-                path.unlink(missing_ok=True)
-        kept.mkdir(exist_ok=True)
+        for folder in kept:
+            for pattern in ("*.nbi", "*.nbc"):
+                for path in folder.glob(pattern):
+                    path.unlink(missing_ok=True)
+        kept[0].mkdir(exist_ok=True)
         mark.write_text(stamp, encoding="utf-8")
     except OSError:
         return False

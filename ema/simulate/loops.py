@@ -5,10 +5,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.laws import contact_laws
+from ema.contact.virgin import virgin_rate
 from ema.data import FrictionLaw, Loop
 from ema.errors import InputError
 from ema.simulate.checks import not_negative, positive
-from ema.simulate.friction import PackedLaws, check_isotropic, pack, virgin_rate
+from ema.simulate.friction import check_isotropic, pack
 
 _FEWEST = 8
 
@@ -27,22 +29,16 @@ def drive(
     ------
     InputError : the normal force or mu is negative or not finite, k_T is not positive, or the law is rigid.
     """
-    from ema.simulate import friction_kernels
-
-    kernels: Any = friction_kernels
-    packed, stiffness, limits = _prepared(law, len(displacements), normal_force, 1)
-    state = np.zeros((1, packed.stiffness_shares.shape[1]))
-    return np.asarray(
-        kernels.drive(
-            packed.codes, stiffness, limits, *packed.arguments[1:], np.ascontiguousarray(displacements), interval, state
-        )
+    stiffness, limits = _prepared(law, len(displacements), normal_force)
+    return contact_laws([law], np.array([stiffness]), [1]).drive(
+        np.ascontiguousarray(displacements, dtype=np.float64), limits, interval
     )
 
 
 def _prepared(
-    law: FrictionLaw, samples: int, normal_force: float | np.ndarray, rows: int
-) -> tuple[PackedLaws, float, Float[np.ndarray, "sample"]]:
-    """Arrays of a law, its stiffness in N/m and its slip force over the samples in N."""
+    law: FrictionLaw, samples: int, normal_force: float | np.ndarray
+) -> tuple[float, Float[np.ndarray, "sample"]]:
+    """Stiffness of a law in N/m, and its slip force over the samples in N."""
     force = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), (samples,))
     if not np.all(np.isfinite(force)) or force.min() < 0:
         raise InputError("not a normal force", where=f"law {law.name}", got=f"{force.min()} N", expected="0 N or more")
@@ -56,7 +52,7 @@ def _prepared(
     if law.stiffness_exponent:
         stiffness *= (float(force[0]) / law.reference_force) ** law.stiffness_exponent
     limits = np.ascontiguousarray(law.friction_coefficient * force)
-    return pack([law] * rows, [1] * rows), min(stiffness, law.stiffness_cap), limits
+    return min(stiffness, law.stiffness_cap), limits
 
 
 def drive_plane(
@@ -80,7 +76,8 @@ def drive_plane(
 
     kernels: Any = plane_kernels
     check_isotropic(law, f"law {law.name}")
-    packed, stiffness, limits = _prepared(law, displacements.shape[1], normal_force, 2)
+    stiffness, limits = _prepared(law, displacements.shape[1], normal_force)
+    packed = pack([law] * 2, [1, 1])
     state = np.zeros((2, packed.stiffness_shares.shape[1]))
     x, y = (np.ascontiguousarray(row, dtype=np.float64) for row in displacements)
     return np.asarray(

@@ -8,7 +8,7 @@ So the Fourier integrals of its force, their derivatives and its loss are sums o
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import copy_into
+from ema.contact.linear_kernels import copy_into
 
 _CLOSE = 1e-7
 

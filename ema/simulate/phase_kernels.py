@@ -8,14 +8,17 @@ exactly these roots (Gu and Eisenstat 1994). Modes are kept, and found again by 
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import add_rows, copy_into, copy_table
+from ema.contact.linear_kernels import add_rows, copy_into, copy_table
 
 FAST = {"reassoc", "contract", "nsz", "arcp"}
+called = nb.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+called_fast = nb.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST)
+"""Decorators of functions that only compiled ones call: a way in from Python would take time to compile."""
 NEGLIGIBLE = 1e-17
 """Share of the largest component of the update below which a component changes no mode."""
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@called_fast
 def sums(gaps, weights, shift, split):
     """Sum of w/(gap - shift), and of w/(gap - shift)^2 up to and beyond ``split``."""
     total, left, right = 0.0, 0.0, 0.0
@@ -30,7 +33,7 @@ def sums(gaps, weights, shift, split):
     return total, left, right
 
 
-@nb.njit(cache=True)
+@called
 def root(poles, weights, j, end, gaps):
     """Root of 1 + sum w/(d - x) between pole j and the next (``end`` after the last).
 
@@ -140,7 +143,7 @@ def updated_modes(squares, row, stiffness, rotation):
     return result, True
 
 
-@nb.njit(cache=True)
+@called
 def find(sliding, keys, slots):
     """Place of a pattern in the table of slots: where it is, or where it belongs."""
     code = np.uint64(1469598103934665603)
@@ -159,7 +162,7 @@ def find(sliding, keys, slots):
     return place
 
 
-@nb.njit(cache=True)
+@called
 def solve_whole(sliding, contact, k, stuck, total, squares, slip, phases, number):
     """Modes of a pattern from its whole matrix."""
     matrix = np.zeros((len(squares), len(squares)))
@@ -183,7 +186,7 @@ def solve_whole(sliding, contact, k, stuck, total, squares, slip, phases, number
     np.dot(slip, all_vectors[number], all_slips[number])
 
 
-@nb.njit(cache=True)
+@called
 def phase_of(sliding, contact, k, total, squares, slip, phases, used, before, changed):
     """Number of the modes of a pattern; ``before`` is that of a pattern in which spring ``changed`` alone differs."""
     all_squares, all_vectors, all_slips, keys, slots = phases
@@ -214,7 +217,7 @@ def phase_of(sliding, contact, k, total, squares, slip, phases, used, before, ch
     return number
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@called_fast
 def into_modes(vectors, q, out):
     """out = vectors.T @ q."""
     for r in range(len(out)):

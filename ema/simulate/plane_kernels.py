@@ -9,7 +9,8 @@ last axis being the component that is varied.
 import numba as nb
 import numpy as np
 
-from ema.simulate.friction_kernels import DAHL, LUGRE, PARALLEL, regularised_step
+from ema.contact.regularised_kernels import regularised_step
+from ema.simulate.friction_kernels import DAHL, LUGRE, PARALLEL
 
 _LONGEST = 0.06
 _SMALL = 1e-7

@@ -6,13 +6,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.laws import ContactLaws
 from ema.errors import FailureError, InputError
 from ema.simulate.friction import PackedLaws
 from ema.simulate.joined import Joined
 from ema.simulate.reduction import stuck_stiffness
 from ema.simulate.structure import System
 
-_MOST_STEPS = 200
+_TOLERANCE, _FAILED = 1e-13, 1e-9
+"""Sought and largest allowed residual of the displacements over the largest one: rounding leaves some 1e-15 of a stiff
+contact, and 1e-9 is a thousandth of the least error that a result in time can state."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,6 @@ def ramp(
     InputError : the structure is not held.
     FailureError : no equilibrium was found.
     """
-    from ema.simulate import contact_kernels, friction_kernels
-
-    kernels: Any = contact_kernels
     matrix = stuck_stiffness(system, system.contacts.stiffness)
     slip, stiffness = system.contacts.slip, system.contacts.stiffness
     # what friction alone keeps from moving away, as a beam that only lies on its host, is held
@@ -52,69 +52,54 @@ def ramp(
     # A beam that friction alone holds is free when all its contacts slide: 1/k - gains is then singular, and rounding
     # would give it a sign. A sliding contact yields by 1e-12 of its slip less, which no result shows.
     gains = 0.5 * (gains + gains.T) - np.diag(1e-12 / stiffness)
-    count = len(stiffness)
-    u, f, z = np.zeros(count), np.zeros(count), np.zeros((count, laws.stiffness_shares.shape[1]))
     top = (system.contacts.limits if limits is None else limits).copy()
-    masing = laws.single_springs and joined is None
-    signs, table = np.zeros(count), np.empty((count, count))
-    if masing:
-        kernels.fresh_table(gains, stiffness, signs, table)
-    for level in np.arange(1, increments + 1) / increments:
-        if masing:
-            rest = kernels.relax_masing(gains, level * reach, stiffness, top, u, f, signs, table)
-        elif joined is not None:
-            from ema.simulate import joined_kernels
-
-            rest = joined_kernels.relax_joined(
-                gains, level * reach, stiffness, top, laws.arguments, joined.arguments, u, f, z
-            )
-        else:
-            rest = _relax(gains, level * reach, stiffness, top, laws, u, f, z)
-        if not rest < 1e-9:
-            raise FailureError("no static equilibrium", where=system.name,
-                               got=f"residual {rest:.1e} at {level:.0%} of the load",
-                               advice="lower the load")  # fmt: skip
-    if masing:
-        z[:, 0] = f
-    # LuGre keeps the displacement one increment ago to see its velocity: at the end of a slow load nothing moves
-    z[laws.codes == friction_kernels.LUGRE, 1:] = 0.0
+    levels = np.arange(1, increments + 1) / increments
+    if joined is None:
+        u, f, z = _raise_alone(laws.on(stiffness), gains, levels[:, None] * reach, top, system.name)
+    else:
+        u, f, z = _raise_joined(laws, joined, gains, levels[:, None] * reach, stiffness, top, system.name)
     return StaticState(solved[:, 0] - solved[:, 1:] @ (f - stiffness * u), u, f, z)
 
 
-def _relax(
-    gains: np.ndarray, free: np.ndarray, stiffness: np.ndarray, limits: np.ndarray, laws: PackedLaws, u: np.ndarray,
-    f: np.ndarray, z: np.ndarray,
-) -> float:  # fmt: skip
-    """Equilibrium u + gains g = free with g = f(u) - k u, from u, f and z, which are changed; returns the residual.
+def _raise_alone(
+    laws: ContactLaws, gains: np.ndarray, reach: Float[np.ndarray, "level contact"], limits: np.ndarray, where: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Displacements, forces and states of contacts that each stand alone, after the load has been raised."""
+    from ema.contact import solve_kernels
+    from ema.contact.call_kernels import FORCE, LIMIT
 
-    It is the least of an energy whose slope along a step ``way`` of g is -rest @ gains @ way: Newton's method, with
-    steps that are shortened where that slope has changed its sign.
-    """
-    from ema.simulate import friction_kernels
+    kernels: Any = solve_kernels
+    exchange, memory, arguments = laws.exchange(), laws.memory(gains), laws.arguments()
+    exchange[LIMIT] = limits
+    u, u1, f = np.zeros(len(limits)), np.zeros(len(limits)), np.zeros(len(limits))
+    z, z1 = np.zeros_like(laws.flexibility), np.zeros_like(laws.flexibility)
+    problem = gains, float(np.abs(gains).sum(axis=1).max()), 0.0, _TOLERANCE
+    for n, free in enumerate(reach):
+        held = free - gains @ (f - laws.stiffness * u)
+        _, residual = kernels.solve(arguments, problem, (held, u, u1), exchange, (z, z1), memory)
+        _check(residual, (n + 1) / len(reach), where)
+        u, u1, z, z1, f = u1, u, z1, z, exchange[FORCE].copy()
+    return u, f, z
 
-    kernels: Any = friction_kernels
-    count, g = len(u), f - stiffness * u
-    force, slope, memory = f.copy(), np.empty(count), z.copy()
 
-    def missing(load: np.ndarray) -> np.ndarray:
-        place = free - gains @ load
-        kernels.all_steps(stiffness, limits, laws.arguments, u, place, np.inf, z, memory, force, slope)
-        return np.asarray(force - stiffness * place - load)
+def _raise_joined(
+    laws: PackedLaws, joined: Joined, gains: np.ndarray, reach: Float[np.ndarray, "level contact"],
+    stiffness: np.ndarray, limits: np.ndarray, where: str,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """The same of contacts that hang together; ``limits`` follow the normal forces."""
+    from ema.simulate import friction_kernels, joined_kernels
 
-    rest = missing(g)
-    size = max(float(np.abs(free).max()), float(np.abs(u).max()), 1e-300)
-    for _ in range(_MOST_STEPS):
-        if np.abs(gains @ rest).max() <= 1e-14 * size:
-            break
-        way = np.linalg.solve(np.eye(count) + (slope - stiffness)[:, None] * gains, rest)
-        start, low, high, length = -float(rest @ gains @ way), 0.0, np.inf, 1.0
-        for _ in range(40):
-            rest = missing(g + length * way)
-            now = -float(rest @ gains @ way)
-            if abs(now) <= 0.5 * abs(start) or start >= 0:
-                break
-            low, high = (length, high) if now < 0 else (low, length)
-            length = 0.5 * (low + high) if np.isfinite(high) else 2 * length
-        g = g + length * way
-    u[:], f[:], z[:] = free - gains @ g, force, memory
-    return float(np.abs(gains @ rest).max()) / size
+    kernels: Any = joined_kernels
+    u, f, z = np.zeros(len(limits)), np.zeros(len(limits)), np.zeros_like(laws.stiffness_shares)
+    for n, free in enumerate(reach):
+        residual = kernels.relax_joined(gains, free, stiffness, limits, laws.arguments, joined.arguments, u, f, z)
+        _check(residual, (n + 1) / len(reach), where)
+    # LuGre keeps the displacement one increment ago to see its velocity: at the end of a slow load nothing moves
+    z[laws.codes == friction_kernels.LUGRE, 1:] = 0.0
+    return u, f, z
+
+
+def _check(residual: float, level: float, where: str) -> None:
+    if not residual < _FAILED:
+        got = f"residual {residual:.1e} at {level:.0%} of the load"
+        raise FailureError("no static equilibrium", where=where, got=got, advice="lower the load")

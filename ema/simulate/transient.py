@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.laws import ContactLaws
 from ema.data import BeamModel, EnergyBalance, Finding, Response
 from ema.dof import Dof
 from ema.errors import InputError
@@ -60,6 +61,7 @@ class Problem:
     laws: PackedLaws
     outputs: tuple[Dof, ...]
     findings: tuple[Finding, ...]
+    contact_laws: ContactLaws
     joined: Joined | None = None
 
     def rest(self) -> _State:
@@ -87,11 +89,12 @@ def prepare(
     system = assemble(model)
     refuse_joined(system, plane, normal)
     laws = pack(system.contacts.laws, pair_counts(model, system))
+    alone = laws.on(system.contacts.stiffness)
     base = modal_base(system, modes=modes, loads=loads)
     dofs = tuple(Dof.parse(dof) for dof in outputs)
     if not dofs:
         raise InputError("no motion to keep", where=system.name, got="no outputs", expected="one DOF or more")
-    return Problem(system, base, laws, dofs, system.findings, joined(system))
+    return Problem(system, base, laws, dofs, system.findings, alone, joined(system))
 
 
 class Stepper:
@@ -117,13 +120,17 @@ class Stepper:
         self.q = [state.q[part].copy() for part in (self.coupled, self.free)]
         self.p = [state.p[part].copy() for part in (self.coupled, self.free)]
         self.u, self.f, self.z = state.u.copy(), state.f.copy(), state.z.copy()
+        if problem.joined is None:
+            self.z = np.ascontiguousarray(self.z[:, : problem.contact_laws.states])
+            self.exchange, self.memory = problem.contact_laws.exchange(), problem.contact_laws.memory(self.gains)
+            contacts, modes = self.slip.shape
+            self.room = np.zeros((7, modes)), np.zeros((4, contacts)), np.zeros(2 * modes), np.zeros_like(self.z)
         self.energies = [np.zeros(4), np.zeros(4)]
         self.dissipated, self.sliding = np.zeros(len(self.u)), np.zeros(len(self.u))
         self.limits = problem.system.contacts.limits.copy()
         self.leaps: dict[int, tuple[np.ndarray, ...]] = {}
         self.strides: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self.sweeps, self.residual = 0, 0.0
-        self.general = None if problem.laws.single_springs else 1
         self.kept, self.done = kept_at_rest(problem.system), 0
 
     def run(
@@ -136,19 +143,11 @@ class Stepper:
         kernels: Any = transient_kernels
         run = room_for(self.problem, steps // every) if into is None else into
         q, p, u, f, energy = (run[name] for name in ("q", "p", "u", "f", "energy"))
-        structure = (
-            steps, every, self.h, (self.flow[0], self.loss[0], self.squares[0]),
-            (self.slip, self.gains, self.problem.system.contacts.stiffness), limits, loads, self.rows[0],
-            self.problem.laws.arguments,
-        )  # fmt: skip
-        state = (self.q[0], self.p[0], self.u, self.f, self.z), (self.energies[0], self.dissipated, self.sliding)
+        state = self.q[0], self.p[0], self.u, self.f, self.z
         if self.problem.joined is None:
-            sweeps, residual = kernels.advance(
-                *structure, *state, self.limits, self.coupled, (q, p, u, f, energy), self.general,
-                (*self._strides(every if len(limits) == 1 else 1), _quiet(loads)),
-            )  # fmt: skip
+            sweeps, residual = self._advance(steps, every, limits, loads, state, (q, p, u, f, energy))
         else:
-            sweeps, residual = self._advance_joined(structure, state, (q, p, u, f, energy))
+            sweeps, residual = self._advance_joined(steps, every, limits, loads, state, (q, p, u, f, energy))
         self.sweeps, self.residual = max(self.sweeps, sweeps), max(self.residual, residual)
         if len(loads):
             flow, loss = self.flow[1], self.loss[1]
@@ -160,16 +159,42 @@ class Stepper:
         )  # fmt: skip
         return run
 
-    def _advance_joined(self, structure: tuple[Any, ...], state: tuple[Any, ...], samples: Any) -> tuple[int, float]:
+    def _advance(
+        self, steps: int, every: int, limits: np.ndarray, loads: np.ndarray, state: Any, samples: Any
+    ) -> tuple[int, float]:
+        """Steps of contacts that each stand alone."""
+        from ema.simulate import transient_kernels
+
+        kernels: Any = transient_kernels
+        laws = self.problem.contact_laws
+        compliance = self.gains, float(np.abs(self.gains).sum(axis=1).max())
+        springs = laws.flexibility, laws.capacity
+        contact = self.slip, laws.stiffness, springs, compliance, self.exchange, self.memory
+        books = self.energies[0], self.dissipated, self.sliding, self.limits, self.coupled, samples
+        strides = self._strides(every if len(limits) == 1 else 1)
+        reach = np.zeros((len(strides[2]), len(self.u))), np.zeros(1, np.int64)
+        most, worst = kernels.advance(
+            (steps, every, 1 / self.h), (self.flow[0], self.loss[0], self.squares[0]), contact,
+            (limits, loads, self.rows[0]), laws.arguments(), state, books,
+            (*strides, _quiet(loads), (*self.room, *reach)),
+        )  # fmt: skip
+        return int(most), float(worst)
+
+    def _advance_joined(
+        self, steps: int, every: int, limits: np.ndarray, loads: np.ndarray, state: Any, samples: Any
+    ) -> tuple[int, float]:
         """Steps of contacts that hang together."""
         from ema.simulate import joined_kernels
 
         kernels: Any = joined_kernels
         assert self.problem.joined is not None
         most, worst = kernels.advance_joined(
-            *structure, self.problem.joined.arguments, *state, self.limits, self.kept, self.done, self.coupled, samples
-        )
-        self.done += structure[0]
+            steps, every, self.h, (self.flow[0], self.loss[0], self.squares[0]),
+            (self.slip, self.gains, self.problem.system.contacts.stiffness), limits, loads, self.rows[0],
+            self.problem.laws.arguments, self.problem.joined.arguments, state,
+            (self.energies[0], self.dissipated, self.sliding), self.limits, self.kept, self.done, self.coupled, samples,
+        )  # fmt: skip
+        self.done += steps
         return int(most), float(worst)
 
     def _strides(self, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -180,7 +205,7 @@ class Stepper:
         if every not in self.strides:
             base, part = self.problem.base, self.coupled
             omega, stiffness = base.frequencies[part], self.problem.system.contacts.stiffness
-            alone = self.general is None and base.damping is None and bool(np.all(omega > 0))
+            alone = self.problem.contact_laws.elastic_reach and base.damping is None and bool(np.all(omega > 0))
             levels = int(np.log2(every)) if alone else 0
             flows, losses = long_coefficients(omega, base.decay[part], self.h, levels)
             turns = omega * self.h * 2.0 ** np.arange(1, levels + 1)[:, None]
@@ -214,8 +239,6 @@ def _quiet(loads: np.ndarray) -> int:
 
 def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
     """The sample at time zero, in the form of ``Stepper.run``."""
-    from ema.simulate.friction_kernels import stored_energy
-
     laws, stiffness = stepper.problem.laws, stepper.problem.system.contacts.stiffness
     if stepper.problem.joined is not None:
         from ema.simulate.joined_kernels import stored_joined
@@ -225,10 +248,7 @@ def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
             stiffness, laws.codes, laws.stiffness_shares, laws.counts, table, curve, state.u, state.z
         )
     else:
-        stored = sum(
-            stored_energy(i, laws.codes[i], stiffness[i], laws.stiffness_shares, laws.counts[i], state.z)
-            for i in range(len(stiffness))
-        )
+        stored = stepper.problem.contact_laws.stored_energy(state.z)
     omega = stepper.problem.base.frequencies
     mechanical = 0.5 * (state.p**2 + (omega * state.q) ** 2).sum() - 0.5 * stiffness @ state.u**2
     energy = np.array([[0.0, 0.0, 0.0, 0.0, stored, mechanical]])

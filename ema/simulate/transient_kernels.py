@@ -8,31 +8,31 @@ output each: the compiler turns these into vector instructions.
 import numba as nb
 import numpy as np
 
-from ema.simulate.contact_kernels import add_rows, copy_into, fresh_table, matvec, slide_or_stick, sweep_contacts
-from ema.simulate.friction_kernels import project, stored_energy
+from ema.contact.call_kernels import EXCESS, FAST, FORCE, LIMIT, SLOPE, fast, inner, kernel
+from ema.contact.linear_kernels import add_rows, copy_into, copy_table, matvec
+from ema.contact.solve_kernels import solve
 
 # rows of the table of modal coefficients (6, mode): end displacement and velocity from q, p and the mean force
 Q_Q, Q_P, Q_F, P_Q, P_P, P_F = range(6)
 # places in the vector of running energies
 FRICTION, DAMPING, PROJECTION, SUPPLIED = range(4)
-FAST = {"reassoc", "contract", "nsz", "arcp"}
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def propagate(flow, place, q, p, force, out):
     """End displacement (``place`` Q_Q) or velocity (P_Q) of every mode."""
     for r in range(len(q)):
         out[r] = flow[place, r] * q[r] + flow[place + 1, r] * p[r] + flow[place + 2, r] * force[r]
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def correct(response, change, out):
     """Half the change of the contact forces acts over the step."""
     for r in range(len(out)):
         out[r] -= 0.5 * response[r] * change[r]
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def damping_loss(loss, q, p, force):
     """Energy lost to damping over a step: in every mode a quadratic form of its state and its force."""
     total = 0.0
@@ -43,7 +43,7 @@ def damping_loss(loss, q, p, force):
     return total
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def form_of(matrix, x):
     """x.T @ matrix @ x of a symmetric matrix, from its lower half."""
     total = 0.0
@@ -55,7 +55,7 @@ def form_of(matrix, x):
     return total
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def pushes(squares, q, p, force, x):
     """x = (p, force - w^2 q), what moves modes that damping couples."""
     for r in range(len(q)):
@@ -63,7 +63,7 @@ def pushes(squares, q, p, force, x):
         x[len(q) + r] = force[r] - squares[r] * q[r]
 
 
-@nb.njit(cache=True)
+@inner
 def move(flow, squares, q, p, force, x, q1, p1):
     """State of the modes after a step: each by itself, or all together where damping couples them (three axes)."""
     if flow.ndim == 2:
@@ -77,7 +77,7 @@ def move(flow, squares, q, p, force, x, q1, p1):
             q1[r] += q[r]
 
 
-@nb.njit(cache=True)
+@inner
 def lost(flow, loss, squares, q, p, force, x):
     """Energy lost to damping over a step; ``x`` is room to work in."""
     if flow.ndim == 2:
@@ -87,7 +87,7 @@ def lost(flow, loss, squares, q, p, force, x):
         return form_of(loss, x)
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def correct_all(response, change, out):
     """As ``correct``, for modes that damping couples."""
     count = len(out)
@@ -98,7 +98,7 @@ def correct_all(response, change, out):
         out[r] -= 0.5 * total
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def mean_load(rows, loads, n, out):
     """Modal forces of the external loads over step n: the mean of both ends."""
     for r in range(len(out)):
@@ -109,7 +109,7 @@ def mean_load(rows, loads, n, out):
             out[r] += load * rows[m, r]
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def work(force, q1, q0):
     """Work of constant modal forces."""
     total = 0.0
@@ -118,7 +118,7 @@ def work(force, q1, q0):
     return total
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def modal_energy(squares, q, p):
     """Kinetic and elastic energy of all modes."""
     total = 0.0
@@ -127,7 +127,7 @@ def modal_energy(squares, q, p):
     return total
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@nb.njit(cache=True, error_model="numpy", fastmath=FAST)
 def advance_linear(steps, every, flow, loss, squares, loads, rows, q, p, energies, places, out_q, out_p, out_energy):
     """The modes that no contact sees: the same exact steps without contact forces."""
     force, q1, p1 = np.zeros_like(q), np.empty_like(q), np.empty_like(q)
@@ -151,56 +151,63 @@ def advance_linear(steps, every, flow, loss, squares, loads, rows, q, p, energie
             out_energy[sample, 5] += modal_energy(squares, q, p)
 
 
-@nb.njit(cache=True)
-def lower_limits(limit, last, stiffness, laws, slip, f, g, pull, z, energies):
+@inner
+def lower_limits(limit, last, slip, bounds, f, g, pull, z, energies):
     """Bring friction forces below slip forces that fell: the forces jump, and with them the accelerations."""
-    codes, _, shares_k, shares_f, counts, _, _ = laws
+    flexibility, capacity = bounds
     for i in range(len(limit)):
         if limit[i] < last[i]:
-            before = stored_energy(i, codes[i], stiffness[i], shares_k, counts[i], z)
-            change = project(i, codes[i], limit[i], shares_f, counts[i], z)
-            if change != 0.0:
-                energies[PROJECTION] += before - stored_energy(i, codes[i], stiffness[i], shares_k, counts[i], z)
-                f[i] += change
-                g[i] += change
-                for r in range(len(pull)):
-                    pull[r] += slip[i, r] * change
+            change = 0.0
+            for j in range(z.shape[1]):
+                if flexibility[i, j] > 0.0:
+                    top = limit[i] * capacity[i, j] if limit[i] > 0.0 else 0.0
+                    held = min(max(z[i, j], -top), top)
+                    energies[PROJECTION] += 0.5 * flexibility[i, j] * (z[i, j] * z[i, j] - held * held)
+                    change += held - z[i, j]
+                    z[i, j] = held
+            f[i] += change
+            g[i] += change
+            for r in range(len(pull)):
+                pull[r] += slip[i, r] * change
         last[i] = limit[i]
 
 
-@nb.njit(cache=True)
-def book_masing(stiffness, signs, u, f, z, u1, f1, energies, dissipated, sliding):
-    """Friction loss of a step and the new state, where every contact is one Masing spring."""
+@fast
+def stored(flexibility, z):
+    """Energy that all contacts can give back."""
+    total = 0.0
+    for i in range(z.shape[0]):
+        for j in range(z.shape[1]):
+            total += 0.5 * flexibility[i, j] * z[i, j] * z[i, j]
+    return total
+
+
+@fast
+def total(values):
+    """Sum of the magnitudes."""
+    out = 0.0
+    for i in range(len(values)):
+        out += abs(values[i])
+    return out
+
+
+@inner
+def book(exchange, stiffness, flexibility, u, f, z, u1, z1, energies, dissipated, sliding):
+    """Friction loss of a step, and the new displacements and forces: work of the mean force, less what is stored."""
     for i in range(len(u)):
-        if signs[i] != 0.0:
-            own = 0.5 * (f1[i] + f[i]) * (u1[i] - u[i] - (f1[i] - f[i]) / stiffness[i])
+        way, excess = u1[i] - u[i], exchange[EXCESS, i]
+        if excess != 0.0:
+            own = (f[i] + 0.5 * (excess + stiffness[i] * way)) * way
+            for j in range(z.shape[1]):
+                own -= 0.5 * flexibility[i, j] * (z1[i, j] - z[i, j]) * (z1[i, j] + z[i, j])
             dissipated[i] += own
             energies[FRICTION] += own
-            sliding[i] += 1.0
-        u[i], f[i], z[i, 0] = u1[i], f1[i], f1[i]
+            if exchange[SLOPE, i] < -0.5 * stiffness[i]:
+                sliding[i] += 1.0
+        u[i], f[i] = u1[i], exchange[FORCE, i]
 
 
-@nb.njit(cache=True)
-def book(stiffness, laws, u, f, z, u1, f1, z1, b, energies, dissipated, sliding):
-    """The same for any law."""
-    codes, _, shares_k, _, counts, _, _ = laws
-    for i in range(len(u)):
-        k, slope = stiffness[i], 0.0
-        old = stored_energy(i, codes[i], k, shares_k, counts[i], z)
-        new = stored_energy(i, codes[i], k, shares_k, counts[i], z1)
-        own = 0.5 * (f1[i] + f[i]) * (u1[i] - u[i]) - (new - old)
-        dissipated[i] += own
-        energies[FRICTION] += own
-        for j in range(counts[i]):
-            slope += b[i, j]
-        if slope < 0.5 * k:
-            sliding[i] += 1.0
-        for j in range(z.shape[1]):
-            z[i, j] = z1[i, j]
-        u[i], f[i] = u1[i], f1[i]
-
-
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def contact_pull(slip, stiffness, u, f, g, pull):
     """Force g = F - k u of every contact, and what it does to the modes, free of gathered rounding."""
     for i in range(len(u)):
@@ -209,7 +216,7 @@ def contact_pull(slip, stiffness, u, f, g, pull):
     add_rows(slip, g, pull)
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def accept(change, slip, flow, g, q1, p1, pull, force, moved):
     """Let the changes of the contact forces over the step act on the modes."""
     for r in range(len(moved)):
@@ -228,7 +235,7 @@ def accept(change, slip, flow, g, q1, p1, pull, force, moved):
         g[i] += change[i]
 
 
-@nb.njit(cache=True, fastmath=FAST)
+@fast
 def amplitudes(squares, q, p, pull, out):
     """Of all modes about the place where the contact forces hold them; damping can only lower them."""
     for r in range(len(out)):
@@ -236,8 +243,20 @@ def amplitudes(squares, q, p, pull, out):
         out[r] = np.sqrt(away * away + p[r] * p[r] / squares[r])
 
 
-@nb.njit(cache=True)
-def stride(spans, amplitude, reach, known, limit, f, left):
+@inner
+def margins(limit, bounds, stiffness, z, out):
+    """How far the force of every contact can change before one of its springs comes to its slip force."""
+    flexibility, capacity = bounds
+    for i in range(len(out)):
+        out[i] = np.inf
+        for j in range(z.shape[1]):
+            if flexibility[i, j] > 0.0:
+                left = (limit[i] * capacity[i, j] - abs(z[i, j])) * flexibility[i, j] * stiffness[i]
+                out[i] = min(out[i], left)
+
+
+@inner
+def stride(spans, amplitude, reach, known, margin, left):
     """Longest stride (2, 4, 8 ... steps: level 0, 1, 2 ...) in which no contact can come to its limit; -1 is none.
 
     ``spans`` (level, contact, mode): how far a unit amplitude can change the contact forces meanwhile; ``reach``
@@ -248,122 +267,116 @@ def stride(spans, amplitude, reach, known, limit, f, left):
         if level >= known[0]:
             matvec(spans[level], amplitude, reach[level])
             known[0] = level + 1
-        for i in range(len(limit)):
-            if abs(f[i]) + reach[level, i] >= limit[i]:
+        for i in range(len(margin)):
+            if reach[level, i] >= margin[i]:
                 return level - 1
         level += 1
     return level - 1
 
 
-@nb.njit(cache=True)
-def glide(flow, loss, slip, stiffness, g, q, p, force, pull, q1, p1, u, f, z):
+@inner
+def glide(flow, loss, slip, stiffness, flexibility, g, q, p, force, pull, q1, p1, u, f, z):
     """A stride in which every contact sticks: exact over any length. Returns the loss to damping."""
     for r in range(len(q)):
         force[r] = -pull[r]
     propagate(flow, Q_Q, q, p, force, q1)
     propagate(flow, P_Q, q, p, force, p1)
+    for i in range(len(u)):
+        f[i] = -u[i]
     matvec(slip, q1, u)
     for i in range(len(u)):
+        for j in range(z.shape[1]):
+            if flexibility[i, j] > 0.0:
+                z[i, j] += (u[i] + f[i]) / flexibility[i, j]
         f[i] = g[i] + stiffness[i] * u[i]
-        z[i, 0] = f[i]
     return damping_loss(loss, q, p, force) if loss.shape[0] > 0 else 0.0
 
 
-@nb.njit(cache=True)
-def advance(
-    steps, every, h, modal, contact, limits, loads, rows, laws, state, sums, last_limits, places, samples, general,
-    strides,
-):  # fmt: skip
-    """Take ``steps`` steps from ``state`` (q, p, u, f, z), which is updated; sample every ``every``-th.
+@kernel
+def advance(count, modal, contact, drive, laws, state, books, strides):
+    """Take steps from a state, which is updated.
 
-    modal: tables of ``ema.simulate.flow`` and squared frequencies of the modes; contact: rows of the relative
-    displacements, compliance over a step, stiffness; limits (row, contact): slip forces, one row for all steps or one
-    per step; loads (row, load): external forces at the ends of the steps, no row without them. ``general`` is
-    None when every contact is one Masing spring: its exact solution is then all that is compiled. strides: tables of
-    2, 4, 8 ... steps at once, ``spans`` of ``stride``, and the step from which on they may be taken: that motion is
-    the same, with fewer looks at contacts that stick. Returns the largest number of rounds and the worst residual.
+    count: steps, those from sample to sample, 1/h. modal: tables of ``ema.simulate.flow`` and squared frequencies of
+    the modes. contact: rows of the relative displacements, stiffness, flexibility and capacity of the springs
+    (``ema.contact.laws``), compliance over a step with its norm, tables and memory of ``ema.contact.solve_kernels``.
+    drive: slip forces (row, contact), one row for all steps or one per step; external forces at the ends of the steps
+    (row, load), no row without them, and how they act on the modes. state: q, p, u, f, z. books: sums of energies,
+    friction loss and steps that slide of every contact, the last slip forces, places of the modes, samples. strides:
+    tables of 2, 4, 8 ... steps at once, ``spans`` of ``stride``, and the step from which on they may be taken: that
+    motion is the same, with fewer looks at contacts that stick; and room to work in. Returns the largest number of
+    Newton steps and the worst residual.
     """
-    (flow, loss, squares), (slip, gains, stiffness), (q, p, u, f, z) = modal, contact, state
-    (flows, losses, spans, quiet), (energies, dissipated, sliding) = strides, sums
-    contacts, modes = slip.shape
-    force, outside, pull, moved = np.empty(modes), np.zeros(modes), np.zeros(modes), np.empty(modes)
-    q0, p0, q1, p1, x = q.copy(), p.copy(), np.empty(modes), np.empty(modes), np.empty(2 * modes)
-    free, u1, f1, g = np.empty(contacts), np.empty(contacts), np.empty(contacts), np.empty(contacts)
-    change, slid, signs = np.zeros(contacts), np.empty(contacts), np.zeros(contacts)
-    z1, a, b, table, used = (
-        np.zeros_like(z), np.zeros_like(z), np.zeros_like(z), np.empty((contacts, contacts)), np.zeros(1, np.int64)
-    )  # fmt: skip
-    amplitude, reach, known = np.empty(modes), np.empty((len(spans), contacts)), np.zeros(1, np.int64)
-    if general is None:
-        fresh_table(gains, stiffness, signs, table)
+    (steps, every, rate), (flow, loss, squares), (q, p, u, f, z) = count, modal, state
+    slip, stiffness, bounds, compliance, exchange, memory = contact
+    (limits, loads, rows), (flows, losses, spans, quiet, room) = drive, strides
+    energies, dissipated, sliding, last_limits, places, samples = books
+    of_modes, of_contacts, both, z1, reach, known = room
+    force, outside, pull, moved, amplitude = of_modes[0], of_modes[1], of_modes[2], of_modes[3], of_modes[4]
+    q0, p0, q1, p1, z0 = q, p, of_modes[5], of_modes[6], z
+    free, u1, g, margin = of_contacts[0], of_contacts[1], of_contacts[2], of_contacts[3]
+    problem, x = (compliance[0], compliance[1], rate, 1e-12), memory[4]
     contact_pull(slip, stiffness, u, f, g, pull)
-    worst, most, loaded, n, rounds = 0.0, 0, loads.shape[0] > 0, 0, 1
+    worst, most, loaded, n, stuck = 0.0, 0, loads.shape[0] > 0, 0, False
+    known[0] = 0
     while n < steps:
         limit = limits[n if limits.shape[0] > 1 else 0]
         level = -1
         # all stuck since the last step: until one slips, the motion is known in closed form
-        if rounds == 0 and n >= quiet:
+        if stuck and n >= quiet and len(spans) > 0:
             if known[0] == 0:
                 amplitudes(squares, q0, p0, pull, amplitude)
-            level = stride(spans, amplitude, reach, known, limit, f, every - n % every)
+            margins(limit, bounds, stiffness, z0, margin)
+            level = stride(spans, amplitude, reach, known, margin, every - n % every)
         if level >= 0:
             energies[DAMPING] += glide(
-                flows[level], losses[level], slip, stiffness, g, q0, p0, force, pull, q1, p1, u, f, z
+                flows[level], losses[level], slip, stiffness, bounds[0], g, q0, p0, force, pull, q1, p1, u, f, z0
             )
             n += 2 << level
         else:
             if n == 0 or limits.shape[0] > 1:
-                lower_limits(limit, last_limits, stiffness, laws, slip, f, g, pull, z, energies)
+                lower_limits(limit, last_limits, slip, bounds, f, g, pull, z0, energies)
+                copy_into(exchange[LIMIT], limit)
             if loaded:
                 mean_load(rows, loads, n, outside)
-            for r in range(modes):
+            for r in range(len(force)):
                 force[r] = outside[r] - pull[r]
-            move(flow, squares, q0, p0, force, x, q1, p1)
+            move(flow, squares, q0, p0, force, both, q1, p1)
             matvec(slip, q1, free)
-            if general is None:
-                rounds, residual = slide_or_stick(
-                    table, gains, stiffness, limit, g, free, signs, used, slid, u1, f1, change
-                )
-            else:
-                rounds, residual = sweep_contacts(
-                    gains, free, stiffness, limit, laws, u, f, h, z, z1, a, b, 1e-12, 1000, u1, f1, change
-                )
-            most, worst = max(most, rounds), max(worst, residual)
-            if rounds > 0:
-                accept(change, slip, flow, g, q1, p1, pull, force, moved)
+            iterations, residual = solve(laws, problem, (free, u, u1), exchange, (z0, z1), memory)
+            most, worst = max(most, iterations), max(worst, residual)
+            stuck = total(x) == 0.0
+            if not stuck:
+                accept(exchange[EXCESS], slip, flow, g, q1, p1, pull, force, moved)
                 known[0] = 0
-            energies[DAMPING] += lost(flow, loss, squares, q0, p0, force, x)
+            energies[DAMPING] += lost(flow, loss, squares, q0, p0, force, both)
             if loaded:
                 energies[SUPPLIED] += work(outside, q1, q0)
-            if general is None:
-                book_masing(stiffness, signs, u, f, z, u1, f1, energies, dissipated, sliding)
-            else:
-                book(stiffness, laws, u, f, z, u1, f1, z1, b, energies, dissipated, sliding)
+            book(exchange, stiffness, bounds[0], u, f, z0, u1, z1, energies, dissipated, sliding)
+            z0, z1 = z1, z0
             n += 1
         q0, q1, p0, p1 = q1, q0, p1, p0
         if n % every == 0:
             contact_pull(slip, stiffness, u, f, g, pull)
-            record(n // every - 1, stiffness, laws, squares, (q0, p0, u, f, z), energies, places, samples)
+            record(n // every - 1, stiffness, bounds[0], squares, (q0, p0, u, f, z0), energies, places, samples)
             if loss.shape[0] > 0:
                 known[0] = 0
     copy_into(q, q0)
     copy_into(p, p0)
+    copy_table(z, z0)
     return most, worst
 
 
-@nb.njit(cache=True)
-def record(sample, stiffness, laws, squares, state, energies, places, samples):
+@inner
+def record(sample, stiffness, flexibility, squares, state, energies, places, samples):
     """Keep one sample; the modes go to their ``places`` among all modes."""
-    codes, _, shares_k, _, counts, _, _ = laws
     (q, p, u, f, z), (out_q, out_p, out_u, out_f, out_energy) = state, samples
     for r in range(len(places)):
         out_q[sample, places[r]], out_p[sample, places[r]] = q[r], p[r]
-    stored, springs = 0.0, 0.0
+    springs = 0.0
     for i in range(len(u)):
         out_u[sample, i], out_f[sample, i] = u[i], f[i]
-        stored += stored_energy(i, codes[i], stiffness[i], shares_k, counts[i], z)
         springs += 0.5 * stiffness[i] * u[i] * u[i]
     for e in range(4):
         out_energy[sample, e] += energies[e]
-    out_energy[sample, 4] += stored
+    out_energy[sample, 4] += stored(flexibility, z)
     out_energy[sample, 5] += modal_energy(squares, q, p) - springs

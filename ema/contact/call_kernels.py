@@ -1,0 +1,67 @@
+"""How a friction law reaches a compiled solver: by the address of its compiled function.
+
+A law is compiled on its own, once, and the solvers once for all laws: a further law costs only its own compilation. One
+call serves a whole group of contacts, so that calling by address costs nothing that could be measured.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numba as nb
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+# rows of the table (row, contact) in which solver and law exchange the numbers of a step
+STIFFNESS, LIMIT, WAY, EXCESS, FORCE, SLOPE = range(6)
+ROWS = 6
+# columns of the table of groups
+ADDRESS, FIRST, END, OWN = range(4)
+
+_TABLE = nb.float64[:, ::1]
+INCREMENT = nb.void(nb.int64[::1], nb.float64, _TABLE, nb.float64[:, :, ::1], _TABLE, _TABLE, _TABLE)
+"""What every law is compiled for: ``law(group, rate, parameters, curves, exchange, before, after)``."""
+OWN_LAW = nb.float64(*[nb.float64] * 8)
+"""A law of the user's own, for one contact."""
+
+kernel: Callable[..., Any] = nb.njit(cache=True, error_model="numpy", _nrt=False)
+"""Decorator of a compiled function that Python calls; those below serve others only, which saves a quarter of the time
+that compiling takes."""
+_INNER = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+inner: Callable[..., Any] = nb.njit(**_INNER)
+FAST = {"reassoc", "contract", "nsz", "arcp"}
+fast: Callable[..., Any] = nb.njit(**_INNER, fastmath=FAST)
+
+
+def address(law: Any) -> int:
+    """Address of a law, which is compiled by then, in the calling convention of compiled code."""
+    law.compile(INCREMENT)
+    result = law.overloads[INCREMENT.args]
+    return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+
+
+@intrinsic
+def increments(typingctx, group_address, group, rate, parameters, curves, exchange, before, after):
+    """Let the law at ``group_address`` take an increment at all contacts of its group."""
+
+    def codegen(context, builder, signature, arguments):
+        kind = context.call_conv.get_function_type(types.void, INCREMENT.args)
+        pointer = builder.inttoptr(arguments[0], kind.as_pointer())
+        status, _ = context.call_conv.call_function(builder, pointer, types.void, INCREMENT.args, arguments[1:])
+        with cgutils.if_unlikely(builder, status.is_error):
+            context.call_conv.return_status_propagate(builder, status)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, *INCREMENT.args), codegen
+
+
+@intrinsic
+def own_force(typingctx, function_address, force, way, stiffness, limit, p0, p1, p2, p3):
+    """Force of a user's law, compiled as a C function."""
+
+    def codegen(context, builder, signature, arguments):
+        number = ir.DoubleType()
+        pointer = builder.inttoptr(arguments[0], ir.FunctionType(number, [number] * 8).as_pointer())
+        return builder.call(pointer, arguments[1:])
+
+    return types.float64(types.int64, *OWN_LAW.args), codegen

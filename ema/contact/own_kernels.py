@@ -1,0 +1,21 @@
+"""A law of the user's own: a C function of force and way for one contact; slopes by difference. State: the force."""
+
+from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, OWN, SLOPE, STIFFNESS, WAY, kernel, own_force
+
+_SMALL = 1e-7
+"""Way of the difference over F_C/k_T: half the digits of the slope are right."""
+
+
+@kernel
+def own(group, rate, parameters, curves, exchange, before, after):
+    """Increments of the contacts of a group; ``parameters``: up to four numbers for the function."""
+    function = group[OWN]
+    for i in range(group[FIRST], group[END]):
+        k, limit, way, start = exchange[STIFFNESS, i], exchange[LIMIT, i], exchange[WAY, i], before[i, 0]
+        p0, p1, p2, p3 = parameters[i, 0], parameters[i, 1], parameters[i, 2], parameters[i, 3]
+        force = own_force(function, start, way, k, limit, p0, p1, p2, p3)
+        tiny = _SMALL * max(limit, 1e-12) / k
+        step = tiny if way >= 0.0 else -tiny
+        slope = (own_force(function, start, way + step, k, limit, p0, p1, p2, p3) - force) / step
+        after[i, 0] = exchange[FORCE, i] = force
+        exchange[EXCESS, i], exchange[SLOPE, i] = force - start - k * way, slope - k
