@@ -339,12 +339,12 @@ class Condensed:
 
         ``start`` (contact, 2 H): amplitudes of a neighbour. Its number of harmonics is where the search begins.
         """
+        self.left = _MOST_RUNS
         point = self._tried(frequency, start)
         return point if point is not None or self.harmonics is not None else self._from_aside(frequency)
 
     def _tried(self, frequency: float, start: np.ndarray | None) -> _Point | None:
         """The solution from the start, or from wider ones where there is none."""
-        self.left = _MOST_RUNS
         point = self._solved(frequency, start)
         for count in _WIDER:
             # forces that hardly follow the displacement may have no solution with few harmonics
@@ -358,7 +358,6 @@ class Condensed:
         for aside in _ASIDE:
             place, share = frequency * (1 + aside), 1.0
             point = self._tried(place, None)
-            self.left = _MOST_RUNS
             while point is not None and share > _SHORTEST:
                 target = frequency if share == 1.0 else place + share * (frequency - place)
                 start = _with_harmonics(point.amplitudes, max(_FEWEST, point.count // 2))
