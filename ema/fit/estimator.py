@@ -28,6 +28,8 @@ FEWEST = 24
 """Directions of outputs that are always kept in the search: more cost next to nothing against the functions."""
 NARROWEST = 0.3
 """Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping."""
+SPIKE = 0.01
+"""The same for poles that are narrower than that from the start: of lines without noise even these are told."""
 PRIOR = 1.0
 """Information that every shared unknown has before the data are looked at, in units of the noise: a pole is known to
 its own decay rate, an entry of a participation vector to its largest one.
@@ -479,9 +481,9 @@ def _step(data: Observations, fit: Fit, damping: float, prior: float) -> Float[n
     np.fill_diagonal(matrix, diagonal)
     gradient = fit.gradient * scale
     step, held = np.zeros(2 * half), np.zeros(2 * half, bool)
-    # What is narrower from the start moves freely: pushed away, it would raise the cost of every step.
-    narrower = -fit.poles.real < data.narrowest_decay
-    room = np.where(narrower, np.inf, -data.narrowest_decay - fit.poles.real) / scale[:modes]
+    # What is narrower from the start has a bound of its own: pushed away, it would raise the cost of every step.
+    narrowest = data.narrowest_decay * np.where(-fit.poles.real < data.narrowest_decay, SPIKE / NARROWEST, 1)
+    room = np.maximum(-narrowest - fit.poles.real, 0) / scale[:modes]
     fall = np.maximum(fit.poles.imag - SLOWEST * np.abs(fit.poles), 0) / scale[:modes]
     for _ in range(3 * modes + 1):
         pull = gradient[~held] - matrix[np.ix_(~held, held)] @ step[held]
