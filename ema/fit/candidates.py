@@ -109,6 +109,12 @@ def zoom(prepared: Prepared, data: Observations, fit: Fit, share: int) -> Candid
     return found
 
 
+def like_modes(poles: Complex[np.ndarray, "pole"], band: tuple[float, float]) -> Bool[np.ndarray, "pole"]:
+    """Which poles can be modes at all: decaying, in the band (Hz), and no heavier than modes are."""
+    decaying = (poles.real < 0) & (damping_ratios(poles) <= POLICY.heaviest)
+    return np.asarray(inside(poles, band) & decaying)
+
+
 def inside(poles: Complex[np.ndarray, "pole"], band: tuple[float, float]) -> Bool[np.ndarray, "pole"]:
     """Which natural frequencies lie in a band (Hz)."""
     frequencies = natural_frequencies(poles)

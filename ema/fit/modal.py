@@ -12,6 +12,7 @@ from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
 from ema.fit import uncertainty
 from ema.fit.acceptance import Verdict, judge, surplus
+from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
 from ema.fit.estimator import Fit
 from ema.fit.policy import POLICY
@@ -118,7 +119,8 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
     while True:
         optimum = refined(band, data, chosen)
         errors = uncertainty.errors_of(optimum)
-        possible, alone = chosen.possible[optimum.kept], chosen.alone[optimum.kept]
+        # A pole of the background may have taken the place of a mode on the way.
+        possible, alone = like_modes(optimum.fit.poles, poles.band), chosen.alone[optimum.kept]
         gone = surplus(optimum, errors, possible, POLICY)
         if not len(gone):
             break

@@ -52,10 +52,10 @@ class Refined:
 def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     """Refine selected poles, participation, shapes and residual terms with a weight for every line of every FRF."""
     flat = _observations(data)
-    # The selection knows means over bins; what it is still off by is no misfit.
-    start = _optimum(flat, _start(flat, data, chosen))
+    start = _start(flat, data, chosen)
     known, basis = _known(band, data)
     misfit = _misfit(flat, start, data.derivative, known)
+    start = _optimum(flat, start)
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
     fit, kept = start, np.arange(len(start.poles))

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import PoleTable, damping_ratios, natural_frequencies
 from ema.fit import estimator
-from ema.fit.candidates import Candidates, inside, of_table, zoom
+from ema.fit.candidates import Candidates, inside, like_modes, of_table, zoom
 from ema.fit.estimator import Fit, Observations
 from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
@@ -86,7 +86,7 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
         dropped = []
         result = _doubting(state, everything, band, dropped)
     fit = result.fit
-    possible = inside(fit.poles, band) & (damping_ratios(fit.poles) <= POLICY.heaviest) & (fit.poles.real < 0)
+    possible = like_modes(fit.poles, band)
     alone = _alone(result.data, fit, band, possible) if trusted else np.ones(len(fit.poles))
     lost = [d for d in dropped if np.all(np.abs(fit.poles - d.pole) > np.abs(fit.poles.real) + abs(d.pole.real))]
     return Selection(
