@@ -45,6 +45,7 @@ def increments(typingctx, group_address, group, rate, parameters, curves, exchan
     """Let the law at ``group_address`` take an increment at all contacts of its group."""
 
     def codegen(context, builder, signature, arguments):
+        """The call in the calling convention of compiled code; an error of the law is passed on."""
         kind = context.call_conv.get_function_type(types.void, INCREMENT.args)
         pointer = builder.inttoptr(arguments[0], kind.as_pointer())
         status, _ = context.call_conv.call_function(builder, pointer, types.void, INCREMENT.args, arguments[1:])
@@ -60,6 +61,7 @@ def own_force(typingctx, function_address, force, way, stiffness, limit, p0, p1,
     """Force of a user's law, compiled as a C function."""
 
     def codegen(context, builder, signature, arguments):
+        """The call in the calling convention of C."""
         number = ir.DoubleType()
         pointer = builder.inttoptr(arguments[0], ir.FunctionType(number, [number] * 8).as_pointer())
         return builder.call(pointer, arguments[1:])

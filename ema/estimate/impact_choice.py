@@ -14,8 +14,6 @@ ENOUGH = 3
 Three tell a variance with two degrees of freedom. Of four, leaving out one raises the standard deviation of the average
 by 15 % and keeps the level uniform; set to two, it would raise it by 22 %.
 """
-
-
 KINDS = frozenset({"all", "double-hit", "overload", "pre-trigger", "next-impact", "early-impact"})
 """What `keep` and `reject` may name besides single impacts, records and points."""
 
@@ -58,7 +56,8 @@ def with_errors(
     """
     decay = ring.structural + added
 
-    def priced(one: Judged, reason: Reason) -> Reason:
+    def with_error(one: Judged, reason: Reason) -> Reason:
+        """The reason with the relative error of the FRF that it causes."""
         if reason.code == "next-impact":
             return replace(reason, error=float(np.exp(-decay * one.after / rate)))
         if reason.code == "early-impact" and one.quiet.any():
@@ -69,7 +68,7 @@ def with_errors(
             return replace(reason, error=max(ratio * float(np.exp(-decay * seconds)) for ratio, seconds in left))
         return reason
 
-    return [replace(one, reasons=tuple(priced(one, reason) for reason in one.reasons)) for one in judged]
+    return [replace(one, reasons=tuple(with_error(one, reason) for reason in one.reasons)) for one in judged]
 
 
 def chosen(judged: Sequence[Judged], keep: Sequence[str] = (), reject: Sequence[str] = ()) -> list[Judged]:

@@ -12,6 +12,7 @@ from ema.fit import estimator
 from ema.fit.estimator import Fit
 from ema.fit.policy import SelectionPolicy
 from ema.fit.refinement import Refined
+from ema.fit.search import macs
 from ema.fit.uncertainty import PoleErrors
 
 _SHAPE_FREEDOM = 6
@@ -66,7 +67,7 @@ def judge(
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
     resonant = possible & ((std_z <= limit * damping) | unresolved)
     spacing, apart = _distances(fit, group, resonant)
-    confidence = _confidence(fit, errors, group, resonant)
+    confidence = _confidence(fit, errors, group, resonant, policy.shape_scatter)
     accepted, reasons = possible.copy(), [""] * len(fit.poles)
     for pole in np.flatnonzero(possible):
         reason = ""
@@ -166,8 +167,7 @@ def _distances(
     frequency.
     """
     frequencies, damping = natural_frequencies(fit.poles), np.maximum(damping_ratios(fit.poles), 1e-9)
-    norm = np.maximum(np.linalg.norm(fit.participation, axis=0), 1e-300)
-    alike = np.abs(fit.participation.conj().T @ fit.participation) / np.outer(norm, norm) > np.sqrt(0.9)
+    alike = macs(fit.participation.T) > 0.9
     other = (group[:, None] != group) & resonant
     # A wide mode over a narrow one, or the reverse, is no repeated root.
     unlike = np.abs(np.log(damping[:, None] / damping)) > np.log(3)
@@ -177,19 +177,17 @@ def _distances(
 
 
 def _confidence(
-    fit: Fit, errors: PoleErrors, group: Int[np.ndarray, "pole"], resonant: Bool[np.ndarray, "pole"]
+    fit: Fit, errors: PoleErrors, group: Int[np.ndarray, "pole"], resonant: Bool[np.ndarray, "pole"], limit: float
 ) -> Float[np.ndarray, "pole"]:
-    """Probability that a mode decays, is nearest to itself and shows its own shape (a MAC of 0.8 with the true one)."""
+    """Probability that a mode decays, is nearest to itself and has its own shape, with a scatter below ``limit``."""
     tiny = 1e-300
     frequencies = natural_frequencies(fit.poles)
-    norm = np.maximum(np.linalg.norm(fit.participation, axis=0), tiny)
-    alike = np.abs(fit.participation.conj().T @ fit.participation) / np.outer(norm, norm) > np.sqrt(0.9)
-    other = alike & (group[:, None] != group) & resonant
+    other = (macs(fit.participation.T) > 0.9) & (group[:, None] != group) & resonant
     apart = np.where(other, np.abs(frequencies[:, None] - frequencies), np.inf).min(axis=1, initial=np.inf)
     nearest = scipy.special.erf(apart / (2 * np.sqrt(2) * np.maximum(errors.frequency, tiny)))
     ratio = damping_ratios(fit.poles) / (np.sqrt(2) * np.maximum(errors.damping, tiny))
     decaying = 0.5 * (1 + scipy.special.erf(ratio))
     # Errors of a few poles make most of the scatter of a shape: chi-square with few degrees of freedom.
-    shape = scipy.special.gammainc(_SHAPE_FREEDOM / 2, _SHAPE_FREEDOM / 2 * 0.25 / np.maximum(errors.scatter, tiny))
+    shape = scipy.special.gammainc(_SHAPE_FREEDOM / 2, _SHAPE_FREEDOM / 2 * limit / np.maximum(errors.scatter, tiny))
     single = np.bincount(group, minlength=len(group) + 1)[group] == 1
     return nearest * decaying * np.where(single, shape, 1.0)

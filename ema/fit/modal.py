@@ -39,7 +39,7 @@ def modes(
     """Modal model of FRFs: natural frequencies, damping, shapes, participation, residual terms and intervals.
 
     All poles of the band are fitted together by maximum likelihood, with what lies outside it. A pole is accepted as a
-    mode when noise cannot explain it and its values and shape are told well enough; otherwise it is listed among the
+    mode when noise cannot explain it and its values and shape are certain enough; otherwise it is listed among the
     ``candidates`` of the model, with the reason. Names choose what is reported, and change no value.
 
     Parameters

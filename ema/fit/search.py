@@ -304,12 +304,13 @@ def overlapping(fit: Fit) -> list[tuple[int, int]]:
     """Pairs of poles within one bandwidth of each other with the same shape and participation."""
     distance = np.abs(fit.poles[:, None] - fit.poles[None, :])
     near = distance < np.abs(fit.poles.real)[:, None] + np.abs(fit.poles.real)[None, :]
-    alike = (_macs(fit.psi) > 0.9) & (_macs(fit.participation.T) > 0.9)
+    alike = (macs(fit.psi) > 0.9) & (macs(fit.participation.T) > 0.9)
     first, second = np.nonzero(np.triu(near & alike, 1))
     return list(zip(first.tolist(), second.tolist(), strict=True))
 
 
-def _macs(vectors: Complex[np.ndarray, "mode entry"]) -> Float[np.ndarray, "mode mode"]:
+def macs(vectors: Complex[np.ndarray, "mode entry"]) -> Float[np.ndarray, "mode mode"]:
+    """MAC of every vector with every other one."""
     norm = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     result: np.ndarray = np.abs((vectors.conj() @ vectors.T) / np.outer(norm, norm)) ** 2
     return result
