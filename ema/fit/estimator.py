@@ -482,8 +482,7 @@ def _step(data: Observations, fit: Fit, damping: float, prior: float) -> Float[n
     gradient = fit.gradient * scale
     step, held = np.zeros(2 * half), np.zeros(2 * half, bool)
     # What is narrower from the start has a bound of its own: pushed away, it would raise the cost of every step.
-    narrowest = data.narrowest_decay * np.where(-fit.poles.real < data.narrowest_decay, SPIKE / NARROWEST, 1)
-    room = np.maximum(-narrowest - fit.poles.real, 0) / scale[:modes]
+    room = np.maximum(-narrowest(data, fit.poles) - fit.poles.real, 0) / scale[:modes]
     fall = np.maximum(fit.poles.imag - SLOWEST * np.abs(fit.poles), 0) / scale[:modes]
     for _ in range(3 * modes + 1):
         pull = gradient[~held] - matrix[np.ix_(~held, held)] @ step[held]
@@ -503,6 +502,12 @@ def _step(data: Observations, fit: Fit, damping: float, prior: float) -> Float[n
         step[both] *= np.tile(FARTHEST / move[far], 2)
         held[both] = True
     return step * scale
+
+
+def narrowest(data: Observations, poles: Complex[np.ndarray, "mode"]) -> Float[np.ndarray, "mode"]:
+    """Least decay rate (rad/s) of each pole: `NARROWEST` lines, or `SPIKE` lines for what is narrower than that."""
+    narrower = -poles.real < (1 - 1e-9) * data.narrowest_decay
+    return np.asarray(data.narrowest_decay * np.where(narrower, SPIKE / NARROWEST, 1))
 
 
 def refine(

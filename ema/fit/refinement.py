@@ -25,6 +25,8 @@ _DOUBT = 2.0
 _ITERATIONS, _CONVERGED, _LOOSE = 25, 1e-13, 1e-4
 """Steps to the optimum at most, what they may still promise for each unknown in units of the noise (a millionth of a
 standard deviation), and the information that holds the unknowns in their place (`estimator.refine`)."""
+_UNKNOWN = 1e12
+"""Variance over what the weights say of a value that the data do not determine: far beyond any prior."""
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
 
@@ -83,6 +85,9 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     half, modes = len(inflation) // 2, len(fit.poles)
     inflation[:modes] *= np.maximum(between[0] / at_peaks, 1)
     inflation[half : half + modes] *= np.maximum(between[1] / at_peaks, 1)
+    # At its lower bound a decay rate may as well be anything below: it is known to itself, which is the prior.
+    bounded = -fit.poles.real <= (1 + 1e-6) * estimator.narrowest(flat, fit.poles)
+    inflation[:modes][bounded] = _UNKNOWN
     return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, basis)
 
 
