@@ -56,7 +56,7 @@ def with_errors(
     """
     decay = ring.structural + added
 
-    def with_error(one: Judged, reason: Reason) -> Reason:
+    def priced(one: Judged, reason: Reason) -> Reason:
         """The reason with the relative error of the FRF that it causes."""
         if reason.code == "next-impact":
             return replace(reason, error=float(np.exp(-decay * one.after / rate)))
@@ -68,7 +68,7 @@ def with_errors(
             return replace(reason, error=max(ratio * float(np.exp(-decay * seconds)) for ratio, seconds in left))
         return reason
 
-    return [replace(one, reasons=tuple(with_error(one, reason) for reason in one.reasons)) for one in judged]
+    return [replace(one, reasons=tuple(priced(one, reason) for reason in one.reasons)) for one in judged]
 
 
 def chosen(judged: Sequence[Judged], keep: Sequence[str] = (), reject: Sequence[str] = ()) -> list[Judged]:
