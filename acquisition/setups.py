@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ema.data import Deviations, Finding, FrfSet
+from ema.data import Deviations, Finding, FrfSet, SetUps
 from ema.dof import Dof
 from ema.errors import InputError
 
@@ -70,8 +70,21 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
     return replace(
         first.frfs, values=values, outputs=signed_outputs, inputs=signed_inputs, coherence=coherence,
         variance=variance, averages=averages, findings=findings, name=name or first.frfs.name,
-        deviations=_deviations(parts, owners, shape),
+        deviations=_deviations(parts, owners, shape), set_ups=_set_ups(owners, shape[1:]),
     )  # fmt: skip
+
+
+def _set_ups(
+    owners: Mapping[tuple[int, int], tuple[Part, tuple[int, int], int]], shape: tuple[int, ...]
+) -> SetUps | None:
+    """Which set-up each FRF of the joined set is from; ``None`` where there is one."""
+    names = tuple(dict.fromkeys(part.setup for part, _, _ in owners.values()))
+    if len(names) < 2:
+        return None
+    number = np.zeros(shape, int)
+    for cell, (part, _, _) in owners.items():
+        number[cell] = names.index(part.setup)
+    return SetUps(names, number)
 
 
 def _deviations(

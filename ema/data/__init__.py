@@ -38,6 +38,7 @@ from ema.data.recording import Channel, Recording, TakeIdentity
 from ema.data.repeats import ConditionDifference, RepeatGroup, VarianceComponents
 from ema.data.response import Decay, EnergyBalance, HarmonicResponse, Loop, Response
 from ema.data.results import Expectation, MapResult, ModeQuality, RunResult, Statement, StudyResult
+from ema.data.set_ups import SetUps, SetUpShifts
 from ema.data.single import SingleMode
 from ema.data.source import Source
 
@@ -47,8 +48,8 @@ __all__ = [
     "Expectation", "Finding", "Forecast", "ForecastCheck", "FrfSet", "FrictionBeam", "FrictionLaw", "Geometry",
     "HarmonicResponse", "Hit", "HitGallery", "Joint", "JointForce", "Lazy", "Loop", "MapComparison", "MapResult",
     "Matrices", "ModalMap", "ModalModel", "ModalUncertainty", "ModeComparison", "ModeQuality", "ModelUpdate",
-    "NormalContact", "Place", "Placement", "PoleTable", "Prediction", "Provenance", "Ranking", "Recording",
-    "Repair", "RepeatGroup", "Residuals", "Response", "Run", "RunResult", "SignalComparison", "SingleMode",
-    "Source", "Statement", "StudyResult", "TakeIdentity", "VarianceComponents", "Verdict", "damping_ratios",
-    "natural_frequencies", "poles_from",
+    "NormalContact", "Place", "Placement", "PoleTable", "Prediction", "Provenance", "Ranking", "Recording", "Repair",
+    "RepeatGroup", "Residuals", "Response", "Run", "RunResult", "SetUpShifts", "SetUps", "SignalComparison",
+    "SingleMode", "Source", "Statement", "StudyResult", "TakeIdentity", "VarianceComponents", "Verdict",
+    "damping_ratios", "natural_frequencies", "poles_from",
 ]  # fmt: skip

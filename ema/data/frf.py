@@ -11,6 +11,7 @@ from ema.data.condition import Condition
 from ema.data.deviations import Deviations
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
+from ema.data.set_ups import SetUps
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import UNSTATED, FrfQuantity
@@ -36,6 +37,7 @@ class FrfSet:
     record_length : s from the beginning of the free vibrations to the end of the record, where the record began with
         them and its end cut them off; ``None`` where it did not, or where nobody knows.
     window : ``rectangular``, ``exponential`` or another one that the response was multiplied by; empty where unknown.
+    set_ups : which set-up of roving sensors or forces each FRF was measured in; ``None`` where there is only one.
     """
 
     frequencies: Float[np.ndarray, "freq"]
@@ -56,6 +58,7 @@ class FrfSet:
     deviations: Deviations | None = None
     record_length: float | None = None
     window: str = ""
+    set_ups: SetUps | None = None
 
     def __post_init__(self) -> None:
         freeze(
@@ -116,6 +119,7 @@ class FrfSet:
             variance=cut(self.variance),
             averages=None if self.averages is None else self.averages[rows][:, columns],
             deviations=None if self.deviations is None else self.deviations.pick(rows, columns),
+            set_ups=None if self.set_ups is None else self.set_ups.pick(rows, columns),
         )
 
     def label(self, output: int, input_: int) -> str:

@@ -10,6 +10,7 @@ from ema.data._arrays import freeze
 from ema.data.condition import Condition
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
+from ema.data.set_ups import SetUpShifts
 from ema.dof import Dof
 from ema.errors import InputError
 
@@ -168,6 +169,7 @@ class ModalModel:
     uncertainty : of everything in the model, where known.
     groups : positions of modes that the data do not tell apart, a tuple for each group of two and more.
     candidates : poles of the same fit that were not accepted as modes, by ascending frequency.
+    set_ups : how far the modes of the set-ups of a test lie apart; ``None`` where there was one set-up.
     """
 
     poles: Complex[np.ndarray, "mode"]
@@ -186,6 +188,7 @@ class ModalModel:
     uncertainty: ModalUncertainty | None = None
     groups: tuple[tuple[int, ...], ...] = ()
     candidates: tuple[Candidate, ...] = ()
+    set_ups: SetUpShifts | None = None
 
     def __post_init__(self) -> None:
         freeze(

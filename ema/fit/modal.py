@@ -10,7 +10,7 @@ from jaxtyping import Complex, Float, Int
 from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
-from ema.fit import uncertainty
+from ema.fit import set_up_shifts, set_ups, uncertainty
 from ema.fit.acceptance import Verdict, judge, surplus
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
@@ -21,6 +21,7 @@ from ema.fit.record_end import as_recorded, of_whole_vibration
 from ema.fit.refinement import Refined, refined
 from ema.fit.scaling import scale_to_unit_modal_mass
 from ema.fit.selection import Dropped, reduced, select
+from ema.fit.stabilisation import stabilise
 from ema.fit.uncertainty import PoleErrors
 from ema.progress import Progress, advance, silent
 
@@ -84,6 +85,7 @@ class Estimate:
     errors: PoleErrors
     verdict: Verdict
     dropped: tuple[Dropped, ...]
+    compared: set_ups.Comparison | None = None
 
     def model(self, near: Sequence[float] | None = None, index: Sequence[int] | None = None) -> ModalModel:
         """The accepted modes, or those named (`modes`).
@@ -100,6 +102,8 @@ class Estimate:
         order = order[np.argsort(np.abs(fit.poles[order]), kind="stable")]
         whole = of_whole_vibration(self.optimum, self.errors, order, self.band)
         model = _model(self.band, self.data, *whole, verdict, order)
+        if self.compared is not None and self.band.set_ups is not None:
+            model = set_up_shifts.stated(model, self.compared, self.band.set_ups)
         notes = _findings(self.band, self.data, self.optimum, self.errors, verdict, order, self.dropped)
         return replace(model, findings=(*notes, *model.findings))
 
@@ -112,6 +116,43 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
     InputError : the FRFs cannot be fitted.
     """
     band = frfs.band(*poles.band)
+    table, compared = poles, None
+    parts = set_ups.split(band)
+    if parts:
+        fits = [_part(part, band) for part in parts]
+        compared = set_ups.compare(fits)
+        if compared is not None and compared.differ:
+            band = set_ups.aligned(band, fits, compared)
+            table = stabilise(band, np.unique(poles.order).tolist())
+    found = _fitted(band, table, progress)
+    return replace(found, frfs=frfs, table=poles, compared=compared)
+
+
+def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
+    """The poles of one set-up of a test."""
+    found = _fitted(frfs, stabilise(frfs), silent)
+    fit = found.optimum.fit
+    residues = np.einsum("or,ir->roi", fit.shapes[:, 0], fit.participation)
+    dofs, references = found.data.dofs, found.data.references
+    outputs, inputs = (references, dofs) if found.data.swapped else (dofs, references)
+    residues = residues.transpose(0, 2, 1) if found.data.swapped else residues
+    # The side that the set-ups share: forces where sensors rove, sensors where forces do.
+    across = frfs.outputs == whole.outputs
+    vectors = [np.linalg.svd(one, full_matrices=False) for one in residues]
+    return set_ups.PartFit(
+        poles=fit.poles,
+        residues=residues,
+        outputs=outputs,
+        inputs=inputs,
+        vectors=np.array([left[:, 0] if across else right[0] for left, _, right in vectors]),
+        accepted=found.verdict.accepted,
+        frequency_std=found.errors.frequency,
+        damping_std=found.errors.damping,
+    )
+
+
+def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
+    """Fit and judge all poles of FRFs that show each mode once."""
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
     chosen = select(data, poles, band.added_decay)
@@ -126,7 +167,7 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
             break
         chosen = reduced(chosen, optimum.kept[gone], "its residue and that of a neighbour add up to those of one mode")
     verdict = judge(optimum, errors, possible, alone, POLICY)
-    return Estimate(frfs, poles, band, data, optimum, errors, verdict, (*chosen.dropped, *optimum.dropped))
+    return Estimate(band, poles, band, data, optimum, errors, verdict, (*chosen.dropped, *optimum.dropped))
 
 
 def _named(

@@ -81,3 +81,39 @@ def mode_table(run: RunResult, book: Book) -> Block:
         note = f"± is two standard deviations within this run, from {basis or 'noise only'}"
     caption = f"Modes of run {name} ({note})."
     return book.table(f"modes_{name}", caption, [*columns, "std f [Hz]", "std ζ [%]"], rows, shown)
+
+
+def set_up_table(run: RunResult, book: Book) -> Block | None:
+    """Natural frequencies of the set-ups of a run against their mean; ``None`` where there was one set-up."""
+    found = run.modes.set_ups
+    if found is None:
+        return None
+    loaded = found.cause == "mass loading"
+    columns = ["Mode", "Mean f [Hz]", *(f"Set-up {name} [%]" for name in found.names)]
+    columns += ["f without sensors [Hz]"] if loaded else []
+    rows: list[list[Cell]] = []
+    for mode, frequency in enumerate(found.frequencies):
+        row: list[Cell] = [mode + 1, fixed(float(frequency), 3)]
+        row += [_percent(one, std) for one, std in zip(found.shifts[:, mode], found.std[:, mode], strict=True)]
+        row += [interval(float(found.unloaded[mode]), float(found.unloaded_std[mode]), 6)] if loaded else []
+        rows.append(row)
+    everything: list[Cell] = ["all", ""]
+    everything += [_percent(one, std) for one, std in zip(found.common, found.common_std, strict=True)]
+    rows.append([*everything, *([""] if loaded else [])])
+    causes = {
+        "none": "noise explains the differences",
+        "common shift": "one shift for all modes of a set-up explains the differences",
+        "mass loading": f"sensors of {short(1e3 * found.mass)} ± {short(2e3 * found.mass_std)} g each explain the "
+        "differences",
+        "unknown": "neither a common shift nor the mass of the sensors explains the differences",
+    }
+    caption = (
+        f"Natural frequencies of the set-ups of run {run.run.id}, relative to their mean (± is two standard "
+        f"deviations; {causes[found.cause]})."
+    )
+    return book.table(f"set_ups_{run.run.id}", caption, columns, rows, len(columns))
+
+
+def _percent(value: float, std: float) -> Cell:
+    """A relative shift with its interval; empty where the set-up does not show the mode."""
+    return "" if np.isnan(value) else f"{100 * value:+.4f} ± {200 * std:.4f}"

@@ -29,11 +29,13 @@ LINES = 801
 
 @dataclass(frozen=True)
 class SetUps:
-    """FRFs of each set-up, the structure without shift or sensors (``case``), and true shifts of each mode, (set-up, mode)."""
+    """FRFs of each set-up, the structure without shift or sensors (``case``), true shifts and damping of each mode there,
+    (set-up, mode)."""
 
     parts: tuple[FrfSet, ...]
     case: Case
     shifts: np.ndarray
+    damping: np.ndarray
     kind: str
     size: float
 
@@ -50,7 +52,12 @@ class Merged:
 def merged(parts: tuple[FrfSet, ...]) -> Merged:
     """The set-ups joined and fitted as the estimator offers it; the one place that knows how."""
     whole = merge([Part(frfs, f"{number + 1}") for number, frfs in enumerate(parts)], "set-ups")
-    return Merged(automatic(whole), None, None)
+    stated = automatic(whole)
+    found = stated.model.set_ups
+    if found is None:
+        return Merged(stated, None, None)
+    std = np.hypot(found.common_std, found.common_std[0])
+    return Merged(stated, (1 + found.common) / (1 + found.common[0]) - 1, std)
 
 
 def made(seed: int, number: int) -> SetUps:
@@ -82,7 +89,7 @@ def made(seed: int, number: int) -> SetUps:
     dofs = tuple(Dof(node, "+Z") for node in range(1, outputs + 1))
     inputs = tuple(dofs[row] for row in forces)
     frequencies = np.linspace(100.0, 500.0, LINES)
-    parts, own_shifts = [], []
+    parts, own_shifts, own_damping = [], [], []
     for part in range(count):
         rows = np.flatnonzero(owner == part)
         local = omega * (1 + shifts[part])
@@ -94,8 +101,9 @@ def made(seed: int, number: int) -> SetUps:
             outputs=tuple(dofs[row] for row in rows), inputs=inputs, quantity="accelerance", unit="m/s^2/N",
             estimator="synthetic", name=f"set-up {part + 1}",
         ))  # fmt: skip
-        loaded = np.sqrt(np.linalg.eigvalsh(_symmetric(mass, local)))
-        own_shifts.append(np.sort(loaded) / omega - 1)
+        poles = _poles(mass, local, zeta)
+        own_shifts.append(np.abs(poles) / omega - 1)
+        own_damping.append(-poles.real / np.abs(poles))
     inside = (natural >= 100.0) & (natural <= 500.0)
     truth, outside = (
         ModalModel(
@@ -106,13 +114,18 @@ def made(seed: int, number: int) -> SetUps:
         for keep in (inside, ~inside)
     )  # fmt: skip
     case = Case("set-ups", seed, 0.005, parts[0], np.zeros(0), np.zeros(0), truth, outside)
-    return SetUps(tuple(parts), case, np.array(own_shifts)[:, inside], kind, size)
+    own = np.array(own_shifts)[:, inside], np.array(own_damping)[:, inside]
+    return SetUps(tuple(parts), case, *own, kind, size)
 
 
-def _symmetric(mass: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Symmetric matrix whose eigenvalues are those of K = diag(w^2) over ``mass``."""
-    factor = np.linalg.inv(np.linalg.cholesky(mass))
-    return factor @ np.diag(omega**2) @ factor.T
+def _poles(mass: np.ndarray, omega: np.ndarray, zeta: np.ndarray) -> np.ndarray:
+    """Poles of M = ``mass``, K = diag(w^2), D = diag(2 z w), ascending, from the state matrix."""
+    size = len(omega)
+    stiffness, damping = (np.linalg.solve(mass, np.diag(row)) for row in (omega**2, 2 * zeta * omega))
+    state = np.block([[np.zeros((size, size)), np.eye(size)], [-stiffness, -damping]])
+    poles = np.linalg.eigvals(state)
+    poles = poles[poles.imag > 0]
+    return poles[np.argsort(np.abs(poles))]
 
 
 def _visible(rng: np.random.Generator, shapes: np.ndarray, count: int) -> np.ndarray:
@@ -131,7 +144,7 @@ def _responses(
 
 
 def one(seed: int, number: int, quick: bool = False) -> dict:
-    """One structure in its set-ups. A frequency is right where its interval meets the range over the set-ups."""
+    """One structure in its set-ups. Values are right where their intervals meet the ranges over the set-ups."""
     drawn = made(seed, number)
     about = {"number": number, "kind": drawn.kind, "size": drawn.size, "set-ups": len(drawn.parts)}
     try:
@@ -139,7 +152,7 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
     except Exception as error:  # a fit that fails is a result
         return about | {"error": f"{type(error).__name__}: {error}"}
     case = replace(drawn.case, truth=_in_order(drawn.case.truth, found.stated))
-    truth = _nearest(case.truth, drawn.shifts, found.stated)
+    truth = _nearest(case.truth, drawn, found.stated)
     scored = errors(replace(case, truth=truth), found.stated)
     natural = drawn.case.truth.natural_frequencies
     span = np.ptp(np.vstack([drawn.shifts, np.zeros(len(natural))]), axis=0) * natural
@@ -147,7 +160,7 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
     hit = scored.match >= 0
     inside = None
     if found.shifts is not None and found.shifts_std is not None:
-        true = drawn.shifts.mean(axis=1) - drawn.shifts[0].mean()
+        true = np.mean((1 + drawn.shifts) / (1 + drawn.shifts[0]) - 1, axis=1)
         inside = finite(np.abs(found.shifts[1:] - true[1:]) / found.shifts_std[1:])
     return about | {
         "modes": int(apart.sum()), "found": int(np.sum(hit & apart)), "false": len(scored.false),
@@ -162,17 +175,21 @@ def _in_order(truth: ModalModel, stated: Stated) -> ModalModel:
     return replace(truth, shapes=truth.shapes[rows], dofs=stated.model.dofs)
 
 
-def _nearest(truth: ModalModel, shifts: np.ndarray, stated: Stated) -> ModalModel:
-    """Of the frequencies between those of the set-ups and the unloaded one, those nearest to what is stated."""
-    natural = truth.natural_frequencies.copy()
-    every = natural * (1 + np.vstack([shifts, np.zeros(len(natural))]))
+def _nearest(truth: ModalModel, drawn: SetUps, stated: Stated) -> ModalModel:
+    """Of the frequencies and the damping between those of the set-ups and of the unloaded structure, those nearest to what
+    is stated."""
+    natural, damping = truth.natural_frequencies.copy(), truth.damping_ratios.copy()
+    every = natural * (1 + np.vstack([drawn.shifts, np.zeros(len(natural))]))
+    ratios = np.vstack([drawn.damping, damping])
     alike = mac(truth.shapes, stated.model.shapes) >= 0.8
     for mode in range(len(natural)):
         clipped = np.clip(stated.frequencies, every[:, mode].min(), every[:, mode].max())
         distance = np.where(alike[mode], np.abs(stated.frequencies - clipped), np.inf)
         if len(distance) and distance.min() <= 0.01 * natural[mode]:
-            natural[mode] = clipped[np.argmin(distance)]
-    return replace(truth, poles=poles_from(natural, truth.damping_ratios))
+            own = np.argmin(distance)
+            natural[mode] = clipped[own]
+            damping[mode] = np.clip(stated.damping[own], ratios[:, mode].min(), ratios[:, mode].max())
+    return replace(truth, poles=poles_from(natural, damping))
 
 
 def line(row: dict) -> str:

@@ -34,6 +34,7 @@ from ema.data import (
     Repair,
     Run,
     RunResult,
+    SetUpShifts,
     StudyResult,
     poles_from,
 )  # fmt: skip
@@ -224,6 +225,23 @@ def test_mode_table_has_the_numbers_rounded_by_their_uncertainty(page: Page):
     assert [row["MPC [-]"] for row in rows] == ["1.000"] * 4
     assert rows[0]["F_N J1 [N]"] == "1018 ± 27"
     assert rows[0]["Confidence [-]"] == "0.97"
+
+
+def test_set_ups_that_differ_have_a_table(two_runs: StudyResult, tmp_path: Path):
+    modes = two_runs.runs[0].modes
+    shifts = SetUpShifts(
+        names=("A", "B"), frequencies=modes.natural_frequencies[:2],
+        shifts=np.array([[0.0021, 0.0019], [-0.0021, np.nan]]), std=np.full((2, 2), 1e-5),
+        common=np.array([0.002, -0.002]), common_std=np.array([7e-6, 7e-6]), cause="mass loading", mass=0.0052,
+        mass_std=0.0001, unloaded=modes.natural_frequencies[:2] * 1.01, unloaded_std=np.array([0.01, 0.02]),
+    )  # fmt: skip
+    runs = (replace(two_runs.runs[0], modes=replace(modes, set_ups=shifts)), *two_runs.runs[1:])
+    page = Page(ema.report.write(replace(two_runs, runs=runs), tmp_path / "set-ups.html"))
+    rows = page.table("Mean f [Hz]", "Set-up A [%]")
+    assert [row["Set-up A [%]"] for row in rows] == ["+0.2100 ± 0.0020", "+0.1900 ± 0.0020", "+0.2000 ± 0.0014"]
+    assert [row["Set-up B [%]"] for row in rows] == ["-0.2100 ± 0.0020", "", "-0.2000 ± 0.0014"]
+    assert rows[0]["f without sensors [Hz]"] == f"{1.01 * modes.natural_frequencies[0]:.3f} ± 0.020"
+    assert "sensors of 5.2 ± 0.2 g each explain the differences" in page.words()
 
 
 def test_answer_comes_first(page: Page):
