@@ -51,13 +51,13 @@ def stated(model: ModalModel, found: Comparison, set_ups: SetUps) -> ModalModel:
 def shifts(found: Comparison, set_ups: SetUps, model: ModalModel) -> SetUpShifts:
     """The shifts of the set-ups and what explains them; ``model`` are the modes of the aligned FRFs."""
     cause: ShiftCause = "none"
-    common, common_std = found.common, found.common_std
     loading = _mass(found, set_ups, model) if found.differ else None
     if found.differ:
         cause = _cause(found, loading)
+    own = np.exp(found.logs) / found.frequency[:, None] - 1
+    common, common_std = np.expm1(found.common), found.common_std
     if cause in ("mass loading", "unknown"):
         # Modes move by different amounts: the mean over the modes says what a set-up did on the whole.
-        own = found.logs - np.log(found.frequency)[:, None]
         seen = np.maximum(np.count_nonzero(~np.isnan(own), axis=0), 1)
         common, common_std = np.nansum(own, axis=0) / seen, np.sqrt(np.nansum(found.std**2, axis=0)) / seen
     unknown = np.full(len(found.frequency), np.nan)
@@ -66,9 +66,9 @@ def shifts(found: Comparison, set_ups: SetUps, model: ModalModel) -> SetUpShifts
     return SetUpShifts(
         names=set_ups.names,
         frequencies=found.frequency,
-        shifts=np.expm1(found.logs - np.log(found.frequency)[:, None]).T,
+        shifts=own.T,
         std=found.std.T,
-        common=np.expm1(common),
+        common=common,
         common_std=common_std,
         cause=cause,
         mass=loading.mass,

@@ -156,7 +156,7 @@ def report(found: dict) -> str:
     for row in ROWS:
         own = [one for one in found["cells"] if one["row"] == row.key and one["strength"]]
         if own:
-            means = [np.mean([one[name] for one in own]) if own[0][name] is not None else None for name in names]
+            means = [_share([one[name] for one in own if one[name] is not None]) for name in names]
             lines.append(
                 f"{row.key:23} mean over strengths 1 to 4: {' / '.join(map(percent, means))} %; false "
                 f"{sum(one['false'] for one in own)}; wrong {sum(one['wrong'] for one in own)} of "

@@ -42,7 +42,7 @@ class SetUps:
 
 @dataclass(frozen=True)
 class Merged:
-    """What is stated of several set-ups: accepted modes, relative shift of each set-up against the first, and its std."""
+    """What is stated of several set-ups: accepted modes, relative shift of each set-up against their mean, and its std."""
 
     stated: Stated
     shifts: np.ndarray | None
@@ -56,8 +56,7 @@ def merged(parts: tuple[FrfSet, ...]) -> Merged:
     found = stated.model.set_ups
     if found is None:
         return Merged(stated, None, None)
-    std = np.hypot(found.common_std, found.common_std[0])
-    return Merged(stated, (1 + found.common) / (1 + found.common[0]) - 1, std)
+    return Merged(stated, found.common, found.common_std)
 
 
 def made(seed: int, number: int) -> SetUps:
@@ -160,8 +159,8 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
     hit = scored.match >= 0
     inside = None
     if found.shifts is not None and found.shifts_std is not None:
-        true = np.mean((1 + drawn.shifts) / (1 + drawn.shifts[0]) - 1, axis=1)
-        inside = finite(np.abs(found.shifts[1:] - true[1:]) / found.shifts_std[1:])
+        true = np.mean((1 + drawn.shifts) / np.mean(1 + drawn.shifts, axis=0) - 1, axis=1)
+        inside = finite(np.abs(found.shifts - true) / found.shifts_std)
     return about | {
         "modes": int(apart.sum()), "found": int(np.sum(hit & apart)), "false": len(scored.false),
         "frequency": finite(scored.frequency[hit]), "damping": finite(scored.damping[hit]), "shifts": inside,
