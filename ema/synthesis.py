@@ -61,7 +61,29 @@ def frfs(
     """
     outputs = tuple(model.dofs if outputs is None else outputs)
     inputs = tuple(model.inputs if inputs is None else inputs)
-    values = receptance(model, frequencies, residuals)
+    values = _arranged(receptance(model, frequencies, residuals), model, outputs, inputs)
+    values = values * ((2j * np.pi * frequencies) ** DERIVATIVE_ORDER[quantity])[:, None, None]
+    unit = FRF_UNIT[quantity] if model.scaling == "unit modal mass" else UNSTATED
+    return FrfSet(
+        frequencies=frequencies, values=values, outputs=outputs, inputs=inputs, quantity=quantity, unit=unit,
+        estimator="synthesis", condition=model.condition, name=model.name,
+    )  # fmt: skip
+
+
+def residues(model: ModalModel, outputs: Sequence[Dof], inputs: Sequence[Dof]) -> Complex[np.ndarray, "mode out in"]:
+    """Residue matrices of the receptance between these DOFs, by reciprocity also against the order of the model.
+
+    Raises
+    ------
+    InputError : a DOF is not in the model.
+    """
+    return _arranged(model.residues(), model, outputs, inputs)
+
+
+def _arranged(
+    values: Complex[np.ndarray, "any dof reference"], model: ModalModel, outputs: Sequence[Dof], inputs: Sequence[Dof]
+) -> Complex[np.ndarray, "any out in"]:
+    """What a model says between its DOFs and references, between other ones of either side."""
     rows, columns = match(outputs, model.dofs), match(inputs, model.inputs)
     if len(rows) < len(outputs) or len(columns) < len(inputs):
         rows, columns = match(inputs, model.dofs), match(outputs, model.inputs)
@@ -73,13 +95,7 @@ def frfs(
         values = values.transpose(0, 2, 1)
         rows, columns = columns, rows
     values = values[:, [place for _, place, _ in rows]][:, :, [place for _, place, _ in columns]]
-    signs = np.outer([sign for *_, sign in rows], [sign for *_, sign in columns])
-    values = values * signs * ((2j * np.pi * frequencies) ** DERIVATIVE_ORDER[quantity])[:, None, None]
-    unit = FRF_UNIT[quantity] if model.scaling == "unit modal mass" else UNSTATED
-    return FrfSet(
-        frequencies=frequencies, values=values, outputs=outputs, inputs=inputs, quantity=quantity, unit=unit,
-        estimator="synthesis", condition=model.condition, name=model.name,
-    )  # fmt: skip
+    return values * np.outer([sign for *_, sign in rows], [sign for *_, sign in columns])
 
 
 def convert(frfs: FrfSet, quantity: FrfQuantity) -> FrfSet:

@@ -35,8 +35,9 @@ class FrfSet:
     added_decay : decay rate in rad/s that an exponential window added to every pole (the fit takes it off again).
     deviations : what the single impacts or blocks changed in their average, where they were kept.
     record_length : s from the beginning of the free vibrations to the end of the record, where the record began with
-        them and its end cut them off; ``None`` where it did not, or where nobody knows.
-    window : ``rectangular``, ``exponential`` or another one that the response was multiplied by; empty where unknown.
+        them and its end cut them off, or s of a block of random excitation; ``None`` where unknown or neither.
+    window : ``rectangular``, ``exponential`` or ``hann`` (blocks of random excitation), or another one that the
+        response was multiplied by; empty where unknown.
     set_ups : which set-up of roving sensors or forces each FRF was measured in; ``None`` where there is only one.
     """
 

@@ -90,6 +90,7 @@ def shaker(
     else:
         inputs = welch(run, records, cut, progress)
         parts = welch_frfs(inputs, estimator, first.sampling_rate, cut.length)
+        parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
         name = estimator
     findings = (*input_findings(inputs, layout.inputs, where), *hammer_findings.about_units(unit, where))
     options = {"estimator": estimator, "method": method, "block": block, "overlap": overlap}

@@ -57,6 +57,8 @@ SLOWEST = 0.1
 of its conjugate are one. Damping ratios end at 0.995."""
 _ROUNDED = 1e-12
 """Rounding of the cost, over its value."""
+_CANCELLED = 1e-6
+"""Part of the cost at the start below which the cost at the optimum, a difference, is computed again from there."""
 _BLOCK = 2_000_000
 """Products of functions that are worked on at a time."""
 _VALUES = 400_000
@@ -239,8 +241,8 @@ class _Evaluation:
         rest = np.arange(self.modes, self.shared)
         self.of_unknowns = np.concatenate([rest, self.shared + rest])
 
-    def at(self, shapes: np.ndarray, rest: np.ndarray) -> Fit:
-        """The fit whose linear unknowns are best, reached from a start."""
+    def at(self, shapes: np.ndarray, rest: np.ndarray, again: bool = False) -> Fit:
+        """The fit whose linear unknowns are best, reached from a start; ``again`` where that was such a fit itself."""
         data, modes, unknowns = self.data, self.modes, self.shared - self.modes
         rows, members, columns = data.signals.shape[0], data.signals.shape[1], rest.shape[-1]
         owners = np.concatenate([np.arange(modes), self.free % max(modes, 1)])
@@ -250,12 +252,12 @@ class _Evaluation:
         local = np.empty((rows, 2 * modes, 2 * modes))
         slope = np.empty((rows, 2 * modes, 2 * unknowns))
         lean = np.empty((rows, self.references, columns, 2 * self.shared))
-        new_shapes, new_rest, cost = np.empty((rows, members, modes), complex), np.empty(rest.shape), 0.0
+        new_shapes, new_rest, energy, gain = np.empty((rows, members, modes), complex), np.empty(rest.shape), 0.0, 0.0
         size = self.references * (2 * modes + len(self.terms.poles) + 2) ** 2 + 4 * self.shared**2
         for some in data.row_blocks(max(size, data.signals[0].size), _BLOCK):
             weights = data.weights[some]
             residual = data.signals[some] - self.synthesised(shapes[some], rest[some])
-            cost += float(np.sum(weights[:, None] * _power(residual)))
+            energy += float(np.sum(weights[:, None] * _power(residual)))
             equations, bare, own_lean, of_rest = self.equations(weights)
             of_shapes, right, of_terms = self.reduced(weights, residual, own_lean)
             normal = equations[:, self.of_shapes[:, None], self.of_shapes]
@@ -278,7 +280,7 @@ class _Evaluation:
             free_step = np.einsum("ritu,rmit->rmiu", of_rest, of_terms)
             moved = np.einsum("rits,rms->rmit", own_lean[..., self.of_shapes], step)
             new_rest[some] = rest[some] + free_step - moved
-            cost -= float(np.sum(of_shapes * step) + np.sum(of_terms * free_step))
+            gain += float(np.sum(of_shapes * step) + np.sum(of_terms * free_step))
             psi = new_shapes[some][..., owners]
             left = right - np.einsum("rab,rma->rmb", slope[some], of_shapes)
             gradient += np.sum(psi.conj() * (left[..., :unknowns] + 1j * left[..., unknowns:]), axis=(0, 1))
@@ -286,6 +288,8 @@ class _Evaluation:
             hermitian += np.sum(p * (turned.conj() @ psi), axis=0)
             symmetric += np.sum(q * (turned @ psi), axis=0)
             lean[some] = own_lean
+        if energy - gain < _CANCELLED * energy and not again:
+            return self.at(new_shapes, new_rest, again=True)
         information = model.real_form(hermitian, symmetric)
         # An error of the eliminated shapes' matrix M returns as slope^T dM slope in the information.
         rounding = 0.1 * ROUNDING * (np.tile(before, 2) + lost)
@@ -299,7 +303,7 @@ class _Evaluation:
             terms=self.terms,
             shapes=new_shapes,
             rest=new_rest,
-            cost=max(cost, 0.0),
+            cost=max(energy - gain, 0.0),
             information=0.5 * (information + information.T),
             gradient=np.concatenate([gradient.real, gradient.imag]),
             before=np.tile(before, 2),

@@ -10,7 +10,7 @@ from jaxtyping import Complex, Float, Int
 from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
-from ema.fit import set_up_shifts, set_ups, uncertainty
+from ema.fit import leakage, set_up_shifts, set_ups, uncertainty
 from ema.fit.acceptance import Verdict, judge, surplus
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
@@ -75,7 +75,12 @@ def modes(
 
 @dataclass(frozen=True)
 class Estimate:
-    """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`)."""
+    """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`).
+
+    ``compared`` are the modes of the set-ups of a test; ``uncorrected`` (mode,) are the accepted poles that FRFs of
+    Hann blocks show before their leakage is taken off, ``former`` (mode,) those of the last fit but one where that did
+    not come to rest.
+    """
 
     frfs: FrfSet
     table: PoleTable
@@ -86,6 +91,8 @@ class Estimate:
     verdict: Verdict
     dropped: tuple[Dropped, ...]
     compared: set_ups.Comparison | None = None
+    uncorrected: Complex[np.ndarray, "first"] | None = None
+    former: Complex[np.ndarray, "last"] | None = None
 
     def model(self, near: Sequence[float] | None = None, index: Sequence[int] | None = None) -> ModalModel:
         """The accepted modes, or those named (`modes`).
@@ -104,8 +111,48 @@ class Estimate:
         model = _model(self.band, self.data, *whole, verdict, order)
         if self.compared is not None and self.band.set_ups is not None:
             model = set_up_shifts.stated(model, self.compared, self.band.set_ups)
+        model = self._unsettled(model)
         notes = _findings(self.band, self.data, self.optimum, self.errors, verdict, order, self.dropped)
-        return replace(model, findings=(*notes, *model.findings))
+        return replace(model, findings=(*notes, *self._leakage(model), *model.findings))
+
+    def _unsettled(self, model: ModalModel) -> ModalModel:
+        """The model with what the last turn of taking off the leakage still changed in its intervals."""
+        if self.former is None or not len(self.former):
+            return model
+        before = self.former[np.argmin(np.abs(model.poles[:, None] - self.former), axis=1)]
+        moved = np.stack(
+            [
+                model.natural_frequencies - natural_frequencies(before),
+                model.damping_ratios - damping_ratios(before),
+            ],
+            axis=1,
+        )
+        return uncertainty.widened(model, moved**2, "what the correction of leakage leaves open")
+
+    def _leakage(self, model: ModalModel) -> tuple[Finding, ...]:
+        """What the blocks of a random test had done to the damping of these modes."""
+        if self.uncorrected is None or not len(self.uncorrected) or model.covariance is None or not len(model.poles):
+            return ()
+        nearest = np.argmin(np.abs(model.poles[:, None] - self.uncorrected), axis=1)
+        change = damping_ratios(self.uncorrected[nearest]) - model.damping_ratios
+        certain = np.abs(change) / np.sqrt(np.maximum(model.covariance[:, 1, 1], np.finfo(float).tiny))
+        worst = int(np.argmax(certain))
+        if certain[worst] < leakage.SEEN:
+            return ()
+        rest = "" if self.former is None else " This did not come to rest, and the intervals are wider for it."
+        return (
+            Finding(
+                "info" if self.former is None else "warning",
+                "leakage",
+                f"{self.band.name or 'fit'}, {model.natural_frequencies[worst]:.6g} Hz",
+                f"Hann blocks of {self.band.record_length:.4g} s are short for this vibration: without a correction "
+                f"its damping ratio would be wrong by {change[worst] / model.damping_ratios[worst]:+.1%}. What the "
+                f"blocks do to the peaks was taken off.{rest}",
+                value=float(change[worst]),
+                limit=float(leakage.SEEN * np.sqrt(model.covariance[worst, 1, 1])),
+                advice="Use longer blocks, or the local model of the estimation, which has no leakage.",
+            ),
+        )
 
 
 def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Estimate:
@@ -131,11 +178,9 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
 def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
     """The poles of one set-up of a test."""
     found = _fitted(frfs, stabilise(frfs), silent)
-    fit = found.optimum.fit
-    residues = np.einsum("or,ir->roi", fit.shapes[:, 0], fit.participation)
+    fit, residues = found.optimum.fit, _residues(found)
     dofs, references = found.data.dofs, found.data.references
     outputs, inputs = (references, dofs) if found.data.swapped else (dofs, references)
-    residues = residues.transpose(0, 2, 1) if found.data.swapped else residues
     # The side that the set-ups share: forces where sensors rove, sensors where forces do.
     across = frfs.outputs == whole.outputs
     vectors = [np.linalg.svd(one, full_matrices=False) for one in residues]
@@ -152,7 +197,40 @@ def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
 
 
 def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
-    """Fit and judge all poles of FRFs that show each mode once."""
+    """Fit and judge all poles of FRFs that show each mode once; what Hann blocks do to these is taken off."""
+    found = _once(band, poles, progress)
+    if not leakage.applies(band):
+        return found
+    every, before = [], np.zeros(band.values.shape, complex)
+    for turn in range(leakage.TURNS):
+        modes = found.verdict.accepted
+        own = found.optimum.fit.poles[modes], _residues(found)[modes]
+        every.append(own[0])
+        excess = leakage.excess(band, *(leakage.first_guess(band, *own) if turn == 0 else own))
+        if _in_noise(found, excess - before) < leakage.SETTLED:
+            return replace(found, uncorrected=every[0])
+        before, corrected = excess, replace(band, values=band.values - excess)
+        found = _once(corrected, stabilise(corrected, np.unique(poles.order).tolist()), progress)
+    return replace(found, uncorrected=every[0], former=every[-1])
+
+
+def _residues(found: Estimate) -> Complex[np.ndarray, "pole out in"]:
+    """Residues of all poles on the outputs and inputs that were fitted."""
+    fit = found.optimum.fit
+    residues = np.einsum("or,ir->roi", fit.shapes[:, 0], fit.participation)
+    return np.asarray(residues.transpose(0, 2, 1) if found.data.swapped else residues)
+
+
+def _in_noise(found: Estimate, change: Complex[np.ndarray, "freq out in"]) -> float:
+    """Energy of a change of the FRFs in units of their noise."""
+    flat, data = found.optimum.data, found.data
+    own = change.transpose(2, 1, 0) if data.swapped else change.transpose(1, 2, 0)
+    energy = np.sum(flat.weights * np.abs(own[..., -len(flat.s) :] * flat.s**-data.derivative) ** 2)
+    return float(energy) / max(found.optimum.fit.variance_factor(flat), np.finfo(float).tiny)
+
+
+def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
+    """Fit and judge all poles of FRFs as they are."""
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
     chosen = select(data, poles, band.added_decay)
@@ -507,7 +585,7 @@ def _multiplicity(
 def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, Float[np.ndarray, "out in"]]:
     """FRFs of the model on the lines of ``measured`` and their relative error, norm over norm, for each FRF.
 
-    The decay that a window added is put back, so that both hold the same window.
+    What the window and the end of the record do is put back, so that both hold the same.
     """
     from ema import synthesis
 
@@ -517,6 +595,9 @@ def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, F
     quantity = "accelerance" if measured.quantity == "unstated" else measured.quantity
     rebuilt = synthesis.frfs(windowed, np.asarray(measured.frequencies), quantity, measured.outputs, measured.inputs)
     rebuilt = replace(rebuilt, quantity=measured.quantity, unit=measured.unit, added_decay=measured.added_decay)
+    if leakage.applies(measured):
+        own = synthesis.residues(model, measured.outputs, measured.inputs)
+        rebuilt = replace(rebuilt, values=rebuilt.values + leakage.excess(measured, model.poles, own))
     norm = np.linalg.norm(measured.values, axis=0)
     error = np.linalg.norm(rebuilt.values - measured.values, axis=0) / np.where(norm > 0, norm, 1)
     return rebuilt, error

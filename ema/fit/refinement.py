@@ -65,6 +65,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     # Few values: what the start was still off by shows in their noise.
     again = 2 if known is None and not misfit and flat.signals.size <= _ENOUGH else 1
     for turn in range(_ROUNDS):
+        fit, kept = _determined(flat, fit, kept)
         if turn < again:
             flat = replace(flat, weights=_weights(flat, fit, data.derivative, known, misfit))
             fit = estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
@@ -89,6 +90,13 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     bounded = -fit.poles.real <= (1 + 1e-6) * estimator.narrowest(flat, fit.poles)
     inflation[:modes][bounded] = _UNKNOWN
     return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, basis)
+
+
+def _determined(flat: Observations, fit: Fit, kept: Int[np.ndarray, "mode"]) -> tuple[Fit, Int[np.ndarray, "left"]]:
+    """The fit without poles that the rest of the model describes, and which poles of the selection stay."""
+    left = estimator.determined(flat, fit)
+    place = [int(np.argmin(np.abs(fit.poles - pole))) for pole in left.poles]
+    return left, kept[place]
 
 
 def _optimum(flat: Observations, start: Fit) -> Fit:

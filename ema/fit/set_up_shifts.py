@@ -12,6 +12,7 @@ from ema.data.modal import COVERAGE_FACTOR
 from ema.data.set_ups import ShiftCause
 from ema.dof import match
 from ema.fit.set_ups import AGREEMENT, Comparison, common_shift, means
+from ema.fit.uncertainty import widened
 
 _TURNS = 4
 """Turns of shapes and mass: each takes the error of the mass down by the relative shift of the frequencies."""
@@ -32,20 +33,12 @@ def stated(model: ModalModel, found: Comparison, set_ups: SetUps) -> ModalModel:
     """The modes with the shifts of the set-ups; where these differ, the intervals hold the values of single set-ups."""
     own = shifts(found, set_ups, model)
     result = replace(model, set_ups=own, findings=(*model.findings, *_findings(own, model.name)))
-    if not found.differ or model.covariance is None or not len(model.poles):
+    if not found.differ or not len(model.poles):
         return result
     nearest = np.argmin(np.abs(model.natural_frequencies[:, None] - found.frequency), axis=1)
     matched = np.abs(found.frequency[nearest] - model.natural_frequencies) < AGREEMENT * model.natural_frequencies
     between = np.where(matched[:, None], found.spread[nearest], 0.0)
-    covariance = np.array(model.covariance)
-    covariance[:, [0, 1], [0, 1]] += between
-    uncertainty = model.uncertainty
-    if uncertainty is not None:
-        values = uncertainty.values + np.diag(between.reshape(-1))
-        uncertainty = replace(
-            uncertainty, values=values, basis=f"{uncertainty.basis}; with the scatter between the set-ups"
-        )
-    return replace(result, covariance=covariance, uncertainty=uncertainty)
+    return widened(result, between, "the scatter between the set-ups")
 
 
 def shifts(found: Comparison, set_ups: SetUps, model: ModalModel) -> SetUpShifts:

@@ -100,6 +100,19 @@ def attach(model: ModalModel, optimum: Refined, found: PoleErrors, order: Int[np
     return replace(model, covariance=blocks, uncertainty=statement)
 
 
+def widened(model: ModalModel, variances: Float[np.ndarray, "mode 2"], why: str) -> ModalModel:
+    """The model with variances of natural frequency [Hz^2] and damping ratio added to those of each mode."""
+    if model.covariance is None or not np.any(variances):
+        return model
+    covariance = np.array(model.covariance)
+    covariance[:, [0, 1], [0, 1]] += variances
+    stated = model.uncertainty
+    if stated is not None:
+        values = stated.values + np.diag(variances.reshape(-1))
+        stated = replace(stated, values=values, basis=f"{stated.basis}; with {why}")
+    return replace(model, covariance=covariance, uncertainty=stated)
+
+
 def _errors(optimum: Refined, root: Float[np.ndarray, "unknown cause"], mode: int) -> _Errors:
     """Errors of one mode of the optimum."""
     fit = optimum.fit
