@@ -26,7 +26,8 @@ class Verdict:
 
     ``group`` (pole,) numbers poles that belong together because the data do not tell them apart; ``energy`` (2, pole)
     is that of each over that of the FRFs around it, and over that of all FRFs. ``unresolved`` (pole,) are resonances
-    narrower than the lines resolve: their damping is bounded from above and not determined.
+    narrower than the lines resolve: their damping is bounded from above and not determined; ``tones`` (pole,) are
+    no resonances but tones at multiples of the mains frequency.
     """
 
     possible: Bool[np.ndarray, "pole"]
@@ -36,6 +37,7 @@ class Verdict:
     group: Int[np.ndarray, "pole"]
     energy: Float[np.ndarray, "2 pole"]
     unresolved: Bool[np.ndarray, "pole"]
+    tones: Bool[np.ndarray, "pole"]
 
 
 def judge(
@@ -44,6 +46,7 @@ def judge(
     possible: Bool[np.ndarray, "pole"],
     alone: Float[np.ndarray, "pole"],
     policy: SelectionPolicy,
+    dropped: Float[np.ndarray, "dropped"],
 ) -> Verdict:
     """Judge every pole of a fit by what its values and their uncertainty say.
 
@@ -51,6 +54,7 @@ def judge(
     ----------
     possible : poles that can be modes: in the band, oscillating.
     alone : probability that a pole is not several modes that overlap.
+    dropped : Hz, poles that were left out of the fit.
     """
     fit = optimum.fit
     energy = estimator.shares_of_energy(optimum.data, fit)
@@ -63,15 +67,19 @@ def judge(
     # Half-power bandwidths in lines.
     unit = 2 * np.abs(fit.poles) / max(optimum.data.line, 1e-300)
     narrow = (damping * unit < policy.unresolved) & (std_z * unit < policy.unresolved)
-    unresolved = narrow & visible & (std_z > limit * damping)
+    narrow_at = natural_frequencies(fit.poles), possible & (damping * unit < policy.unresolved)
+    tones = _tones(*narrow_at, dropped, policy, 1.5 * optimum.data.line / (2 * np.pi))
+    unresolved = narrow & visible & (std_z > limit * damping) & ~tones
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
-    resonant = possible & ((std_z <= limit * damping) | unresolved)
+    resonant = possible & ((std_z <= limit * damping) | unresolved) & ~tones
     spacing, apart = _distances(fit, group, resonant)
     confidence = _confidence(fit, errors, group, resonant, policy.shape_scatter)
     accepted, reasons = possible.copy(), [""] * len(fit.poles)
     for pole in np.flatnonzero(possible):
         reason = ""
-        if not resonant[pole]:
+        if tones[pole]:
+            reason = "it is narrower than a frequency line and at a multiple of the mains frequency"
+        elif not resonant[pole]:
             reason = f"its damping is uncertain by {std_z[pole] / damping[pole]:.0%}"
         elif std_f[pole] > policy.frequency_uncertainty * spacing[pole]:
             reason = f"its frequency is uncertain by {std_f[pole]:.2g} Hz, {spacing[pole]:.2g} Hz from a neighbour"
@@ -86,7 +94,29 @@ def judge(
         elif confidence[pole] < policy.confidence:
             reason = f"the probability that it is a mode with this frequency and shape is {confidence[pole]:.0%}"
         reasons[pole], accepted[pole] = reason, not reason
-    return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy, unresolved)
+    return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy, unresolved, tones)
+
+
+def _tones(
+    frequencies: Float[np.ndarray, "pole"],
+    narrow: Bool[np.ndarray, "pole"],
+    dropped: Float[np.ndarray, "dropped"],
+    policy: SelectionPolicy,
+    reach: float,
+) -> Bool[np.ndarray, "pole"]:
+    """``narrow`` poles at multiples of a mains frequency [Hz]: one may be a mode by chance, two are not. Poles
+    ``dropped`` within ``reach`` [Hz] of a multiple count too.
+    """
+
+    def apart(values: Float[np.ndarray, "value"], base: float) -> Float[np.ndarray, "value"]:
+        return np.asarray(np.abs(values - np.maximum(np.rint(values / base), 1) * base))
+
+    result = np.zeros(len(frequencies), bool)
+    for base in policy.mains:
+        near = narrow & (apart(frequencies, base) < policy.mains_deviation * frequencies)
+        others = np.count_nonzero(apart(dropped, base) < np.maximum(policy.mains_deviation * dropped, reach))
+        result |= near & (np.count_nonzero(near) + others > 1)
+    return result
 
 
 def groups(

@@ -10,7 +10,7 @@ from jaxtyping import Complex, Float, Int
 from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
-from ema.fit import leakage, set_up_shifts, set_ups, uncertainty
+from ema.fit import channel_delay, leakage, peak_shape, set_up_shifts, set_ups, uncertainty
 from ema.fit.acceptance import Verdict, judge, surplus
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
@@ -77,9 +77,9 @@ def modes(
 class Estimate:
     """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`).
 
-    ``compared`` are the modes of the set-ups of a test; ``uncorrected`` (mode,) are the accepted poles that FRFs of
-    Hann blocks show before their leakage is taken off, ``former`` (mode,) those of the last fit but one where that did
-    not come to rest.
+    ``shapes`` are residuals that have the shape of a peak; ``compared`` are the modes of the set-ups of a test;
+    ``uncorrected`` (mode,) are the accepted poles that FRFs of Hann blocks show before their leakage is taken off,
+    ``former`` (mode,) those of the last fit but one where that did not come to rest.
     """
 
     frfs: FrfSet
@@ -90,6 +90,7 @@ class Estimate:
     errors: PoleErrors
     verdict: Verdict
     dropped: tuple[Dropped, ...]
+    shapes: tuple[peak_shape.PeakShape, ...]
     compared: set_ups.Comparison | None = None
     uncorrected: Complex[np.ndarray, "first"] | None = None
     former: Complex[np.ndarray, "last"] | None = None
@@ -112,8 +113,16 @@ class Estimate:
         if self.compared is not None and self.band.set_ups is not None:
             model = set_up_shifts.stated(model, self.compared, self.band.set_ups)
         model = self._unsettled(model)
+        added = peak_shape.variances(self.shapes, fit.poles)[order]
+        model = uncertainty.widened(model, added, "what the shape of the residual amounts to")
+        reported = tuple(shape for shape in self.shapes if shape.pole in order)
+        frequencies = natural_frequencies(fit.poles + self.band.added_decay)
+        peaks = peak_shape.findings(reported, frequencies, self.band.name or "fit")
         notes = _findings(self.band, self.data, self.optimum, self.errors, verdict, order, self.dropped)
-        return replace(model, findings=(*notes, *self._leakage(model), *model.findings))
+        late = channel_delay.delays(model, self.data.swapped)
+        model = channel_delay.widened(model, late, self.data.swapped)
+        peaks = (*peaks, *channel_delay.findings(late, self.band.name or "fit"))
+        return replace(model, findings=(*notes, *self._leakage(model), *peaks, *model.findings))
 
     def _unsettled(self, model: ModalModel) -> ModalModel:
         """The model with what the last turn of taking off the leakage still changed in its intervals."""
@@ -244,8 +253,11 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
         if not len(gone):
             break
         chosen = reduced(chosen, optimum.kept[gone], "its residue and that of a neighbour add up to those of one mode")
-    verdict = judge(optimum, errors, possible, alone, POLICY)
-    return Estimate(band, poles, band, data, optimum, errors, verdict, (*chosen.dropped, *optimum.dropped))
+    dropped = (*chosen.dropped, *optimum.dropped)
+    left_out = natural_frequencies(np.array([one.pole for one in dropped], complex))
+    verdict = judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out)
+    shapes = peak_shape.examine(optimum, errors, verdict.possible)
+    return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes)
 
 
 def _named(
@@ -429,6 +441,18 @@ def _findings(
         )
     poles = optimum.fit.poles
     found += _unresolved(where, poles, errors, order[verdict.unresolved[order]], band.added_decay)
+    if verdict.tones.any():
+        listed = ", ".join(f"{f:.6g} Hz" for f in np.sort(natural_frequencies(poles[verdict.tones]))[:_NAMED])
+        found.append(
+            Finding(
+                "warning",
+                "mains",
+                where,
+                f"There are tones of the mains at {listed}; they are in the fit, and not among the modes.",
+                value=float(np.count_nonzero(verdict.tones)),
+                advice="Look for ground loops; a mode that is really there has a peak that the tone hides.",
+            )
+        )
     found += _at_the_edges(where, data, poles[order], poles[np.setdiff1d(np.arange(len(poles)), order)])
     found += _multiplicity(where, data, optimum.fit, errors, verdict, order)
     if not len(order):

@@ -39,7 +39,8 @@ class Refined:
     ``inflation`` (unknown,) is the variance of each shared unknown over what the weights say, ``inflation_of_shapes``
     (mode,) that of shapes: residual energy over that of the assumed noise, times the loss by errors that are correlated
     over lines, times that of a misfit at the peaks, and for poles at least what changes between lines, outputs and
-    impacts. ``basis`` says in words what the noise level rests on.
+    impacts. ``loss`` (mode,) is the variance of a pole over that for errors independent from line to line; ``basis``
+    says in words what the noise level rests on.
     """
 
     fit: Fit
@@ -48,6 +49,7 @@ class Refined:
     dropped: tuple[Dropped, ...]
     inflation: Float[np.ndarray, "unknown"]
     inflation_of_shapes: Float[np.ndarray, "mode"]
+    loss: Float[np.ndarray, "mode"]
     basis: str
 
 
@@ -89,7 +91,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     # At its lower bound a decay rate may as well be anything below: it is known to itself, which is the prior.
     bounded = -fit.poles.real <= (1 + 1e-6) * estimator.narrowest(flat, fit.poles)
     inflation[:modes][bounded] = _UNKNOWN
-    return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, basis)
+    return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis)
 
 
 def _determined(flat: Observations, fit: Fit, kept: Int[np.ndarray, "mode"]) -> tuple[Fit, Int[np.ndarray, "left"]]:

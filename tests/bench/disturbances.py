@@ -107,6 +107,7 @@ def truncated(rng: np.random.Generator, strength: float) -> Disturbed:
 
     The acceleration after the impact is sum R p^2 exp(p t) + conj; what lies beyond T is missing in the FRF, and on the
     lines of the record, where exp(-j w T) = 1, that is R p^2 exp(p T) / (j w - p) + conj: poles stay, residues lose.
+    Record length and window come with the FRFs, as from `ema.estimate`.
     """
     duration = (LINES - 1) / (HIGH - LOW)
     drawn = structure(rng)
@@ -119,6 +120,7 @@ def truncated(rng: np.random.Generator, strength: float) -> Disturbed:
         for pole, residue in zip(model.poles, model.residues(), strict=True):
             part = residue * pole**2 * np.exp(pole * duration)
             lost += part / (s - pole)[:, None, None] + part.conj() / (s - pole.conj())[:, None, None]
+    case = replace(case, frfs=replace(case.frfs, record_length=duration, window="rectangular"))
     return Disturbed(noisy(rng, case, case.clean - lost))
 
 

@@ -1,0 +1,230 @@
+"""What the residual has in the shape of a peak: resonances that are not those of one linear, time-invariant mode.
+
+Near a mode with pole p = j w0 - d, and x = s - j w0, a fit leaves nothing but noise in the coordinates of the mode. Two
+more functions tell two kinds of error apart:
+
+    1 / (x - k d), k >= 1, the transform of a vibration that grows until t = 0 and ends there. No linear structure under
+    a force that does not depend on its response has it (the causality that the Hilbert transform test of
+    nonlinearity rests on; Simon and Tomlinson 1984, Worden and Tomlinson 2001, section 4.2). A peak that leans, w0
+    depending on |q|^2 = |a / (x + d)|^2, has it with an imaginary factor; force noise where the structure pulls the
+    force down, H / (1 + n / |F|^2), and a disturbance that comes back through the shaker have it with a real one; k
+    is the ratio of the decay rates of force and response.
+
+    1 / (x + d)^3, a spread of the poles: lines that were averaged, a resonance that moved between the records.
+
+Factors are over the residue of the mode. What 1 / (x + d)^3 does to the pole of the fit follows from its projection on
+1 / (x + d)^2; for averaged lines that is the error of the damping ratio to a tenth. What a growing vibration does to it
+is about three times the part of the peak that it has at resonance (leaning peaks, force noise, shakers with feedback:
+1 to 5 times).
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.stats
+from jaxtyping import Bool, Complex, Float
+
+from ema.data import Finding
+from ema.fit import estimator
+from ema.fit.estimator import Fit, Observations
+from ema.fit.refinement import Refined
+from ema.fit.uncertainty import PoleErrors
+
+REACH = 20.0
+"""Half bandwidths on either side of a mode within which its residual is looked at: the flank of the widest function."""
+RATIOS = (1.0, 4.0, 11.0)
+"""Decay rates of the growing vibration over that of the mode: no drop of the force at resonance, 12 dB, 21 dB."""
+CHANCE = 1e-8
+"""Probability that noise alone has such a shape, for each mode and function."""
+HEIGHT = 3.0
+"""Error of the damping ratio over the part of the peak that is not causal: of linear structures with 10 dB to 21 dB of
+force drop, leaning by 0.1 to 3 half-power bandwidths, and with noise in the force, 1 to 5."""
+MATTERS = 6.0
+"""Error of the damping ratio that a residual amounts to, in stated standard deviations, from which on it is named: with
+its spread of a factor of two, errors beyond two deviations are."""
+SPREAD = 3.0
+"""The same for a spread of poles, whose error is known better."""
+LEANS = 0.5
+"""Imaginary over real part of the factor from which on the frequency depends on the amplitude."""
+LOSS = 1.0
+"""Spread of the poles over the part that is not causal from which on the damping depends on the amplitude: a slipping
+joint has about 4, noise in the force 0.4 at most."""
+FEWEST = 12
+"""Lines around a mode from which on the shape of its residual says something."""
+AVERAGED = 0.5
+"""Energy of third differences of the residuals of neighbouring lines between the peaks, over that of lines three apart,
+below which lines were averaged: 1 for independent lines, 0.2 for the mean of three, above 1 for windows."""
+
+Kind = Literal["leaning", "feedback", "spread", "averaged"]
+
+
+@dataclass(frozen=True)
+class PeakShape:
+    """Residual of a pole that has the shape of its peak.
+
+    ``kind`` is ``leaning`` (frequency or damping depend on the amplitude), ``feedback`` (noise in the force where the
+    structure pulls it down), ``spread`` (of poles) or ``averaged`` (over lines); ``error`` is what that amounts to in
+    the pole, over its decay rate.
+    """
+
+    pole: int
+    kind: Kind
+    error: float
+
+
+def examine(optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"]) -> tuple[PeakShape, ...]:
+    """Look at the residual around some ``poles`` of an optimum.
+
+    Returns
+    -------
+    tuple of PeakShape
+        One for each pole whose residual has the shape of its peak beyond noise, and beyond what its interval holds.
+    """
+    fit, data = optimum.fit, optimum.data
+    residual = estimator.residual(data, fit)[:, 0]
+    found = []
+    for pole in np.flatnonzero(poles):
+        decay, centre = -fit.poles[pole].real, fit.poles[pole].imag
+        near = np.abs(data.s.imag - centre) < REACH * decay
+        lines = int(np.count_nonzero(near))
+        if lines < FEWEST:
+            continue
+        # Residual in the coordinate of the mode, by weighted least squares over all FRFs.
+        shape = fit.shapes[:, 0, pole, None] * fit.participation[:, pole]
+        weight = data.weights[..., near]
+        known = np.einsum("oif,oi->f", weight, np.abs(shape) ** 2)
+        modal = np.einsum("oif,oi,oif->f", weight, shape.conj(), residual[..., near]) / known
+        x, loss = data.s[near] - 1j * centre, float(optimum.loss[pole])
+        tangent = [1 / (x + decay), decay / (x + decay) ** 2, np.ones(lines) / decay, x / decay**2]
+        cubed = decay**2 / (x + decay) ** 3
+        growing = [1 / (x - ratio * decay) for ratio in RATIOS]
+        shares = [_share([*tangent, cubed], one, modal, known, loss) for one in growing]
+        causal = _share([*tangent, growing[0]], cubed, modal, known, loss)
+        least = min(shares, key=lambda one: one.chance)
+        ratio = RATIOS[shares.index(least)]
+        relative = float(errors.damping[pole]) * abs(fit.poles[pole]) / decay
+        height = HEIGHT * abs(least.factor) / ratio
+        if least.chance < CHANCE and height > MATTERS * relative:
+            turned = abs(least.factor.imag) > LEANS * abs(least.factor.real)
+            leaning = turned or abs(causal.shift) > LOSS * abs(least.factor)
+            found.append(PeakShape(int(pole), "leaning" if leaning else "feedback", height))
+        elif causal.chance < CHANCE and -causal.shift.real > SPREAD * relative:
+            averaged = _between_peaks(data, fit, residual, poles) < AVERAGED
+            found.append(PeakShape(int(pole), "averaged" if averaged else "spread", abs(causal.shift)))
+    return tuple(found)
+
+
+def variances(shapes: tuple[PeakShape, ...], poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole 2"]:
+    """Variances of natural frequency [Hz^2] and damping ratio to add."""
+    result = np.zeros((len(poles), 2))
+    for shape in shapes:
+        size = shape.error * -poles[shape.pole].real
+        result[shape.pole] = (size / (2 * np.pi)) ** 2, (size / abs(poles[shape.pole])) ** 2
+    return result
+
+
+_WORDS: dict[Kind, tuple[str, str, str]] = {
+    "leaning": (
+        "leaning-peak",
+        "is not that of a linear mode: a part of it is not causal, as where frequency or damping depend on the "
+        "amplitude",
+        "Measure at several levels, keep the response at resonance constant, or read the decay over the amplitude.",
+    ),
+    "feedback": (
+        "force-noise",
+        "has a part that is not causal, as where the force falls at resonance and holds noise of its channel or of a "
+        "disturbance that comes back through the shaker",
+        "Use the signal of the generator as reference, a stronger force at resonance, or repeated periods.",
+    ),
+    "spread": (
+        "broadened-peak",
+        "is broader than that of one pole, as where a resonance moves between records, blocks are short or a joint "
+        "slips and sticks within a record",
+        "Compare single records and impacts of different strength.",
+    ),
+    "averaged": (
+        "smoothed-lines",
+        "is that of an average over frequency lines",
+        "Fit FRFs that were not smoothed.",
+    ),
+}
+
+
+def findings(shapes: tuple[PeakShape, ...], frequencies: Float[np.ndarray, "pole"], where: str) -> tuple[Finding, ...]:
+    """A finding for each peak, with natural ``frequencies`` of all poles in Hz."""
+    found = []
+    for shape in shapes:
+        code, what, advice = _WORDS[shape.kind]
+        found.append(
+            Finding(
+                "warning",
+                code,
+                f"{where}, {frequencies[shape.pole]:.6g} Hz",
+                f"The peak of this mode {what}; its damping ratio may be wrong by {shape.error:.1%}, which its "
+                "interval holds.",
+                value=shape.error,
+                advice=advice,
+            )
+        )
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Share:
+    """A function beside known ones in a signal: its factor, the probability of one as large by noise, and what the
+    known functions have taken of it for a shift of the pole, over its decay rate.
+    """
+
+    factor: complex
+    chance: float
+    shift: complex
+
+
+def _share(
+    known: list[np.ndarray],
+    function: Complex[np.ndarray, "line"],
+    signal: Complex[np.ndarray, "line"],
+    weight: Float[np.ndarray, "line"],
+    loss: float,
+) -> _Share:
+    """What a function has in a signal (F test; ``loss`` is the variance by errors that are correlated over lines, over
+    that by independent ones: so many lines count as one). The second of the known functions is the change of the peak
+    with its pole.
+    """
+    root = np.sqrt(weight)
+    basis, triangle = np.linalg.qr(np.array(known).T * root[:, None])
+
+    def beside(values: Complex[np.ndarray, "line"]) -> Complex[np.ndarray, "line"]:
+        scaled = values * root
+        return np.asarray(scaled - basis @ (basis.conj().T @ scaled))
+
+    own, left = beside(function), beside(signal)
+    energy = max(float(np.vdot(own, own).real), np.finfo(float).tiny)
+    factor = complex(np.vdot(own, left)) / energy
+    freedom = 2 * (len(signal) - len(known) - 1)
+    variance = loss * float(np.sum(np.abs(left - factor * own) ** 2)) / freedom / energy
+    ratio = abs(factor) ** 2 / (2 * max(variance, np.finfo(float).tiny))
+    shift = complex(np.linalg.solve(triangle, basis.conj().T @ (function * root))[1]) * factor
+    return _Share(factor, float(scipy.stats.f.sf(ratio, 2, max(freedom / loss, 2.0))), shift)
+
+
+def _between_peaks(
+    data: Observations, fit: Fit, residual: Complex[np.ndarray, "out in line"], poles: Bool[np.ndarray, "pole"]
+) -> float:
+    """Energy of third differences of the residual between neighbouring lines over that between lines three apart, where
+    no peak is near: what is smooth over lines is in neither.
+    """
+    away = np.abs(data.s.imag - fit.poles[poles, None].imag) > 0.5 * REACH * -fit.poles[poles, None].real
+    free = np.all(away, axis=0)
+    scaled = (residual * np.sqrt(data.weights)).reshape(-1, len(free))
+    typical = []
+    for step in (1, 3):
+        span = 3 * step
+        inside = np.all([free[k : len(free) - span + k] for k in range(0, span + 1, step)], axis=0)
+        if np.count_nonzero(inside) < FEWEST:
+            return 1.0
+        parts = [scaled[:, k * step : scaled.shape[1] - span + k * step][:, inside] for k in range(4)]
+        third = parts[3] - 3 * parts[2] + 3 * parts[1] - parts[0]
+        typical.append(float(np.median(np.abs(third) ** 2)))
+    return typical[0] / max(typical[1], np.finfo(float).tiny)

@@ -1,0 +1,143 @@
+"""Errors that are not noise: named by what they do to the residual, the phases or the poles, and held by the intervals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ema.data import FrfSet, ModalModel, poles_from
+from ema.dof import Dof
+from ema.fit import modes, stabilise
+from ema.synthesis import frfs as synthesise
+
+NATURAL, ZETA = np.array([130.0, 214.0, 307.0, 421.0]), np.array([0.006, 0.01, 0.005, 0.008])
+FREQUENCIES = np.linspace(80.0, 480.0, 1601)
+DOFS = tuple(Dof(node, "+Z") for node in range(1, 7))
+CODES = {"leaning-peak", "force-noise", "broadened-peak", "smoothed-lines", "channel-delay", "mains", "leakage"}
+
+
+def truth() -> ModalModel:
+    poles = poles_from(NATURAL, ZETA)
+    x = (np.arange(6) + 0.4) / 6
+    shapes = np.array([np.cos(np.pi * (mode + 1) * x + 0.3) + 0.2 for mode in range(4)]).T.astype(complex)
+    return ModalModel(poles, shapes, DOFS, shapes[:1] / (2j * poles.imag), DOFS[:1], scaling="unit modal mass")
+
+
+def noisy(values: np.ndarray, seed: int, noise: float = 0.003) -> FrfSet:
+    rng = np.random.default_rng(seed)
+    std = noise * np.sqrt(np.mean(np.abs(values) ** 2, axis=0) / 2)
+    error = std * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    return FrfSet(FREQUENCIES, values + error, DOFS, DOFS[:1], "accelerance", "m/s^2/N")
+
+
+def clean() -> np.ndarray:
+    return np.array(synthesise(truth(), FREQUENCIES, "accelerance").values)
+
+
+def fitted(frfs: FrfSet) -> tuple[ModalModel, set[str]]:
+    model = modes(frfs, stabilise(frfs))
+    return model, {one.code for one in model.findings} & CODES
+
+
+def leaning(shift: float) -> np.ndarray:
+    """Mode 3 softens with the square of its amplitude, by ``shift`` half-power bandwidths at the largest: each line is
+    the smallest real root of a cubic for |q|^2."""
+    model, w = truth(), 2 * np.pi * FREQUENCIES
+    omega, zeta = 2 * np.pi * NATURAL[2], ZETA[2]
+    soft = 2 * omega**2 * shift * 2 * zeta * (2 * zeta * omega**2) ** 2
+    size = []
+    for stiff, loss in zip(omega**2 - w**2, 2 * zeta * omega * w, strict=True):
+        roots = np.roots([soft**2, -2 * soft * stiff, stiff**2 + loss**2, -1.0])
+        size.append(min(one.real for one in roots if abs(one.imag) < 1e-6 * abs(one) and one.real > 0))
+    bent = 1 / (omega**2 - soft * np.array(size) - w**2 + 2j * zeta * omega * w)
+    straight = 1 / (omega**2 - w**2 + 2j * zeta * omega * w)
+    shape = model.shapes[:, 2]
+    return clean() - (w**2 * (bent - straight))[:, None, None] * np.outer(shape, shape[:1])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_linear_structures_under_noise_are_not_suspected(seed: int) -> None:
+    model, codes = fitted(noisy(clean(), seed))
+    assert not codes and len(model.poles) == 4
+    std = np.sqrt(model.covariance[:, [0, 1], [0, 1]])
+    assert np.all(np.abs(model.damping_ratios - ZETA) < 5 * std[:, 1])
+
+
+@pytest.mark.parametrize("shift", [0.05, 0.2, 1.0])
+def test_a_peak_that_leans_is_named(shift: float) -> None:
+    model, codes = fitted(noisy(leaning(shift), 11))
+    assert codes == {"leaning-peak"}
+    (finding,) = [one for one in model.findings if one.code == "leaning-peak"]
+    assert f"{model.natural_frequencies[2]:.6g} Hz" in finding.where
+    std = np.sqrt(model.covariance[:, [0, 1], [0, 1]])
+    # The damping ratio of the structure does not depend on the amplitude.
+    assert abs(model.damping_ratios[2] - ZETA[2]) < 1.96 * std[2, 1]
+    assert NATURAL[2] * (1 - 2 * ZETA[2] * shift) - 5 * std[2, 0] < model.natural_frequencies[2]
+    others = [0, 1, 3]
+    assert np.all(np.abs(model.damping_ratios[others] - ZETA[others]) < 5 * std[others, 1])
+
+
+def test_noise_in_a_force_that_falls_at_resonance_is_named() -> None:
+    """H1 tends to H / (1 + n / |F|^2), n a tenth of the least |F|^2; the shaker pulls the force down by 20 dB at each resonance."""
+    exact = clean()
+    w = 2 * np.pi * FREQUENCIES[:, None, None]
+    mobility = exact[:, :1] / (1j * w)
+    force = 1 / (1 + 9 * mobility / np.abs(mobility).max())
+    lowest = np.abs(force).min() ** 2
+    model, codes = fitted(noisy(exact / (1 + 0.1 * lowest / np.abs(force) ** 2), 21))
+    assert codes == {"force-noise"}
+    named = {one.where.rpartition(", ")[2] for one in model.findings if one.code == "force-noise"}
+    std = np.sqrt(model.covariance[:, 1, 1])
+    for mode, frequency in enumerate(model.natural_frequencies):
+        if f"{frequency:.6g} Hz" in named:
+            assert abs(model.damping_ratios[mode] - ZETA[mode]) < 1.96 * std[mode]
+
+
+@pytest.mark.parametrize("width", [3, 7])
+def test_lines_that_were_averaged_are_named(width: int) -> None:
+    step, half = FREQUENCIES[1] - FREQUENCIES[0], width // 2
+    wide = np.arange(-half, len(FREQUENCIES) + half) * step + FREQUENCIES[0]
+    values = np.array(synthesise(truth(), wide, "accelerance").values)
+    rng = np.random.default_rng(width)
+    std = 0.003 * np.sqrt(np.mean(np.abs(values) ** 2, axis=0) / 2)
+    values = values + std * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    mean = np.mean([values[k : k + len(FREQUENCIES)] for k in range(width)], axis=0)
+    model, codes = fitted(replace(noisy(clean(), 1), values=mean))
+    assert codes == {"smoothed-lines"}
+    std = np.sqrt(model.covariance[:, 1, 1])
+    # Averaging makes the peaks broader; the intervals hold the damping ratio of the structure.
+    assert np.all(model.damping_ratios[[0, 2]] > ZETA[[0, 2]])
+    assert np.all(np.abs(model.damping_ratios - ZETA) < 4 * std)
+
+
+@pytest.mark.parametrize("late", [8e-6, 60e-6])
+def test_late_channels_are_named_with_their_delay(late: float) -> None:
+    values = clean()
+    values[:, [1, 4]] *= np.exp(-2j * np.pi * FREQUENCIES * late)[:, None, None]
+    model, codes = fitted(noisy(values, 31))
+    assert codes == {"channel-delay"}
+    found = [one for one in model.findings if one.code == "channel-delay"]
+    assert [one.where.rpartition(" ")[2] for one in found] == ["2:+Z", "5:+Z"]
+    for one in found:
+        assert abs(one.value - late) < max(3 * one.limit, 0.02 * late)
+    exact = truth().residues()
+    error = model.residues() - exact
+    size = np.stack([error.real, error.imag], axis=-1)
+    squares = np.einsum("...a,...ab,...b->...", size, np.linalg.inv(model.uncertainty.residues), size)
+    assert np.all(squares[:, [1, 4]] < 25)
+
+
+def test_tones_of_the_mains_are_no_modes() -> None:
+    values = clean()
+    rng = np.random.default_rng(5)
+    for tone in 49.97 * np.arange(2, 10):
+        distance = (FREQUENCIES - tone) / (FREQUENCIES[1] - FREQUENCIES[0])
+        size = np.sqrt(np.mean(np.abs(clean()) ** 2, axis=0)) * np.exp(2j * np.pi * rng.random(values.shape[1:]))
+        values = values + (np.sinc(distance) * np.exp(-1j * np.pi * distance))[:, None, None] * size
+    model, codes = fitted(noisy(values, 41))
+    assert codes == {"mains"} and len(model.poles) == 4
+    (finding,) = [one for one in model.findings if one.code == "mains"]
+    assert "199.88 Hz" in finding.message and "399.76 Hz" in finding.message
+    std = np.sqrt(model.covariance[:, 1, 1])
+    assert np.all(np.abs(model.damping_ratios - ZETA) < 5 * std)
+    assert sum("mains" in one.reason for one in model.candidates) == finding.value
