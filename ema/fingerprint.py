@@ -38,6 +38,20 @@ def of_sources(root: Path) -> str:
     return whole.hexdigest()
 
 
+def compiled_modules(package: Path) -> list[Path]:
+    """Modules below the folder of a package that hold compiled code, and the one that says how it is compiled."""
+    return sorted([*package.rglob("*_kernels.py"), *package.glob("compiled.py")])
+
+
+def of_compiled(package: Path) -> str:
+    """SHA-256 of the names and texts of the ``compiled_modules`` of a package: they call each other."""
+    whole = hashlib.sha256()
+    for path in compiled_modules(package):
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        whole.update(f"{digest}  {path.relative_to(package).as_posix()}\n".encode())
+    return whole.hexdigest()
+
+
 @cache
 def of_code() -> str:
     """``of_sources`` of this installation, as it was when first asked for."""

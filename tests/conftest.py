@@ -8,6 +8,8 @@ import scipy.linalg  # noqa: F401 (loads linear algebra, so that its threads can
 from jaxtyping import install_import_hook
 from threadpoolctl import threadpool_limits
 
+from ema.fingerprint import compiled_modules
+
 ROOT = Path(__file__).resolve().parent.parent
 
 # Bounds on processor time are those of one thread; idle threads of linear algebra would be counted too.
@@ -16,12 +18,11 @@ threadpool_limits(1, user_api="blas")
 
 def _checked_modules() -> list[str]:
     """All modules but the compiled kernels, whose cached compilation the checker would break."""
-    modules = []
+    modules, compiled = [], compiled_modules(ROOT / "ema")
     for package in ("ema", "acquisition"):
         for path in (ROOT / package).rglob("*.py"):
-            name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-            if not name.endswith("_kernels") and path.name != "__init__.py":
-                modules.append(name)
+            if path not in compiled and path.name != "__init__.py":
+                modules.append(".".join(path.relative_to(ROOT).with_suffix("").parts))
     return modules
 
 

@@ -4,7 +4,6 @@ A law is compiled on its own, once, and the solvers once for all laws: a further
 call serves a whole group of contacts, so that calling by address costs nothing that could be measured.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numba as nb
@@ -23,14 +22,6 @@ INCREMENT = nb.void(nb.int64[::1], nb.float64, _TABLE, nb.float64[:, :, ::1], _T
 """What every law is compiled for: ``law(group, rate, parameters, curves, exchange, before, after)``."""
 OWN_LAW = nb.float64(*[nb.float64] * 8)
 """A law of the user's own, for one contact."""
-
-kernel: Callable[..., Any] = nb.njit(cache=True, error_model="numpy", _nrt=False)
-"""Decorator of a compiled function that Python calls; those below serve others only, which saves a quarter of the time
-that compiling takes."""
-_INNER = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-inner: Callable[..., Any] = nb.njit(**_INNER)
-FAST = {"reassoc", "contract", "nsz", "arcp"}
-fast: Callable[..., Any] = nb.njit(**_INNER, fastmath=FAST)
 
 
 def address(law: Any) -> int:

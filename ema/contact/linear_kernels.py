@@ -1,6 +1,6 @@
 """Products of small matrices and vectors, written out: shorter to compile than those of numpy, and faster."""
 
-from ema.contact.call_kernels import fast, inner
+from ema.compiled import fast, inner
 
 
 @fast

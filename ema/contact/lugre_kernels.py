@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY, kernel
+from ema.compiled import kernel
+from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
 
 
 @kernel

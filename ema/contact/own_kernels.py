@@ -1,6 +1,7 @@
 """A law of the user's own: a C function of force and way for one contact; slopes by difference. State: the force."""
 
-from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, OWN, SLOPE, STIFFNESS, WAY, kernel, own_force
+from ema.compiled import kernel
+from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, OWN, SLOPE, STIFFNESS, WAY, own_force
 
 _SMALL = 1e-7
 """Way of the difference over F_C/k_T: half the digits of the slope are right."""

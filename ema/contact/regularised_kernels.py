@@ -3,7 +3,8 @@
 State: the force, its coordinate on the virgin curve, and the slip force for which that holds (0 where it does not).
 """
 
-from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY, kernel
+from ema.compiled import kernel
+from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
 
 
 @kernel

@@ -14,18 +14,8 @@ energy, whose slope along a step is -rest.y.
 
 import numpy as np
 
-from ema.contact.call_kernels import (
-    ADDRESS,
-    EXCESS,
-    FORCE,
-    LIMIT,
-    SLOPE,
-    WAY,
-    fast,
-    increments,
-    inner,
-    kernel,
-)
+from ema.compiled import fast, inner, kernel
+from ema.contact.call_kernels import ADDRESS, EXCESS, FORCE, LIMIT, SLOPE, WAY, increments
 from ema.contact.linear_kernels import add_rows, matvec
 
 MOST = 200

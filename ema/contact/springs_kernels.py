@@ -1,6 +1,7 @@
 """Masing (Jenkins) springs in parallel: Masing, Coulomb, n springs, Iwan. State: the force of every spring."""
 
-from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, OWN, SLOPE, STIFFNESS, WAY, kernel
+from ema.compiled import kernel
+from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, OWN, SLOPE, STIFFNESS, WAY
 
 
 @kernel

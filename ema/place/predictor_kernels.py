@@ -9,12 +9,12 @@ A_tn C A_nt, and the mode gains the dynamic stiffness D = phi^T C phi + psi^T f 
 import math
 
 import numpy as np
-from numba import njit
 
+from ema.compiled import compiled
 from ema.place.describing import START, STEP
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def describing(amplitude, table):
     """Complex secant stiffness over k_T, and its derivative, at an amplitude in units of the slip limit."""
     place = (math.log(amplitude) - START) / STEP if amplitude > 0 else -1.0
@@ -34,7 +34,7 @@ COUPLED, ALONE, SPRUNG, HELD = range(4)
 """The complex matrices ``m`` (matrix, joint, joint); the real ones ``a`` are the receptances tt, tn and nn."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def receptances(square, squares, tangential, normal, rest, a):
     """Receptances of the free beam between the joints; ``rest`` are the modes far above, to second order in omega."""
     joints = tangential.shape[0]
@@ -52,7 +52,7 @@ def receptances(square, squares, tangential, normal, rest, a):
                 a[2, i, j] += ni * normal[j, k]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def hold(m):
     """Inverse of ``m[SPRUNG]`` by elimination without row exchange: springs and receptances are never odd."""
     n = m.shape[1]
@@ -72,7 +72,7 @@ def hold(m):
                     m[HELD, i, j] -= factor * m[HELD, k, j]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def eliminate(x):
     """Solve by Gaussian elimination with row exchange: quicker than a library call for a few unknowns.
 
@@ -100,7 +100,7 @@ def eliminate(x):
         x[n, k] /= x[k, k]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def unbalanced(k_t, limit, loss, table, x, z, m):
     """What is left of r + R f(r) = psi q, as real and imaginary parts in the last row of ``x``; its largest entry."""
     n = z.shape[1]
@@ -123,7 +123,7 @@ def unbalanced(k_t, limit, loss, table, x, z, m):
     return math.sqrt(largest)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def slips(k_t, limit, loss, table, x, z, m):
     """Newton with halved steps for r + R f(r) = psi q from the start in ``z``; what is left, over the size."""
     n = z.shape[1]
@@ -172,7 +172,7 @@ def slips(k_t, limit, loss, table, x, z, m):
     return left / size
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def linear_part(omega, beam, z, m, a):
     """psi and R of the beam on its normal springs; the dynamic stiffness it gives the mode without friction forces."""
     phi, lever, k_n, squares, tangential, normal, rest = beam
@@ -208,7 +208,7 @@ def linear_part(omega, beam, z, m, a):
     return added
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def under_force(stiffness, load, k_t, limit, loss, table, x, z, m):
     """Complex amplitude q of the mode under a modal force, and what is left of the contact equation.
 
@@ -228,13 +228,13 @@ def under_force(stiffness, load, k_t, limit, loss, table, x, z, m):
     return pushed * yielding, left
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def bare_stiffness(omega, omega0, zeta0):
     """Dynamic stiffness of the mode without the beam, per modal mass."""
     return omega0**2 - omega**2 + 2j * zeta0 * omega0 * omega
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def height_at(log_ratio, mode, load, beam, contact, x, z, m, a):
     """Amplitude of the mode under a modal force at a frequency; 0 where the contacts were not solved."""
     k_t, limit, loss, table = contact
@@ -249,7 +249,7 @@ COARSE, FIRST, NEXT, WIDEST = 0.014, 8, 4, 30
 following force levels, and at most."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def climb(places, heights, top, mode, load, beam, contact, x, z, m, a):
     """Place and response of the maximum next to ``top`` to 1e-4: 1 / height^2 is nearly a parabola. Slips in ``z``."""
     at, y = places[top - 1 : top + 2].copy(), heights[top - 1 : top + 2].copy()
@@ -282,7 +282,7 @@ def climb(places, heights, top, mode, load, beam, contact, x, z, m, a):
     return at[1], found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def look(k, scan, mode, load, beam, contact, x, z, m, a):
     """Height of the response at one frequency of the scan, computed when it is asked for."""
     places, heights, known, stiffness, psis, frees = scan
@@ -299,7 +299,7 @@ def look(k, scan, mode, load, beam, contact, x, z, m, a):
     return heights[k]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def highest(middle, reach, scan, mode, load, beam, contact, x, z, m, a):
     """The highest place of the scan with two lower neighbours; -1 where there is none.
 
@@ -323,7 +323,7 @@ def highest(middle, reach, scan, mode, load, beam, contact, x, z, m, a):
     return -1
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def one_mode(omega0, zeta0, driver, levels, beam, contact):
     """Frequency, damping, slip ratio and dynamic stiffness of a mode at every force level (ascending), or NaN.
 
@@ -366,7 +366,7 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def held_ahead(omega, mode, beam, contact, z, m, a):
     """Change of the real dynamic stiffness over a frequency step of 1e-4 with the contacts' secant stiffness held."""
     k_t, limit, loss, table = contact
@@ -391,7 +391,7 @@ def held_ahead(omega, mode, beam, contact, z, m, a):
     return (total[1] - total[0]).real
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def all_places(
     omega0, zeta0, driver, levels, phi, lever, kind, k_n, squares, tangential, normal, rest, k_t, limits, loss, table
 ):

@@ -1,10 +1,7 @@
 """The friction-beam simulator and the virtual rig."""
 
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from ema.simulate.kernel_cache import drop_stale
 
 if TYPE_CHECKING:
     from ema.elements import beam, double_beam, plate_matrices
@@ -43,8 +40,6 @@ if TYPE_CHECKING:
     from ema.simulate.transient import respond, snapback
     from ema.simulate.virtual import VirtualRig
     from ema.simulate.waveforms import hammer_pulse, stepped_sine, swept_sine
-
-drop_stale(Path(__file__).parent, Path(__file__).parents[1] / "contact")
 
 _NAMES = {
     "Blow": "inputs",

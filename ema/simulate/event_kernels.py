@@ -4,11 +4,11 @@ Between changes every mode is mean + exp(-half t) (re cos wt - im sin wt), and w
 motion is added. All modes of a phase share ``half``, which mass-proportional damping gives.
 """
 
-import numba as nb
 import numpy as np
 
+from ema.compiled import compiled, fast_with_arrays, inner_with_arrays
 from ema.contact.linear_kernels import copy_into, matvec
-from ema.simulate.phase_kernels import called, called_fast, into_modes, phase_of
+from ema.simulate.phase_kernels import into_modes, phase_of
 
 # rows of the work array of a phase: wave, mean, forced wave, frequency, and displacement and velocity at some time
 RE, IM, MEAN, TIDE_RE, TIDE_IM, OMEGA, X, V, COS, SIN, NOW_RE, NOW_IM = range(12)
@@ -19,7 +19,7 @@ HORIZON = 0.02
 TERMS = 60
 
 
-@called_fast
+@fast_with_arrays
 def motion(wave, half, pulse, t):
     """Displacements and velocities (rows X, V) at time t after the start of a phase."""
     fade, c, s = np.exp(-half * t), np.cos(pulse * t), np.sin(pulse * t)
@@ -33,7 +33,7 @@ def motion(wave, half, pulse, t):
         wave[V, r] = -half * a - wave[OMEGA, r] * b - pulse * turned
 
 
-@called_fast
+@fast_with_arrays
 def begin(wave, q, p, vectors, squares, slips, force, load, half, pulse, angle):
     """Waves of a phase that starts with the modal state q, p under contact forces ``force`` and a harmonic load."""
     into_modes(slips, force, wave[MEAN])
@@ -55,7 +55,7 @@ def begin(wave, q, p, vectors, squares, slips, force, load, half, pulse, angle):
         wave[RE, r], wave[IM, r] = x, -(v + half * x) / wave[OMEGA, r]
 
 
-@called
+@inner_with_arrays
 def grown(rate, t):
     """Integral of exp(rate s) over s from 0 to t."""
     x = rate * t
@@ -64,7 +64,7 @@ def grown(rate, t):
     return (np.exp(x) - 1.0) / rate
 
 
-@called
+@inner_with_arrays
 def books(wave, half, pulse, t):
     """Loss to damping and work of the harmonic load over the first t s of a phase, in closed form.
 
@@ -92,14 +92,14 @@ def books(wave, half, pulse, t):
     return lost, supplied
 
 
-@nb.njit(cache=True)
+@compiled()
 def books_over(wave, half, pulse, times, out):
     """The same up to each of ``times``, in the columns of ``out``."""
     for n in range(len(times)):
         out[n, 0], out[n, 1] = books(wave, half, pulse, times[n])
 
 
-@called
+@inner_with_arrays
 def excess(slide, k, limit, rest, u, v, blur, still):
     """Positive once a spring has to change: a stuck one above its limit, a sliding one whose velocity reverses.
 
@@ -110,7 +110,7 @@ def excess(slide, k, limit, rest, u, v, blur, still):
     return -slide * v - still
 
 
-@called_fast
+@fast_with_arrays
 def series(row, wave, half, pulse, t, dt, out):
     """Taylor coefficients of the relative displacement of one contact about the time t of the rows NOW_RE, NOW_IM.
 
@@ -142,7 +142,7 @@ def series(row, wave, half, pulse, t, dt, out):
     return TERMS
 
 
-@called_fast
+@fast_with_arrays
 def polynomial(terms, count, s):
     """Value and derivative of a polynomial."""
     value, slope = 0.0, 0.0
@@ -152,7 +152,7 @@ def polynomial(terms, count, s):
     return value, slope
 
 
-@called
+@inner_with_arrays
 def crossing(terms, count, dt, slide, k, limit, rest, blur, still, start, end):
     """Share of ``dt`` at which a spring changes, by the Illinois form of false position on the exact motion."""
     if start >= 0.0:
@@ -175,7 +175,7 @@ def crossing(terms, count, dt, slide, k, limit, rest, blur, still, start, end):
     return high
 
 
-@called_fast
+@fast_with_arrays
 def turn(wave):
     """Turn all waves by one interval."""
     for r in range(wave.shape[1]):
@@ -184,7 +184,7 @@ def turn(wave):
         wave[NOW_IM, r] = a * wave[SIN, r] + b * wave[COS, r]
 
 
-@called_fast
+@fast_with_arrays
 def present(wave, half, pulse, t):
     """Displacements and velocities at the rows NOW_RE and NOW_IM."""
     c, s = np.cos(pulse * t), np.sin(pulse * t)
@@ -197,7 +197,7 @@ def present(wave, half, pulse, t):
             wave[V, r] -= pulse * (wave[TIDE_RE, r] * s + wave[TIDE_IM, r] * c)
 
 
-@called
+@inner_with_arrays
 def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still, room):
     """First time up to ``horizon`` at which a spring sticks or slips, and that spring (-1: none)."""
     contact, k, limit, rest, slide, _ = springs
@@ -241,7 +241,7 @@ def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still,
     return horizon, -1
 
 
-@called
+@inner_with_arrays
 def change(springs, j, u, lost):
     """Let one spring stick or slip at relative displacement u."""
     contact, k, limit, rest, slide, begun = springs
@@ -254,7 +254,7 @@ def change(springs, j, u, lost):
         slide[j] = 0.0
 
 
-@called
+@inner_with_arrays
 def pulls(springs, force):
     """Constant part of the contact forces of a phase."""
     contact, k, limit, rest, slide, _ = springs
@@ -263,7 +263,7 @@ def pulls(springs, force):
         force[contact[j]] += k[j] * rest[j] if slide[j] == 0.0 else -slide[j] * limit[j]
 
 
-@called
+@inner_with_arrays
 def keep(sample, slip, q, p, springs, lost, samples):
     """One sample: modal state, forces of the springs and friction loss of the contacts so far."""
     contact, k, limit, rest, slide, begun = springs
@@ -282,7 +282,7 @@ def keep(sample, slip, q, p, springs, lost, samples):
             out_lost[sample, i] += limit[j] * abs(u[i] - begun[j])
 
 
-@nb.njit(cache=True)
+@compiled()
 def follow(numbers, times, last, search, base, springs, state, sums, half, harmonic, phases, used, samples, most):
     """Go on from event to event until sample ``last`` is kept; ``numbers`` says where the motion is.
 

@@ -195,8 +195,11 @@ class PackedLaws:
     @property
     def arguments(self) -> tuple[Any, ...]:
         """Codes, parameters, shares of stiffness and force, counts, tables and the user's function."""
+        from ema.simulate.friction_kernels import no_user_law
+
+        user = no_user_law() if self.user is None else self.user
         return (
-            self.codes, self.parameters, self.stiffness_shares, self.force_shares, self.counts, self.tables, self.user
+            self.codes, self.parameters, self.stiffness_shares, self.force_shares, self.counts, self.tables, user
         )  # fmt: skip
 
 
@@ -219,8 +222,6 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
     ------
     InputError : a law is unknown or lacks a parameter, or more than one law of the user's own is present.
     """
-    from ema.simulate.friction_kernels import no_user_law
-
     size = len(laws)
     for law in {id(law): law for law in laws}.values():
         check_parameters(law)
@@ -230,7 +231,7 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
     parameters, shares_k, shares_f = np.zeros((size, 8)), np.zeros((size, width)), np.zeros((size, width))
     shares_f[:, 0] = shares_k[:, 0] = 1.0
     tables: dict[float, int] = {}
-    user, user_name = no_user_law, ""
+    user, user_name = None, ""
     for row, law in enumerate(laws):
         values = [value for _, value in law.parameters]
         if law.name in REGISTERED:

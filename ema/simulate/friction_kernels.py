@@ -4,23 +4,29 @@ Each law takes its internal state ``z0`` from displacement ``u0`` to ``u1`` and 
 with the tangents ``a = df1/df0`` and ``b = df1/du1`` of every internal force for harmonic balance.
 """
 
+from functools import cache
+
 import numba as nb
 
+from ema.compiled import compiled
 from ema.contact.dahl_kernels import dahl_step
 from ema.contact.lugre_kernels import lugre_step
 from ema.contact.regularised_kernels import regularised_step
 
 PARALLEL, REGULARISED, DAHL, LUGRE, USER = range(5)
-USER_TYPE = nb.types.FunctionType(nb.float64(*[nb.float64] * 8))
 
 
-@nb.cfunc(nb.float64(*[nb.float64] * 8), cache=True)
-def no_user_law(force, du, stiffness, limit, p0, p1, p2, p3):
+@cache
+def no_user_law():
     """The place-holder of models without a law of the user's own."""
+    return nb.cfunc(nb.float64(*[nb.float64] * 8))(_unchanged)
+
+
+def _unchanged(force, du, stiffness, limit, p0, p1, p2, p3):
     return force
 
 
-@nb.njit(cache=True)
+@compiled()
 def parallel_step(i, stiffness, limit, shares_k, shares_f, count, du, z0, z1, a, b):
     """Masing (Jenkins) springs in parallel: return map of Eq. (4)."""
     force, slope = 0.0, 0.0
@@ -39,7 +45,7 @@ def parallel_step(i, stiffness, limit, shares_k, shares_f, count, du, z0, z1, a,
     return force, slope
 
 
-@nb.njit(cache=True)
+@compiled()
 def user_step(k, limit, p0, p1, p2, p3, user, du, f0):
     """A user's own law: new force from old force and slip increment; slopes by difference."""
     force = user(f0, du, k, limit, p0, p1, p2, p3)
@@ -51,7 +57,7 @@ def user_step(k, limit, p0, p1, p2, p3, user, du, f0):
     return force, b, 0.0, 0.0, a, b
 
 
-@nb.njit(cache=True)
+@compiled()
 def single_step(code, i, k, limit, par, tables, user, u0, u1, h, s0, s1, s2):
     """One increment of a law with one internal force: force, slope, the three numbers of its state, tangents a, b."""
     du = u1 - u0
@@ -69,7 +75,7 @@ def single_step(code, i, k, limit, par, tables, user, u0, u1, h, s0, s1, s2):
     return force, slope, force, x, top, a, b
 
 
-@nb.njit(cache=True)
+@compiled()
 def step(code, i, stiffness, limit, par, shares_k, shares_f, count, tables, user, u0, u1, h, z0, z1, a, b):
     """One increment of contact i with any law: force at u1 and its slope; arrays are those of all contacts."""
     if code == PARALLEL:
@@ -80,7 +86,7 @@ def step(code, i, stiffness, limit, par, shares_k, shares_f, count, tables, user
     return force, slope
 
 
-@nb.njit(cache=True)
+@compiled()
 def stored_energy(i, code, stiffness, shares_k, count, z):
     """Energy that the springs of contact i can give back."""
     if code == PARALLEL:
@@ -91,7 +97,7 @@ def stored_energy(i, code, stiffness, shares_k, count, z):
     return z[i, 0] * z[i, 0] / (2.0 * stiffness)
 
 
-@nb.njit(cache=True)
+@compiled()
 def project(i, code, limit, shares_f, count, z):
     """Bring the forces of contact i below a new slip force; returns the change of its force."""
     change = 0.0

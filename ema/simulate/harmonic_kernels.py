@@ -4,15 +4,15 @@ Unknown are the cos and sin amplitudes (contact, 2 H) of the relative displaceme
 deviation g = f - k u from a stuck spring, so that a stuck contact needs no equation.
 """
 
-import numba as nb
 import numpy as np
 
+from ema.compiled import compiled
 from ema.contact.linear_kernels import matvec
 from ema.simulate.period_kernels import masing_period
 from ema.simulate.quadrature_kernels import smooth_period
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def largest(row):
     """The largest absolute value of a row."""
     top = 0.0
@@ -21,7 +21,7 @@ def largest(row):
     return top
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def reach(amplitudes):
     """What a motion cannot exceed: the sum of the sizes of its harmonics."""
     total = 0.0
@@ -30,7 +30,7 @@ def reach(amplitudes):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def weakest(stiffness, limit, shares_k, shares_f, count):
     """Displacement at which the first of parallel springs slides."""
     least = np.inf
@@ -39,7 +39,7 @@ def weakest(stiffness, limit, shares_k, shares_f, count):
     return least
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limits, members, laws, general, derive):
     """Deviations G (contact, 2 H), Jacobian (contact, member, 2 H, 2 H), losses per period, who slips.
 
@@ -79,7 +79,7 @@ def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limit
     return forces, jacobian, lost, slips
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def residual(amplitudes, drive, gains, forces):
     """u - u_drive + Z G in cos and sin amplitudes (X = a - j b)."""
     contacts, size = amplitudes.shape
@@ -96,7 +96,7 @@ def residual(amplitudes, drive, gains, forces):
     return out
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def newton_matrix(gains, jacobian, members, slips, moving):
     """I + Z dG/dU over the contacts ``moving``, (contact 2 H, contact 2 H)."""
     size = jacobian.shape[2]
@@ -124,7 +124,7 @@ def newton_matrix(gains, jacobian, members, slips, moving):
     return out
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def linear_change(change, jacobian, members, slips):
     """Change of the contact forces (contact, 2 H) that follows from a change of the amplitudes, dG/dU change."""
     out = np.zeros(change.shape)
@@ -142,7 +142,7 @@ def linear_change(change, jacobian, members, slips):
     return out
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def inner(left, right):
     """Scalar product of two arrays (contact, 2 H)."""
     total = 0.0
@@ -152,7 +152,7 @@ def inner(left, right):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def add(factor, what, out):
     """out += factor what, for arrays (contact, 2 H)."""
     for i in range(what.shape[0]):
@@ -160,7 +160,7 @@ def add(factor, what, out):
             out[i, c] += factor * what[i, c]
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def precondition(vector, shapes, weights, inverse, blocks, seen, out):
     """A coarse inverse on what the shapes see of a vector (contact, 2 H), the identity on the rest.
 
@@ -194,7 +194,7 @@ def precondition(vector, shapes, weights, inverse, blocks, seen, out):
                 out[i, c] += shapes[i, a] * change
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def krylov_step(gains, jacobian, members, slips, rest, shapes, weights, inverse, blocks, forcing):
     """Solve (I + Z dG/dU) step = rest by GMRES with the coarse inverse to the share ``forcing`` of the rest.
 

@@ -1,14 +1,15 @@
 """The stabilised loop of Eq. (5) in closed form up to one quadrature; compiled, because fits call it often."""
 
-import numba as nb
 import numpy as np
+
+from ema.compiled import compiled
 
 _NODES = 36.0 * np.linspace(0, 1, 161) ** 4
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _POINTS, _WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
 
 
-@nb.njit(cache=True)
+@compiled()
 def rate(y, exponent):
     """dx/dy of the virgin curve dphi/dx = 1 - phi^m with phi = 1 - exp(-y)."""
     if y < 1e-12:
@@ -17,7 +18,7 @@ def rate(y, exponent):
     return rest / -np.expm1(exponent * np.log1p(-rest))
 
 
-@nb.njit(cache=True)
+@compiled()
 def virgin_places(exponent, nodes, points, weights):
     """Way x at every node y of the virgin curve, and the slopes dy/dx there."""
     places, slopes = np.zeros(len(nodes)), np.empty(len(nodes))
@@ -31,7 +32,7 @@ def virgin_places(exponent, nodes, points, weights):
     return places, slopes
 
 
-@nb.njit(cache=True)
+@compiled()
 def virgin_force(x, nodes, places, slopes):
     """Force over F_C at way x (in units of F_C/k_T), cubic between the nodes."""
     if x <= 0.0:
@@ -47,7 +48,7 @@ def virgin_force(x, nodes, places, slopes):
     return -np.expm1(-y)
 
 
-@nb.njit(cache=True)
+@compiled()
 def stabilised(travel, falling, amplitude, stiffness, slip_force, exponent, play):
     """Force at ``travel`` after the last reversal: elastic to zero, across the play, then along the virgin curve."""
     places, slopes = virgin_places(exponent, _NODES, _POINTS, _WEIGHTS)

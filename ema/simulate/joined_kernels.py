@@ -5,9 +5,9 @@ isotropic contact, ``normal_of`` the normal contact that presses it (counted fro
 none; ``friction`` is the slip force over the momentary normal force.
 """
 
-import numba as nb
 import numpy as np
 
+from ema.compiled import compiled
 from ema.contact.linear_kernels import matvec
 from ema.simulate.friction_kernels import LUGRE, PARALLEL, project, step, stored_energy
 from ema.simulate.normal_kernels import FORCE, PENETRATION, mean_pull, pull, solve_pull
@@ -30,7 +30,7 @@ from ema.simulate.transient_kernels import (
 LEAST, GREATEST, OPEN, FIRST, GAP = range(5)
 
 
-@nb.njit(cache=True)
+@compiled()
 def contact_solve(i, free, gain, k, tolerance, limit, laws, u0, f0, h, z0, z1, a, b):
     """Displacement of contact i from u + gain * (f(u) - k u) = free; returns u and f.
 
@@ -64,7 +64,7 @@ def contact_solve(i, free, gain, k, tolerance, limit, laws, u0, f0, h, z0, z1, a
     return u, force
 
 
-@nb.njit(cache=True)
+@compiled()
 def solve_plane(
     i, j, rx, ry, gains, k, limit, tolerance, codes, par, shares_k, shares_f, counts, tables, ux0, uy0, fx0, fy0, h,
     z0, z1, a, b,
@@ -109,7 +109,7 @@ def solve_plane(
     return x, y, fx, fy
 
 
-@nb.njit(cache=True)
+@compiled()
 def sweep_joined(
     gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, sweeps, u1, f1,
     change,
@@ -181,7 +181,7 @@ def sweep_joined(
     return sweeps, moved / size
 
 
-@nb.njit(cache=True)
+@compiled()
 def forces_joined(
     stiffness, limits, laws, ties,
     mean, u0, f0, h, z0, z1, a, b, a2, b2, u1, f1, own, cross, pressed,
@@ -235,7 +235,7 @@ def forces_joined(
                 pressed[i] = -(px - f1[i]) * friction[i] * slopes[n] / more
 
 
-@nb.njit(cache=True)
+@compiled()
 def newton_joined(
     gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, most, u1, f1, change,
 ):  # fmt: skip
@@ -288,7 +288,7 @@ def newton_joined(
     return norm / size
 
 
-@nb.njit(cache=True)
+@compiled()
 def solve_joined(
     gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, u1, f1, change,
 ):  # fmt: skip
@@ -312,7 +312,7 @@ def solve_joined(
     return 180, moved
 
 
-@nb.njit(cache=True)
+@compiled()
 def relax_joined(
     gains, free, stiffness, limits, laws, ties, u, f, z,
 ):  # fmt: skip
@@ -330,7 +330,7 @@ def relax_joined(
     return residual
 
 
-@nb.njit(cache=True)
+@compiled()
 def stored_joined(stiffness, codes, shares_k, counts, pairs, curve, u, z):
     """Energy in all contacts; that of the normal contacts is counted from their preload."""
     total, first = 0.0, len(u) - len(pairs)
@@ -343,7 +343,7 @@ def stored_joined(stiffness, codes, shares_k, counts, pairs, curve, u, z):
     return total
 
 
-@nb.njit(cache=True)
+@compiled()
 def project_plane(i, j, code, limit, shares_f, count, z):
     """Bring the forces of an isotropic contact straight back to its smaller circle; returns their changes."""
     dx, dy = 0.0, 0.0
@@ -357,7 +357,7 @@ def project_plane(i, j, code, limit, shares_f, count, z):
     return dx, dy
 
 
-@nb.njit(cache=True)
+@compiled()
 def lower_joined(limit, last, stiffness, laws, ties, slip, f, g, pulled, z, energies):
     """Bring friction forces below given slip forces that fell."""
     codes, _, shares_k, shares_f, counts, _, _ = laws
@@ -386,7 +386,7 @@ def lower_joined(limit, last, stiffness, laws, ties, slip, f, g, pulled, z, ener
     last[:] = limit
 
 
-@nb.njit(cache=True)
+@compiled()
 def book_joined(n, stiffness, laws, ties, u, f, z, u1, f1, z1, b, b2, sums, kept):
     """Friction loss of a step and the new state; normal contacts lose nothing."""
     codes, _, shares_k, _, counts, _, _ = laws
@@ -424,7 +424,7 @@ def book_joined(n, stiffness, laws, ties, u, f, z, u1, f1, z1, b, b2, sums, kept
     u[:], f[:], z[:] = u1, f1, z1
 
 
-@nb.njit(cache=True)
+@compiled()
 def advance_joined(
     steps, every, h, modal, joints, limits, loads, load_rows, laws, ties, state, sums, last_limits, kept, done, places,
     samples,

@@ -4,9 +4,9 @@ For friction in two directions and normal forces that change there is no closed 
 are followed through even samples from the unstressed state until the cycle closes, with their tangents.
 """
 
-import numba as nb
 import numpy as np
 
+from ema.compiled import compiled
 from ema.simulate.friction_kernels import LUGRE, PARALLEL, step
 from ema.simulate.normal_kernels import FORCE, pull
 from ema.simulate.plane_kernels import plane_step
@@ -14,7 +14,7 @@ from ema.simulate.plane_kernels import plane_step
 _NUDGE, _SETTLED = 1e-6, 1e-10
 
 
-@nb.njit(cache=True)
+@compiled()
 def normal_period(pair, curve, k, motion, basis, weights, forces, jacobian, depth):
     """Deviation of one normal contact; ``depth`` (2, sample) receives its normal force and its fall with the gap."""
     samples, size = basis.shape
@@ -31,7 +31,7 @@ def normal_period(pair, curve, k, motion, basis, weights, forces, jacobian, dept
                 jacobian[r, c] += lever * slope[n] * basis[n, c]
 
 
-@nb.njit(cache=True)
+@compiled()
 def gather(n, weights, basis, deviation, change, forces, jacobian):
     """Add one sample to the Fourier coefficients and to their derivatives; ``change`` (member, 2 H)."""
     for r in range(len(weights)):
@@ -43,7 +43,7 @@ def gather(n, weights, basis, deviation, change, forces, jacobian):
                     jacobian[m, r, c] += lever * change[m, c]
 
 
-@nb.njit(cache=True)
+@compiled()
 def lag(code, way, changes):
     """Weight of the old slip force in the one that stands for a step: second order for laws that approach it smoothly.
 
@@ -56,7 +56,7 @@ def lag(code, way, changes):
     return 1.0 / way - 1.0 / np.expm1(way) if way < 30.0 else 1.0 / way
 
 
-@nb.njit(cache=True)
+@compiled()
 def hold_line(limit, grown, force, tangent):
     """Bring a force below a slip force that fell, with its ``tangent`` (by motion and gap, 2 H).
 
@@ -70,7 +70,7 @@ def hold_line(limit, grown, force, tangent):
     return sign * limit
 
 
-@nb.njit(cache=True)
+@compiled()
 def hold_plane(limit, grown, fx, fy, tangent):
     """Bring a force straight back to a circle that shrank, with its ``tangent`` (component, by x, y and gap, 2 H)."""
     size = np.sqrt(fx * fx + fy * fy)
@@ -85,7 +85,7 @@ def hold_plane(limit, grown, fx, fy, tangent):
     return ratio * fx, ratio * fy
 
 
-@nb.njit(cache=True)
+@compiled()
 def line_period(i, motion, basis, weights, h, periods, k, limit, fall, laws, z, z1, z2, a, b, forces, jacobian):
     """One friction contact in one direction. ``limit`` and ``fall`` (sample,): slip force, its change with the gap.
 
@@ -141,7 +141,7 @@ def line_period(i, motion, basis, weights, h, periods, k, limit, fall, laws, z, 
     return lost
 
 
-@nb.njit(cache=True)
+@compiled()
 def plane_period(
     i, j, motion_x, motion_y, basis, weights, h, periods, k, limit, fall, laws, z, z1, z2, a, b, forces, jacobian
 ):  # fmt: skip
@@ -216,7 +216,7 @@ def plane_period(
     return lost
 
 
-@nb.njit(cache=True)
+@compiled()
 def joined_forces(amplitudes, orders, basis, periods, omega, stiffness, limits, laws, ties):
     """Deviations G (contact, 2 H), Jacobian (contact, 3, 2 H, 2 H), losses, who deviates, and extremes of the pressure.
 

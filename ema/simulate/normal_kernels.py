@@ -4,15 +4,16 @@ The gap of a node pair opens by v from the state of preload: the force that pull
 with the penetration d_s and the normal force N_s at rest. Its energy is counted from there.
 """
 
-import numba as nb
 import numpy as np
+
+from ema.compiled import compiled
 
 POWER, CURVE = range(2)
 # columns of the table of pairs
 KIND, SCALE, EXPONENT, PENETRATION, FORCE, ENERGY, FIRST, LAST = range(8)
 
 
-@nb.njit(cache=True)
+@compiled()
 def press(pair, curve, depth):
     """Normal force, its slope and the energy stored at a penetration ``depth``."""
     if pair[KIND] == POWER:
@@ -39,14 +40,14 @@ def press(pair, curve, depth):
     return pair[SCALE] * force, pair[SCALE] * slope, pair[SCALE] * (curve[2, low] + 0.5 * (curve[1, low] + force) * way)
 
 
-@nb.njit(cache=True)
+@compiled()
 def pull(pair, curve, v):
     """Force that closes a gap opened by v, its slope, and the energy since the preload."""
     force, slope, energy = press(pair, curve, pair[PENETRATION] - v)
     return pair[FORCE] - force, slope, energy - pair[ENERGY] + pair[FORCE] * v
 
 
-@nb.njit(cache=True)
+@compiled()
 def mean_pull(pair, curve, v0, v1):
     """Mean of the closing force while the gap goes from v0 to v1, and its slope by v1: work to the last digit."""
     moved = v1 - v0
@@ -62,7 +63,7 @@ def mean_pull(pair, curve, v0, v1):
     return mean, max((f1 - mean) / moved, 0.0)
 
 
-@nb.njit(cache=True)
+@compiled()
 def solve_pull(pair, curve, k, gain, free, v0, f0, mean, tolerance):
     """Gap opening v from v + gain (f(v) - k v) = free; ``mean``: f is what makes (f0 + f)/2 the mean over the way.
 
@@ -93,7 +94,7 @@ def solve_pull(pair, curve, k, gain, free, v0, f0, mean, tolerance):
     return v, force
 
 
-@nb.njit(cache=True)
+@compiled()
 def press_all(pairs, curve, depth):
     """Normal forces, slopes and energies (pair,) at penetrations (pair,)."""
     out = np.empty((3, len(depth)))

@@ -5,15 +5,15 @@ moves through these stretches one by one: it is stuck, then slides from a place 
 So the Fourier integrals of its force, their derivatives and its loss are sums of closed forms, without samples.
 """
 
-import numba as nb
 import numpy as np
 
+from ema.compiled import compiled
 from ema.contact.linear_kernels import copy_into
 
 _CLOSE = 1e-7
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def waves(x, count, cosine, sine):
     """cos(n x) and sin(n x) for n = 0 ... count - 1."""
     c, s = np.cos(x), np.sin(x)
@@ -23,7 +23,7 @@ def waves(x, count, cosine, sine):
         sine[n] = sine[n - 1] * c + cosine[n - 1] * s
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def motion(amplitudes, orders, cosine, sine):
     """Displacement and its first three derivatives from the waves at an instant."""
     u, du, ddu, dddu = 0.0, 0.0, 0.0, 0.0
@@ -38,7 +38,7 @@ def motion(amplitudes, orders, cosine, sine):
     return u, du, ddu, dddu
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _next_place(x, value, slope, low, high, before):
     """Newton's next place, or the middle where it leaves the bracket or moves by more than half the step ``before``.
 
@@ -50,7 +50,7 @@ def _next_place(x, value, slope, low, high, before):
     return new, abs(new - x)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _root(amplitudes, orders, second, x, low, high, rising, cosine, sine):
     """Zero of the first (or ``second``) derivative in a stretch where it changes its sign; leaves its waves behind.
 
@@ -73,7 +73,7 @@ def _root(amplitudes, orders, second, x, low, high, rising, cosine, sine):
     return x
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine):
     """Turning points of a motion in ascending order: their ``place`` x, ``value`` u and waves; returns their number.
 
@@ -121,7 +121,7 @@ def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, 
     return found
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def crossing(amplitudes, orders, target, low, high, u_low, u_high, cosine, sine):
     """Place in a monotone stretch at which the motion reaches ``target``; leaves its waves behind."""
     left, right = low, high
@@ -145,7 +145,7 @@ def crossing(amplitudes, orders, target, low, high, u_low, u_high, cosine, sine)
     return x
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _add_stretch(from_x, from_c, from_s, to_x, to_c, to_s, orders, weight, out):
     """Add ``weight`` times the integrals of cos(h x) and sin(h x) over a stretch for the orders h."""
     for h in range(len(orders)):
@@ -157,7 +157,7 @@ def _add_stretch(from_x, from_c, from_s, to_x, to_c, to_s, orders, weight, out):
             out[2 * h + 1] -= weight * (to_c[n] - from_c[n]) / n
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _add_moments(from_x, from_c, from_s, to_x, to_c, to_s, weight, even_only, cosine, sine):
     """Add ``weight`` times the integrals of cos(n x) and sin(n x) over a stretch for all n."""
     cosine[0] += weight * (to_x - from_x)
@@ -167,7 +167,7 @@ def _add_moments(from_x, from_c, from_s, to_x, to_c, to_s, weight, even_only, co
         sine[n] -= weight * (to_c[n] - from_c[n]) / n
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _products(orders, cosine, sine, out):
     """Integrals of all products of cos(h x), sin(h x) from the moments of cos(n x) and sin(n x)."""
     for i in range(len(orders)):
@@ -186,7 +186,7 @@ def _products(orders, cosine, sine, out):
             out[r + 1, c], out[c, r + 1] = sc, sc
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _add_memory(memory, turns, orders, cosine, sine, jacobian):
     """Add what stuck stretches owe to the turning points at which they began, with ``memory`` (turn, 2 H)."""
     size = memory.shape[1]
@@ -203,7 +203,7 @@ def _add_memory(memory, turns, orders, cosine, sine, jacobian):
                 jacobian[r, 2 * h + 1] += weight * sine[m, orders[h]]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def masing_period(
     amplitudes, orders, rates, bends, odd, stiffness, limit, shares_k, shares_f, count, place, value, cosine, sine,
     forces, jacobian, derive,

@@ -5,20 +5,16 @@ follow from the roots of the secular equation (Golub 1973) and, to keep them ort
 exactly these roots (Gu and Eisenstat 1994). Modes are kept, and found again by their pattern.
 """
 
-import numba as nb
 import numpy as np
 
+from ema.compiled import compiled, fast_with_arrays, inner_with_arrays
 from ema.contact.linear_kernels import add_rows, copy_into, copy_table
 
-FAST = {"reassoc", "contract", "nsz", "arcp"}
-called = nb.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
-called_fast = nb.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST)
-"""Decorators of functions that only compiled ones call: a way in from Python would take time to compile."""
 NEGLIGIBLE = 1e-17
 """Share of the largest component of the update below which a component changes no mode."""
 
 
-@called_fast
+@fast_with_arrays
 def sums(gaps, weights, shift, split):
     """Sum of w/(gap - shift), and of w/(gap - shift)^2 up to and beyond ``split``."""
     total, left, right = 0.0, 0.0, 0.0
@@ -33,7 +29,7 @@ def sums(gaps, weights, shift, split):
     return total, left, right
 
 
-@called
+@inner_with_arrays
 def root(poles, weights, j, end, gaps):
     """Root of 1 + sum w/(d - x) between pole j and the next (``end`` after the last).
 
@@ -80,7 +76,7 @@ def root(poles, weights, j, end, gaps):
     return origin, shift
 
 
-@nb.njit(cache=True, fastmath={"contract", "nsz"})
+@compiled(fastmath={"contract", "nsz"})
 def updated_modes(squares, row, stiffness, rotation):
     """Squared frequencies after a spring ``stiffness`` at the modal ``row`` is added (removed where negative).
 
@@ -143,7 +139,7 @@ def updated_modes(squares, row, stiffness, rotation):
     return result, True
 
 
-@called
+@inner_with_arrays
 def find(sliding, keys, slots):
     """Place of a pattern in the table of slots: where it is, or where it belongs."""
     code = np.uint64(1469598103934665603)
@@ -162,7 +158,7 @@ def find(sliding, keys, slots):
     return place
 
 
-@called
+@inner_with_arrays
 def solve_whole(sliding, contact, k, stuck, total, squares, slip, phases, number):
     """Modes of a pattern from its whole matrix."""
     matrix = np.zeros((len(squares), len(squares)))
@@ -186,7 +182,7 @@ def solve_whole(sliding, contact, k, stuck, total, squares, slip, phases, number
     np.dot(slip, all_vectors[number], all_slips[number])
 
 
-@called
+@inner_with_arrays
 def phase_of(sliding, contact, k, total, squares, slip, phases, used, before, changed):
     """Number of the modes of a pattern; ``before`` is that of a pattern in which spring ``changed`` alone differs."""
     all_squares, all_vectors, all_slips, keys, slots = phases
@@ -217,7 +213,7 @@ def phase_of(sliding, contact, k, total, squares, slip, phases, used, before, ch
     return number
 
 
-@called_fast
+@fast_with_arrays
 def into_modes(vectors, q, out):
     """out = vectors.T @ q."""
     for r in range(len(out)):

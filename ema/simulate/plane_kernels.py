@@ -6,9 +6,9 @@ and j of the state hold the components in x and y; tangents a = df1/df0 and b = 
 last axis being the component that is varied.
 """
 
-import numba as nb
 import numpy as np
 
+from ema.compiled import compiled
 from ema.contact.regularised_kernels import regularised_step
 from ema.simulate.friction_kernels import DAHL, LUGRE, PARALLEL
 
@@ -16,7 +16,7 @@ _LONGEST = 0.06
 _SMALL = 1e-7
 
 
-@nb.njit(cache=True)
+@compiled()
 def circle_step(k, top, dux, duy, fx, fy):
     """Elastic inside the circle of radius ``top``, then along it.
 
@@ -67,7 +67,7 @@ def circle_step(k, top, dux, duy, fx, fy):
     return gx, gy, axx, axy, ayx, ayy, bxx, bxy, byx, byy
 
 
-@nb.njit(cache=True)
+@compiled()
 def _smooth_rate(y, e, m, rate, by_y, by_e):
     """Rate of the normalised force of Eq. (5) in two directions, e - |y|^m n (n . e), and its Jacobians; n . e >= 0."""
     rho = np.sqrt(y[0] * y[0] + y[1] * y[1])
@@ -93,7 +93,7 @@ def _smooth_rate(y, e, m, rate, by_y, by_e):
     by_y[1, 0] = -lever * ((m - 2.0) * n0 * n1 * push + n1 * e[0])
 
 
-@nb.njit(cache=True)
+@compiled()
 def smooth_step(k, limit, m, span, dux, duy, fx, fy):
     """Eq. (5) with the force relaxing along itself: dF = k (du - |F/F_C|^m n (n . du)) where n . du > 0.
 
@@ -141,7 +141,7 @@ def smooth_step(k, limit, m, span, dux, duy, fx, fy):
     )  # fmt: skip
 
 
-@nb.njit(cache=True)
+@compiled()
 def approach_step(k, limit, alpha, dux, duy, fx, fy):
     """Dahl: dF = k |d - F/F_C|^(alpha - 1) (d - F/F_C) |du|, straight towards F_C d with d the direction of motion."""
     if limit <= 0.0:
@@ -176,7 +176,7 @@ def approach_step(k, limit, alpha, dux, duy, fx, fy):
     return gx, gy, axx, axy, ayx, ayy, bxx, bxy, byx, byy
 
 
-@nb.njit(cache=True)
+@compiled()
 def _brush(k, limit, par, i, j, ux0, uy0, ux1, uy1, h, z0, z1, a, b):
     """LuGre in two directions: bristles that follow the motion, and what depends on the speed."""
     damping, viscous, ratio, stribeck = par[i, 0], par[i, 1], par[i, 2], par[i, 3]
@@ -205,7 +205,7 @@ def _brush(k, limit, par, i, j, ux0, uy0, ux1, uy1, h, z0, z1, a, b):
     return fx, fy, sxx, sxy, syx, syy
 
 
-@nb.njit(cache=True)
+@compiled()
 def _one_step(code, i, k, limit, par, tables, dux, duy, fx, fy):
     """Eq. (5) and Dahl; parallel force and motion take the law in one direction, which is exact for Eq. (5) too."""
     if code == DAHL:
@@ -230,7 +230,7 @@ def _one_step(code, i, k, limit, par, tables, dux, duy, fx, fy):
     return smooth_step(k, limit, par[i, 0], par[i, 3], dux, duy, fx, fy)
 
 
-@nb.njit(cache=True)
+@compiled()
 def plane_step(
     code, i, j, stiffness, limit, par, shares_k, shares_f, count, tables, ux0, uy0, ux1, uy1, h, z0, z1, a, b
 ):
@@ -261,7 +261,7 @@ def plane_step(
     return fx, fy, sxx, sxy, syx, syy
 
 
-@nb.njit(cache=True)
+@compiled()
 def drive_plane(code, stiffness, limits, par, shares_k, shares_f, count, tables, ux, uy, h, z):
     """Forces (2, sample) of one contact (rows 0 and 1 of the arrays) along a path; ``z`` (2, spring) is updated."""
     forces = np.empty((2, len(ux)))

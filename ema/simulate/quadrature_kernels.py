@@ -4,9 +4,9 @@ The force is smooth between the turning points of a motion. So Gauss's rule is u
 crowd behind a turning point, where the force changes fastest.
 """
 
-import numba as nb
 import numpy as np
 
+from ema.compiled import compiled
 from ema.simulate.friction_kernels import LUGRE, single_step
 from ema.simulate.period_kernels import motion, turning_points, waves
 
@@ -14,7 +14,7 @@ _GAUSS = np.array([0.069431844202973712, 0.33000947820757187, 0.6699905217924281
 _WEIGHTS = np.array([0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _count_nodes(orders, odd, fine, turns, place):
     """Number of nodes that ``_nodes`` makes."""
     total = 0
@@ -24,7 +24,7 @@ def _count_nodes(orders, odd, fine, turns, place):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _nodes(amplitudes, orders, odd, fine, turns, place, cosine, sine, where, weight, u, rate, basis, slope):
     """Places, weights, displacement, its derivative, and cos and sin of the orders with their derivatives.
 
@@ -51,7 +51,7 @@ def _nodes(amplitudes, orders, odd, fine, turns, place, cosine, sine, where, wei
             row += 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _lugre(k, limit, par, u0, u1, v0, v1, bristle0):
     """One step of the bristle of LuGre with known velocities at its ends, and the contact force at its end.
 
@@ -72,7 +72,7 @@ def _lugre(k, limit, par, u0, u1, v0, v1, bristle0):
     return force, bristle, decay, k * (1.0 - sign * bristle / top), by_bristle, by_velocity
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _follow(
     i, code, k, limit, par, tables, user, start_u, start_rate, start, omega, u, rate, force, state, a, b, extra
 ):
@@ -93,7 +93,7 @@ def _follow(
     return s0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b, extra, scale, jacobian):
     """Jacobian of the Fourier coefficients from the tangents ``a``, ``b``, ``extra`` along the nodes."""
     count, size = basis.shape
@@ -125,7 +125,7 @@ def _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b
                 jacobian[r, c] += lever * grown[n, c]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def smooth_period(
     i, code, amplitudes, orders, rates, bends, odd, fine, omega, k, limit, par, tables, user, place, value, cosine,
     sine, forces, jacobian, derive,
@@ -173,7 +173,7 @@ def smooth_period(
     return lost * (2.0 if odd else 1.0)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _settle(i, code, odd, k, limit, par, tables, user, start_u, omega, u, rate, force, state, a, b, extra):
     """Internal force at the first turning point with which the cycle closes."""
     start = 0.0

@@ -5,10 +5,10 @@ relative displacement: stored energy plus friction loss to the last digit, whate
 output each: the compiler turns these into vector instructions.
 """
 
-import numba as nb
 import numpy as np
 
-from ema.contact.call_kernels import EXCESS, FAST, FORCE, LIMIT, SLOPE, fast, inner, kernel
+from ema.compiled import FAST, compiled, fast, inner, kernel
+from ema.contact.call_kernels import EXCESS, FORCE, LIMIT, SLOPE
 from ema.contact.linear_kernels import add_rows, copy_into, copy_table, matvec
 from ema.contact.solve_kernels import solve
 
@@ -127,7 +127,7 @@ def modal_energy(squares, q, p):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath=FAST)
+@compiled(error_model="numpy", fastmath=FAST)
 def advance_linear(steps, every, flow, loss, squares, loads, rows, q, p, energies, places, out_q, out_p, out_energy):
     """The modes that no contact sees: the same exact steps without contact forces."""
     force, q1, p1 = np.zeros_like(q), np.empty_like(q), np.empty_like(q)

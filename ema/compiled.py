@@ -1,0 +1,124 @@
+"""How functions are compiled, and kept on disk.
+
+Numba compares the source file of a compiled function with the one it was compiled from, and not those of the functions
+called in it. Here every compiled function belongs to the texts of all compiled modules. Nothing is read or written
+before a function is called for the first time.
+"""
+
+import hashlib
+import pickle
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numba as nb
+from numba.core.caching import FunctionCache
+from numba.core.serialize import dumps
+
+from ema.fingerprint import compiled_modules, of_compiled
+
+_PACKAGE = Path(__file__).resolve().parent
+_MODULES = frozenset(compiled_modules(_PACKAGE))
+_FINGERPRINT = of_compiled(_PACKAGE)
+
+FAST = {"reassoc", "contract", "nsz", "arcp"}
+"""Freedoms of the compiler that let it use vector instructions and change results by rounding only."""
+_CALLED: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_PLAIN: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+inner: Callable[..., Any] = nb.njit(**_CALLED, **_PLAIN)
+fast: Callable[..., Any] = nb.njit(**_CALLED, **_PLAIN, fastmath=FAST)
+"""Decorators of functions that only compiled ones call and that make no arrays: a way in from Python would take a
+quarter of the time that compiling takes."""
+inner_with_arrays: Callable[..., Any] = nb.njit(**_CALLED)
+fast_with_arrays: Callable[..., Any] = nb.njit(**_CALLED, fastmath=FAST)
+"""The same of functions that make arrays."""
+
+
+def compiled(**options: Any) -> Callable[..., Any]:
+    """Decorator of a compiled function that Python calls, kept on disk; ``options`` of ``numba.njit``.
+
+    Raises
+    ------
+    ImportError : the function is in a module that the fingerprint does not see.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        """Compile when first called, or read what is kept."""
+        path = Path(function.__code__.co_filename).resolve()
+        if path not in _MODULES:
+            raise ImportError(f"compiled functions belong in modules named *_kernels.py of this package, not in {path}")
+        dispatcher = nb.njit(**options)(function)
+        dispatcher._cache = _Kept(function)
+        return dispatcher
+
+    return decorate
+
+
+kernel: Callable[..., Any] = compiled(**_PLAIN)
+"""Decorator of a compiled function that Python calls and that makes no arrays."""
+
+
+class _Kept(FunctionCache):
+    """Numba's compiled functions on disk, opened when first used: one file for every signature.
+
+    A file begins with the hash of what it belongs to and of its content. One of other sources, a damaged one, and one
+    that another process replaced meanwhile are compiled again, and no index has to agree with them.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._py_func, self._name = function, repr(function)
+        self.enable()
+
+    @cached_property
+    def _impl(self) -> Any:
+        try:
+            return self._impl_class(self._py_func)
+        except RuntimeError:  # nothing can be written beside the source, nor in the folder of the user
+            return None
+
+    @property
+    def cache_path(self) -> str | None:
+        """The folder in which the function is kept, ``None`` where there is no such folder."""
+        return None if self._impl is None else str(self._impl.locator.get_cache_path())
+
+    def _path(self, key: Any) -> Path:
+        name = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
+        return Path(str(self.cache_path), f"{self._impl.filename_base}-{name}.nbc")
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        if self._impl is None:
+            return None
+        key = self._index_key(sig, target_context.codegen())
+        try:
+            whole = self._path(key).read_bytes()
+        except OSError:
+            return None
+        head, content = whole[:_HEAD], whole[_HEAD:]
+        return self._impl.rebuild(target_context, pickle.loads(content)) if head == _hash(key, content) else None
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        if self._impl is None or not self._impl.check_cachable(data):
+            return
+        key = self._index_key(sig, data.codegen)
+        path, content = self._path(key), dumps(self._impl.reduce(data))
+        new = path.with_suffix(f".{uuid4().hex}")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            new.write_bytes(_hash(key, content) + content)
+            new.replace(path)
+        except OSError:  # a full disk: what cannot be kept is compiled again next time
+            with suppress(OSError):
+                new.unlink(missing_ok=True)
+
+    def flush(self) -> None:
+        """Nothing to do: what is kept belongs to the sources."""
+
+
+_HEAD = hashlib.sha256().digest_size
+
+
+def _hash(key: Any, content: bytes) -> bytes:
+    return hashlib.sha256(repr((_FINGERPRINT, nb.__version__, key)).encode() + content).digest()
