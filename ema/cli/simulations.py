@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from acquisition.model_file import FrfTable, LoopTable, MapTable, SnapbackTable
 from ema import show, simulate
@@ -12,7 +13,8 @@ from ema.cli.simulating import Job
 from ema.data import BeamModel, Decay, HarmonicResponse, Joint, Loop, ModalMap, Response
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
-from ema.estimate import phases, ring_down
+from ema.estimate import ring_down
+from ema.estimate.decay import band_passed
 from ema.progress import Progress
 
 
@@ -40,10 +42,11 @@ def snapback(
         else:
             run = simulate.snapback(pressed, *held, table.sampling_rate, table.tolerance, progress=progress)
         responses[label] = run
-        decay = _decay(run, _first_mode(pressed))
+        modes = _first_mode(pressed)
+        decay = _decay(run, _band(*modes))
         if decay is not None:
             decays[label] = decay
-        rows.append({"F_N": label, **_of_motion(run), **_of_decay(decay)})
+        rows.append({"F_N": label, **_of_motion(run), **_of_phases(run, modes, decay)})
     pictures = {"motion": show.motion(list(responses.values()), [f"F_N {label}" for label in responses])}
     for label, run in responses.items():
         suffix = "" if len(responses) == 1 else "_" + label.replace(" ", "").replace("/", "_")
@@ -64,20 +67,68 @@ def _of_motion(run: Response) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_decay(decay: Decay | None) -> dict[str, Any]:
-    """Frequency and damping while sliding and while sticking; dashes for what there is not."""
-    kinds = {} if decay is None else {phase.kind: phase for phase in phases(decay)}
-    sliding, sticking = kinds.get("sliding", kinds.get("one mode")), kinds.get("sticking")
+def _of_phases(run: Response, modes: tuple[float, float, float], decay: Decay | None) -> dict[str, Any]:
+    """Frequency and damping while contacts slip and while all stick; NaN for what there is not.
+
+    Slip ends where the simulation books no more friction. ``modes``: sliding, stuck and following frequency in Hz.
+    While the structure slides as a whole its half cycles are nearer to the sliding one, and they alone are read, if
+    there are any. Their medians stand in the table: a stiff joint stops a structure within a cycle or two, which no
+    filter follows.
+    """
+    end = _slip_end(run)
     nan = float("nan")
-    return {
-        "f [Hz]": sliding.frequency if sliding else nan, "zeta [%]": 100 * sliding.damping if sliding else nan,
-        "knee [s]": decay.knee if decay else nan, "f stuck [Hz]": sticking.frequency if sticking else nan,
-        "zeta stuck [%]": 100 * sticking.damping if sticking else nan,
-    }  # fmt: skip
+    row = dict.fromkeys(("f [Hz]", "zeta [%]", "cycles", "slip ends [s]", "f stuck [Hz]", "zeta stuck [%]"), nan)
+    if end is not None:
+        row["slip ends [s]"] = end
+        turns, tops = _turning_points(run, _band(*modes))
+        count = int(np.searchsorted(turns, end, side="right"))
+        halves, falls = np.diff(turns[:count]), np.log(tops[: count - 1] / tops[1:count])
+        slow = np.append(halves > 0.5 / np.sqrt(modes[0] * modes[1]), False)
+        slid = int(np.argmin(slow)) or len(halves)
+        if slid:
+            fall = float(np.median(falls[:slid]))
+            row["f [Hz]"], row["cycles"] = 0.5 / float(np.median(halves[:slid])), 0.5 * slid
+            row["zeta [%]"] = 100 * fall / float(np.hypot(np.pi, fall))
+    if decay is not None:
+        times = np.asarray(decay.times)
+        knee = float(decay.knee) + 1 / modes[1] if np.isfinite(decay.knee) else 0.0
+        stuck = times >= max(knee, end or 0.0)
+        if np.count_nonzero(stuck) * (times[1] - times[0]) * modes[1] >= _FEWEST_CYCLES:
+            row["f stuck [Hz]"] = float(np.median(decay.frequencies[stuck]))
+            row["zeta stuck [%]"] = 100 * float(np.median(decay.damping_ratios[stuck]))
+    return row
 
 
-def _first_mode(model: BeamModel) -> tuple[float, float]:
-    """Band in Hz that holds the lowest mode that the joints change, sliding and stuck."""
+_FEWEST_CYCLES = 2.0
+"""Cycles of a stuck phase below which it is not shown: its slow decay cannot be read from fewer."""
+_SLIPPING, _LOST = 1e-6, 0.999
+"""Share of the energy that friction takes where contacts slip at all, which is the error that the books of a run may
+have; share of the friction loss after which slip counts as ended: 99 % is reached while single contacts still slip."""
+
+
+def _slip_end(run: Response) -> float | None:
+    """Time in s at which friction has taken all but a thousandth of what it takes; ``None`` where nothing slips."""
+    lost = np.asarray(run.energy.friction) - run.energy.friction[0]
+    if not lost[-1] > _SLIPPING * run.energy.total[0]:
+        return None
+    return float(run.times[np.argmax(lost >= _LOST * lost[-1])])
+
+
+def _turning_points(
+    run: Response, band: tuple[float, float]
+) -> tuple[Float[np.ndarray, "turn"], Float[np.ndarray, "turn"]]:
+    """Times in s of the release and of the turning points of the first mode, and the amplitudes there.
+
+    A release from rest is the middle of a motion that is even in time, as the filter takes it to be.
+    """
+    motion = band_passed(np.asarray(run.displacements[0]), 1 / float(run.times[1] - run.times[0]), band).real
+    ways = np.diff(motion)
+    turns = np.concatenate([[0], 1 + np.flatnonzero(ways[1:] * ways[:-1] < 0)])
+    return np.asarray(run.times[turns]), np.abs(motion[turns])
+
+
+def _first_mode(model: BeamModel) -> tuple[float, float, float]:
+    """Lowest mode that the joints change, sliding and stuck, and the mode that follows it, in Hz."""
     from ema.simulate.reduction import modal_base
     from ema.simulate.structure import assemble
 
@@ -87,14 +138,18 @@ def _first_mode(model: BeamModel) -> tuple[float, float]:
     # what moves freely once the joints slide has no ring-down
     first = int(np.argmax(sliding > 0.02 * stuck))
     low, high = float(sliding[first]), float(stuck[first])
-    following = min(f for f in (*sliding, *stuck, 1e3 * high) if f > 1.05 * high)
-    return 0.5 * low, min(1.5 * high, float(np.sqrt(high * following)))
+    return low, high, min(float(f) for f in (*sliding, *stuck, 1e3 * high) if f > 1.05 * high)
+
+
+def _band(sliding: float, stuck: float, following: float) -> tuple[float, float]:
+    """Band in Hz that holds a mode, sliding and stuck, and not the ``following`` one."""
+    return 0.5 * sliding, min(1.5 * stuck, float(np.sqrt(stuck * following)))
 
 
 def _decay(run: Response, band: tuple[float, float]) -> Decay | None:
-    """The ring-down of the first mode, where there is one to be read."""
+    """The ring-down of the first mode from the release on, where there is one to be read."""
     try:
-        return ring_down(run, band)
+        return ring_down(run, band, start=0.0)
     except EmaError:
         return None
 

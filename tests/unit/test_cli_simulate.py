@@ -1,5 +1,6 @@
 """`ema simulate` as a shell sees it: table, pictures, store, status; the nouns it stores come back as they were."""
 
+import itertools
 import json
 import os
 import re
@@ -85,6 +86,47 @@ def test_snapback_writes_response_ring_down_and_pictures(model, tmp_path):
     assert isinstance(held["decay 100 N"], Decay)
     assert held["response 100 N"].displacements[0, 0] == pytest.approx(1e-3 * found["rows"][0]["x0 [mm]"])
     assert (tmp_path / "motion.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("normal_force", [300.0, 600.0, 1000.0, 1400.0])
+def test_sliding_and_stuck_phase_are_shown_at_every_normal_force(tmp_path, normal_force):
+    """Sliding frequency from the time between the first two zero crossings of the tip, unfiltered; the stuck frequency
+    is that of the linear structure; slip ends where the books of the simulation say so. An amplitude that falls to
+    exp(-fall) in half a cycle has the damping ratio fall / hypot(pi, fall): the median over the extremes between zero
+    crossings, unfiltered."""
+    (row,) = told("snapback", DATASETS / "double_beam", "--out", tmp_path, "--normal-force", normal_force)["rows"]
+    run = store.load(tmp_path / "snapback.h5")[f"response {normal_force:g} N"]
+    x, t = run.displacements[0], run.times
+    crossings = t[np.flatnonzero(x[1:] * x[:-1] < 0)]
+    assert row["f [Hz]"] == pytest.approx(0.5 / (crossings[1] - crossings[0]), rel=0.07)
+    assert row["f stuck [Hz]"] == pytest.approx(31.583, rel=1e-3)
+    assert row["zeta stuck [%]"] == pytest.approx(0.1, abs=0.02)
+    friction = np.asarray(run.energy.friction)
+    assert friction[t >= row["slip ends [s]"]][0] >= 0.999 * friction[-1]
+    assert 0.5 <= row["cycles"] <= row["slip ends [s]"] * row["f [Hz]"] + 0.5
+    edges = np.concatenate([[-1.0], crossings[: round(2 * row["cycles"]) + 1]])
+    tops = [np.abs(x[(t > a) & (t <= b)]).max() for a, b in itertools.pairwise(edges)]
+    fall = np.median(np.log(np.divide(tops[:-1], tops[1:])))
+    assert row["zeta [%]"] == pytest.approx(100 * fall / np.hypot(np.pi, fall), rel=0.25)
+
+
+@pytest.mark.parametrize("normal_force", [2000.0, 4000.0, 8000.0])
+def test_slip_at_some_contacts_is_a_phase_too(tmp_path, normal_force):
+    """More damping than the 0.1 % of the stuck structure, at a frequency between both."""
+    (row,) = told("snapback", DATASETS / "double_beam", "--out", tmp_path, "--normal-force", normal_force)["rows"]
+    assert 16.7 < row["f [Hz]"] < 31.7 and row["zeta [%]"] > 0.11 and row["slip ends [s]"] > 0.05
+    assert row["f stuck [Hz]"] == pytest.approx(31.583, rel=1e-3)
+    assert row["zeta stuck [%]"] == pytest.approx(0.1, abs=0.02)
+
+
+def test_what_never_slips_has_a_stuck_phase_only_and_what_never_stops_a_sliding_one(tmp_path):
+    double_beam = DATASETS / "double_beam"
+    (stuck,) = told("snapback", double_beam, "--out", tmp_path, "--normal-force", 1e5)["rows"]
+    assert stuck["f [Hz]"] is None and stuck["slip ends [s]"] is None and stuck["cycles"] is None
+    assert stuck["f stuck [Hz]"] == pytest.approx(31.58, rel=1e-3)
+    (sliding,) = told("snapback", double_beam, "--out", tmp_path, "--normal-force", 20)["rows"]
+    assert sliding["slip ends [s]"] == pytest.approx(1.0, abs=0.05)
+    assert sliding["f [Hz]"] == pytest.approx(16.7, rel=0.01) and sliding["f stuck [Hz]"] is None
 
 
 def test_the_reference_mode_states_its_error_and_says_what_it_does_not_take(model, tmp_path):
