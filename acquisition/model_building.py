@@ -13,6 +13,7 @@ from acquisition import model_file as tables
 from acquisition.files import matrices as matrix_files
 from acquisition.toml_lines import line_of
 from ema import store
+from ema.contact.catalogue import CATALOGUE
 from ema.data import (
     BeamModel,
     Damping,
@@ -27,12 +28,6 @@ from ema.data import (
 from ema.dof import Dof, match
 from ema.elements import Section, double_beam, plate_matrices, stepped_beam
 from ema.errors import EmaError, InputError
-
-_DEFAULTS: dict[str, dict[str, float]] = {
-    "regularised masing": {"exponent": 8.0}, "iwan": {"chi": -0.5, "beta": 1.0, "springs": 60.0},
-    "dahl": {"shape": 1.0},
-    "lugre": {"bristle_damping": 0.0, "viscous": 0.0, "static_ratio": 1.0, "stribeck_velocity": 1e-3},
-}  # fmt: skip
 
 
 @dataclass
@@ -144,9 +139,10 @@ def law_of(table: tables.LawTable) -> FrictionLaw:
             (f"{key[:-1].replace('_', ' ')} {n}", v) for key in names for n, v in enumerate(getattr(table, key))
         ]
     elif names or table.name in tables.LAW_PARAMETERS:
-        stated = {key: getattr(table, key) for key in names if getattr(table, key) is not None}
-        values = _DEFAULTS.get(table.name, {}) | stated
-        parameters = [(key.replace("_", " "), float(values[key])) for key in names]
+        parameters = [
+            (known.name, known.default if getattr(table, known.key) is None else float(getattr(table, known.key)))
+            for known in CATALOGUE[table.name].parameters
+        ]
     else:
         parameters = [(f"p{n}", value) for n, value in enumerate(table.parameters or ())]
     return FrictionLaw(

@@ -9,6 +9,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from acquisition import units
 from acquisition.toml_tables import validated
+from ema.contact.catalogue import CATALOGUE
 from ema.data import BeamModel
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
@@ -173,7 +174,9 @@ class LawTable(Table):
     isotropic: bool = True
     exponent: float | None = Field(default=None, gt=0)
     shape: float | None = Field(default=None, gt=0)
-    chi: float | None = Field(default=None, gt=-1, le=0)
+    gamma: float | None = Field(default=None, ge=-1, le=0.5)
+    kappa: float | None = Field(default=None, ge=0, le=0.999)
+    chi: float | None = Field(default=None, gt=-1, le=1)
     beta: float | None = Field(default=None, ge=0)
     springs: int | None = Field(default=None, ge=2)
     stiffness_shares: list[Annotated[float, Field(gt=0)]] | None = None
@@ -194,6 +197,8 @@ class LawTable(Table):
             raise ValueError(f"{strange[0]!r} is no parameter of the law {self.name!r}; it has {known}")
         if self.contact_stiffness is None and self.name != "coulomb":
             raise ValueError('a law needs a contact_stiffness such as "1e9 N/m"; only coulomb may go without')
+        if self.name == "iwan" and (self.chi or 0.0) > 0:
+            raise ValueError(f"chi = {self.chi:g} is above 0, where the law 'iwan' ends; take 'modified iwan'")
         if self.name == "parallel masing":
             for key in own:
                 shares = getattr(self, key)
@@ -205,10 +210,8 @@ class LawTable(Table):
 
 
 LAW_PARAMETERS: dict[str, tuple[str, ...]] = {
-    "masing": (), "coulomb": (), "regularised masing": ("exponent",), "iwan": ("chi", "beta", "springs"),
-    "dahl": ("shape",), "lugre": ("bristle_damping", "viscous", "static_ratio", "stribeck_velocity"),
-    "parallel masing": ("stiffness_shares", "force_shares"),
-}  # fmt: skip
+    name: tuple(parameter.key for parameter in law.parameters) for name, law in CATALOGUE.items()
+}
 """The parameters of the built-in laws; a law of the user's own has ``parameters``."""
 
 

@@ -1,5 +1,6 @@
 """Lists that people and machines read: file formats, and what the doctor found."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
@@ -7,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ema.cli.doctor import Check
+from ema.contact.catalogue import KnownLaw
 
 
 def formats_as_list(formats: list[Any]) -> list[dict[str, Any]]:
@@ -29,6 +31,44 @@ def formats_as_table(formats: list[Any]) -> Table:
         # Text, because square brackets are markup elsewhere
         cells = (one.title, " ".join(one.suffixes), ", ".join(one.reads), ", ".join(one.writes), works)
         table.add_row(*(Text(cell) for cell in cells))
+    return table
+
+
+def laws_as_list(laws: Sequence[KnownLaw]) -> list[dict[str, Any]]:
+    """One entry per friction law."""
+    return [
+        {
+            "name": law.name, "constructor": f"ema.simulate.{law.constructor}", "meaning": law.meaning,
+            "parameters": [
+                {
+                    "name": one.key, "unit": one.unit, "default": None if one.several else one.default,
+                    "limits": one.limits, "meaning": one.meaning,
+                } for one in law.parameters
+            ],
+        } for law in laws
+    ]  # fmt: skip
+
+
+def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
+    """One row per parameter; those of every law come first."""
+    table = Table(caption="A law of your own: ema.simulate.register_law, docs/laws.md.", caption_justify="left")
+    for name in ("law", "parameter", "unit", "default", "limits", "meaning"):
+        table.add_column(name, no_wrap=name in ("law", "parameter", "unit"))
+    rows = [
+        ("every law", "friction_coefficient", "-", "", "0 or more", "mu, slip force over normal force"),
+        ("", "contact_stiffness", "N/m", "", "above 0", "k_T of the whole joint; coulomb may go without"),
+        ("", "stiffness_exponent", "-", "0", "0 or more", "k_T grows with F_N to this power"),
+        ("", "reference_force", "N", "1000", "above 0", "normal force at which k_T is the contact_stiffness"),
+        ("", "stiffness_cap", "N/m", "none", "above 0", "k_T never exceeds it"),
+        ("", "isotropic", "", "true", "true, false", "two directions: the slip force is a circle, or a box"),
+    ]
+    for law in laws:
+        rows.append((law.name, "", "", "", "", law.meaning))
+        for one in law.parameters:
+            default = "one per spring" if one.several else f"{one.default:g}"
+            rows.append(("", one.key, one.unit, default, one.limits, one.meaning))
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row), end_section=False)
     return table
 
 

@@ -20,6 +20,38 @@ if TYPE_CHECKING:
 
 app = typer.Typer(name="simulate", no_args_is_help=True, help="Simulate a structure with friction joints.")
 
+
+def _laws(as_json: bool) -> Callable[[bool], bool]:
+    """What prints the list of friction laws and ends the command, as text or as JSON."""
+
+    def show(wanted: bool) -> bool:
+        if wanted:
+            from ema.cli import listing, screen
+            from ema.contact.catalogue import CATALOGUE
+
+            laws = list(CATALOGUE.values())
+            if as_json:
+                screen.as_json(listing.laws_as_list(laws))
+            else:
+                screen.console().print(listing.laws_as_table(laws))
+            raise typer.Exit
+        return wanted
+
+    return show
+
+
+@app.callback()
+def _options(
+    laws: Annotated[
+        bool, typer.Option("--laws", is_eager=True, callback=_laws(False), help="List the friction laws.")
+    ] = False,
+    laws_json: Annotated[
+        bool, typer.Option("--laws-json", is_eager=True, callback=_laws(True), help="The same list as JSON.")
+    ] = False,
+) -> None:
+    """Simulate a structure with friction joints."""
+
+
 ModelPath = Annotated[Path, typer.Argument(help="A model.toml, or the folder that holds it.", show_default=False)]
 Out = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for result and pictures [simulated/NAME].")]
 NormalForce = Annotated[

@@ -15,7 +15,7 @@ def springs_of(law: FrictionLaw) -> tuple[Float[np.ndarray, "spring"], Float[np.
             np.array([values[f"stiffness share {n}"] for n in range(count)]),
             np.array([values[f"force share {n}"] for n in range(count)]),
         )
-    if law.name == "iwan":
+    if law.name in ("iwan", "modified iwan"):
         return iwan_springs(values["chi"], values["beta"], int(values["springs"]))
     return np.ones(1), np.ones(1)
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.catalogue import CATALOGUE
+from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import springs_of
-from ema.contact.virgin import virgin_curve
 from ema.data import FrictionLaw
 from ema.errors import InputError
 
@@ -19,20 +20,8 @@ UserFunction = Callable[[float, float, float, float, float, float, float, float]
 REGISTERED: dict[str, tuple[UserFunction, Any]] = {}
 """Laws of the user's own by name: the function, and what it was compiled to."""
 
-LAWS = {
-    "masing": "spring", "coulomb": "spring", "parallel masing": "springs", "iwan": "springs",
-    "regularised masing": "regularised", "dahl": "dahl", "lugre": "lugre",
-}  # fmt: skip
-"""Built-in laws, and the compiled function that takes their increments."""
-
-PARAMETERS = {
-    "regularised masing": ("exponent",), "iwan": ("chi", "beta", "springs"), "dahl": ("shape",),
-    "lugre": ("bristle damping", "viscous", "static ratio", "stribeck velocity"),
-}  # fmt: skip
-"""Parameters of the laws whose constructors check them, in the order in which the kernels take them."""
-
 _MODULES = {"spring": "springs"}
-_ELASTIC, _STATES = ("spring", "springs"), {"regularised": 3, "lugre": 3}
+_ELASTIC, _STATES = ("spring", "springs"), {"bouc_wen": 3, "lugre": 3}
 
 
 @dataclass(frozen=True)
@@ -116,15 +105,17 @@ def check_parameters(law: FrictionLaw) -> None:
     InputError : the law is unknown; a parameter is missing, too many, or no number.
     """
     names = tuple(name for name, _ in law.parameters)
-    if law.name in PARAMETERS and names != PARAMETERS[law.name]:
+    known = CATALOGUE.get(law.name)
+    own = () if known is None else tuple(parameter.name for parameter in known.parameters if not parameter.several)
+    if own and names != own:
         raise InputError("not the parameters of this law", where=f"law {law.name}", got=", ".join(names) or "none",
-                         expected=", ".join(PARAMETERS[law.name]),
+                         expected=", ".join(own),
                          advice="make it by its constructor in ema.simulate")  # fmt: skip
     if not all(np.isfinite(value) for _, value in law.parameters):
         raise InputError("a parameter is no number", where=f"law {law.name}", got=dict(law.parameters),
                          expected="finite numbers")  # fmt: skip
-    if law.name not in LAWS and law.name not in REGISTERED:
-        raise InputError("unknown friction law", got=law.name, expected="one of " + ", ".join(sorted(LAWS)),
+    if known is None and law.name not in REGISTERED:
+        raise InputError("unknown friction law", got=law.name, expected="one of " + ", ".join(sorted(CATALOGUE)),
                          advice="a law of your own: ema.simulate.register_law")  # fmt: skip
 
 
@@ -140,18 +131,16 @@ def contact_laws(
     for law in {id(law): law for law in laws}.values():
         check_parameters(law)
     springs = {id(law): springs_of(law) for law in laws}
-    exponents = list(dict.fromkeys(law.parameters[0][1] for law in laws if law.name == "regularised masing"))
-    curves = [virgin_curve(exponent) for exponent in exponents]
+    curves: dict[tuple[float, float], int] = {}
     size, rows, keys = len(laws), [], []
     for law, k, pairs in zip(laws, stiffness, counts_of_joint, strict=True):
-        name, extra, values = LAWS.get(law.name, "own"), 0, np.array([value for _, value in law.parameters])
+        name = CATALOGUE[law.name].kernel if law.name in CATALOGUE else "own"
+        extra, values = 0, np.array([value for _, value in law.parameters])
         if name == "springs":
             shares, force_shares = springs[id(law)]
             extra, values = len(shares), np.concatenate([k * shares, force_shares])
-        elif name == "regularised":
-            number = exponents.index(values[0])
-            table, span, power = curves[number]
-            values = np.array([values[0], number, table.shape[1], span, power])
+        elif name == "bouc_wen":
+            values = bouc_wen_shape(values[0], values[1] if len(values) > 1 else 0.5, curves)
         elif name == "lugre":
             values = values / np.array([pairs, pairs, 1.0, 1.0])
         elif name == "own":
@@ -171,5 +160,5 @@ def contact_laws(
         end = first + len(list(members))
         groups.append((name, first, end, extra))
         first = end
-    tables = np.array([curve for curve, _, _ in curves]) if curves else np.zeros((1, 3, 2))
-    return ContactLaws(tuple(groups), np.asarray(stiffness, np.float64), parameters, tables, flexibility, capacity)
+    stiffnesses = np.asarray(stiffness, np.float64)
+    return ContactLaws(tuple(groups), stiffnesses, parameters, tables(curves), flexibility, capacity)

@@ -19,8 +19,7 @@ class FrictionLaw:
 
     Parameters
     ----------
-    name : ``masing``, ``regularised masing``, ``coulomb``, ``parallel masing``, ``iwan``, ``dahl``, ``lugre``, or the
-        name of a user's own law.
+    name : of a law in ``ema.contact.catalogue`` (``masing``, ``iwan``, ``lugre`` ...), or of a user's own.
     friction_coefficient : mu, slip force over normal force.
     contact_stiffness : k_T of the whole joint in N/m at ``reference_force`` (at any force with exponent 0).
     stiffness_exponent, reference_force, stiffness_cap : k_T(F_N) = k_T (F_N / reference)^exponent, never above the cap;

@@ -9,13 +9,16 @@ if TYPE_CHECKING:
     from ema.simulate.control import controlled_snapback
     from ema.simulate.events import snapback_reference
     from ema.simulate.friction import (
+        BoucWen,
         Coulomb,
         Dahl,
         Iwan,
         LuGre,
         Masing,
+        ModifiedIwan,
         ParallelMasing,
         RegularisedMasing,
+        Valanis,
         register_law,
     )
     from ema.simulate.friction_rig import FrictionRig
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "Blow": "inputs",
     "ContactCurve": "contact",
+    "BoucWen": "friction",
     "Coulomb": "friction",
     "Dahl": "friction",
     "Fault": "inputs",
@@ -51,6 +55,7 @@ _NAMES = {
     "Iwan": "friction",
     "LuGre": "friction",
     "Masing": "friction",
+    "ModifiedIwan": "friction",
     "ParallelMasing": "friction",
     "PowerContact": "contact",
     "RandomShakers": "inputs",
@@ -63,6 +68,7 @@ _NAMES = {
     "SteppedSine": "inputs",
     "SweptShaker": "inputs",
     "Unilateral": "contact",
+    "Valanis": "friction",
     "VirtualRig": "virtual",
     "assemble": "structure",
     "backbone": "maps",
@@ -88,12 +94,12 @@ _NAMES = {
 }
 
 __all__ = [
-    "Blow", "ContactCurve", "Coulomb", "Dahl", "Fault", "FrictionRig", "Iwan", "LuGre", "Masing", "ParallelMasing",
-    "PowerContact", "RandomShakers", "RecordedForces", "RegularisedMasing", "RingCell", "RovingHammer", "Shaker",
-    "SnapBack", "SteppedSine", "SweptShaker", "Unilateral", "VirtualRig", "assemble", "backbone", "beam",
-    "controlled_snapback", "damping_map", "double_beam", "frf", "hammer_pulse", "identify", "loop", "measured_loop",
-    "own_contact", "plate_matrices", "preload", "register_law", "resonance", "respond", "snapback",
-    "snapback_reference", "stepped_sine", "swept_sine",
+    "Blow", "BoucWen", "ContactCurve", "Coulomb", "Dahl", "Fault", "FrictionRig", "Iwan", "LuGre", "Masing",
+    "ModifiedIwan", "ParallelMasing", "PowerContact", "RandomShakers", "RecordedForces", "RegularisedMasing",
+    "RingCell", "RovingHammer", "Shaker", "SnapBack", "SteppedSine", "SweptShaker", "Unilateral", "Valanis",
+    "VirtualRig", "assemble", "backbone", "beam", "controlled_snapback", "damping_map", "double_beam", "frf",
+    "hammer_pulse", "identify", "loop", "measured_loop", "own_contact", "plate_matrices", "preload", "register_law",
+    "resonance", "respond", "snapback", "snapback_reference", "stepped_sine", "swept_sine",
 ]  # fmt: skip
 
 

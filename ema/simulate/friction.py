@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from ema.contact.catalogue import CATALOGUE, checked
+from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import iwan_springs as iwan_springs
 from ema.contact.iwan import springs_of
 from ema.contact.laws import REGISTERED, ContactLaws, UserFunction, check_parameters, contact_laws
-from ema.contact.virgin import virgin_curve
 from ema.data import FrictionLaw
 from ema.errors import InputError
 
-PIECEWISE_LINEAR = ("masing", "coulomb", "parallel masing", "iwan")
+PIECEWISE_LINEAR = tuple(name for name, law in CATALOGUE.items() if law.kernel in ("spring", "springs"))
 """Laws that consist of Masing springs: the event-driven reference mode takes these."""
 
 
@@ -47,6 +48,23 @@ def RegularisedMasing(
     return FrictionLaw(
         "regularised masing", friction_coefficient, contact_stiffness, (("exponent", float(exponent)),), **options
     )
+
+
+def BoucWen(
+    friction_coefficient: float, contact_stiffness: float, exponent: float = 1.0, gamma: float = 0.5, **options: Any
+) -> FrictionLaw:
+    """Bouc (1967) and Wen (1976): dF/du = k_T (1 - \\|F/F_C\\|^n (gamma + beta sgn(F du))), beta = 1 - gamma.
+
+    ``exponent`` n above 0. With A = beta + gamma the force ends at F_C; a spring in parallel belongs in the structure.
+    ``gamma`` from -1 to 1/2: above it the law would gain energy (Erlicher and Point 2004), at 1/2 unloading is
+    elastic and the law that of ``RegularisedMasing``, below it unloading is stiffer than k_T.
+
+    Raises
+    ------
+    InputError : a parameter outside these limits.
+    """
+    parameters = checked("bouc wen", exponent, gamma)
+    return FrictionLaw("bouc wen", friction_coefficient, contact_stiffness, parameters, **options)
 
 
 def Coulomb(friction_coefficient: float, stick_stiffness: float = float("inf"), **options: Any) -> FrictionLaw:
@@ -101,6 +119,23 @@ def Iwan(
     return FrictionLaw("iwan", friction_coefficient, contact_stiffness, parameters, **options)
 
 
+def ModifiedIwan(
+    friction_coefficient: float, contact_stiffness: float, chi: float = 0.5, beta: float = 1.0, springs: int = 60,
+    **options: Any,
+) -> FrictionLaw:  # fmt: skip
+    """Iwan model with any power of the density of slip forces, so that the loss in microslip ~ amplitude^(3 + chi).
+
+    The equations of Segalman (2005) hold for any chi above -1, where the stiffness is finite; he has chi up to 0, which
+    is ``Iwan``. Here it goes up to 1.
+
+    Raises
+    ------
+    InputError : chi outside (-1, 1], beta below 0, fewer than 2 springs.
+    """
+    parameters = checked("modified iwan", chi, beta, springs)
+    return FrictionLaw("modified iwan", friction_coefficient, contact_stiffness, parameters, **options)
+
+
 def Dahl(friction_coefficient: float, contact_stiffness: float, shape: float = 1.0, **options: Any) -> FrictionLaw:
     """Dahl (1968): dF/du = k_T \\|1 - sgn(v) F/F_C\\|^shape.
 
@@ -111,6 +146,19 @@ def Dahl(friction_coefficient: float, contact_stiffness: float, shape: float = 1
     if not (np.isfinite(shape) and shape > 0):
         raise InputError("not a shape exponent", where="Dahl", got=shape, expected="above 0, usually 1")
     return FrictionLaw("dahl", friction_coefficient, contact_stiffness, (("shape", float(shape)),), **options)
+
+
+def Valanis(friction_coefficient: float, contact_stiffness: float, kappa: float = 0.9, **options: Any) -> FrictionLaw:
+    """Valanis (1971) without hardening: dF/du = k_T (1 - phi) / (1 - kappa phi).
+
+    phi is F/F_C in the direction of motion, ``kappa`` goes from 0, which is Dahl's law, to 0.999,
+    which is nearly a Masing spring (Gaul and Nitsche 2001).
+
+    Raises
+    ------
+    InputError : kappa is outside these limits.
+    """
+    return FrictionLaw("valanis", friction_coefficient, contact_stiffness, checked("valanis", kappa), **options)
 
 
 def LuGre(
@@ -151,7 +199,7 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
     """
     import numba as nb
 
-    if name in _CODES:
+    if name in CATALOGUE:
         raise InputError("the name of a built-in law", where="register_law", got=name, expected="a name of your own")
     try:
         compiled = nb.cfunc(nb.float64(*[nb.float64] * 8))(function)
@@ -171,7 +219,8 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
     return make
 
 
-_CODES = {"masing": 0, "coulomb": 0, "parallel masing": 0, "iwan": 0, "regularised masing": 1, "dahl": 2, "lugre": 3}
+_CODES = {"spring": 0, "springs": 0, "bouc_wen": 1, "dahl": 2, "lugre": 3, "valanis": 5}
+"""Numbers of the compiled functions of the laws in ``friction_kernels``."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +228,7 @@ class PackedLaws:
     """The laws of all contacts as arrays; ``arguments`` is what the kernels take."""
 
     codes: Int[np.ndarray, "contact"]
-    parameters: Float[np.ndarray, "contact 8"]
+    parameters: Float[np.ndarray, "contact 9"]
     stiffness_shares: Float[np.ndarray, "contact spring"]
     force_shares: Float[np.ndarray, "contact spring"]
     counts: Int[np.ndarray, "contact"]
@@ -203,16 +252,21 @@ class PackedLaws:
         )  # fmt: skip
 
 
+_ISOTROPIC = tuple(sorted(name for name in CATALOGUE if name not in ("bouc wen", "valanis")))
+"""Laws with a vector form."""
+
+
 def check_isotropic(law: FrictionLaw, where: str) -> None:
     """Refuse an isotropic law in two directions that has no vector form.
 
     Raises
     ------
-    InputError : the law is a user's own.
+    InputError : as said, a law of the user's own among them.
     """
-    if law.isotropic and law.name in REGISTERED:
-        raise InputError("a law of the user's own has no isotropic form", where=where, got=f"{law.name}",
-                         expected="isotropic=False, or one of " + ", ".join(sorted(_CODES)))  # fmt: skip
+    if law.isotropic and law.name not in _ISOTROPIC:
+        what = "a law of the user's own" if law.name in REGISTERED else "this law"
+        raise InputError(f"{what} has no isotropic form", where=where, got=f"{law.name}",
+                         expected="isotropic=False, or one of " + ", ".join(_ISOTROPIC))  # fmt: skip
 
 
 def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedLaws:
@@ -228,9 +282,9 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
     springs = {id(law): springs_of(law) for law in laws}
     width = max(3, *(len(shares[0]) for shares in springs.values()))
     codes, counts = np.zeros(size, np.int64), np.ones(size, np.int64)
-    parameters, shares_k, shares_f = np.zeros((size, 8)), np.zeros((size, width)), np.zeros((size, width))
+    parameters, shares_k, shares_f = np.zeros((size, 9)), np.zeros((size, width)), np.zeros((size, width))
     shares_f[:, 0] = shares_k[:, 0] = 1.0
-    tables: dict[float, int] = {}
+    curves: dict[tuple[float, float], int] = {}
     user, user_name = None, ""
     for row, law in enumerate(laws):
         values = [value for _, value in law.parameters]
@@ -241,22 +295,18 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
             codes[row], user, user_name = 4, REGISTERED[law.name][1], law.name
             parameters[row, : len(values)] = values
             continue
-        codes[row] = _CODES[law.name]
+        codes[row] = _CODES[CATALOGUE[law.name].kernel]
         if codes[row] == 0:
             stiffness, force = springs[id(law)]
             counts[row] = len(stiffness)
             shares_k[row, : len(stiffness)], shares_f[row, : len(force)] = stiffness, force
         elif codes[row] == 1:
-            exponent = values[0]
-            place = tables.setdefault(exponent, len(tables))
-            table, span, power = virgin_curve(exponent)
-            parameters[row, :5] = exponent, place, table.shape[1], span, power
+            parameters[row] = bouc_wen_shape(values[0], values[1] if len(values) > 1 else 0.5, curves)
         elif codes[row] == 3:
             share = counts_of_joint[row]
             parameters[row, :4] = values[0] / share, values[1] / share, values[2], values[3]
         else:
             parameters[row, : len(values)] = values
-    stack = np.array([virgin_curve(m)[0] for m in tables]) if tables else np.zeros((1, 3, 2))
     return PackedLaws(
-        codes, parameters, shares_k, shares_f, counts, stack, user, tuple(laws), tuple(counts_of_joint)
+        codes, parameters, shares_k, shares_f, counts, tables(curves), user, tuple(laws), tuple(counts_of_joint)
     )  # fmt: skip

@@ -9,11 +9,12 @@ from functools import cache
 import numba as nb
 
 from ema.compiled import compiled
+from ema.contact.bouc_wen_kernels import bouc_wen_step
 from ema.contact.dahl_kernels import dahl_step
 from ema.contact.lugre_kernels import lugre_step
-from ema.contact.regularised_kernels import regularised_step
+from ema.contact.valanis_kernels import valanis_step
 
-PARALLEL, REGULARISED, DAHL, LUGRE, USER = range(5)
+PARALLEL, BOUC_WEN, DAHL, LUGRE, USER, VALANIS = range(6)
 
 
 @cache
@@ -61,11 +62,12 @@ def user_step(k, limit, p0, p1, p2, p3, user, du, f0):
 def single_step(code, i, k, limit, par, tables, user, u0, u1, h, s0, s1, s2):
     """One increment of a law with one internal force: force, slope, the three numbers of its state, tangents a, b."""
     du = u1 - u0
-    if code == REGULARISED:
-        force, slope, x, top, a, b = regularised_step(
-            k, limit, par[i, 0], tables, int(par[i, 1]), int(par[i, 2]), par[i, 3], par[i, 4], du, s0, s1, s2
-        )
+    if code == BOUC_WEN:
+        force, slope, x, top, a, b = bouc_wen_step(k, limit, par[i], tables, du, s0, s1, s2)
         return force, slope, force, x, top, a, b
+    if code == VALANIS:
+        force, slope, a = valanis_step(k, limit, par[i, 0], du, s0)
+        return force, slope, force, 0.0, 0.0, a, slope
     if code == DAHL:
         force, slope, a = dahl_step(k, limit, par[i, 0], du, s0)
         return force, slope, force, 0.0, 0.0, a, slope

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.curves import virgin_rate
 from ema.contact.laws import contact_laws
-from ema.contact.virgin import virgin_rate
 from ema.data import FrictionLaw, Loop
 from ema.errors import InputError
 from ema.simulate.checks import not_negative, positive

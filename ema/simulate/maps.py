@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.catalogue import CATALOGUE
 from ema.data import BeamModel, Finding, ModalMap, NormalContact, Provenance
 from ema.dof import Dof
 from ema.errors import InputError
@@ -15,7 +16,8 @@ from ema.progress import Progress, advance, silent
 from ema.simulate.checks import positive
 from ema.simulate.harmonic import Branch, Condensed, _Point, condense
 
-HOMOGENEOUS = ("masing", "parallel masing", "iwan", "regularised masing", "dahl", "coulomb")
+HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
+"""Laws without a scale of their own: forces and displacements grow together."""
 _ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 3, 0.02
 _FIRST, _FIRST_LEVELS, _BESIDE, _MOST_ORDERS = 24, 7, 1.12, 48
 _APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0

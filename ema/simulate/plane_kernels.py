@@ -9,7 +9,7 @@ last axis being the component that is varied.
 import numpy as np
 
 from ema.compiled import compiled
-from ema.contact.regularised_kernels import regularised_step
+from ema.contact.bouc_wen_kernels import bouc_wen_step
 from ema.simulate.friction_kernels import DAHL, LUGRE, PARALLEL
 
 _LONGEST = 0.06
@@ -213,10 +213,7 @@ def _one_step(code, i, k, limit, par, tables, dux, duy, fx, fy):
     r, size = np.sqrt(dux * dux + duy * duy), np.sqrt(fx * fx + fy * fy)
     if r > 0.0 and abs(fx * duy - fy * dux) <= 1e-13 * size * r:
         dx, dy = dux / r, duy / r
-        force, slope, _, _, a, _ = regularised_step(
-            k, limit, par[i, 0], tables, int(par[i, 1]), int(par[i, 2]), par[i, 3], par[i, 4], r,
-            fx * dx + fy * dy, 0.0, 0.0,
-        )  # fmt: skip
+        force, slope, _, _, a, _ = bouc_wen_step(k, limit, par[i], tables, r, fx * dx + fy * dy, 0.0, 0.0)
         full = smooth_step(k, limit, par[i, 0], par[i, 3], dux, duy, fx, fy)
         across = full[2] * dy * dy - (full[3] + full[4]) * dx * dy + full[5] * dx * dx
         turn = full[6] * dy * dy - (full[7] + full[8]) * dx * dy + full[9] * dx * dx

@@ -1,5 +1,6 @@
 """`ema simulate` as a shell sees it: table, pictures, store, status; the nouns it stores come back as they were."""
 
+import inspect
 import itertools
 import json
 import os
@@ -13,9 +14,10 @@ import scipy.io
 from typer.testing import CliRunner
 
 import acquisition
-from ema import store
+from ema import simulate, store
 from ema.cli.app import app
 from ema.data import BeamModel, Decay, HarmonicResponse, Loop, ModalMap, Response
+from ema.errors import InputError
 from ema.simulate import beam, frf
 
 DATASETS = Path(__file__).parents[2] / "datasets"
@@ -152,6 +154,32 @@ def test_frf_map_and_loop(model, tmp_path):
     assert rows[1]["energy per cycle [J]"] == pytest.approx(4 * 60.0 * (3e-6 - 60.0 / 1e9), rel=1e-3)
     loop = store.load(tmp_path / "loop.h5")["loop 3 µm, F_N 200 N"]
     assert isinstance(loop, Loop) and loop.area == rows[1]["energy per cycle [J]"]
+
+
+def test_laws_are_listed_with_parameters_units_and_limits():
+    """The list is that of what the constructors take: names, defaults, and limits that refuse."""
+    done = ema("--laws")
+    assert done.exit_code == 0
+    listed = {law["name"]: law for law in json.loads(ema("--laws-json").stdout)}
+    assert {"masing", "iwan", "bouc wen", "valanis", "lugre"} <= set(listed)
+    for name, law in listed.items():
+        make = getattr(simulate, law["constructor"].removeprefix("ema.simulate."))
+        taken = inspect.signature(make).parameters
+        assert name in done.output
+        for one in law["parameters"]:
+            assert one["name"] in taken and one["unit"] in ("-", "N s/m", "m/s") and one["meaning"] and one["limits"]
+            assert one["name"] in done.output
+            if one["default"] is not None:
+                assert (
+                    make(0.3, 1e8).parameters
+                    and dict(make(0.3, 1e8).parameters)[one["name"].replace("_", " ")] == one["default"]
+                )
+                with pytest.raises(InputError):
+                    make(0.3, 1e8, **{one["name"]: -5})
+    assert listed["lugre"]["parameters"][3] == {
+        "name": "stribeck_velocity", "unit": "m/s", "default": 1e-3, "limits": "above 0",
+        "meaning": "at which F_S - F_C has fallen to 1/e of itself",
+    }  # fmt: skip
 
 
 def test_the_table_is_for_people(model, tmp_path):

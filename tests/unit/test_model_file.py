@@ -16,13 +16,16 @@ from ema.data import Damping, ModalModel, NormalContact, poles_from
 from ema.elements import Section, plate_matrices, stepped_beam
 from ema.errors import InputError
 from ema.simulate import (
+    BoucWen,
     Coulomb,
     Dahl,
     Iwan,
     LuGre,
     Masing,
+    ModifiedIwan,
     ParallelMasing,
     RegularisedMasing,
+    Valanis,
     beam,
     double_beam,
     frf,
@@ -172,6 +175,9 @@ def test_a_measured_host(tmp_path):
         ('name = "iwan"\nchi = -0.3\nbeta = 2\nsprings = 20', Iwan(0.3, 1e9, -0.3, 2.0, 20)),
         ('name = "dahl"\nshape = 2', Dahl(0.3, 1e9, 2.0)),
         ('name = "dahl"', Dahl(0.3, 1e9)),
+        ('name = "modified iwan"\nchi = 1', ModifiedIwan(0.3, 1e9, 1.0)),
+        ('name = "bouc wen"\ngamma = -0.5', BoucWen(0.3, 1e9, 1.0, -0.5)),
+        ('name = "valanis"', Valanis(0.3, 1e9)),
         ('name = "lugre"', LuGre(0.3, 1e9)),
         ('name = "lugre"\nviscous = 3\nstatic_ratio = 1.5', LuGre(0.3, 1e9, 0.0, 3.0, 1.5)),
         ('name = "coulomb"', Coulomb(0.3, 1e9)),

@@ -21,6 +21,7 @@ from ema.contact.call_kernels import EXCESS, FORCE, LIMIT, SLOPE, WAY
 from ema.contact.laws import compiled, contact_laws
 from ema.dof import Dof
 from ema.simulate import (
+    BoucWen,
     Coulomb,
     Dahl,
     Iwan,
@@ -28,6 +29,7 @@ from ema.simulate import (
     Masing,
     ParallelMasing,
     RegularisedMasing,
+    Valanis,
     double_beam,
     register_law,
 )
@@ -44,6 +46,9 @@ def soft_clip(force, du, k, limit, p0, p1, p2, p3):
 SMOOTH = {
     "dahl, 0.5": Dahl(1.0, K, 0.5), "dahl, 1": Dahl(1.0, K), "dahl, 2": Dahl(1.0, K, 2.0),
     "Eq. (5), m = 0.7": RegularisedMasing(1.0, K, 0.7), "Eq. (5), m = 8": RegularisedMasing(1.0, K, 8.0),
+    "bouc wen, n = 1, gamma = -1": BoucWen(1.0, K, 1.0, -1.0), "bouc wen, n = 0.6, gamma = 0.1": BoucWen(1.0, K, 0.6, 0.1),
+    "bouc wen, n = 6, gamma = 0": BoucWen(1.0, K, 6.0, 0.0), "bouc wen, gamma = 1/2": BoucWen(1.0, K, 2.0, 0.5),
+    "valanis, 0": Valanis(1.0, K, 0.0), "valanis, 0.6": Valanis(1.0, K, 0.6), "valanis, 0.99": Valanis(1.0, K, 0.99),
     "lugre": LuGre(1.0, K, DAMPING, FLUID, RATIO, STRIBECK),
 }  # fmt: skip
 SPRINGS = {
@@ -60,6 +65,11 @@ def rate_form(law, sign, velocity):
         return lambda f: sign * K * abs(1 - sign * f / FC) ** values[0] if sign * f < FC else 0.0
     if law.name == "regularised masing":
         return lambda f: sign * K * (1 - abs(f / FC) ** values[0] * (sign * f > 0))
+    if law.name == "bouc wen":
+        n, gamma = values
+        return lambda f: sign * K * (1 - abs(f / FC) ** n * (gamma + (1 - gamma) * np.sign(sign * f)))
+    if law.name == "valanis":
+        return lambda f: sign * K * max(1 - sign * f / FC, 0.0) / (1 - values[0] * min(sign * f / FC, 1.0))
     top = FC * (1 + (RATIO - 1) * np.exp(-((velocity / STRIBECK) ** 2)))
     return lambda f: sign * K * (1 - sign * f / top)
 

@@ -12,13 +12,16 @@ import pytest
 from ema.data import Damping, EnergyBalance
 from ema.errors import InputError
 from ema.simulate import (
+    BoucWen,
     Coulomb,
     Dahl,
     Iwan,
     LuGre,
     Masing,
+    ModifiedIwan,
     ParallelMasing,
     RegularisedMasing,
+    Valanis,
     controlled_snapback,
     double_beam,
     frf,
@@ -48,11 +51,14 @@ LAWS = {
     "iwan": lambda: Iwan(MU, K, springs=20),
     "regularised masing, m = 8": lambda: RegularisedMasing(MU, K, 8.0),
     "regularised masing, m = 1.5": lambda: RegularisedMasing(MU, K, 1.5),
+    "bouc wen": lambda: BoucWen(MU, K, 1.5, -0.3),
+    "modified iwan": lambda: ModifiedIwan(MU, K, 0.8, springs=20),
+    "valanis": lambda: Valanis(MU, K),
     "dahl": lambda: Dahl(MU, K),
     "lugre": lambda: LuGre(MU, K, 30.0, 5.0, 1.3, 1e-3),
     "a user's own": lambda: register_law("clip of the energy table", clip)(MU, K),
 }
-PIECEWISE = ("masing", "coulomb", "parallel masing", "iwan")
+PIECEWISE = ("masing", "coulomb", "parallel masing", "iwan", "modified iwan")
 DURATION, RATE = 0.03, 5000.0
 TIMES = np.arange(round(DURATION * RATE) + 1) / RATE
 

@@ -12,13 +12,16 @@ from scipy.integrate import solve_ivp
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
 from ema.simulate import (
+    BoucWen,
     Coulomb,
     Dahl,
     Iwan,
     LuGre,
     Masing,
+    ModifiedIwan,
     ParallelMasing,
     RegularisedMasing,
+    Valanis,
     double_beam,
     frf,
     register_law,
@@ -93,6 +96,25 @@ LAWS = [
     (Dahl(1.0, K), lambda a, f: dahl_area(K, FC, a)),
     (Dahl(1.0, K, 0.5), lambda a, f: rate_independent(lambda y: K * max(1 - y / FC, 0.0) ** 0.5, a)),
     (Dahl(1.0, K, 2.0), lambda a, f: rate_independent(lambda y: K * max(1 - y / FC, 0.0) ** 2, a)),
+    *(
+        (
+            BoucWen(1.0, K, n, g),
+            lambda a, f, n=n, g=g: rate_independent(
+                lambda y: K * (1 - abs(y / FC) ** n * (g + (1 - g) * np.sign(y))) if y < FC else 0.0, a
+            ),
+        )
+        for n, g in ((1.0, -0.5), (2.0, 0.0), (8.0, 0.3))
+    ),
+    *(
+        (
+            Valanis(1.0, K, kappa),
+            lambda a, f, kappa=kappa: rate_independent(
+                lambda y: K * max(1 - y / FC, 0.0) / (1 - kappa * min(y / FC, 1.0)), a
+            ),
+        )
+        for kappa in (0.3, 0.9)
+    ),
+    (ModifiedIwan(1.0, K, 0.8, 0.5), lambda a, f: springs(*iwan_springs(0.8, 0.5, 60), a)),
     (LuGre(1.0, K), lambda a, f: dahl_area(K, FC, a)),
     (LuGre(1.0, K, DAMPING, VISCOUS, RATIO, STRIBECK), lugre_area),
 ]
@@ -136,7 +158,8 @@ def test_no_loss_while_eq_4_sticks_and_a_small_one_of_eq_5(slip):
     [
         Masing(0.3, 1e9), ParallelMasing(0.3, 1e9, [0.5, 0.5], [0.2, 0.8]), Iwan(0.3, 1e9), Dahl(0.3, 1e9),
         Dahl(0.3, 1e9, 2.0), RegularisedMasing(0.3, 1e9, 8), RegularisedMasing(0.3, 1e9, 1),
-        LuGre(0.3, 1e9, 1e3, 10.0, 1.3, 1e-3),
+        LuGre(0.3, 1e9, 1e3, 10.0, 1.3, 1e-3), BoucWen(0.3, 1e9, 2.0, -0.5), BoucWen(0.3, 1e9, 1.0, 0.2),
+        Valanis(0.3, 1e9, 0.9), ModifiedIwan(0.3, 1e9, 0.8),
     ],
     ids=lambda law: f"{law.name} {law.parameters[:1]}",
 )  # fmt: skip

@@ -1,6 +1,8 @@
-"""The smooth rule (Gaul, Roseira and Becker 2008, Eq. 5), exact for monotone motion: its virgin curve is a table.
+"""Law of Bouc (1967) and Wen (1976), exact for monotone motion: dF/du = k (1 - |F/F_C|^n (gamma + beta sgn(F du))).
 
-State: the force, its coordinate on the virgin curve, and the slip force for which that holds (0 where it does not).
+With beta + gamma = 1 the force ends at F_C, and n and gamma are left; gamma = 1/2 is Eq. (5) of Gaul, Roseira and
+Becker (2008). State: the force, its coordinate on the virgin curve, and the slip force for which that holds (0 where it
+does not).
 """
 
 from ema.compiled import kernel
@@ -9,7 +11,7 @@ from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, ST
 
 @kernel
 def virgin(x, tables, place, size, span, power):
-    """Normalised virgin curve of Eq. (5) at coordinate x, quintic Hermite on a graded grid."""
+    """Normalised force on a curve at coordinate x, quintic Hermite on a graded grid."""
     if x >= span:
         return 1.0
     t = x / span
@@ -31,7 +33,7 @@ def virgin(x, tables, place, size, span, power):
 
 @kernel
 def virgin_coordinate(phi, tables, place, size, span, power):
-    """Coordinate x at which the virgin curve reaches phi (0 ... 1): safeguarded Newton inside one cell of the table."""
+    """Coordinate x at which a curve reaches phi (0 ... 1): safeguarded Newton inside one cell of the table."""
     if phi <= 0.0:
         return 0.0
     if phi >= tables[place, 0, size - 1]:
@@ -62,21 +64,31 @@ def virgin_coordinate(phi, tables, place, size, span, power):
 
 
 @kernel
-def regularised_step(k, limit, exponent, tables, place, size, span, power, du, f0, x0, top0):
-    """Eq. (5) with |F/F_C|^m: elastic until the force reverses, then along the virgin curve.
+def bouc_wen_step(k, limit, shape, tables, du, f0, x0, top0):
+    """Against the force along the release curve, from F = 0 on along the virgin curve; both are tables.
 
-    State: force, its coordinate on the virgin curve, and the slip force for which that holds (0 where it does not).
+    ``shape``: exponent n; number, size, span and grading of the virgin curve; d = 1 - 2 gamma; number, span and grading
+    of the release curve. State: force, its coordinate on the virgin curve, and the slip force for which that holds (0
+    where it does not). Returns the force, df1/du, the new coordinate and slip force, df1/df0 and df1/du again.
     """
     if limit <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    exponent, place, size, span, power, d = shape[0], int(shape[1]), int(shape[2]), shape[3], shape[4], shape[5]
     phi = min(max(f0 / limit, -1.0), 1.0)
     sign = 1.0 if du >= 0.0 else -1.0
-    way, phi = k * abs(du) / limit, sign * phi
-    if phi + way <= 0.0:
-        return sign * (phi + way) * limit, k, 0.0, 0.0, 1.0, k
-    start_slope = 1.0
+    way, phi, start_slope = k * abs(du) / limit, sign * phi, 1.0
     if phi <= 0.0:
-        x = phi + way
+        back = -phi
+        if d != 0.0:
+            start_slope = 1.0 + d * back**exponent
+            back = virgin_coordinate(back, tables, int(shape[6]), size, shape[7], shape[8])
+        if way <= back:
+            value, slope = back - way, 1.0
+            if d != 0.0:
+                value = virgin(value, tables, int(shape[6]), size, shape[7], shape[8])
+                slope = 1.0 + d * value**exponent
+            return -sign * value * limit, k * slope, 0.0, 0.0, slope / start_slope, k * slope
+        x = way - back
     else:
         x = x0 if top0 == limit and x0 > 0.0 else virgin_coordinate(phi, tables, place, size, span, power)
         start_slope = max(1.0 - phi**exponent, 1e-15)
@@ -88,14 +100,13 @@ def regularised_step(k, limit, exponent, tables, place, size, span, power, du, f
 
 
 @kernel
-def regularised(group, rate, parameters, curves, exchange, before, after):
-    """Increments of the contacts of a group; ``parameters``: exponent, number of its curve, and what that is over."""
+def bouc_wen(group, rate, parameters, curves, exchange, before, after):
+    """Increments of the contacts of a group; ``parameters``: ``shape`` of ``bouc_wen_step``."""
     for i in range(group[FIRST], group[END]):
         k, way = exchange[STIFFNESS, i], exchange[WAY, i]
-        force, slope, place, top, _, _ = regularised_step(
-            k, exchange[LIMIT, i], parameters[i, 0], curves, int(parameters[i, 1]), int(parameters[i, 2]),
-            parameters[i, 3], parameters[i, 4], way, before[i, 0], before[i, 1], before[i, 2],
-        )  # fmt: skip
+        force, slope, place, top, _, _ = bouc_wen_step(
+            k, exchange[LIMIT, i], parameters[i], curves, way, before[i, 0], before[i, 1], before[i, 2]
+        )
         after[i, 0] = exchange[FORCE, i] = force
         after[i, 1], after[i, 2] = place, top
         exchange[EXCESS, i], exchange[SLOPE, i] = force - before[i, 0] - k * way, slope - k
