@@ -6,7 +6,7 @@ does not).
 """
 
 from ema.compiled import kernel
-from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
+from ema.contact.call_kernels import BY_FORCE, END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
 
 
 @kernel
@@ -104,7 +104,7 @@ def bouc_wen(group, rate, parameters, curves, exchange, before, after):
     """Increments of the contacts of a group; ``parameters``: ``shape`` of ``bouc_wen_step``."""
     for i in range(group[FIRST], group[END]):
         k, way = exchange[STIFFNESS, i], exchange[WAY, i]
-        force, slope, place, top, _, _ = bouc_wen_step(
+        force, slope, place, top, exchange[BY_FORCE, i], _ = bouc_wen_step(
             k, exchange[LIMIT, i], parameters[i], curves, way, before[i, 0], before[i, 1], before[i, 2]
         )
         after[i, 0] = exchange[FORCE, i] = force

@@ -11,9 +11,10 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-# rows of the table (row, contact) in which solver and law exchange the numbers of a step
-STIFFNESS, LIMIT, WAY, EXCESS, FORCE, SLOPE = range(6)
-ROWS = 6
+# rows of the table (row, contact) in which solver and law exchange the numbers of a step; the last one
+# is that of laws with one internal force: how the new one follows the old one
+STIFFNESS, LIMIT, WAY, EXCESS, FORCE, SLOPE, BY_FORCE = range(7)
+ROWS = 7
 # columns of the table of groups
 ADDRESS, FIRST, END, OWN = range(4)
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ema.compiled import kernel
-from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
+from ema.contact.call_kernels import BY_FORCE, END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
 
 
 @kernel
@@ -14,10 +14,11 @@ def dahl_step(k, limit, alpha, du, f0):
     sign = 1.0 if du >= 0.0 else -1.0
     way = k * abs(du) / limit
     y0 = min(max(1.0 - sign * f0 / limit, 0.0), 2.0)
+    if alpha == 1.0:
+        fade = np.exp(-way)
+        return sign * limit * (1.0 - y0 * fade), k * y0 * fade, fade
     y1 = 0.0
-    if y0 > 0.0 and alpha == 1.0:
-        y1 = y0 * np.exp(-way)
-    elif y0 > 0.0:
+    if y0 > 0.0:
         base = y0 ** (1.0 - alpha) - (1.0 - alpha) * way
         y1 = base ** (1.0 / (1.0 - alpha)) if base > 0.0 else 0.0
     a = (y1 / y0) ** alpha if y0 > 0.0 else 0.0
@@ -29,6 +30,6 @@ def dahl(group, rate, parameters, curves, exchange, before, after):
     """Increments of the contacts of a group; ``parameters``: the exponent."""
     for i in range(group[FIRST], group[END]):
         k, way = exchange[STIFFNESS, i], exchange[WAY, i]
-        force, slope, _ = dahl_step(k, exchange[LIMIT, i], parameters[i, 0], way, before[i, 0])
+        force, slope, exchange[BY_FORCE, i] = dahl_step(k, exchange[LIMIT, i], parameters[i, 0], way, before[i, 0])
         after[i, 0] = exchange[FORCE, i] = force
         exchange[EXCESS, i], exchange[SLOPE, i] = force - before[i, 0] - k * way, slope - k

@@ -56,6 +56,14 @@ class ContactLaws:
         table = [(_address(name), first, end, getattr(own, "address", own)) for name, first, end, own in self.groups]
         return np.array(table, dtype=np.int64), self.parameters, self.curves
 
+    def one_by_one(self) -> tuple[np.ndarray, ...]:
+        """What a kernel takes that follows the contacts one after the other: a row of ``groups`` for each of them,
+        parameters, curves, the table of ``exchange``, and room for the states before and after (2, contact, state)."""
+        groups, parameters, curves = self.arguments()
+        rows = [(address, i, i + 1, own) for address, first, end, own in groups for i in range(first, end)]
+        states = np.zeros((2, *self.flexibility.shape))
+        return np.array(rows, dtype=np.int64), parameters, curves, self.exchange(), states
+
     def exchange(self) -> Float[np.ndarray, "row contact"]:
         """The table in which solver and laws exchange the numbers of a step, with the stiffnesses in it."""
         from ema.contact.call_kernels import ROWS, STIFFNESS

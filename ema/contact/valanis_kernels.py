@@ -7,9 +7,10 @@ spring in the limit kappa = 1 (Gaul and Nitsche 2001, Eq. 33 with E_t = 0).
 import numpy as np
 
 from ema.compiled import kernel
-from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
+from ema.contact.call_kernels import BY_FORCE, END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
 
-_MOST = 100
+_MOST, _SETTLED = 100, 1e-9
+"""Steps of Newton's method, and the relative step after which it ends: what is left is at most 500 times its square."""
 
 
 @kernel
@@ -31,7 +32,7 @@ def valanis_step(k, limit, kappa, du, f0):
         fade = np.exp(-r)
         step = (way - bend * (1.0 - fade) - (1.0 - kappa) * r) / (bend * fade + 1.0 - kappa)
         r += step
-        if abs(step) <= 1e-15 * r:
+        if abs(step) <= _SETTLED * r:
             break
     q1 = q0 * np.exp(-r)
     slope, start_slope = q1 / (1.0 - kappa + kappa * q1), q0 / (1.0 - kappa + kappa * q0)
@@ -43,6 +44,6 @@ def valanis(group, rate, parameters, curves, exchange, before, after):
     """Increments of the contacts of a group; ``parameters``: kappa."""
     for i in range(group[FIRST], group[END]):
         k, way = exchange[STIFFNESS, i], exchange[WAY, i]
-        force, slope, _ = valanis_step(k, exchange[LIMIT, i], parameters[i, 0], way, before[i, 0])
+        force, slope, exchange[BY_FORCE, i] = valanis_step(k, exchange[LIMIT, i], parameters[i, 0], way, before[i, 0])
         after[i, 0] = exchange[FORCE, i] = force
         exchange[EXCESS, i], exchange[SLOPE, i] = force - before[i, 0] - k * way, slope - k

@@ -233,7 +233,6 @@ class PackedLaws:
     force_shares: Float[np.ndarray, "contact spring"]
     counts: Int[np.ndarray, "contact"]
     tables: Float[np.ndarray, "table 3 size"]
-    user: Any
     laws: tuple[FrictionLaw, ...]
     pairs: tuple[int, ...]
 
@@ -243,10 +242,19 @@ class PackedLaws:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """Codes, parameters, shares of stiffness and force, counts, tables and the user's function."""
+        """Codes, parameters, shares of stiffness and force, counts, tables and the user's function.
+
+        Raises
+        ------
+        InputError : contacts that hang together have more than one law of the user's own.
+        """
         from ema.simulate.friction_kernels import no_user_law
 
-        user = no_user_law() if self.user is None else self.user
+        own = sorted({law.name for law in self.laws if law.name in REGISTERED})
+        if len(own) > 1:
+            raise InputError("two laws of the user's own on contacts that hang together", got=" and ".join(own),
+                             expected="one, or contacts in one direction under normal forces that stay")  # fmt: skip
+        user = REGISTERED[own[0]][1] if own else no_user_law()
         return (
             self.codes, self.parameters, self.stiffness_shares, self.force_shares, self.counts, self.tables, user
         )  # fmt: skip
@@ -274,7 +282,7 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
 
     Raises
     ------
-    InputError : a law is unknown or lacks a parameter, or more than one law of the user's own is present.
+    InputError : a law is unknown or lacks a parameter.
     """
     size = len(laws)
     for law in {id(law): law for law in laws}.values():
@@ -285,14 +293,10 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
     parameters, shares_k, shares_f = np.zeros((size, 9)), np.zeros((size, width)), np.zeros((size, width))
     shares_f[:, 0] = shares_k[:, 0] = 1.0
     curves: dict[tuple[float, float], int] = {}
-    user, user_name = None, ""
     for row, law in enumerate(laws):
         values = [value for _, value in law.parameters]
         if law.name in REGISTERED:
-            if user_name not in ("", law.name):
-                raise InputError("two laws of the user's own in one model", got=f"{user_name} and {law.name}",
-                                 expected="one")  # fmt: skip
-            codes[row], user, user_name = 4, REGISTERED[law.name][1], law.name
+            codes[row] = 4
             parameters[row, : len(values)] = values
             continue
         codes[row] = _CODES[CATALOGUE[law.name].kernel]
@@ -308,5 +312,5 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
         else:
             parameters[row, : len(values)] = values
     return PackedLaws(
-        codes, parameters, shares_k, shares_f, counts, tables(curves), user, tuple(laws), tuple(counts_of_joint)
+        codes, parameters, shares_k, shares_f, counts, tables(curves), tuple(laws), tuple(counts_of_joint)
     )  # fmt: skip

@@ -10,6 +10,7 @@ matters.
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,8 @@ _YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 14
 harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
 _FORCING, _ROUGHLY = 1e-3, 0.05
 """How far GMRES solves for a step, and where only the size of the step matters."""
+_KEPT = 4
+"""Frequencies whose unit motions are kept: that of a point, and those between which a summit is sought."""
 _SAFETY, _LEAST = 4.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
 _FEWEST, _WIDER, _MOST_RUNS, _MOST_ROUGH = 3, (5, 9, 14), 400, 60
@@ -96,17 +99,24 @@ class Condensed:
         self.squares, self.decay = base.frequencies[self.coupled] ** 2, base.decay[self.coupled]
         self.load = self.force * base.row(self.problem.system, self.driven)
         self.limits, self.stiffness = np.ascontiguousarray(contacts.limits), np.ascontiguousarray(contacts.stiffness)
-        self.exact = bool(np.all(self.problem.laws.codes == 0))
-        self.general = None if self.exact else 1
-        laws = self.problem.laws.arguments
-        # a law of the user's own makes every call of a kernel slow
-        self.laws = (*laws[:-1], None) if self.exact else laws
+        names = np.concatenate([[name] * (end - first) for name, first, end, _ in self.problem.contact_laws.groups])
+        springs, packed = np.isin(names, ("spring", "springs")), self.problem.laws
+        self.exact = bool(springs.all())
+        self.springs = np.where(springs, packed.counts, 0), packed.stiffness_shares, packed.force_shares
+        self.rates = names == "lugre"
         self.members = np.arange(len(self.limits))[:, None].copy()
         self.odd, self.fine, self.left, self.share = True, 1, _MOST_RUNS, 1.0
         self.accuracy = _CONVERGED
         self.rows = np.array([base.row(self.problem.system, dof) for dof in self.problem.outputs])
         self._bases: dict[int, np.ndarray] = {}
         self._coarse: dict[int, _Coarse] = {}
+        self._motions: dict[float, np.ndarray] = {}
+        self._loads = np.column_stack([base.slip.T, self.load / self.force])
+
+    @cached_property
+    def smooth(self) -> tuple[Any, ...] | None:
+        """What the kernels take for laws that are no Masing springs."""
+        return None if self.exact else (self.rates, self.problem.contact_laws.one_by_one())
 
     def orders(self, count: int) -> Int[np.ndarray, "harmonic"]:
         """The first harmonics: 1, 3, 5 ... of an odd motion, else 0, 1, 2 ..."""
@@ -136,19 +146,51 @@ class Condensed:
             self._bases[count] = np.array([rate.reshape(samples, -1), bend.reshape(samples, -1)])
         return self._bases[count]
 
-    def moved(self, w: float, forces: Complex[np.ndarray, "mode load"]) -> Complex[np.ndarray, "mode load"]:
-        """Amplitudes of all modes under modal forces at ``w`` rad/s."""
-        base = self.problem.base
+    @property
+    def excited(self) -> int:
+        """Index of the harmonic that the force excites."""
+        return 0 if self.odd else 1
+
+    def _unit_motions(
+        self, damping: Float[np.ndarray, "mode mode"], omega: float, count: int
+    ) -> Complex[np.ndarray, "harmonic mode load"]:
+        """Amplitudes of all modes under forces of 1 N at every contact, then at the driven DOF, where ``damping``
+        couples them: one factorisation per harmonic, kept while the frequency stays."""
+        squares = self.problem.base.frequencies**2
+        known = self._motions.pop(omega, np.zeros((0, *self._loads.shape), complex))
+        if len(known) < count:
+            w = omega * self.orders(count)[len(known) :]
+            matrices = 1j * w[:, None, None] * damping
+            diagonal = np.arange(len(squares))
+            matrices[:, diagonal, diagonal] += squares - w[:, None] ** 2
+            more = np.linalg.solve(matrices, np.broadcast_to(self._loads, (len(w), *self._loads.shape)))
+            known = np.concatenate([known, more])
+        if len(self._motions) >= _KEPT:
+            self._motions.pop(next(iter(self._motions)))
+        self._motions[omega] = known
+        return known[:count]
+
+    def motions(
+        self, omega: float, forces: Complex[np.ndarray, "harmonic contact"]
+    ) -> Complex[np.ndarray, "harmonic mode"]:
+        """Amplitudes of all modes under the exciting force and friction deviations ``forces``, which act against."""
+        base, at = self.problem.base, self.excited
         if base.damping is None:
-            return np.asarray(forces / (base.frequencies**2 - w**2 + 1j * w * base.decay)[:, None])
-        return np.linalg.solve(np.diag(base.frequencies**2 - w**2) + 1j * w * base.damping, forces)
+            w = omega * self.orders(len(forces))[:, None]
+            load = -forces @ base.slip
+            load[at] += self.load
+            return np.asarray(load / (base.frequencies**2 - w**2 + 1j * w * base.decay))
+        units = self._unit_motions(base.damping, omega, len(forces))
+        out = -np.matmul(units[:, :, :-1], forces[:, :, None])[:, :, 0]
+        out[at] += self.force * units[at, :, -1]
+        return np.asarray(out)
 
     def drive(self, omega: float, count: int) -> Float[np.ndarray, "contact size"]:
         """Relative displacements of stuck contacts under the force alone."""
-        response = self.problem.base.slip @ self.moved(omega, self.load[:, None].astype(complex))[:, 0]
+        at, slip = self.excited, self.problem.base.slip
+        response = slip @ self.motions(omega, np.zeros((at + 1, len(slip)), complex))[at]
         out = np.zeros((len(response), 2 * count))
-        place = 0 if self.odd else 2
-        out[:, place], out[:, place + 1] = response.real, -response.imag
+        out[:, 2 * at], out[:, 2 * at + 1] = response.real, -response.imag
         return out
 
     def contact_forces(
@@ -160,17 +202,17 @@ class Condensed:
         """
         count = amplitudes.shape[1] // 2
         result: tuple[np.ndarray, ...] = self.kernels.contact_forces(
-            np.ascontiguousarray(amplitudes), self.orders(count), self.basis(count), self.odd, fine, omega,
-            self.stiffness, level * self.limits, self.members, self.laws, self.general, derive,
+            np.ascontiguousarray(amplitudes), (self.orders(count), self.basis(count), self.odd, fine, omega),
+            (self.stiffness, level * self.limits, self.members), self.springs, self.smooth, derive,
         )  # fmt: skip
         return result
 
     def gains(self, omega: float, count: int) -> Float[np.ndarray, "2 harmonic contact contact"]:
         """Real and imaginary receptances of the contacts at the harmonics."""
-        if self.problem.base.damping is not None:
-            forces = self.slip.T.astype(complex)
-            whole = [self.slip @ self.moved(omega * order, forces) for order in self.orders(count)]
-            return np.ascontiguousarray([np.real(whole), np.imag(whole)])
+        damping = self.problem.base.damping
+        if damping is not None:
+            whole = np.matmul(self.slip, self._unit_motions(damping, omega, count)[:, :, :-1])
+            return np.ascontiguousarray([whole.real, whole.imag])
         w = omega * self.orders(count)[:, None]
         gain = 1 / (self.squares - w**2 + 1j * w * self.decay)
         return np.matmul(np.stack([gain.real, gain.imag])[:, :, None, :] * self.slip, self.slip.T)
@@ -468,17 +510,13 @@ class Condensed:
 
     def modal(self, point: _Point) -> Complex[np.ndarray, "harmonic mode"]:
         """Complex amplitudes of all modes at all harmonics of a solution."""
-        load = -(point.forces[:, ::2] - 1j * point.forces[:, 1::2]).T @ self.problem.base.slip
-        load[0 if self.odd else 1] += self.load
-        orders = self.orders(point.count)
-        return np.array([self.moved(point.omega * n, row[:, None])[:, 0] for n, row in zip(orders, load, strict=True)])
+        return self.motions(point.omega, (point.forces[:, ::2] - 1j * point.forces[:, 1::2]).T)
 
     def first(self, point: _Point) -> Complex[np.ndarray, "dof"]:
         """Complex amplitudes of the first harmonic of the model's outputs."""
-        place = 0 if self.odd else 1
-        forces = point.forces[:, 2 * place] - 1j * point.forces[:, 2 * place + 1]
-        load = self.load - forces @ self.problem.base.slip
-        return np.asarray(self.rows @ self.moved(point.omega, load[:, None])[:, 0])
+        size = 2 * self.excited + 2
+        forces = point.forces[:, :size:2] - 1j * point.forces[:, 1:size:2]
+        return np.asarray(self.rows @ self.motions(point.omega, forces.T)[self.excited])
 
     def outputs(self, point: _Point, rows: np.ndarray) -> Complex[np.ndarray, "dof harmonic"]:
         """Complex amplitudes of output DOFs (dof, mode)."""
@@ -492,7 +530,7 @@ class Condensed:
         """Mean input, friction and damping power in W."""
         q = self.modal(point)
         speed = 1j * point.omega * self.orders(point.count)[:, None] * q
-        supplied = 0.5 * float(np.real(np.conj(speed[0 if self.odd else 1]) @ self.load))
+        supplied = 0.5 * float(np.real(np.conj(speed[self.excited]) @ self.load))
         base = self.problem.base
         lossy = base.decay * speed if base.damping is None else speed @ base.damping
         damping = 0.5 * float(np.real(np.sum(np.conj(speed) * lossy)))

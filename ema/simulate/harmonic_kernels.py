@@ -7,6 +7,7 @@ deviation g = f - k u from a stuck spring, so that a stuck contact needs no equa
 import numpy as np
 
 from ema.compiled import compiled
+from ema.contact.call_kernels import LIMIT
 from ema.contact.linear_kernels import matvec
 from ema.simulate.period_kernels import masing_period
 from ema.simulate.quadrature_kernels import smooth_period
@@ -40,25 +41,31 @@ def weakest(stiffness, limit, shares_k, shares_f, count):
 
 
 @compiled(error_model="numpy")
-def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limits, members, laws, general, derive):
+def contact_forces(amplitudes, period, contact, springs, smooth, derive):
     """Deviations G (contact, 2 H), Jacobian (contact, member, 2 H, 2 H), losses per period, who slips.
 
     Without ``derive`` the Jacobian is not made.
 
-    ``members`` (contact, member): the contacts on whose motion the force of a contact depends, itself first, then -1.
-    ``basis`` (2, sample, 2 H): derivatives of cos and sin; they serve to find the turning points. ``general`` is None
-    when all contacts are Masing springs: quadrature is then not compiled.
+    period: orders, derivatives (2, sample, 2 H) of cos and sin over a period that serve to find the turning points,
+    whether the motion is odd, a factor on the number of nodes, angular frequency. contact: stiffnesses, slip forces,
+    and members (contact, member), the contacts on whose motion the force of a contact depends, itself first, then -1.
+    springs: number of Masing springs of every contact, 0 for other laws, and their shares of stiffness and slip force.
+    smooth: None when all contacts are Masing springs, for quadrature is then not compiled; else whether the force of
+    every contact depends on velocities, and what ``ContactLaws.one_by_one`` gives.
     """
-    codes, par, shares_k, shares_f, counts, tables, user = laws
+    (orders, basis, odd, fine, omega), (stiffness, limits, members) = period, contact
+    counts, shares_k, shares_f = springs
     contacts, size = amplitudes.shape
     forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts if derive else 1, members.shape[1], size, size))
     lost, slips = np.zeros(contacts), np.zeros(contacts, np.bool_)
-    room, highest = 4 * orders[-1] + 8, 2 * orders[-1] + 1
-    place, value = np.empty(room), np.empty(room)
-    cosine, sine = np.empty((room, highest)), np.empty((room, highest))
+    length, highest = 4 * orders[-1] + 8, 2 * orders[-1] + 1
+    place, value = np.empty(length), np.empty(length)
+    cosine, sine = np.empty((length, highest)), np.empty((length, highest))
     rates, bends = np.empty(basis.shape[1]), np.empty(basis.shape[1])
+    if smooth is not None:
+        smooth[1][3][LIMIT] = limits
     for i in range(contacts):
-        masing = codes[i] == 0
+        masing = counts[i] > 0
         at = i if derive else 0
         if masing and reach(amplitudes[i]) <= weakest(stiffness[i], limits[i], shares_k[i], shares_f[i], counts[i]):
             continue
@@ -70,10 +77,10 @@ def contact_forces(amplitudes, orders, basis, odd, fine, omega, stiffness, limit
                 counts[i], place, value, cosine, sine, forces[i], jacobian[at, 0], derive,
             )  # fmt: skip
             slips[i] = largest(forces[i]) > 0.0
-        if general is not None and not masing:
+        if smooth is not None and not masing:
             lost[i] = smooth_period(
-                i, codes[i], amplitudes[i], orders, rates, bends, odd, fine, omega, stiffness[i], limits[i], par,
-                tables, user, place, value, cosine, sine, forces[i], jacobian[at, 0], derive,
+                i, smooth[0][i], smooth[1], amplitudes[i], (orders, odd, fine, omega),
+                (rates, bends, place, value, cosine, sine), forces[i], jacobian[at, 0], derive,
             )  # fmt: skip
             slips[i] = largest(forces[i]) > 1e-12 * limits[i]
     return forces, jacobian, lost, slips

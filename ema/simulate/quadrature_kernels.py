@@ -7,7 +7,7 @@ crowd behind a turning point, where the force changes fastest.
 import numpy as np
 
 from ema.compiled import compiled
-from ema.simulate.friction_kernels import LUGRE, single_step
+from ema.contact.call_kernels import ADDRESS, BY_FORCE, FORCE, LIMIT, SLOPE, STIFFNESS, WAY, increments
 from ema.simulate.period_kernels import motion, turning_points, waves
 
 _GAUSS = np.array([0.069431844202973712, 0.33000947820757187, 0.66999052179242813, 0.93056815579702629])
@@ -73,24 +73,27 @@ def _lugre(k, limit, par, u0, u1, v0, v1, bristle0):
 
 
 @compiled(error_model="numpy")
-def _follow(
-    i, code, k, limit, par, tables, user, start_u, start_rate, start, omega, u, rate, force, state, a, b, extra
-):
-    """Forces along the nodes from the internal force ``start``; tangents of the internal force; its last value."""
-    s0, s1, s2 = start, 0.0, 0.0
-    before, before_rate = start_u, start_rate
+def _follow(i, lugre, law, start, start_u, omega, nodes, out):
+    """Forces along the nodes from the internal force ``start``, and its tangents; returns its last value."""
+    groups, parameters, curves, exchange, states = law
+    (u, rate), (force, a, b, extra) = nodes, out
+    k, before, after = exchange[STIFFNESS, i], states[0], states[1]
+    before[i] = 0.0
+    before[i, 0] = start
+    place, place_rate = start_u, 0.0
     for n in range(len(u)):
-        if code == LUGRE:
-            force[n], s0, a[n], b[n], extra[n, 0], extra[n, 1] = _lugre(
-                k, limit, par[i], before, u[n], omega * before_rate, omega * rate[n], s0
+        if lugre:
+            force[n], start, a[n], b[n], extra[n, 0], extra[n, 1] = _lugre(
+                k, exchange[LIMIT, i], parameters[i], place, u[n], omega * place_rate, omega * rate[n], start
             )
         else:
-            force[n], _, s0, s1, s2, a[n], b[n] = single_step(
-                code, i, k, limit, par, tables, user, before, u[n], 0.0, s0, s1, s2
-            )
-        state[n] = s0
-        before, before_rate = u[n], rate[n]
-    return s0
+            exchange[WAY, i] = u[n] - place
+            increments(groups[i, ADDRESS], groups[i], 0.0, parameters, curves, exchange, before, after)
+            start = force[n] = exchange[FORCE, i]
+            a[n], b[n] = exchange[BY_FORCE, i], exchange[SLOPE, i] + k
+            before, after = after, before
+        place, place_rate = u[n], rate[n]
+    return start
 
 
 @compiled(error_model="numpy")
@@ -126,14 +129,15 @@ def _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b
 
 
 @compiled(error_model="numpy")
-def smooth_period(
-    i, code, amplitudes, orders, rates, bends, odd, fine, omega, k, limit, par, tables, user, place, value, cosine,
-    sine, forces, jacobian, derive,
-):  # fmt: skip
+def smooth_period(i, lugre, law, amplitudes, period, room, forces, jacobian, derive):
     """Fourier coefficients ``forces`` (2 H,) of f - k u of one contact in its cycle, their Jacobian, the loss.
 
-    ``fine`` multiplies the number of nodes. The other arguments are those of ``masing_period``.
+    ``law`` as ``ContactLaws.one_by_one`` gives it, with the slip forces in its table; ``lugre``: whether the force
+    depends on velocities besides. ``period``: orders, whether the motion is odd, a factor on the number of nodes, and
+    the angular frequency. ``room`` and the rest are those of ``masing_period``.
     """
+    (orders, odd, fine, omega), (rates, bends, place, value, cosine, sine) = period, room
+    k, limit = law[3][STIFFNESS, i], law[3][LIMIT, i]
     size = len(amplitudes)
     for r in range(size):
         forces[r] = 0.0
@@ -153,14 +157,13 @@ def smooth_period(
         first_basis[2 * h], first_basis[2 * h + 1] = cosine[turns - 1, orders[h]], sine[turns - 1, orders[h]]
     last = len(place) - 1
     _nodes(amplitudes, orders, odd, fine, turns, place, cosine[last], sine[last], where, weight, u, rate, basis, slope)
-    force, state, a, b = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
-    extra = np.zeros((count, 2))
-    start_u = value[turns - 1]
-    start = _settle(i, code, odd, k, limit, par, tables, user, start_u, omega, u, rate, force, state, a, b, extra)
-    _follow(i, code, k, limit, par, tables, user, start_u, 0.0, start, omega, u, rate, force, state, a, b, extra)
+    force, a, b, extra = np.empty(count), np.empty(count), np.empty(count), np.zeros((count, 2))
+    start_u, nodes, out = value[turns - 1], (u, rate), (force, a, b, extra)
+    start = _settle(i, lugre, law, start_u, odd, omega, nodes, out)
+    _follow(i, lugre, law, start, start_u, omega, nodes, out)
     scale, lost = (2.0 if odd else 1.0) / np.pi, 0.0
     if derive:
-        _differentiate(odd, omega, k, code == LUGRE, first_basis, basis, slope, weight, a, b, extra, scale, jacobian)
+        _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b, extra, scale, jacobian)
     for n in range(count):
         lost += weight[n] * force[n] * rate[n]
         force[n] = weight[n] * (force[n] - k * u[n])
@@ -174,13 +177,11 @@ def smooth_period(
 
 
 @compiled(error_model="numpy")
-def _settle(i, code, odd, k, limit, par, tables, user, start_u, omega, u, rate, force, state, a, b, extra):
+def _settle(i, lugre, law, start_u, odd, omega, nodes, out):
     """Internal force at the first turning point with which the cycle closes."""
-    start = 0.0
+    start, limit, a = 0.0, law[3][LIMIT, i], out[1]
     for trial in range(60):
-        end = _follow(
-            i, code, k, limit, par, tables, user, start_u, 0.0, start, omega, u, rate, force, state, a, b, extra
-        )
+        end = _follow(i, lugre, law, start, start_u, omega, nodes, out)
         product = 1.0
         for n in range(len(a)):
             product *= a[n]

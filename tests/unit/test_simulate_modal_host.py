@@ -11,7 +11,8 @@ from ema.errors import InputError
 from ema.estimate import phases, ring_down
 from ema.simulate import Masing, double_beam, frf, resonance, respond, snapback, snapback_reference
 from ema.simulate.flow import joint_coefficients
-from ema.simulate.reduction import modal_base
+from ema.simulate.harmonic import condense
+from ema.simulate.reduction import modal_base, stuck_stiffness
 from ema.simulate.structure import assemble
 
 TIP = "beam 1:6:+Z"
@@ -108,6 +109,28 @@ def test_time_and_steady_states_agree_on_a_host_whose_damping_couples_modes():
     last = slice(-round(10 * rate / frequency), None)
     settled = 2 * np.mean(run.displacements[0, last] * np.exp(-2j * np.pi * frequency * times[last]))
     assert settled == pytest.approx(steady.values[0, 0, 0], rel=3e-3)
+
+
+@pytest.mark.parametrize("normal_forces", [None, np.array([[150.0, 120.0, 100.0, 120.0]])])
+def test_receptances_where_damping_couples_modes(normal_forces):
+    """Against the inverse of stiffness - w^2 mass + j w damping in the coordinates of host and beam, at every harmonic,
+    in whatever order frequencies and numbers of harmonics are asked for, and at another level of the force."""
+    solver = condense(models(ratio=0.02, force=150.0)[1], 3.0, TIP, [TIP], 1e-3, normal_forces=normal_forces)
+    system, base = solver.problem.system, solver.problem.base
+    stiffness, damping = stuck_stiffness(system, solver.stiffness), np.diag(system.decay * np.diag(system.mass))
+    slip, random = system.contacts.slip, np.random.default_rng(2)
+    for omega, count in ((90.0, 3), (310.0, 2), (90.0, 7), (55.0, 2), (120.0, 4), (77.0, 2), (90.0, 2), (310.0, 5)):
+        for level in (solver, solver.at(0.5, solver.limits)):
+            forces = random.normal(size=(count, len(slip), 2)) @ [1, 1j]
+            gains, motions = level.gains(omega, count), level.motions(omega, forces)
+            for n, order in enumerate(level.orders(count)):
+                w = omega * order
+                whole = np.linalg.inv(stiffness - w**2 * system.mass + 1j * w * damping)
+                expected = slip @ whole @ slip.T
+                found = gains[0, n] + 1j * gains[1, n]
+                np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+                moved = whole @ ((order == 1) * level.force * system.row(TIP) - slip.T @ forces[n])
+                np.testing.assert_allclose(base.shapes @ motions[n], moved, atol=1e-9 * np.abs(moved).max())
 
 
 def test_the_reference_mode_refuses_damping_that_it_does_not_follow():

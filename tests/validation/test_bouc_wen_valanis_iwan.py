@@ -13,7 +13,19 @@ from scipy.integrate import quad, solve_ivp
 from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate import BoucWen, Iwan, Masing, ModifiedIwan, RegularisedMasing, Valanis, frf, loop, respond, snapback
+from ema.simulate import (
+    BoucWen,
+    Iwan,
+    Masing,
+    ModifiedIwan,
+    RegularisedMasing,
+    Valanis,
+    frf,
+    loop,
+    register_law,
+    respond,
+    snapback,
+)
 from ema.simulate.loops import drive, iwan_area
 
 K, FC, STIFFNESS = 4e5, 30.0, 4e5
@@ -174,6 +186,32 @@ def test_limits_of_the_laws_are_the_laws_there_were():
 
 def dahl():
     return FrictionLaw("dahl", 1.0, K, (("shape", 1.0),))
+
+
+def clip(force, du, k, limit, p0, p1, p2, p3):
+    return min(max(force + k * du, -limit), limit)
+
+
+def clip_below(force, du, k, limit, p0, p1, p2, p3):
+    return min(max(force + k * du, -p0 * limit), p0 * limit)
+
+
+def test_several_laws_of_ones_own_rub_side_by_side():
+    """A clip and one at a share of the slip force are two Masing springs: motion in time and steady states are theirs."""
+    one, other = register_law("clip, alone", clip), register_law("clip, below", clip_below)
+
+    def side_by_side(first, second):
+        model = oscillator(first)
+        return replace(model, joints=(model.joints[0], replace(model.joints[0], name="other", law=second)))
+
+    own = side_by_side(one(1.0, K), other(1.0, 0.5 * K, 0.4))
+    springs = side_by_side(Masing(1.0, K), Masing(0.4, 0.5 * K))
+    runs = [snapback(model, 150.0, "1:+X", 0.05, ["1:+X"], sampling_rate=10_000.0) for model in (own, springs)]
+    np.testing.assert_allclose(runs[0].displacements, runs[1].displacements, atol=1e-9 * runs[1].displacements.max())
+    assert runs[0].energy.friction[-1] > 0.1 * runs[0].energy.total[0] and runs[0].energy.error <= 1e-9
+    states = [frf(model, np.array([100.0, 120.0]), 60.0, "1:+X", ["1:+X"]) for model in (own, springs)]
+    assert states[0].converged.all()
+    np.testing.assert_allclose(states[0].values[:, 0, 0], states[1].values[:, 0, 0], rtol=5e-3)
 
 
 @pytest.mark.parametrize(
