@@ -10,7 +10,7 @@ import numpy as np
 from ema.compiled import compiled
 from ema.contact.linear_kernels import matvec
 from ema.simulate.friction_kernels import LUGRE, PARALLEL, project, step, stored_energy
-from ema.simulate.normal_kernels import FORCE, PENETRATION, mean_pull, pull, solve_pull
+from ema.simulate.normal_kernels import FORCE, PENETRATION, mean_pull, pull
 from ema.simulate.plane_kernels import plane_step
 from ema.simulate.transient_kernels import (
     DAMPING,
@@ -28,157 +28,8 @@ from ema.simulate.transient_kernels import (
 
 # columns of what is kept of every normal contact: extremes of its force, steps open, first of them, widest gap
 LEAST, GREATEST, OPEN, FIRST, GAP = range(5)
-
-
-@compiled()
-def contact_solve(i, free, gain, k, tolerance, limit, laws, u0, f0, h, z0, z1, a, b):
-    """Displacement of contact i from u + gain * (f(u) - k u) = free; returns u and f.
-
-    The sign of the slip increment is known beforehand; on its side the law is monotone, so Newton in a bracket.
-    """
-    codes, par, shares_k, shares_f, counts, tables, user = laws
-    code, count = codes[i], counts[i]
-    low, high = -np.inf, np.inf
-    if u0 + gain * (f0 - k * u0) < free:
-        low = u0
-    else:
-        high = u0
-    # start from an elastic increment, exact while the contact sticks
-    u = free - gain * (f0 - k * u0)
-    force, slope = f0, k
-    for _ in range(100):
-        force, slope = step(code, i, k, limit, par, shares_k, shares_f, count, tables, user, u0, u, h, z0, z1, a, b)
-        rest = u + gain * (force - k * u) - free
-        if abs(rest) <= tolerance:
-            break
-        if rest > 0.0:
-            high = u
-        else:
-            low = u
-        new = u - rest / max(1.0 + gain * (slope - k), 1e-12)
-        if not low < new < high:
-            new = 0.5 * (low + high) if np.isfinite(low) and np.isfinite(high) else u - rest
-        if new == u:
-            break
-        u = new
-    return u, force
-
-
-@compiled()
-def solve_plane(
-    i, j, rx, ry, gains, k, limit, tolerance, codes, par, shares_k, shares_f, counts, tables, ux0, uy0, fx0, fy0, h,
-    z0, z1, a, b,
-):  # fmt: skip
-    """Displacements and forces of one isotropic contact from u + G (f(u) - k u) = r: Newton, halved where it must be.
-
-    The start is an elastic increment, exact while the contact sticks.
-    """
-    gxx, gxy, gyx, gyy = gains[i, i], gains[i, j], gains[j, i], gains[j, j]
-    ex, ey = fx0 - k * ux0, fy0 - k * uy0
-    x, y = rx - gxx * ex - gxy * ey, ry - gyx * ex - gyy * ey
-    fx, fy, sxx, sxy, syx, syy = plane_step(
-        codes[i], i, j, k, limit, par, shares_k, shares_f, counts[i], tables, ux0, uy0, x, y, h, z0, z1, a, b
-    )
-    px, py = fx - k * x, fy - k * y
-    qx, qy = x + gxx * px + gxy * py - rx, y + gyx * px + gyy * py - ry
-    size = np.sqrt(qx * qx + qy * qy)
-    for _ in range(60):
-        if size <= tolerance:
-            break
-        jxx, jxy = 1.0 + gxx * (sxx - k) + gxy * syx, gxx * sxy + gxy * (syy - k)
-        jyx, jyy = gyx * (sxx - k) + gyy * syx, 1.0 + gyx * sxy + gyy * (syy - k)
-        det = jxx * jyy - jxy * jyx
-        dx, dy = (jyy * qx - jxy * qy) / det, (jxx * qy - jyx * qx) / det
-        length = 1.0
-        new = size
-        for _ in range(25):
-            tx, ty = x - length * dx, y - length * dy
-            fx, fy, sxx, sxy, syx, syy = plane_step(
-                codes[i], i, j, k, limit, par, shares_k, shares_f, counts[i], tables, ux0, uy0, tx, ty, h, z0, z1, a, b
-            )
-            px, py = fx - k * tx, fy - k * ty
-            qx, qy = tx + gxx * px + gxy * py - rx, ty + gyx * px + gyy * py - ry
-            new = np.sqrt(qx * qx + qy * qy)
-            if new < (1.0 - 0.1 * length) * size:
-                break
-            length *= 0.5
-        x, y = tx, ty
-        if new >= size:
-            break
-        size = new
-    return x, y, fx, fy
-
-
-@compiled()
-def sweep_joined(
-    gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, sweeps, u1, f1,
-    change,
-):  # fmt: skip
-    """Contact after contact until the changes fall below ``tolerance``; ``limits`` follow the normal forces.
-
-    ``change`` is the start and returns g1 - g0, g = f - k u. ``mean``: the forces of the normal contacts are those
-    whose mean with the old ones does the work of the way. Returns sweeps and the last change over the largest
-    displacement.
-    """
-    codes, par, shares_k, shares_f, counts, tables, user = laws
-    partner, normal_of, friction, pairs, curve = ties
-    rows, first = len(u0), len(u0) - len(pairs)
-    size = 1e-30
-    for i in range(rows):
-        size = max(size, abs(free[i]), abs(u0[i]))
-    moved, last = 0.0, np.inf
-    for sweep in range(sweeps):
-        moved = 0.0
-        loose = max(1e-3 * tolerance * size, 0.1 * last if np.isfinite(last) else 0.0)
-        for place in range(rows):
-            i = (place + first) % rows
-            j = partner[i] if i < first else -1
-            if 0 <= j < i:
-                continue
-            k, gain, start = stiffness[i], gains[i, i], f0[i] - stiffness[i] * u0[i]
-            rest = free[i] + gain * (start + change[i])
-            for c in range(rows):
-                rest -= gains[i, c] * change[c]
-            if i >= first:
-                u1[i], f1[i] = solve_pull(pairs[i - first], curve, k, gain, rest, u0[i], f0[i], mean, loose)
-            else:
-                held = f0[i]
-                if normal_of[i] >= 0:
-                    n = normal_of[i]
-                    shut, _, _ = pull(pairs[n], curve, u1[first + n])
-                    limits[i] = friction[i] * (pairs[n, FORCE] - shut)
-                if j >= 0:
-                    limits[j] = limits[i]
-                    other = f0[j] - k * u0[j]
-                    rest += gains[i, j] * (other + change[j])
-                    rest_y = free[j] + gains[j, i] * (start + change[i]) + gains[j, j] * (other + change[j])
-                    for c in range(rows):
-                        rest_y -= gains[j, c] * change[c]
-                    u1[i], u1[j], f1[i], f1[j] = solve_plane(
-                        i, j, rest, rest_y, gains, k, limits[i], loose, codes, par, shares_k, shares_f, counts, tables,
-                        u0[i], u0[j], f0[i], f0[j], h, z0, z1, a2, b2,
-                    )  # fmt: skip
-                    new = f1[j] - k * u1[j] - other
-                    moved = max(moved, abs(new - change[j]) * gains[j, j])
-                    change[j] = new
-                else:
-                    if normal_of[i] >= 0:
-                        # the law at the old place, below the new slip force
-                        held, _ = step(
-                            codes[i], i, k, limits[i], par, shares_k, shares_f, counts[i], tables, user, u0[i], u0[i],
-                            h, z0, z1, a, b,
-                        )  # fmt: skip
-                    u1[i], f1[i] = contact_solve(
-                        i, rest, gain, k, loose, limits[i], laws, u0[i], held, h, z0, z1, a, b
-                    )  # fmt: skip
-            new = f1[i] - k * u1[i] - start
-            moved = max(moved, abs(new - change[i]) * gain)
-            change[i] = new
-        # a loosely solved contact may stay where it is by chance
-        if max(moved, loose) <= tolerance * size:
-            return sweep + 1, moved / size
-        last = moved
-    return sweeps, moved / size
+MOST, SHORTEST = 80, 1e-3
+"""Evaluations of the laws from one start, and the share of a Newton step below which it is taken as it is."""
 
 
 @compiled()
@@ -236,80 +87,64 @@ def forces_joined(
 
 
 @compiled()
-def newton_joined(
-    gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, most, u1, f1, change,
+def solve_joined(
+    gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, u1, f1, change,
 ):  # fmt: skip
-    """All contacts at once by Newton's method from ``u1``, for what the sweeps do not settle.
+    """All contacts at once by Newton's method, halved where it must be; ``limits`` follow the normal forces.
 
-    Returns the residual over the largest displacement.
+    ``change`` is the start and returns g1 - g0, g = f - k u. ``mean``: the forces of the normal contacts are those
+    whose mean with the old ones does the work of the way. Where the start leads nowhere the old state is another one.
+    Returns Newton steps and the residual over the largest displacement.
     """
     partner, normal_of, _, pairs, _ = ties
     rows, first = len(u0), len(u0) - len(pairs)
     own, cross, pressed = np.empty(rows), np.zeros(rows), np.zeros(rows)
-    rest, trial, slope, jacobian = np.empty(rows), u1.copy(), np.zeros((rows, rows)), np.empty((rows, rows))
-    start = f0 - stiffness * u0
-    size, norm, length = 1e-30, np.inf, 1.0
+    rest, trial, jacobian = np.empty(rows), np.empty(rows), np.empty((rows, rows))
+    start, step_of, size = f0 - stiffness * u0, np.zeros(rows), 1e-30
     for i in range(rows):
         size = max(size, abs(free[i]), abs(u0[i]))
-    step_of = np.zeros(rows)
-    for _ in range(most):
-        forces_joined(
-            stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, trial, f1, own, cross, pressed,
-        )  # fmt: skip
-        for i in range(rows):
-            change[i] = f1[i] - stiffness[i] * trial[i] - start[i]
-        matvec(gains, change, rest)
-        new = 0.0
-        for i in range(rows):
-            rest[i] += trial[i] - free[i]
-            new = max(new, abs(rest[i]))
-        if new > (1.0 - 0.1 * length) * norm and length > 1e-3:
-            length *= 0.5
+    iterations, norm = 0, np.inf
+    for attempt in range(2):
+        if attempt == 0:
+            matvec(gains, change, rest)
             for i in range(rows):
-                trial[i] = u1[i] - length * step_of[i]
-            continue
-        u1[:], norm, length = trial, new, 1.0
-        if norm <= tolerance * size:
-            break
-        slope[:] = 0.0
-        for i in range(rows):
-            slope[i, i] = own[i] - stiffness[i]
-            if i < first:
-                if partner[i] >= 0:
-                    slope[i, partner[i]] = cross[i]
-                if normal_of[i] >= 0:
-                    slope[i, first + normal_of[i]] = pressed[i]
-        jacobian[:] = gains @ slope
-        for i in range(rows):
-            jacobian[i, i] += 1.0
-        step_of[:] = np.linalg.solve(jacobian, rest)
-        for i in range(rows):
-            trial[i] = u1[i] - step_of[i]
-    return norm / size
-
-
-@compiled()
-def solve_joined(
-    gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, u1, f1, change,
-):  # fmt: skip
-    """Sweeps, and Newton's method from the old state where they are slow or run away. Returns rounds and residual."""
-    moved = np.inf
-    for attempt in range(6):
-        rounds, moved = sweep_joined(
-            gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, 30, u1, f1,
-            change,
-        )  # fmt: skip
-        if moved <= tolerance:
-            return rounds + 30 * attempt, moved
-        if attempt % 2 == 0:
-            u1[:] = u0
-        moved = newton_joined(
-            gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, 80, u1, f1,
-            change,
-        )  # fmt: skip
-        if moved <= tolerance:
-            return 30 * attempt + 31, moved
-    return 180, moved
+                trial[i] = free[i] - rest[i]
+        else:
+            trial[:] = u0
+        norm, length = np.inf, 1.0
+        for _ in range(MOST):
+            forces_joined(
+                stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, trial, f1, own, cross, pressed,
+            )  # fmt: skip
+            for i in range(rows):
+                change[i] = f1[i] - stiffness[i] * trial[i] - start[i]
+            matvec(gains, change, rest)
+            new = 0.0
+            for i in range(rows):
+                rest[i] += trial[i] - free[i]
+                new = max(new, abs(rest[i]))
+            if new > (1.0 - 0.1 * length) * norm and length > SHORTEST:
+                length *= 0.5
+                for i in range(rows):
+                    trial[i] = u1[i] - length * step_of[i]
+                continue
+            u1[:], norm, length = trial, new, 1.0
+            if norm <= tolerance * size:
+                return iterations, norm / size
+            iterations += 1
+            for r in range(rows):
+                for i in range(rows):
+                    jacobian[r, i] = gains[r, i] * (own[i] - stiffness[i])
+                jacobian[r, r] += 1.0
+                for i in range(first):
+                    if partner[i] >= 0:
+                        jacobian[r, partner[i]] += gains[r, i] * cross[i]
+                    if normal_of[i] >= 0:
+                        jacobian[r, first + normal_of[i]] += gains[r, i] * pressed[i]
+            step_of[:] = np.linalg.solve(jacobian, rest)
+            for i in range(rows):
+                trial[i] = u1[i] - step_of[i]
+    return iterations, norm / size
 
 
 @compiled()

@@ -64,37 +64,6 @@ def mean_pull(pair, curve, v0, v1):
 
 
 @compiled()
-def solve_pull(pair, curve, k, gain, free, v0, f0, mean, tolerance):
-    """Gap opening v from v + gain (f(v) - k v) = free; ``mean``: f is what makes (f0 + f)/2 the mean over the way.
-
-    Returns v and f. The left side grows with v: Newton in a bracket.
-    """
-    low, high = -np.inf, np.inf
-    v = free / (1.0 - gain * k) if gain * k < 0.999 else free
-    force = 0.0
-    for _ in range(200):
-        if mean:
-            middle, slope = mean_pull(pair, curve, v0, v)
-            force, slope = 2.0 * middle - f0, 2.0 * slope
-        else:
-            force, slope, _ = pull(pair, curve, v)
-        rest = v + gain * (force - k * v) - free
-        if abs(rest) <= tolerance:
-            break
-        if rest > 0.0:
-            high = v
-        else:
-            low = v
-        new = v - rest / (1.0 + gain * (slope - k))
-        if not low < new < high:
-            new = 0.5 * (low + high) if np.isfinite(low) and np.isfinite(high) else v - rest
-        if new == v:
-            break
-        v = new
-    return v, force
-
-
-@compiled()
 def press_all(pairs, curve, depth):
     """Normal forces, slopes and energies (pair,) at penetrations (pair,)."""
     out = np.empty((3, len(depth)))
