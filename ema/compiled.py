@@ -48,10 +48,11 @@ def compiled(**options: Any) -> Callable[..., Any]:
     def decorate(function: Callable[..., Any]) -> Any:
         """Compile when first called, or read what is kept."""
         path = Path(function.__code__.co_filename).resolve()
-        if path not in _MODULES:
+        if path not in _MODULES and path.is_file():
             raise ImportError(f"compiled functions belong in modules named *_kernels.py of this package, not in {path}")
         dispatcher = nb.njit(**options)(function)
-        dispatcher._cache = _Kept(function)
+        if path in _MODULES:  # elsewhere, as in an archive, no text says when a kept function is of no use any more
+            dispatcher._cache = _Kept(function)
         return dispatcher
 
     return decorate

@@ -123,6 +123,17 @@ def test_an_installation_where_nothing_can_be_written_compiles_and_keeps_nothing
     assert files(installation) == before
 
 
+def test_a_package_in_an_archive_compiles_and_keeps_nothing(installation, tmp_path):
+    """Its sources are no files, so that nothing could tell which of them a compiled function belongs to."""
+    archive = shutil.make_archive(str(tmp_path / "packed"), "zip", installation)
+    shutil.rmtree(installation / "ema")
+    shutil.rmtree(installation / "acquisition")
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": archive}
+    for _ in range(2):
+        assert run(installation, CALL, **kept) == "4.0 0 1"
+    assert not (tmp_path / "kept").exists()
+
+
 @pytest.mark.parametrize(
     "damage", [lambda whole: b"", lambda whole: whole[:-1], lambda whole: whole[:40] + b"?" + whole[41:]]
 )
