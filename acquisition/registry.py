@@ -13,7 +13,7 @@ from acquisition.files import sniff
 from acquisition.files.layout import Layout
 from acquisition.files.sanity import examine
 from ema.data import Finding
-from ema.errors import EmaError, FailureError, InputError
+from ema.errors import EmaError, FailureError, InputError, MissingExtraError
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,7 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
     path = Path(path)
     kind = _named(format) if format else detect(path)
     sniff.head(path)
+    _require(kind)
     options = Layout.of(**layout)
     adapter = import_module(kind.module)
     try:
@@ -140,6 +141,15 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
         note = Finding("info", "wrong-suffix", path.name, f"the name says {owners[0].title}, the content {kind.title}.")
         contents = replace(contents, findings=(note, *contents.findings))
     return contents
+
+
+def _require(kind: Format) -> None:
+    for package in kind.packages:
+        if find_spec(package) is None:
+            raise MissingExtraError(
+                f"the optional package '{package}' is not installed",
+                advice=f"install it with: pip install 'friction-ema[{kind.extra}]'",
+            )
 
 
 def write(path: "str | PathLike[str]", *nouns: Any, format: str = "", **options: Any) -> None:

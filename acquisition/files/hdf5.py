@@ -9,6 +9,7 @@ from acquisition.contents import Contents
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
+from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError
 
@@ -34,6 +35,22 @@ def variables(path: Path) -> Arrays:
     ------
     InputError : an array or link that leads to another file, or values that were never written.
     """
+    there = call("hdf5", path)
+    numeric = [name for name, array in there["arrays"].items() if getattr(array, "ndim", 0) == 2]
+    notes = (not_read(path.name, there["left"]),) if there["left"] else ()
+    return Arrays(
+        path.name, there["arrays"], numeric[0] if len(numeric) == 1 else "", there["stated"],
+        metadata=tuple((name, text) for name, text in there["metadata"]), labels=there["stated"], findings=notes,
+    )  # fmt: skip
+
+
+def tree(path: Path) -> dict[str, Any]:
+    """The ``arrays`` of a file by path, units ``stated``, ``metadata`` and the names of what is ``left`` out.
+
+    Raises
+    ------
+    InputError : an array or link that leads to another file, or values that were never written.
+    """
     from ema.store import untrusted
 
     found = _Found()
@@ -42,12 +59,7 @@ def variables(path: Path) -> Arrays:
             _gather(file, "", found, set())
         except InputError as error:
             raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
-    numeric = [name for name, array in found.arrays.items() if getattr(array, "ndim", 0) == 2]
-    notes = (not_read(path.name, found.left),) if found.left else ()
-    return Arrays(
-        path.name, found.arrays, numeric[0] if len(numeric) == 1 else "", found.stated,
-        metadata=tuple(found.metadata), labels=found.stated, findings=notes,
-    )  # fmt: skip
+    return vars(found)
 
 
 def not_read(where: str, names: Sequence[str]) -> Finding:
@@ -92,7 +104,15 @@ def _gather(group: Any, prefix: str, found: _Found, seen: set[int]) -> None:
                 found.left.append(name)
                 continue
             untrusted.check(item, name)
-            found.arrays[name] = item.asstr()[...] if texts else item[...]
+            found.arrays[name] = _texts(item) if texts else item[...]
+
+
+def _texts(item: Any) -> Any:
+    """Texts as an array (of any shape) or, of one alone, as a text."""
+    import numpy as np
+
+    there = item.asstr(errors="replace")[...]
+    return np.array(there, dtype=np.str_)
 
 
 def _attributes(item: Any, name: str, found: _Found) -> None:

@@ -14,6 +14,7 @@ from acquisition.files.hdf5 import not_read
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
 from acquisition.files.scales import is_unit
+from acquisition.isolated import call
 from ema.errors import InputError
 
 
@@ -29,27 +30,39 @@ def read(path: Path, layout: Layout) -> Contents:
 
 def variables(path: Path) -> Arrays:
     """All numeric and text variables by name."""
+    _check_elements(path)
+    there = call("matlab", path)
+    values: dict[str, Any] = there["values"]
+    metadata = tuple((name, value) for name, value in values.items() if isinstance(value, str))
+    numeric = {name: value for name, value in values.items() if not isinstance(value, str)}
+    main = next(iter(numeric)) if len(numeric) == 1 else ""
+    notes = (not_read(path.name, there["left"]),) if there["left"] else ()
+    return Arrays(path.name, numeric, main, metadata=metadata, labels=_labels(values), findings=notes)
+
+
+def tree(path: Path) -> dict[str, Any]:
+    """The ``values`` of a file by name, texts or arrays, and the names of the objects that are ``left`` out.
+
+    Raises
+    ------
+    InputError : it leads to another file, or holds what was never written.
+    """
     with path.open("rb") as file:
         v73 = file.read(128)[:10] == b"MATLAB 7.3"
     left: list[str] = []
-    _check_elements(path)
     if v73:
         try:
-            tree = _v73(path, left)
+            top = _v73(path, left)
         except InputError as error:
             raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
     else:
         from scipy.io import loadmat
 
         with quiet():
-            tree = loadmat(path, simplify_cells=True)
-    found = {name: value for key, top in tree.items() if not key.startswith("__") for name, value in _walk(key, top)}
-    metadata = tuple((name, value) for name, value in found.items() if isinstance(value, str))
-    numeric = {name: value for name, value in found.items() if not isinstance(value, (str, _Object))}
-    left += [name for name, value in found.items() if isinstance(value, _Object)]
-    main = next(iter(numeric)) if len(numeric) == 1 else ""
-    notes = (not_read(path.name, left),) if left else ()
-    return Arrays(path.name, numeric, main, metadata=metadata, labels=_labels(found), findings=notes)
+            top = loadmat(path, simplify_cells=True)
+    leaves = [leaf for key, value in top.items() if not key.startswith("__") for leaf in _walk(key, value)]
+    left += [name for name, value in leaves if isinstance(value, _Object)]
+    return {"values": {name: value for name, value in leaves if not isinstance(value, _Object)}, "left": left}
 
 
 def _check_elements(path: Path) -> None:

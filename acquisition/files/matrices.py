@@ -2,11 +2,13 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from acquisition.files import harwell_boeing
+from acquisition.isolated import ParserError, call
 from ema.data import Matrices
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
@@ -34,23 +36,42 @@ def read_matrix(path: Path) -> Float[np.ndarray, "n n"]:
 
 
 def _market(path: Path) -> Float[np.ndarray, "n n"]:
+    try:
+        there = call("market", path)
+    except (ParserError, OSError) as error:
+        raise InputError(f"damaged Matrix Market file: {error}", where=str(path)) from error
+    values, shape = there["values"], there["shape"]
+    if len(shape) != 2 or shape[0] != shape[1] or np.iscomplexobj(values):
+        raise InputError("not a matrix that a structure can have", where=str(path),
+                         got=f"{values.dtype}, {' x '.join(map(str, shape))}", expected="real and square")  # fmt: skip
+    if not np.isfinite(values).all():
+        raise InputError("a number that is not finite", where=str(path), advice="export it again")
+    if "rows" not in there:
+        return np.asarray(values, dtype=np.float64)
+    rows, columns = there["rows"], there["columns"]
+    if len(np.unique(rows * shape[0] + columns)) < len(rows):
+        raise InputError("an entry of the matrix occurs twice", where=str(path), advice="export it again")
+    matrix = np.zeros(shape)
+    matrix[rows, columns] = values
+    return matrix
+
+
+def entries(path: Path) -> dict[str, Any]:
+    """What a Matrix Market file holds: ``shape`` and ``values`` (n, n), or ``rows``, ``columns``, ``values`` (entry,).
+
+    Raises
+    ------
+    InputError : too large to be held in full.
+    """
     from scipy.io import mminfo, mmread
 
-    try:
-        harwell_boeing.check_size(mminfo(path)[0], path)
-        held = mmread(path)
-    except EmaError:
-        raise
-    except Exception as error:  # the reader raises errors of many kinds
-        raise InputError(f"damaged Matrix Market file: {str(error).splitlines()[0]}", where=str(path)) from error
-    matrix = np.asarray(held if isinstance(held, np.ndarray) else held.toarray())
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or np.iscomplexobj(matrix):
-        raise InputError("not a matrix that a structure can have", where=str(path),
-                         got=f"{matrix.dtype}, {' x '.join(map(str, matrix.shape))}",
-                         expected="real and square")  # fmt: skip
-    if not np.isfinite(matrix).all():
-        raise InputError("a number that is not finite", where=str(path), advice="export it again")
-    return matrix.astype(np.float64)
+    shape = [int(size) for size in mminfo(path)[:2]]
+    harwell_boeing.check_size(max(shape), path)
+    matrix = mmread(path)
+    if isinstance(matrix, np.ndarray):
+        return {"shape": list(matrix.shape), "values": matrix}
+    rows, columns = (np.asarray(place, dtype=np.int64) for place in (matrix.row, matrix.col))
+    return {"shape": shape, "rows": rows, "columns": columns, "values": matrix.data}
 
 
 def read_dofs(path: Path, part: str = "") -> tuple[Dof, ...]:

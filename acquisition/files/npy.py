@@ -1,15 +1,21 @@
 """NumPy files: one array (npy) or several (npz)."""
 
+import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
+from acquisition.files.hdf5 import not_read
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
+from acquisition.isolated import call
+from acquisition.isolated.limits import check_zip
 from ema.data import Finding
+from ema.errors import InputError
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -19,25 +25,57 @@ def read(path: Path, layout: Layout) -> Contents:
     ------
     InputError : damaged, holding objects, or in need of a layout.
     """
-    loaded = np.load(path, allow_pickle=False)
-    if isinstance(loaded, np.ndarray):
-        notes = _trailing(path, loaded.nbytes, layout)
-        return arrange(Arrays(path.name, {"": loaded}, findings=notes), layout)
-    with loaded:
-        return arrange(Arrays(path.name, {name: loaded[name] for name in loaded.files}), layout)
-
-
-def _trailing(path: Path, values: int, layout: Layout) -> tuple[Finding, ...]:
-    """Compare the length of the file with that of the header and the values."""
     with path.open("rb") as file:
-        major = np.lib.format.read_magic(file)[0]
-        file.seek(8)
-        width = 2 if major == 1 else 4
-        header = 8 + width + int.from_bytes(file.read(width), "little")
-    there = path.stat().st_size
-    if there == header + values:
+        single = file.read(6) == b"\x93NUMPY"
+    if not single:
+        there = call("npz", path)
+        left = (not_read(path.name, there["left"]),) if there["left"] else ()
+        return arrange(Arrays(path.name, there["arrays"], findings=left), layout)
+    notes = _announced(path, layout)
+    return arrange(Arrays(path.name, {"": np.load(path, allow_pickle=False)}, findings=notes), layout)
+
+
+def members(path: Path) -> dict[str, Any]:
+    """The ``arrays`` of numbers and texts in a ZIP archive by name, and the names of what is ``left`` out.
+
+    Raises
+    ------
+    InputError : they grow beyond measure when they are unpacked.
+    """
+    check_zip(path)
+    arrays, left = {}, []
+    with np.load(path, allow_pickle=False) as archive:
+        for name in archive.files:
+            array = archive[name]
+            if isinstance(array, np.ndarray) and array.dtype.kind in "biufcSU":
+                arrays[name] = array
+            else:
+                left.append(name)
+    return {"arrays": arrays, "left": left}
+
+
+def _announced(path: Path, layout: Layout) -> tuple[Finding, ...]:
+    """Compare the length of the file with that of the header and the values, before any memory is taken for them.
+
+    Raises
+    ------
+    InputError : values are missing or objects; bytes are left over and salvage was not asked for.
+    """
+    with path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = header(file)
+        begin = file.tell()
+    if dtype.hasobject:
+        raise InputError("holds Python objects (pickle), which are never loaded", where=path.name,
+                         advice="save it as numbers")  # fmt: skip
+    there, values = path.stat().st_size - begin, math.prod(shape) * dtype.itemsize
+    if there < values:
+        raise InputError("damaged: the file ends inside the array", where=path.name, got=f"{there} bytes", expected=values,
+                         advice="copy or export it again")  # fmt: skip
+    if there == values:
         return ()
     return differs(
         "bytes behind the array that its header does not announce", where=path.name, layout=layout,
-        got=there - header, expected=values, recovered="the announced values are read",
+        got=there, expected=values, recovered="the announced values are read",
     )  # fmt: skip

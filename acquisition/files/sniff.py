@@ -4,10 +4,17 @@ import gzip
 import re
 import zlib
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from acquisition.isolated import call
+from acquisition.isolated.limits import too_large
+from acquisition.isolated.limits import unpacked as most_unpacked
 from ema.errors import InputError
 
 HEAD = 4096
+_PIECE = 1 << 20
 
 
 def head(path: Path) -> bytes:
@@ -35,14 +42,39 @@ def head(path: Path) -> bytes:
 
 
 def whole(path: Path) -> bytes:
-    """All bytes of a file, unpacked where it is gzipped."""
-    data = path.read_bytes()
-    if data[:2] != b"\x1f\x8b":
-        return data
+    """All bytes of a file, unpacked where it is gzipped.
+
+    Raises
+    ------
+    InputError : the packed file is damaged, or grows beyond measure.
+    """
+    with path.open("rb") as file:
+        if file.read(2) != b"\x1f\x8b":
+            file.seek(0)
+            return file.read()
+    return bytes(call("gzip", path)["bytes"])
+
+
+def unpacked(path: Path) -> dict[str, Any]:
+    """The bytes of a gzipped file, no more than such a file should hold.
+
+    Raises
+    ------
+    InputError : damaged, or larger.
+    """
+    packed = path.stat().st_size
+    most = most_unpacked(packed)
+    pieces, total = [], 0
     try:
-        return gzip.decompress(data)
+        with gzip.open(path) as file:
+            while total <= most and (piece := file.read(_PIECE)):
+                pieces.append(piece)
+                total += len(piece)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"the packed file is damaged: {error}", where=str(path)) from error
+    if total > most:
+        raise too_large(path, "more", packed)
+    return {"bytes": np.frombuffer(b"".join(pieces), np.uint8)}
 
 
 def uff(start: bytes) -> bool:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import nice_rate
+from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError, require
 
@@ -22,34 +24,46 @@ def read(path: Path, layout: Layout) -> Contents:
     MissingExtraError : nptdms is not installed.
     InputError : damaged, without channels, or without a time step.
     """
-    nptdms = require("nptdms", "formats")
-    channels = []
-    with quiet("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
-        cut = bool(file.file_status.incomplete_final_segment)
-        metadata = [(str(key), str(value)) for key, value in file.properties.items()]
-        groups = file.groups()
-        for group in groups:
-            for channel in group.channels():
-                if len(channel) == 0 or np.asarray(channel[:1]).dtype.kind not in "biuf":
-                    continue
-                step = channel.properties.get("wf_increment") or 0.0
-                rate = nice_rate(float(step), 1e-9) if step else layout.sampling_rate
-                if not isinstance(rate, (int, float)):
-                    raise InputError(
-                        "the channel has no time step",
-                        where=f"{path.name}, {channel.name}",
-                        advice="say sampling_rate=... [Hz]",
-                    )
-                name = channel.name if len(groups) == 1 else f"{group.name}/{channel.name}"
-                unit = str(channel.properties.get("unit_string") or channel.properties.get("Unit") or "")
-                channels.append(Sampled(name, unit, channel[:], float(rate)))
-    if not channels:
+    there = call("tdms", path)
+    sampled = []
+    for channel in there["channels"]:
+        rate = nice_rate(channel["step"], 1e-9) if channel["step"] else layout.sampling_rate
+        if not isinstance(rate, (int, float)):
+            raise InputError("the channel has no time step", where=f"{path.name}, {channel['channel']}",
+                             advice="say sampling_rate=... [Hz]")  # fmt: skip
+        sampled.append(Sampled(channel["name"], channel["unit"], channel["samples"], float(rate)))
+    if not sampled:
         raise InputError("no numeric channel in the file", where=path.name)
-    contents = recordings(channels, layout, path.name, metadata)
-    if not cut:
+    contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
+    if not there["cut"]:
         return contents
     note = Finding(
         "error", "damaged-set", path.name, "the last segment of the file is not complete; it is truncated.",
         advice="Export the file again.",
     )  # fmt: skip
     return replace(contents, findings=(note, *contents.findings))
+
+
+def channels(path: Path) -> dict[str, Any]:
+    """The numeric ``channels`` of a file, its ``metadata``, and whether its last segment is ``cut``.
+
+    Each channel has its ``channel`` name, a ``name`` that is its own in the file, ``unit``, ``samples`` and the
+    ``step`` in s, 0 where none is stated.
+    """
+    nptdms = require("nptdms", "formats")
+    made = []
+    with quiet("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
+        groups = file.groups()
+        for group in groups:
+            for channel in group.channels():
+                if len(channel) == 0 or np.asarray(channel[:1]).dtype.kind not in "biuf":
+                    continue
+                properties = channel.properties
+                made.append({
+                    "channel": channel.name,
+                    "name": channel.name if len(groups) == 1 else f"{group.name}/{channel.name}",
+                    "unit": str(properties.get("unit_string") or properties.get("Unit") or ""),
+                    "step": float(properties.get("wf_increment") or 0.0), "samples": np.asarray(channel[:]),
+                })  # fmt: skip
+        metadata = [(str(key), str(value)) for key, value in file.properties.items()]
+        return {"channels": made, "metadata": metadata, "cut": bool(file.file_status.incomplete_final_segment)}

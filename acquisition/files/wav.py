@@ -1,6 +1,7 @@
 """Wave audio; it knows no unit, so the numbers are fractions of full scale."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
 from acquisition.files.signals import channel_units, make_recording
+from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError, require
 
@@ -21,11 +23,9 @@ def read(path: Path, layout: Layout) -> Contents:
     MissingExtraError : soundfile is not installed.
     InputError : damaged.
     """
-    soundfile = require("soundfile", "formats")
     notes = _announced(path, layout)
-    with soundfile.SoundFile(str(path)) as file:
-        rate, frames, coding = file.samplerate, file.frames, file.format
-        signals = file.read(dtype="float64", always_2d=True)
+    there = call("wav", path)
+    signals, rate, frames, coding = (there[name] for name in ("signals", "rate", "frames", "coding"))
     if coding == "FLAC" and len(signals) != frames:
         notes += differs(
             "the file ends too early", where=path.name, layout=layout, got=f"{len(signals)} samples",
@@ -45,6 +45,14 @@ def read(path: Path, layout: Layout) -> Contents:
     if layout.units is None:
         notes += (note,)
     return Contents(recordings=(record,), findings=(*notes, *not_finite(record.signals, path.name)))
+
+
+def samples(path: Path) -> dict[str, Any]:
+    """The ``signals`` (sample, channel) with their ``rate`` in Hz, number of ``frames`` announced, and ``coding``."""
+    soundfile = require("soundfile", "formats")
+    with soundfile.SoundFile(str(path)) as file:
+        signals = file.read(dtype="float64", always_2d=True)
+        return {"rate": file.samplerate, "frames": file.frames, "coding": file.format, "signals": signals}
 
 
 _UNKNOWN = (0, 0xFFFFFFFF)

@@ -1,11 +1,13 @@
 """Excel tables: the titles of the first row name the columns."""
 
 import re
+from array import array
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from acquisition.contents import Contents
 from acquisition.files import table
@@ -13,6 +15,8 @@ from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import differs
 from acquisition.files.scales import is_unit
+from acquisition.isolated import call
+from acquisition.isolated.limits import check_zip
 from ema.data import Finding
 from ema.errors import InputError, require
 
@@ -25,81 +29,139 @@ def read(path: Path, layout: Layout) -> Contents:
     MissingExtraError : openpyxl is not installed.
     InputError : no such sheet, no numbers, or the titles do not say what the columns are.
     """
+    there = call("xlsx", path, sheet=layout.sheet)
+    sheets = there["sheets"]
+    if layout.sheet is not None and layout.sheet not in sheets:
+        raise InputError("no such sheet", where=path.name, got=layout.sheet, expected="one of " + ", ".join(sheets))
+    if not len(there["values"]):
+        raise InputError("no numbers in the workbook", where=path.name)
+    where = path.name if len(sheets) == 1 else f"{path.name}, sheet {there['sheet']}"
+    texts: dict[int, dict[int, str]] = {}
+    for row, column, text in there["texts"]:
+        texts.setdefault(row, {})[column] = text
+    segment, notes = _segment(there["places"], there["values"], texts, layout=layout, where=where)
+    contents = table.arranged(segment, layout, where)
+    return replace(contents, findings=(*notes, *contents.findings))
+
+
+def cells(path: Path, sheet: str | None) -> dict[str, Any]:
+    """The cells of one sheet that hold anything: that of the name, else the first with numbers.
+
+    ``sheets`` lists the names of all, ``sheet`` is that which was read; ``values`` (number,) stand at ``places``
+    (number, 2) of row and column, counted from 0; ``texts`` lists row, column and text of the other cells.
+
+    Raises
+    ------
+    InputError : the workbook grows beyond measure when it is unpacked.
+    """
     openpyxl = require("openpyxl", "formats")
+    check_zip(path)
     with quiet():
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     try:
-        names = book.sheetnames if layout.sheet is None else [layout.sheet]
-        if layout.sheet is not None and layout.sheet not in book.sheetnames:
-            raise InputError(
-                "no such sheet", where=path.name, got=layout.sheet, expected="one of " + ", ".join(book.sheetnames)
-            )
+        names = [name for name in book.sheetnames if sheet in (None, name)]
+        places, values, name = array("q"), array("d"), ""
+        texts: list[tuple[int, int, str]] = []
         for name in names:
-            rows = [list(row) for row in book[name].iter_rows(values_only=True)]
-            if any(_is_number(cell) for row in rows for cell in row):
-                where = path.name if len(book.sheetnames) == 1 else f"{path.name}, sheet {name}"
-                segment, notes = _segment(rows, where, layout)
-                contents = table.arranged(segment, layout, where)
-                return replace(contents, findings=(*notes, *contents.findings))
+            page, texts = book[name], []
+            if not hasattr(page, "reset_dimensions"):
+                continue  # a page with a picture alone
+            page.reset_dimensions()  # the cells there are, not those that are announced
+            for row, filled in enumerate(page.iter_rows(values_only=True)):
+                for column, cell in enumerate(filled):
+                    if cell is None:
+                        continue
+                    number = _number(cell)
+                    if number is None:
+                        texts.append((row, column, str(cell)))
+                    else:
+                        places.extend((row, column))
+                        values.append(number)
+            if places:
+                break
     finally:
         book.close()
-    raise InputError("no numbers in the workbook", where=path.name)
+    return {"sheets": list(book.sheetnames), "sheet": name, "texts": texts, "values": np.array(values),
+            "places": np.array(places).reshape(-1, 2)}  # fmt: skip
 
 
-def _segment(rows: list[list[Any]], where: str, layout: Layout) -> tuple[table.Segment, list[Finding]]:
+def _number(cell: Any) -> float | None:
+    """The number in a cell, or ``None`` where there is something else."""
+    if isinstance(cell, bool) or not isinstance(cell, (int, float)):
+        return None
+    try:
+        return float(cell)
+    except OverflowError:
+        return None
+
+
+_Texts = dict[int, dict[int, str]]
+"""Texts by row and column."""
+
+
+def _segment(
+    places: Int[np.ndarray, "number 2"], values: Float[np.ndarray, "number"], texts: _Texts, *, layout: Layout,
+    where: str,
+) -> tuple[table.Segment, list[Finding]]:  # fmt: skip
     """Rows with a number in the first filled column on; the last row of texts above gives the titles.
 
     Raises
     ------
     InputError : among the numbers stand cells or rows that hold none, and salvage was not asked for.
     """
-    first = next(place for place, row in enumerate(rows) if any(map(_is_number, row)))
-    last = max(place for place, row in enumerate(rows) if any(map(_is_number, row)))
-    width = max(len(row) for row in rows)
-    head = rows[first - 1] if first else []
-    unit_row: list[str] = []
-    if first > 1 and any(head) and all(cell is None or is_unit(str(cell)) for cell in head):
-        unit_row = [str(cell).strip("[]() ") if cell is not None else "" for cell in head] + [""] * width
-        head = rows[first - 2]
-    titles = [str(cell).strip() if cell is not None else "" for cell in head] + [""] * width
-    body = [row + [None] * (width - len(row)) for row in rows[first : last + 1]]
-    numbers = np.full((len(body), width), np.nan)
-    others: dict[int, list[int]] = {}
-    for place, row in enumerate(body):
-        for column, cell in enumerate(row):
-            if _is_number(cell):
-                numbers[place, column] = cell
-            elif cell is not None and str(cell).strip():
-                others.setdefault(column, []).append(place)
-    filled = ~np.isnan(numbers).all(axis=0)
+    first, last = int(places[:, 0].min()), int(places[:, 0].max())
+    head = texts.get(first - 1, {})
+    unit_row: dict[int, str] = {}
+    if first > 1 and head and all(map(is_unit, head.values())):
+        unit_row = {column: text.strip("[]() ") for column, text in head.items()}
+        head = texts.get(first - 2, {})
+    titles = {column: text.strip() for column, text in head.items()}
+    columns = np.unique(places[:, 1])
     notes: list[Finding] = []
-    for column, places in others.items():
-        texts = [str(body[place][column]) for place in places]
-        if not filled[column] and not any(map(_looks_like_number, texts)):
-            message = f"column {titles[column] or column} holds texts, not read."
+    others: dict[int, list[int]] = {}
+    for row in sorted(row for row in texts if first <= row <= last):
+        for column, text in texts[row].items():
+            if text.strip():
+                others.setdefault(column, []).append(row)
+    for column, rows in others.items():
+        name = titles.get(column) or column
+        if column not in columns and not any(_looks_like_number(texts[row][column]) for row in rows):
+            message = f"column {name} holds texts, not read."
             notes.append(Finding("info", "not-read", where, message))
             continue
-        cell = f"{_letters(column)}{first + places[0] + 1}"
-        what = "a column of texts that look like numbers" if not filled[column] else "a cell among the numbers is none"
+        what = (
+            "a column of texts that look like numbers" if column not in columns else "a cell among the numbers is none"
+        )
         notes += differs(
-            what, where=f"{where}, cell {cell}", layout=layout, got=repr(texts[0]), expected="a number",
-            recovered=f"{len(places)} such cells are left out of column {titles[column] or column}",
+            what, where=f"{where}, cell {_letters(column)}{rows[0] + 1}", layout=layout,
+            got=repr(texts[rows[0]][column]), expected="a number",
+            recovered=f"{len(rows)} such cells are left out of column {name}",
         )  # fmt: skip
-    empty = np.flatnonzero(np.isnan(numbers).all(axis=1))
-    if len(empty):
+    filled = np.unique(places[:, 0])
+    empty = last - first + 1 - len(filled)
+    if empty:
+        gap = first + int(np.flatnonzero(filled != first + np.arange(len(filled)))[0])
+        # a table with more rows without than with numbers is none, however much of it is salvaged
+        recovered = "their values are kept as not a number" if empty <= len(filled) else ""
         notes += differs(
-            "a row among the numbers holds none", where=f"{where}, row {first + int(empty[0]) + 1}", layout=layout,
-            got=f"{len(empty)} rows", expected="none", recovered="their values are kept as not a number",
+            "a row among the numbers holds none", where=f"{where}, row {gap + 1}", layout=layout, got=f"{empty} rows",
+            expected="none", recovered=recovered,
         )  # fmt: skip
-    numbers = numbers[:, filled]
-    kept = [titles[column] or f"column {column}" for column in np.flatnonzero(filled)]
-    header = tuple(" ".join(str(cell) for cell in row if cell is not None) for row in rows[:first])
-    stated = tuple(unit_row[column] for column in np.flatnonzero(filled)) if unit_row else ()
-    return table.Segment(header, numbers, tuple(kept), units=stated), notes
+    if (last - first + 1) * len(columns) > max(_SPARSE * len(values), 1 << 20):
+        raise InputError("the cells with numbers are no table", where=where, got=f"{len(values)} cells",
+                         expected=f"{len(columns)} columns of {last - first + 1} rows",
+                         advice="delete the cells outside of the table")  # fmt: skip
+    numbers = np.full((last - first + 1, len(columns)), np.nan)
+    numbers[places[:, 0] - first, np.searchsorted(columns, places[:, 1])] = values
+    kept = tuple(titles.get(column) or f"column {column}" for column in columns.tolist())
+    header = tuple(" ".join(texts[row].values()) for row in sorted(texts) if row < first)
+    stated = tuple(unit_row.get(column, "") for column in columns.tolist()) if unit_row else ()
+    return table.Segment(header, numbers, kept, units=stated), notes
 
 
-def _is_number(cell: Any) -> bool:
-    return isinstance(cell, (int, float)) and not isinstance(cell, bool)
+_SPARSE = 20
+"""Places of a table for each number in it; more than a million places that are emptier are no measurement. Loggers with
+one column per rate leave nine of ten empty."""
 
 
 def _looks_like_number(text: str) -> bool:

@@ -110,14 +110,7 @@ def test_a_missing_extra_says_how_to_install_it(
     tmp_path: Path, containers: dict[str, bytes], package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kind = next(kind for kind in acquisition.formats() if kind.packages == (package,))
-    real = importlib.import_module
-
-    def without(name: str, *rest: object) -> object:
-        if name == package:
-            raise ImportError(name)
-        return real(name, *rest)  # type: ignore[arg-type]
-
-    monkeypatch.setattr("importlib.import_module", without)
+    monkeypatch.setattr("acquisition.registry.find_spec", lambda name: None if name == package else object())
     (tmp_path / "a").write_bytes(next(iter(containers.values())))
     with pytest.raises(MissingExtraError, match=r"pip install 'friction-ema\[formats\]'"):
         acquisition.read(tmp_path / "a", format=kind.name)

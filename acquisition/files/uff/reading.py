@@ -1,7 +1,5 @@
 """Read a universal file: list its sets, fetch its functions, make nouns of all of it."""
 
-import gzip
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -11,6 +9,7 @@ from pathlib import Path
 
 from acquisition import units
 from acquisition.contents import Contents
+from acquisition.files import sniff
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
 from acquisition.files.uff import geometry_sets, header58, mode_sets, values58
@@ -40,10 +39,7 @@ def opened(path: Path) -> Iterator[ByteFile]:
         if not packed:
             yield file
             return
-    try:
-        yield BytesIO(gzip.decompress(path.read_bytes()))
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"the packed file is damaged: {error}", where=str(path)) from error
+    yield BytesIO(sniff.whole(path))
 
 
 def list_sets(path: "str | PathLike[str]") -> tuple[Entry, ...]:
