@@ -71,8 +71,8 @@ def _announced(path: Path, layout: Layout) -> tuple[Finding, ...]:
                          advice="save it as numbers")  # fmt: skip
     there, values = path.stat().st_size - begin, math.prod(shape) * dtype.itemsize
     if there < values:
-        raise InputError("damaged: the file ends inside the array", where=path.name, got=f"{there} bytes", expected=values,
-                         advice="copy or export it again")  # fmt: skip
+        raise InputError("damaged: the file ends inside the array", where=path.name, got=f"{there} bytes",
+                         expected=values, advice="copy or export it again")  # fmt: skip
     if there == values:
         return ()
     return differs(

@@ -43,12 +43,12 @@ class Parsers:
                 reply = self._reply(process, START_SECONDS)
                 if "ready" in reply:
                     reply = self._reply(process, limits.seconds)
-            except (wire.Broken, OSError) as error:
-                raise self._crashed(path) from error
             except TimeoutError as error:
                 self._kill()
                 raise InputError("reading the file takes too long", where=str(path), got=f"more than {error} s",
                                  advice="copy or export it again") from error  # fmt: skip
+            except (wire.Broken, OSError) as error:
+                raise self._crashed(path) from error
             except BaseException:  # interrupted inside a message: what follows in the stream is of no use
                 self._kill()
                 raise

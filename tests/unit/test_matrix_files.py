@@ -120,6 +120,10 @@ def test_damage_is_told_in_one_sentence(tmp_path):
     path.write_text("%%MatrixMarket matrix coordinate real symmetric\n900000 900000 1\n1 1 5\n")
     with pytest.raises(InputError, match="too large"):
         matrices.read_matrix(path)
+    for kind, lines in (("general", "1 1 5\n1 1 5\n"), ("symmetric", "2 1 5\n1 2 5\n")):
+        path.write_text(f"%%MatrixMarket matrix coordinate real {kind}\n3 3 2\n{lines}")
+        with pytest.raises(InputError, match="occurs twice"):
+            matrices.read_matrix(path)
 
 
 def test_wrong_tables_of_dofs_are_told_with_their_line(tmp_path):
