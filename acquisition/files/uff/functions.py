@@ -1,5 +1,6 @@
 """Functions (data set 58) become recordings and FRF sets."""
 
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +19,8 @@ from ema.dof import Dof
 from ema.errors import EmaError, InputError
 
 Fetch = Callable[[Entry], Function]
+_ByPair = dict[tuple[Dof, Dof | None], deque[Entry]]
+"""Coherences of each output and input in the order of the file; multiple ones have no input."""
 
 
 class Damaged(ValueError):
@@ -31,6 +34,8 @@ class Gathered:
     recordings: list[Recording] = field(default_factory=list)
     frfs: list[FrfSet] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    noted: set[str] = field(default_factory=set)
+    """Wordings of the findings about units."""
 
 
 def dof_of(point: Point) -> Dof:
@@ -107,7 +112,8 @@ def _problem(where: str, entry: Entry, text: str) -> Finding:
 
 def _note(made: Gathered, where: str, entry: Entry, text: str) -> None:
     """A finding about a unit, once for each wording."""
-    if text and not any(finding.message == text + "." for finding in made.findings):
+    if text and text not in made.noted:
+        made.noted.add(text)
         made.findings.append(
             Finding("warning", "unit-doubtful", f"{where}, data set {entry.number + 1}", text + ".",
                     advice="Check the unit, or say it in the channel table.")
@@ -134,15 +140,17 @@ def _take(header: Header) -> tuple[Any, ...]:
 def _recordings(made: Gathered, entries: list[Entry], systems: dict[int, UnitSystem], fetch: Fetch, where: str) -> None:
     """Time responses: neighbours on one time axis are the channels of one record, until a channel comes again."""
     groups: list[list[Entry]] = []
+    axis: tuple[Any, ...] = ()
+    known: set[tuple[Any, ...]] = set()
     for entry in entries:
         header = _header(entry)
         channel = (header.response, header.ids[0], header.ordinate.code)
-        last = [_header(other) for other in groups[-1]] if groups else []
-        known = {(other.response, other.ids[0], other.ordinate.code) for other in last}
-        if last and _take(last[0]) == _take(header) and channel not in known:
+        if _take(header) == axis and channel not in known:
             groups[-1].append(entry)
         else:
             groups.append([entry])
+            axis, known = _take(header), set()
+        known.add(channel)
     groups = [[entry for entry in group if _whole(made, entry, fetch, where)] for group in groups]
     groups = [part for group in groups for part in _of_one_length(group, fetch)]
     for number, group in enumerate(groups):
@@ -188,9 +196,9 @@ def _recording(
         _note(made, name, entry, found.note)
         rows.append(found.apply(function.y[:length]))
         channels.append(_channel(function.header, found))
-    places = [(channel.dof, channel.quantity) for channel in channels]
-    if len(set(places)) < len(places):
-        dof = next(place[0] for place in places if places.count(place) > 1)
+    places = Counter((channel.dof, channel.quantity) for channel in channels)
+    if len(places) < len(channels):
+        dof = next(place[0] for place, count in places.items() if count > 1)
         message = f"several channels are said to be at {dof}."
         made.findings.append(
             Finding("warning", "duplicated-dof", name, message, advice="Give the right DOFs in the channel table.")
@@ -261,7 +269,7 @@ def _frf_sets(
         message = f"{len(twice)} FRFs occur more than once, first {first}; each copy is a set of its own."
         made.findings.append(Finding("warning", "duplicated-dof", where, message, float(len(twice)), 0.0))
     blocks = [(key, block) for key, lines in groups.items() for block in _blocks(made, lines, where)]
-    left = {entry.number: entry for entry in coherences}
+    left = _by_pair(coherences)
     for number, (key, lines) in enumerate(blocks):
         name = where if len(blocks) == 1 else f"{where}, FRF set {number + 1}"
         try:
@@ -273,8 +281,9 @@ def _frf_sets(
                 blocks.extend((key, block) for block in _blocks(made, whole, where))
             elif whole:
                 made.findings.append(_problem(where, lines[0].entry, error.args[0] if error.args else str(error)))
-    if left:
-        message = f"{len(left)} coherences belong to no FRF of the file."
+    alone = sum(map(len, left.values()))
+    if alone:
+        message = f"{alone} coherences belong to no FRF of the file."
         made.findings.append(Finding("info", "coherence-alone", where, message))
 
 
@@ -303,7 +312,7 @@ def _blocks(made: Gathered, lines: list[_Line], where: str) -> list[list[_Line]]
 
 
 def _frf_set(
-    made: Gathered, lines: list[_Line], quantity: Any, unit: str, coherences: dict[int, Entry], fetch: Fetch, name: str
+    made: Gathered, lines: list[_Line], quantity: Any, unit: str, coherences: _ByPair, fetch: Fetch, name: str
 ) -> FrfSet:  # fmt: skip
     outputs = tuple(dict.fromkeys(line.output for line in lines))
     inputs = tuple(dict.fromkeys(line.input for line in lines))
@@ -325,9 +334,7 @@ def _frf_set(
     if np.any(np.diff(frequencies) <= 0) or not np.isfinite(frequencies).all():
         raise InputError("the frequencies do not increase", where=name)
     made.findings.extend(not_finite(block, name))
-    coherence = _coherence(
-        made, coherences, _axis(first.header, lambda: first), outputs, inputs, fetch, len(frequencies), name
-    )
+    coherence = _coherence(made, coherences, first, outputs, inputs, fetch, name)
     dates = sorted({_header(line.entry).ids[2] for line in lines})
     return FrfSet(
         frequencies, block.transpose(2, 0, 1), outputs, inputs, quantity, unit, coherence, name=name,
@@ -335,34 +342,49 @@ def _frf_set(
     )  # fmt: skip
 
 
-def _coherence(
-    made: Gathered,
-    entries: dict[int, Entry],
-    axis: tuple[Any, ...],
-    outputs: tuple[Dof, ...],
-    inputs: tuple[Dof, ...],
-    fetch: Fetch,
-    lines: int,
-    where: str,
-) -> Any:
-    """Coherences of a block, NaN where there is none; those used are taken out of ``entries``."""
-    block = np.full((lines, len(outputs), len(inputs)), np.nan)
-    used = []
-    for entry in entries.values():
+def _by_pair(coherences: Iterable[Entry]) -> _ByPair:
+    found: _ByPair = {}
+    for entry in coherences:
         header = _header(entry)
-        output, input_ = dof_of(header.response), dof_of(header.reference)
         multiple = header.function == header58.MULTIPLE_COHERENCE
-        if output not in outputs or (input_ not in inputs and not multiple):
-            continue
+        pair = (dof_of(header.response), None if multiple else dof_of(header.reference))
+        found.setdefault(pair, deque()).append(entry)
+    return found
+
+
+def _coherence(
+    made: Gathered, left: _ByPair, like: Function, outputs: tuple[Dof, ...], inputs: tuple[Dof, ...], fetch: Fetch,
+    where: str,
+) -> Any:  # fmt: skip
+    """Coherences of a block on the axis of a function, NaN where there is none; those used are taken out."""
+    block, used = np.full((len(like.y), len(outputs), len(inputs)), np.nan), False
+    axis = _axis(like.header, lambda: like)
+    for row, output in enumerate(outputs):
+        multiple = _next_coherence(made, left.get((output, None)), axis, fetch, where)
+        if multiple is not None:
+            block[:, row], used = multiple.y[:, None], True
+        for column, input_ in enumerate(inputs):
+            function = _next_coherence(made, left.get((output, input_)), axis, fetch, where)
+            if function is not None:
+                block[:, row, column], used = function.y, True
+    return block if used else None
+
+
+def _next_coherence(
+    made: Gathered, left: deque[Entry] | None, axis: tuple[Any, ...], fetch: Fetch, where: str
+) -> Function | None:
+    """The first coherence that is left and lies on an axis; it is taken out, and so are damaged ones in front of it."""
+    others: list[Entry] = []
+    chosen = None
+    while left and chosen is None:
+        entry = left.popleft()
         if not _whole(made, entry, fetch, where):
-            used.append(entry.number)
             continue
         function = fetch(entry)
-        if _axis(header, lambda function=function: function) != axis or len(function.y) != lines:  # type: ignore[misc]
-            continue
-        place: Any = slice(None) if multiple else inputs.index(input_)
-        block[:, outputs.index(output), place] = function.y[:, None] if multiple else function.y
-        used.append(entry.number)
-    for number in used:
-        del entries[number]
-    return block if used else None
+        if _axis(function.header, lambda function=function: function) == axis:  # type: ignore[misc]
+            chosen = function if len(function.y) == function.header.points else None
+        else:
+            others.append(entry)
+    if left is not None:
+        left.extendleft(reversed(others))
+    return chosen
