@@ -57,7 +57,7 @@ def gather(entries: Iterable[Entry], systems: dict[int, UnitSystem], fetch: Fetc
     fetch : reads the values of one data set.
     """
     made = Gathered()
-    fetch = _remembering(fetch)
+    fetch = _remembering(fetch, made, where)
     times, ratios, coherences = [], [], []
     others: dict[str, int] = {}
     for entry in entries:
@@ -87,8 +87,8 @@ def gather(entries: Iterable[Entry], systems: dict[int, UnitSystem], fetch: Fetc
     return made
 
 
-def _remembering(fetch: Fetch) -> Fetch:
-    """``fetch`` that reads a damaged function once, so that its damage is noted once."""
+def _remembering(fetch: Fetch, made: Gathered, where: str) -> Fetch:
+    """``fetch`` that notes the damage of a function, once."""
     bad: set[int] = set()
 
     def once(entry: Entry) -> Function:
@@ -97,9 +97,11 @@ def _remembering(fetch: Fetch) -> Fetch:
             raise Damaged
         try:
             return fetch(entry)
-        except ValueError:
+        except ValueError as error:
             bad.add(entry.number)
-            raise
+            if not isinstance(error, Damaged):
+                made.findings.append(_problem(where, entry, str(error)))
+            raise Damaged from error
 
     return once
 
@@ -120,14 +122,11 @@ def _note(made: Gathered, where: str, entry: Entry, text: str) -> None:
         )  # fmt: skip
 
 
-def _whole(made: Gathered, entry: Entry, fetch: Fetch, where: str) -> bool:
+def _whole(entry: Entry, fetch: Fetch) -> bool:
     """Whether the values of a function can be used; why not is noted."""
     try:
         fetch(entry)
     except Damaged:
-        return False
-    except ValueError as error:
-        made.findings.append(_problem(where, entry, str(error)))
         return False
     return True
 
@@ -151,7 +150,7 @@ def _recordings(made: Gathered, entries: list[Entry], systems: dict[int, UnitSys
             groups.append([entry])
             axis, known = _take(header), set()
         known.add(channel)
-    groups = [[entry for entry in group if _whole(made, entry, fetch, where)] for group in groups]
+    groups = [[entry for entry in group if _whole(entry, fetch)] for group in groups]
     groups = [part for group in groups for part in _of_one_length(group, fetch)]
     for number, group in enumerate(groups):
         name = where if len(groups) == 1 else f"{where}, record {number + 1}"
@@ -257,9 +256,6 @@ def _frf_sets(
             key = (*_axis(header, lambda entry=entry: fetch(entry)), found.quantity, found.unit)  # type: ignore[misc]
         except Damaged:
             continue
-        except ValueError as error:
-            made.findings.append(_problem(where, entry, str(error)))
-            continue
         pair = (*key, line.output, line.input)
         counts[pair] = counts.get(pair, 0) + 1
         groups.setdefault((*key, counts[pair]), []).append(line)
@@ -275,7 +271,7 @@ def _frf_sets(
         try:
             made.frfs.append(_frf_set(made, lines, key[-3], key[-2], left, fetch, name))
         except (ValueError, EmaError) as error:
-            whole = [line for line in lines if _whole(made, line.entry, fetch, where)]
+            whole = [line for line in lines if _whole(line.entry, fetch)]
             whole = [line for line in whole if len(fetch(line.entry).y) == _header(line.entry).points]
             if whole and len(whole) < len(lines):
                 blocks.extend((key, block) for block in _blocks(made, whole, where))
@@ -334,7 +330,7 @@ def _frf_set(
     if np.any(np.diff(frequencies) <= 0) or not np.isfinite(frequencies).all():
         raise InputError("the frequencies do not increase", where=name)
     made.findings.extend(not_finite(block, name))
-    coherence = _coherence(made, coherences, first, outputs, inputs, fetch, name)
+    coherence = _coherence(coherences, first, outputs, inputs, fetch)
     dates = sorted({_header(line.entry).ids[2] for line in lines})
     return FrfSet(
         frequencies, block.transpose(2, 0, 1), outputs, inputs, quantity, unit, coherence, name=name,
@@ -352,33 +348,28 @@ def _by_pair(coherences: Iterable[Entry]) -> _ByPair:
     return found
 
 
-def _coherence(
-    made: Gathered, left: _ByPair, like: Function, outputs: tuple[Dof, ...], inputs: tuple[Dof, ...], fetch: Fetch,
-    where: str,
-) -> Any:  # fmt: skip
+def _coherence(left: _ByPair, like: Function, outputs: tuple[Dof, ...], inputs: tuple[Dof, ...], fetch: Fetch) -> Any:
     """Coherences of a block on the axis of a function, NaN where there is none; those used are taken out."""
     block, used = np.full((len(like.y), len(outputs), len(inputs)), np.nan), False
     axis = _axis(like.header, lambda: like)
     for row, output in enumerate(outputs):
-        multiple = _next_coherence(made, left.get((output, None)), axis, fetch, where)
+        multiple = _next_coherence(left.get((output, None)), axis, fetch)
         if multiple is not None:
             block[:, row], used = multiple.y[:, None], True
         for column, input_ in enumerate(inputs):
-            function = _next_coherence(made, left.get((output, input_)), axis, fetch, where)
+            function = _next_coherence(left.get((output, input_)), axis, fetch)
             if function is not None:
                 block[:, row, column], used = function.y, True
     return block if used else None
 
 
-def _next_coherence(
-    made: Gathered, left: deque[Entry] | None, axis: tuple[Any, ...], fetch: Fetch, where: str
-) -> Function | None:
+def _next_coherence(left: deque[Entry] | None, axis: tuple[Any, ...], fetch: Fetch) -> Function | None:
     """The first coherence that is left and lies on an axis; it is taken out, and so are damaged ones in front of it."""
     others: list[Entry] = []
     chosen = None
     while left and chosen is None:
         entry = left.popleft()
-        if not _whole(made, entry, fetch, where):
+        if not _whole(entry, fetch):
             continue
         function = fetch(entry)
         if _axis(function.header, lambda function=function: function) == axis:  # type: ignore[misc]

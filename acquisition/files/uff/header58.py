@@ -153,6 +153,8 @@ def parse(number_line: bytes, records: Sequence[bytes]) -> Header:
     )
     if binary:
         header = replace(header, byte_order=integer(first, 7, 13, 1), float_format=integer(first, 13, 19, 2))
+    if not dof[:5].strip() or dof[80:].strip():
+        raise ValueError("the record of its DOFs does not keep to its columns")
     if header.kind not in (2, 4, 5, 6):
         raise ValueError(f"ordinate data type {header.kind} is none of 2, 4, 5, 6")
     if header.points < 1:

@@ -12,6 +12,7 @@ _PEEK = 1280
 """Bytes read at a time: one header of data set 58 with its neighbours."""
 _SCAN = 1 << 20
 _END = re.compile(rb"[ \t]*-1[ \t]*(?:\r?\n|\r|$)")
+_OPENING = re.compile(rb"[ \t]*-1[ \t]*\r?\n {0,5}\d{1,6}b?[ \t]*(?:\r?\n|[ \d]{60})", re.I)
 _NUMBER = re.compile(rb"^\s*(\d{1,6})(b?)(?:\s|$)", re.I)
 
 
@@ -152,7 +153,9 @@ def index(file: ByteFile) -> tuple[Entry, ...]:
             entries.append(neighbour)
             entry = neighbour
         offset = entry.end
-        if offset < window.size:
+        if offset < window.size and _opens(window, offset):
+            entries.append(Entry(len(entries), 0, False, offset, offset, offset, "the data set in front has no end"))
+        elif offset < window.size:
             offset = window.line(offset)[1]
     if stray:
         entries.append(_outside(len(entries), stray, first_stray, window.size))
@@ -169,6 +172,8 @@ def _entry(window: _Window, offset: int, number: int, forms: _Forms) -> Entry | 
     """The data set whose opening line ends at ``offset``; ``None`` where no data set begins there."""
     first, start = window.line(offset)
     found = _NUMBER.match(first)
+    if found is None and start >= window.size and not first.strip():
+        return Entry(number, 0, False, start, start, window.size, "the file ends where a data set begins")
     if found is None:
         end = window.closing(start) if first.strip() and first.strip() != b"-1" else None
         why = f"no data set begins with {first.decode('latin-1').strip()[:40]!r}"
@@ -232,8 +237,13 @@ def _closes(window: _Window, offset: int) -> int | None:
     piece = window.at(offset, 100)
     for skip in (b"", b"\r\n", b"\n"):
         if piece.startswith(skip) and _END.match(piece, len(skip)):
-            return offset + len(skip)
+            return None if _opens(window, offset + len(skip)) else offset + len(skip)
     return None
+
+
+def _opens(window: _Window, offset: int) -> bool:
+    """Whether the line ``-1`` at an offset opens a data set: its number follows, where a closing line lacks it."""
+    return _OPENING.match(window.at(offset, 100)) is not None
 
 
 def _end_of_binary(window: _Window, form: _Form, data: int) -> int | None:

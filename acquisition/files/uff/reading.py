@@ -262,6 +262,8 @@ def _plain(file: ByteFile, entry: Entry, system: UnitSystem, gathered: _File) ->
                 for name, text in zip(_MODEL_FIELDS, texts)
                 if text and text.upper() not in ("NONE", "UNKNOWN")
             ]
+        elif entry.type and entry.type not in _SILENT and _is_function(lines):
+            gathered.damaged(entry, "a function whose number is not 58; it is left out")
         elif entry.type and entry.type not in _SILENT:
             what = f"type {entry.type}"
             gathered.skipped[what] = gathered.skipped.get(what, 0) + 1
@@ -273,6 +275,17 @@ def _plain(file: ByteFile, entry: Entry, system: UnitSystem, gathered: _File) ->
     else:
         if entry.problem:
             gathered.damaged(entry, entry.problem)
+
+
+def _is_function(lines: list[bytes]) -> bool:
+    """Whether lines are those of a function whose number is another, or stands elsewhere in its header."""
+    if any(line.rstrip() == b"    58" for line in lines[: header58.RECORDS + 2]):
+        return True
+    try:
+        header = header58.parse(b"    58", lines[: header58.RECORDS])
+    except (ValueError, IndexError, OverflowError):
+        return False
+    return header.function in header58.FUNCTION_TYPES and len(lines) > header58.RECORDS
 
 
 def _ids(entries: list[Entry]) -> list[tuple[str, str]]:

@@ -59,7 +59,8 @@ def from_binary(header: Header, data: bytes) -> Function:
             points = np.frombuffer(data, dtype)
             return Function(header, _abscissa(header, points), points["y"])
     dtype = record_types(header)[0]
-    points = np.frombuffer(data[: len(data) // dtype.itemsize * dtype.itemsize], dtype)
+    # a closing line that is cut itself stands behind the values
+    points = np.frombuffer(data, dtype, min(len(data) // dtype.itemsize, header.points))
     return Function(header, _abscissa(header, points), points["y"])
 
 
@@ -106,7 +107,8 @@ def _free(data: bytes, fields: tuple[int, ...], wanted: int) -> tuple[Any, str]:
     words = [_exponents(line).split() for line in lines]
     each = len(words[0])
     full = sum(fields)
-    fixed = 2 * sum(len(line.rstrip()) == full for line in lines) > len(lines)
+    kept = sum(len(line.rstrip()) == full for line in lines[:-1]) + (len(lines[-1].rstrip()) in np.cumsum(fields))
+    fixed = len(lines) > 1 and 2 * kept >= len(lines)
     count = -(-wanted // max(each, 1))
     problem, sound = "", len(lines)
     if not each:
@@ -123,16 +125,26 @@ def _free(data: bytes, fields: tuple[int, ...], wanted: int) -> tuple[Any, str]:
     rest = wanted - each * (count - 1)
     if not problem and (len(words[-1]) < rest or any(map(float, words[-1][rest:]))):
         problem, sound = f"{len(words[-1])} values on the last line where its header announces {rest}", len(lines) - 1
-    kept = [word for line in words[:sound] for word in line]
+    if not problem and fixed and len(lines[-1].rstrip()) not in np.cumsum(fields):
+        problem, sound = "a last line of another length", len(lines) - 1
+    if not problem and _cut([word for line in words for word in line][:wanted]):
+        problem, sound = "the last number is cut short", len(lines) - 1
+    numbers = [word for line in words[:sound] for word in line]
     try:
-        return np.array(kept, dtype=np.bytes_).astype(np.float64) if kept else np.zeros(0), problem
+        return np.array(numbers, dtype=np.bytes_).astype(np.float64) if numbers else np.zeros(0), problem
     except ValueError:
-        for word in kept:
+        for word in numbers:
             try:
                 float(word)
             except ValueError:
                 raise ValueError(f"{word.decode('latin-1')[:40]!r} is no number") from None
         raise
+
+
+def _cut(words: list[bytes]) -> bool:
+    """Whether the last of some numbers has fewer digits behind its point than all others, which have equally many."""
+    tails = [len(word) - word.find(b".") if b"." in word else 0 for word in words]
+    return len(set(tails[:-1])) == 1 and len(tails) > 3 and tails[0] > 2 and tails[-1] < tails[0]
 
 
 def _exponents(data: bytes) -> bytes:
@@ -154,8 +166,8 @@ def _fixed(data: bytes, fields: tuple[int, ...], wanted: int) -> Any:
     if not (block[:, end - 1] == 10).all() or (block[:, :width] == 10).any():
         return None
     rest = data[lines * end :].rstrip()
-    if b"\n" in rest or len(rest) > width:
-        return None
+    if b"\n" in rest or len(rest) not in (0, *np.cumsum(fields)):
+        return None  # numbers end where their field does; a last one that does not is cut
     try:
         if len(set(fields)) == 1:
             whole = np.ascontiguousarray(block[:, :width]).reshape(-1).view(f"S{fields[0]}")

@@ -1,0 +1,1 @@
+"""Mutated files of every format, each with its truth. ``python -m tests.fuzz --help``."""

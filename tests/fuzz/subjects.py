@@ -1,0 +1,5 @@
+"""The readers that are fuzzed, by name."""
+
+from tests.fuzz.uff import Uff
+
+SUBJECTS = {"uff": Uff}
