@@ -11,6 +11,7 @@ from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
 from acquisition.files.hdf5 import not_read
 from acquisition.files.layout import Layout
+from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import differs
 from acquisition.isolated import call
 from acquisition.isolated.limits import check_zip
@@ -31,8 +32,10 @@ def read(path: Path, layout: Layout) -> Contents:
         there = call("npz", path)
         left = (not_read(path.name, there["left"]),) if there["left"] else ()
         return arrange(Arrays(path.name, there["arrays"], findings=left), layout)
-    notes = _announced(path, layout)
-    return arrange(Arrays(path.name, {"": np.load(path, allow_pickle=False)}, findings=notes), layout)
+    with quiet():
+        notes = _announced(path, layout)
+        array = np.load(path, allow_pickle=False)
+    return arrange(Arrays(path.name, {"": array}, findings=notes), layout)
 
 
 def members(path: Path) -> dict[str, Any]:

@@ -142,7 +142,9 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
         place += 1
     if rows:
         close()
-    segments = _whole(_with_metadata(segments), layout, where)
+        header = []
+    behind = Segment(tuple(header), np.zeros((0, 0)), (), line=len(lines) + 1)
+    segments = _whole([*_with_metadata(segments), behind], layout, where, delimiter, decimal)[:-1]
     longest = max((len(segment.values) for segment in segments), default=0)
     segments = [segment for segment in segments if len(segment.values) > 1 or longest == 1]
     if not segments:
@@ -162,8 +164,10 @@ def _with_metadata(segments: list[Segment]) -> list[Segment]:
     return merged
 
 
-def _whole(segments: list[Segment], layout: Layout, where: str) -> list[Segment]:
+def _whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, decimal: str) -> list[Segment]:
     """The tables of a file, none of them interrupted by a row of another length, a blank line or a damaged one.
+
+    The last segment holds the lines behind the last table.
 
     Raises
     ------
@@ -172,9 +176,19 @@ def _whole(segments: list[Segment], layout: Layout, where: str) -> list[Segment]
     for place, (before, after) in enumerate(pairwise(segments)):
         what, gap = "", after.header
         columns, expected = after.values.shape[1], before.values.shape[1]
-        if len(before.values) < 2 or before.labels or after.labels:
+        if len(before.values) < 2 or before.labels:
             continue
-        if not gap and len(after.values) == 1 and columns != expected:
+        if after.labels:
+            if not gap and len(after.labels) == 1 and columns == expected - 1 and _titled(before):
+                what = "a row that begins with no number"
+        elif after is segments[-1]:
+            if any(_broken(line, delimiter, decimal, expected) for line in gap):
+                what = "a row that holds no numbers"
+            elif any(map(str.strip, gap)):
+                message = f"text behind the last table, not read: {next(filter(str.strip, gap)).strip()[:40]!r}."
+                note = Finding("info", "not-read", where, message)
+                return [*segments[:place], replace(before, notes=(*before.notes, note)), after]
+        elif not gap and len(after.values) == 1 and columns != expected:
             what = f"a row of {columns} cells in a table of {expected} columns"
         elif _titled(before) and not _titled(after) and columns == expected and _is_damage(gap):
             what = "a blank line inside the table" if not any(map(str.strip, gap)) else "a row that holds no numbers"
@@ -183,8 +197,20 @@ def _whole(segments: list[Segment], layout: Layout, where: str) -> list[Segment]
                 what, where=f"{where}, line {after.line - len(gap)}", layout=layout,
                 recovered=f"the {len(before.values)} rows in front of it are read",
             )  # fmt: skip
-            return [*segments[:place], replace(before, notes=notes)]
+            return [*segments[:place], replace(before, notes=notes), segments[-1]]
+    for segment in segments[:-1]:
+        if segment.header and not segment.labels and _broken(segment.header[-1], delimiter, decimal):
+            differs("a row that holds no numbers", where=f"{where}, line {segment.line - 1}", layout=layout,
+                    got=repr(segment.header[-1][:40]))  # fmt: skip
     return segments
+
+
+def _broken(line: str, delimiter: str, decimal: str, columns: int = 0) -> bool:
+    """Whether a text was a row of numbers: half of its cells are, and the first is one or they fill the columns."""
+    cells = line.split() if delimiter == " " else line.split(delimiter)
+    cells = [cell.replace(",", ".") if decimal == "," else cell for cell in cells]
+    numbers = [_numbers([cell]) is not None for cell in cells]
+    return len(cells) > 1 and 2 * sum(numbers) >= len(cells) and (numbers[0] or len(cells) == columns)
 
 
 def _titled(segment: Segment) -> bool:
@@ -195,11 +221,24 @@ def _titled(segment: Segment) -> bool:
 
 
 def _is_damage(gap: tuple[str, ...]) -> bool:
-    """Whether the lines between two tables are blank, or one that was a row of numbers."""
-    texts = [line for line in gap if line.strip()]
-    return not texts or (
-        len(texts) == 1 and re.search(r"(^|[\s;,])[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?($|[\s;,])", texts[0]) is not None
-    )
+    """Whether the lines between two tables are blank, or were rows of numbers."""
+    number = re.compile(r"(^|[\s;,])[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?($|[\s;,])")
+    return all(number.search(line) for line in gap if line.strip())
+
+
+def _broken(line: str, delimiter: str, decimal: str, columns: int = 0) -> bool:
+    """Whether a text was a row of numbers: half of its cells are, and the first is one or they fill the columns."""
+    cells = line.split() if delimiter == " " else line.split(delimiter)
+    cells = [cell.replace(",", ".") if decimal == "," else cell for cell in cells]
+    numbers = [_numbers([cell]) is not None for cell in cells]
+    return len(cells) > 1 and 2 * sum(numbers) >= len(cells) and (numbers[0] or len(cells) == columns)
+
+
+def _titled(segment: Segment) -> bool:
+    """Whether the columns have titles, which are no decimal numbers as in a damaged row."""
+    if any(re.fullmatch(r"[-+]?\d*[.,]\d+([eE][-+]?\d+)?", title) for title in segment.titles):
+        return False
+    return any(title != f"column {place}" for place, title in enumerate(segment.titles))
 
 
 def _block(lines: list[str], delimiter: str, decimal: str, columns: int) -> Any:

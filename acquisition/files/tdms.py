@@ -35,27 +35,31 @@ def read(path: Path, layout: Layout) -> Contents:
     if not sampled:
         raise InputError("no numeric channel in the file", where=path.name)
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
-    if not there["cut"]:
-        return contents
-    note = Finding(
-        "error", "damaged-set", path.name, "the last segment of the file is not complete; it is truncated.",
-        advice="Export the file again.",
-    )  # fmt: skip
-    return replace(contents, findings=(note, *contents.findings))
+    notes = [
+        Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no values.") for name in there["empty"]
+    ]
+    if there["cut"]:
+        notes.append(Finding(
+            "error", "damaged-set", path.name, "the last segment of the file is not complete; it is truncated.",
+            advice="Export the file again.",
+        ))  # fmt: skip
+    return replace(contents, findings=(*notes, *contents.findings))
 
 
 def channels(path: Path) -> dict[str, Any]:
-    """The numeric ``channels`` of a file, its ``metadata``, and whether its last segment is ``cut``.
+    """The numeric ``channels`` of a file, its ``metadata``, whether its last segment is ``cut``, and ``empty`` ones.
 
     Each channel has its ``channel`` name, a ``name`` that is its own in the file, ``unit``, ``samples`` and the
     ``step`` in s, 0 where none is stated.
     """
     nptdms = require("nptdms", "formats")
-    made = []
+    made, empty = [], []
     with quiet("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
         groups = file.groups()
         for group in groups:
             for channel in group.channels():
+                if len(channel) == 0:
+                    empty.append(str(channel.name))
                 if len(channel) == 0 or np.asarray(channel[:1]).dtype.kind not in "biuf":
                     continue
                 properties = channel.properties
@@ -66,4 +70,5 @@ def channels(path: Path) -> dict[str, Any]:
                     "step": float(properties.get("wf_increment") or 0.0), "samples": np.asarray(channel[:]),
                 })  # fmt: skip
         metadata = [(str(key), str(value)) for key, value in file.properties.items()]
-        return {"channels": made, "metadata": metadata, "cut": bool(file.file_status.incomplete_final_segment)}
+        return {"channels": made, "metadata": metadata, "cut": bool(file.file_status.incomplete_final_segment),
+                "empty": empty}  # fmt: skip

@@ -9,6 +9,7 @@ import pytest
 import acquisition
 from acquisition.contents import Contents
 from acquisition.files import uff
+from tests.formats import nouns
 
 NAMES = (
     "1858.uff", "2411_and_2414.uff", "Artemis_export_-_Geometry_RPBC_setup_05_14102016_105117.uff",
@@ -171,3 +172,25 @@ def test_what_is_not_read_is_named(variants: Path) -> None:
     (function,) = uff.functions(variants / "sample_dataset58_psd.uff")
     assert function.y[1] == pytest.approx(1.255863e-06)
     assert function.x[-1] == pytest.approx(3200.0)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("rpm", 1 / 60), ("rad/s", 1 / (2 * np.pi)), ("kHz", 1000.0)])
+def test_frequency_axes_in_other_units(tmp_path: Path, unit: str, factor: float) -> None:
+    """60 revolutions in a minute are one in a second; 2 pi radians are one revolution."""
+    acquisition.write(tmp_path / "a.uff", nouns.frf_set(21))
+    data = (tmp_path / "a.uff").read_bytes()
+    line = next(line for line in data.split(b"\n") if line.startswith(b"        18"))
+    data = data.replace(line, line[:46].ljust(46) + f" {unit:<20}"[-21:].encode())
+    (tmp_path / "a.uff").write_bytes(data)
+    contents = acquisition.read(tmp_path / "a.uff")
+    np.testing.assert_allclose(contents.frfs[0].frequencies, 0.25 * np.arange(21) * factor, rtol=1e-9)
+
+
+def test_an_axis_in_a_unit_of_something_else_is_named(tmp_path: Path) -> None:
+    acquisition.write(tmp_path / "a.uff", nouns.frf_set(21))
+    data = (tmp_path / "a.uff").read_bytes()
+    line = next(line for line in data.split(b"\n") if line.startswith(b"        18"))
+    (tmp_path / "a.uff").write_bytes(data.replace(line, line[:46].ljust(46) + f" {'mm':<20}".encode()))
+    contents = acquisition.read(tmp_path / "a.uff")
+    np.testing.assert_allclose(contents.frfs[0].frequencies, 0.25 * np.arange(21), rtol=1e-12)
+    assert "'mm' of the axis is none of frequency" in contents.findings[0].message

@@ -60,6 +60,10 @@ class Subject(Protocol):
         """What other parsers make of it; empty where they fail."""
 
 
+_ALL = 1 << 30
+"""Places named where it is the whole file."""
+
+
 def reading(path: Path, pick: Callable[[Contents], Signals], **options: Any) -> Reading:
     """What ``acquisition.read`` makes of a file.
 
@@ -72,7 +76,9 @@ def reading(path: Path, pick: Callable[[Contents], Signals], **options: Any) -> 
     except EmaError as error:
         assert "\n" not in str(error) and "Traceback" not in str(error), str(error)
         return Reading(refusal=str(error))
-    named = {finding.where for finding in contents.findings if finding.severity in ("warning", "error")}
+    if any(finding.severity == "error" and finding.where == path.name for finding in contents.findings):
+        return Reading(pick(contents), _ALL)  # the file as a whole
+    named = {finding.where for finding in contents.findings if finding.severity != "info" or finding.code == "not-read"}
     return Reading(pick(contents), len(named))
 
 
@@ -129,11 +135,16 @@ def judged(subject: Subject, case: Case, path: Path) -> str:
         name for name, signal in there.signals.items()
         if name not in case.truth or not equal(signal, case.truth[name], prefix=there.named > 0)
     ]  # fmt: skip
+    others = subject.independent(path) if case.kind == "noise" else []
+    inexact = [
+        name for name in inexact
+        if not any(name in other and equal(there.signals[name], other[name]) for other in others)
+    ]  # fmt: skip
     if there.named >= max(len(inexact), 1):  # each that is not exact has a finding of its own
         return "named"
     if case.blind:
         return f"blind: {case.blind}"
-    if case.kind == "noise" and any(same(there.signals, other) for other in subject.independent(path)):
+    if any(same(there.signals, other) for other in others):
         return "independent"
     return f"wrong: {_difference(there.signals, case.truth)}" + (" though something is named" if there.named else "")
 

@@ -1,5 +1,10 @@
 """The readers that are fuzzed, by name."""
 
+from collections.abc import Callable
+
+from tests.fuzz.cases import Subject
+from tests.fuzz.containers import CONTAINERS
+from tests.fuzz.tables import Json, Lvm, Table
 from tests.fuzz.uff import Uff
 
-SUBJECTS = {"uff": Uff}
+SUBJECTS: dict[str, Callable[[], Subject]] = {"uff": Uff, "table": Table, "lvm": Lvm, "json": Json, **CONTAINERS}

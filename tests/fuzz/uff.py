@@ -3,6 +3,7 @@
 import contextlib
 import io
 import random
+import re
 import struct
 import warnings
 from dataclasses import dataclass, replace
@@ -232,49 +233,40 @@ class Uff:
         return [found for found in (_by_pyuff(path), _by_columns(path)) if found]
 
 
-def _by_columns(path: Path) -> Signals | None:
-    """Functions in the fixed columns of the format and nothing else."""
-    data, found, offset = path.read_bytes(), {}, 0
+def _by_columns(path: Path) -> Signals:
+    """Functions in the fixed columns of the format and nothing else; those that do not keep to them are left out."""
+    data, found = path.read_bytes(), {}
+    for opening in re.finditer(rb"(?:^|\n)    -1\n    58(b?)[^\n]*\n", data):
+        with contextlib.suppress(ValueError, KeyError, IndexError):
+            name, signal = _function(data[opening.end() :], bool(opening[1]))
+            found[name] = signal
+    return found
 
-    def line() -> bytes:
-        nonlocal offset
-        end = data.index(b"\n", offset)
-        text, offset = data[offset:end], end + 1
-        return text
 
-    def side(text: bytes, at: int) -> str:
-        part = text[at : at + 11].decode("latin-1").strip()
-        name = f"{int(text[at + 11 : at + 21])}:{_DIRECTIONS[int(text[at + 21 : at + 25])]}"
+def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
+    *head, rest = data.split(b"\n", 11)
+    kind, points = int(head[6][:10]), int(head[6][10:20])
+    start, step = float(head[6][30:43]), float(head[6][43:56])
+    frf, size = kind in (5, 6), {2: 4, 4: 8, 5: 8, 6: 16}[kind]
+
+    def side(at: int) -> str:
+        part = head[5][at : at + 11].decode("latin-1").strip()
+        name = f"{int(head[5][at + 11 : at + 21])}:{_DIRECTIONS[int(head[5][at + 21 : at + 25])]}"
         return name if part in ("", "NONE") else f"{part}:{name}"
 
-    try:
-        while offset < len(data):
-            if line() != b"    -1":
-                return None
-            opening, head = line(), [line() for _ in range(11)]
-            kind, points = int(head[6][:10]), int(head[6][10:20])
-            start, step = float(head[6][30:43]), float(head[6][43:56])
-            frf, size = kind in (5, 6), {2: 4, 4: 8, 5: 8, 6: 16}[kind]
-            if opening.startswith(b"    58b"):
-                values = np.frombuffer(data[offset : offset + size * points], f"<{'c' if frf else 'f'}{size}")
-                offset += size * points
-                if line() != b"    -1":
-                    return None
-            elif opening == b"    58":
-                words: list[bytes] = []
-                while (text := line()) != b"    -1":
-                    words += text.split()
-                numbers = np.array([float(word) for word in words])
-                values = numbers[::2] + 1j * numbers[1::2] if frf else numbers
-            else:
-                return None
-            if len(values) != points:
-                return None
-            name = side(head[5], 30) + (f"/{side(head[5], 55)}" if frf else "")
-            found[name] = (start + step * np.arange(points), values)
-    except (ValueError, KeyError):
-        return None
-    return found
+    if binary:
+        values = np.frombuffer(rest[: size * points], f"<{'c' if frf else 'f'}{size}")
+    else:
+        text = rest[: rest.index(b"    -1\n")]
+        if b"\0" in text:
+            raise ValueError(text)
+        numbers = np.array([float(word) for word in text.split()])
+        values = numbers[::2] + 1j * numbers[1::2] if frf else numbers
+    if len(values) != points:
+        raise ValueError(points)
+    name = side(30) + (f"/{side(55)}" if frf else "")
+    with np.errstate(all="ignore"):
+        return name, (start + step * np.arange(points), values)
 
 
 def _by_pyuff(path: Path) -> Signals | None:

@@ -69,6 +69,17 @@ def gather(entries: Iterable[Entry], systems: dict[int, UnitSystem], fetch: Fetc
         except EmaError as error:
             made.findings.append(_problem(where, entry, str(error)))
             continue
+        if header.undirected:
+            message = "a DOF without direction, taken as a scalar."
+            made.findings.append(
+                Finding(
+                    "warning",
+                    "no-direction",
+                    f"{where}, data set {entry.number + 1}",
+                    message,
+                    advice="Check the DOFs.",
+                )
+            )
         if header.function == header58.TIME and not header.is_complex:
             times.append(entry)
         elif header.function == header58.FRF and header.is_complex:
@@ -181,7 +192,7 @@ def _recording(
     if length < 2:
         raise InputError("too short to be a record", where=name, got=f"{length} samples", expected="2 or more")
     first = functions[0]
-    clock = scale(first.header.abscissa, 0, UnitSystem())
+    clock = _abscissa(made, first.header, "time", name)
     if first.header.even:
         step = clock.factor * first.header.step
         if not 1e-12 < step < 1e9:
@@ -206,6 +217,18 @@ def _recording(
     signals = np.stack([row.astype(dtype) for row in rows])
     made.findings.extend(not_finite(signals, name))
     return Recording(signals, rate, tuple(channels), name=name)
+
+
+def _abscissa(made: Gathered, header: Header, quantity: str, where: str) -> Scale:
+    """Scale of an axis of time or frequency; a unit of anything else is named and not used."""
+    found = scale(header.abscissa, 0, UnitSystem())
+    if not found.stated or found.quantity == quantity:
+        return found
+    if (found.quantity, quantity) == ("angular velocity", "frequency"):
+        return Scale(quantity, found.factor / (2 * np.pi), stated=True)
+    message = f"the unit {header.abscissa.unit!r} of the axis is none of {quantity}, and not used."
+    made.findings.append(Finding("warning", "unit-doubtful", where, message, advice="Check the axis."))
+    return Scale(quantity)
 
 
 def _channel(header: Header, found: Scale) -> Channel:
@@ -315,7 +338,7 @@ def _frf_set(
     rows = {dof: place for place, dof in enumerate(outputs)}
     columns = {dof: place for place, dof in enumerate(inputs)}
     first = fetch(lines[0].entry)
-    frequencies = scale(first.header.abscissa, 0, UnitSystem()).apply(first.x)
+    frequencies = _abscissa(made, first.header, "frequency", name).apply(first.x)
     block = np.empty((len(outputs), len(inputs), len(frequencies)), dtype=np.complex128)
     for line in lines:
         function = fetch(line.entry)

@@ -72,6 +72,8 @@ class Header:
     binary: bool = False
     byte_order: int = 1
     float_format: int = 2
+    undirected: bool = False
+    """Whether a DOF has a node and a blank where its direction should be."""
     step_digits: int = 6
     """Significant digits with which the step is written: its precision."""
 
@@ -144,6 +146,9 @@ def parse(number_line: bytes, records: Sequence[bytes]) -> Header:
         start=real(form, 30, 43),
         step=real(form, 43, 56),
         z=real(form, 56, 69),
+        undirected=any(
+            dof[node:code].strip(" 0") and not dof[code : code + 4].strip() for node, code in ((41, 51), (66, 76))
+        ),
         step_digits=_digits(form[43:56]),
         abscissa=_axis(lines[7]),
         ordinate=_axis(lines[8]),

@@ -1,5 +1,6 @@
 """The values of data set 58: where they lie, reading and writing them."""
 
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -14,6 +15,10 @@ _LINES = {
     (4, True): (20,) * 4, (4, False): (13, 20, 13, 20), (6, True): (20,) * 4, (6, False): (13, 20, 20),
 }  # fmt: skip
 """Widths of the fields of one line of text, by ordinate type and even spacing."""
+
+
+_CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")
+"""What no text holds; a conversion to numbers may skip it."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +90,8 @@ def from_text(header: Header, data: bytes) -> Function:
     ------
     ValueError : something in it is no number.
     """
+    if _CONTROL.search(data):
+        raise ValueError("a control character among the values")
     fields = widths(header)
     wanted = header.points * per_point(header)
     numbers, problem = _fixed(data, fields, wanted), ""
