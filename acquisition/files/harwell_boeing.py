@@ -54,24 +54,45 @@ def read(path: Path) -> Float[np.ndarray, "n n"]:
     if kind not in ("RSA", "RUA") or rows != columns:
         raise wrong("not a matrix that a structure can have", f"{kind}, {rows} x {columns}")
     check_size(rows, path)
+    try:
+        parts = _parts(lines, counts, formats, (columns + 1, entries, entries), wrong)
+    except (ValueError, IndexError, ArithmeticError) as error:
+        raise wrong("the header is damaged", str(error)[:60]) from error
+    return _filled(parts, rows, kind == "RSA", wrong)
+
+
+def _parts(
+    lines: list[str], counts: list[int], formats: list[tuple[int, int]], wanted: tuple[int, int, int], wrong: Any
+) -> list[list[str]]:
+    """Pointers, row indices and values as texts, as many lines and numbers of each as the header announces.
+
+    Raises
+    ------
+    InputError : there are more, fewer, or some that do not end where their field does.
+    ValueError : the counts of the header cannot be read.
+    """
+    total = [int(word) for word in lines[1].split()]
     # a fifth header line stands there when right-hand sides follow the matrix
-    total = lines[1].split()
-    first = 5 if len(total) > 4 and int(total[4]) > 0 else 4
+    first = 5 if len(total) > 4 and total[4] > 0 else 4
     parts = []
-    for count, layout, wanted in zip(counts, formats, (columns + 1, entries, entries), strict=True):
-        values = list(_numbers(lines[first : first + count], *layout))
-        if len(values) < wanted:
-            raise wrong("the file ends too early", f"{len(values)} of {wanted} numbers", "copy or export it again")
-        if len(values) > wanted or len(lines[first : first + count]) != -(-wanted // layout[0]):
-            raise wrong("more numbers or lines than the header announces", f"{len(values)} of {wanted} numbers",
+    for count, layout, number in zip(counts, formats, wanted, strict=True):
+        body = lines[first : first + count]
+        values = list(_numbers(body, *layout))
+        if len(values) < number:
+            raise wrong("the file ends too early", f"{len(values)} of {number} numbers", "copy or export it again")
+        if len(values) > number or len(body) != -(-number // layout[0]):
+            raise wrong("more numbers or lines than the header announces", f"{len(values)} of {number} numbers",
                         "copy or export it again")  # fmt: skip
+        odd = next((line for line in body if len(line.rstrip()) % layout[1]), None)
+        if odd is not None:
+            raise wrong("a number that does not end where its field does", repr(odd[-30:]), "copy or export it again")
         parts.append(values)
         first += count
-    right_hand_sides = int(total[4]) if len(total) > 4 else 0
-    if any(line.strip() for line in lines[first + right_hand_sides :]) or int(total[0]) != sum(map(int, total[1:5])):
+    right_hand_sides = total[4] if len(total) > 4 else 0
+    if any(line.strip() for line in lines[first + right_hand_sides :]) or total[0] != sum(total[1:5]):
         raise wrong("lines behind the matrix that the header does not announce", f"{len(lines) - first} lines",
                     "copy or export it again")  # fmt: skip
-    return _filled(parts, rows, kind == "RSA", wrong)
+    return parts
 
 
 def _filled(parts: list[list[str]], size: int, symmetric: bool, wrong: Any) -> Float[np.ndarray, "n n"]:

@@ -65,13 +65,41 @@ def entries(path: Path) -> dict[str, Any]:
     """
     from scipy.io import mminfo, mmread
 
-    shape = [int(size) for size in mminfo(path)[:2]]
+    height, width, _, layout, field, _ = mminfo(path)
+    shape = [int(height), int(width)]
     harwell_boeing.check_size(max(shape), path)
+    _check_lines(path, layout == "coordinate", field)
     matrix = mmread(path)
     if isinstance(matrix, np.ndarray):
         return {"shape": list(matrix.shape), "values": matrix}
     rows, columns = (np.asarray(place, dtype=np.int64) for place in (matrix.row, matrix.col))
     return {"shape": shape, "rows": rows, "columns": columns, "values": matrix.data}
+
+
+_NUMBER = rb"[-+]?(?>\d++\.?+\d*+|\.\d++|nan|inf(?:inity)?)(?>[eE][-+]?\d++)?"
+
+
+def _check_lines(path: Path, coordinate: bool, field: str) -> None:
+    """Refuse a Matrix Market file with a line that is not row, column and value; the library reads what it can of one.
+
+    Source: Boisvert, Pozo, Remington, The Matrix Market exchange formats (1996), sections 2 and 3.
+
+    Raises
+    ------
+    ValueError : there is one.
+    """
+    values = {"pattern": 0, "complex": 2}.get(field, 1)
+    words = [rb"\d++"] * (2 if coordinate else 0) + [_NUMBER] * values
+    line = rb"[ \t]*+" + rb"[ \t]++".join(words) + rb"[ \t\r]*+(?:\n|\Z)"
+    body = path.read_bytes().partition(b"\n")[2]
+    head = re.match(rb"(?>%[^\n]*+\n|\s*+\n)*+[^\n]*+(?:\n|\Z)", body)  # comments, and the line of sizes
+    begin = head.end() if head else 0
+    good = re.compile(rb"(?>" + line + rb"|[ \t\r]*+\n)*+\s*+", re.IGNORECASE).match(body, begin)
+    end = good.end() if good else begin
+    if end < len(body):
+        where = body.count(b"\n", 0, end) + 2
+        text = body[end : end + 40].partition(b"\n")[0].decode("latin-1")
+        raise ValueError(f"line {where} is no entry: {text!r}")
 
 
 def read_dofs(path: Path, part: str = "") -> tuple[Dof, ...]:

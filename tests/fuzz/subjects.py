@@ -4,7 +4,11 @@ from collections.abc import Callable
 
 from tests.fuzz.cases import Subject
 from tests.fuzz.containers import CONTAINERS
+from tests.fuzz.ours import Matrix, Store, Toml
 from tests.fuzz.tables import Json, Lvm, Table
 from tests.fuzz.uff import Uff
 
-SUBJECTS: dict[str, Callable[[], Subject]] = {"uff": Uff, "table": Table, "lvm": Lvm, "json": Json, **CONTAINERS}
+SUBJECTS: dict[str, Callable[[], Subject]] = {
+    "uff": Uff, "table": Table, "lvm": Lvm, "json": Json, **CONTAINERS, "market": lambda: Matrix("market", ".mtx"),
+    "boeing": lambda: Matrix("boeing", ".hb"), "store": Store, "toml": Toml,
+}  # fmt: skip

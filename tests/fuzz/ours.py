@@ -1,0 +1,239 @@
+"""Matrices of finite element programs, campaign files, and our own store."""
+
+import random
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import acquisition
+from acquisition.files import matrices
+from ema import store
+from ema.data import Channel, Recording
+from ema.errors import EmaError
+from tests.fuzz.cases import Case, Reading, Signals
+from tests.fuzz.mutations import damage, line_damage, noise
+
+
+@dataclass
+class Matrix:
+    """A symmetric matrix as text, written from the description of the format."""
+
+    name: str
+    suffix: str
+
+    def case(self, draw: random.Random) -> Case:
+        """A mutated file."""
+        rng = np.random.default_rng(draw.randrange(2**32))
+        size = draw.randrange(3, 8)
+        dense = np.tril(np.round(rng.normal(size=(size, size)), 6) * (rng.random((size, size)) < 0.6) + np.eye(size))
+        kind = draw.choice(("edit", "damage", "noise"))
+        if kind == "edit":
+            dense[draw.randrange(size), 0] = draw.choice((3.0, -0.5, 1e12))
+        lines = (_market if self.name == "market" else _boeing)(dense)
+        truth = _as_signals(dense + np.tril(dense, -1).T)
+        data = b"\n".join(lines) + b"\n"
+        if kind == "edit":
+            return Case(data, "edit", "a value", truth)
+        if kind == "noise":
+            changed, what = noise(draw, data)
+            return Case(changed, "noise", what, truth)
+        changed_lines, what, place, goal = line_damage(draw, lines, 0, len(lines))
+        same = sorted(changed_lines) == sorted(lines)  # entries in another order, as far as the format allows
+        blind = "entries or lines exchanged" if same else ""
+        if what == "line shortened" and place > 1:
+            blind = "digits of a number"
+        if self.name == "boeing" and place == 0:
+            blind = "a title"
+        return Case(b"\n".join(changed_lines) + b"\n", "damage", f"{what} {place} to {goal}", truth, blind)
+
+    def read(self, path: Path) -> Reading:
+        """What our reader makes of it."""
+        try:
+            return Reading(_as_signals(matrices.read_matrix(path)))
+        except EmaError as error:
+            assert "\n" not in str(error), str(error)
+            return Reading(refusal=str(error))
+
+    def independent(self, path: Path) -> list[Signals]:
+        """The lines taken apart at blanks (Matrix Market) or columns (Harwell-Boeing)."""
+        try:
+            return [(_plain_market if self.name == "market" else _plain_boeing)(path.read_bytes().decode("latin-1"))]
+        except (ValueError, IndexError):
+            return []
+
+
+def _as_signals(matrix: Any) -> Signals:
+    return {"matrix": (np.array(matrix.shape, dtype=float), np.asarray(matrix, dtype=float).reshape(-1))}
+
+
+def _market(lower: Any) -> list[bytes]:
+    rows, columns = np.nonzero(lower)
+    entries = [f"{row + 1} {column + 1} {lower[row, column]:.9g}" for row, column in zip(rows, columns)]
+    head = ["%%MatrixMarket matrix coordinate real symmetric", f"{len(lower)} {len(lower)} {len(rows)}"]
+    return [line.encode() for line in head + entries]
+
+
+def _plain_market(text: str) -> Signals:
+    lines = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("%")]
+    size, matrix = int(lines[0][0]), np.zeros((int(lines[0][0]), int(lines[0][1])))
+    for row, column, value in lines[1:]:
+        matrix[int(row) - 1, int(column) - 1] = float(value)
+        if "symmetric" in text.splitlines()[0].lower():
+            matrix[int(column) - 1, int(row) - 1] = float(value)
+    if len(lines) - 1 != int(lines[0][2]) or size > 100:
+        raise ValueError(text[:40])
+    return _as_signals(matrix)
+
+
+def _boeing(lower: Any) -> list[bytes]:
+    """Record 1: title, key; 2: numbers of lines; 3: type and sizes; 4: formats (Duff, Grimes, Lewis 1992)."""
+    size = len(lower)
+    places = [np.flatnonzero(lower[:, column]) for column in range(size)]
+    starts = np.cumsum([1, *map(len, places)])
+    numbers = [lower[row, column] for column, rows in enumerate(places) for row in rows]
+
+    def rows(items: list[str], per_line: int) -> list[str]:
+        return ["".join(items[place : place + per_line]) for place in range(0, len(items), per_line)]
+
+    pointers = rows([f"{start:8d}" for start in starts], 10)
+    indices = rows([f"{row + 1:8d}" for part in places for row in part], 10)
+    values = rows([f"{number:16.8E}" for number in numbers], 5)
+    counts = (len(pointers) + len(indices) + len(values), len(pointers), len(indices), len(values), 0)
+    head = [f"{'a matrix':72s}{'KEY':8s}", "".join(f"{count:14d}" for count in counts)]
+    head += [
+        f"{'RSA':14s}{size:14d}{size:14d}{len(numbers):14d}{0:14d}",
+        f"{'(10I8)':16s}{'(10I8)':16s}{'(5E16.8)':20s}",
+    ]
+    return [line.encode() for line in head + pointers + indices + values]
+
+
+def _plain_boeing(text: str) -> Signals:
+    lines = text.splitlines()
+    first, second, third = (int(lines[1][14 * place : 14 * place + 14]) for place in (1, 2, 3))
+    size = int(lines[2][14:28])
+
+    def fields(begin: int, count: int, width: int) -> list[str]:
+        body = lines[begin : begin + count]
+        return [line[at : at + width] for line in body for at in range(0, len(line.rstrip()), width)]
+
+    starts = [int(field) for field in fields(4, first, 8)]
+    places = [int(field) for field in fields(4 + first, second, 8)]
+    values = [float(field) for field in fields(4 + first + second, third, 16)]
+    if size > 100 or starts[-1] - 1 != len(values) or len(places) != len(values):
+        raise ValueError(text[:40])
+    matrix = np.zeros((size, size))
+    for column in range(size):
+        for at in range(starts[column] - 1, starts[column + 1] - 1):
+            matrix[places[at] - 1, column] = matrix[column, places[at] - 1] = values[at]
+    return _as_signals(matrix)
+
+
+@cache
+def _stored(seed: int) -> tuple[bytes, Any]:
+    values = np.random.default_rng(seed).normal(size=(2, 40 + seed))
+    channels = (Channel("a", None, "force", "reference", "N"), Channel("b"))
+    with tempfile.TemporaryDirectory() as folder:
+        store.save(Path(folder) / "a.h5", Recording(values, 100.0, channels), compression="gzip" if seed % 2 else "")
+        return (Path(folder) / "a.h5").read_bytes(), values
+
+
+@dataclass
+class Store:
+    """Our own files, in which every array and document has a checksum."""
+
+    name: str = "store"
+    suffix: str = ".h5"
+
+    def case(self, draw: random.Random) -> Case:
+        """A mutated file."""
+        data, values = _stored(draw.randrange(6))
+        truth = {name: (np.arange(values.shape[1]) / 100.0, row) for name, row in zip("ab", values)}
+        kind = draw.choice(("edit", "damage", "damage", "noise", "noise"))
+        if kind == "edit":
+            return Case(data, "edit", "nothing", truth)
+        changed, what = (damage if kind == "damage" else noise)(draw, data)
+        # no parser but ours knows the checksums: noise is refused or does no harm, as damage
+        return Case(changed, "damage", what, truth)
+
+    def read(self, path: Path) -> Reading:
+        """What our store makes of it."""
+        try:
+            record = store.load(path)
+            signals = np.asarray(record.signals)
+            axis = np.arange(signals.shape[1]) / record.sampling_rate
+            return Reading({channel.name: (axis, row) for channel, row in zip(record.channels, signals)})
+        except EmaError as error:
+            assert "\n" not in str(error), str(error)
+            return Reading(refusal=str(error))
+
+    def independent(self, path: Path) -> list[Signals]:
+        """No other parser knows the checksums."""
+        return []
+
+
+_CAMPAIGN = b"""[campaign]
+name = "A table"
+files = "data"
+
+[[channels]]
+name = "hammer"
+role = "reference"
+unit = "N"
+sensitivity = 2.3e-3
+dof = "{point}:+Z"
+
+[[channels]]
+name = "acc 1"
+unit = "g"
+sensitivity = 0.1
+dof = "1:+Z"
+
+[joints]
+names = ["a", "b"]
+
+[[runs]]
+id = "bare"
+kind = "hammer"
+files = "bare_{point}.uff"
+temperature = 21.5
+
+[[runs]]
+id = "beam_1kN"
+kind = "hammer"
+files = "beam_{point}.uff"
+normal_force = [{joint = "a", mean = "1.0 kN", std = "20 N"}]
+"""
+
+
+@dataclass
+class Toml:
+    """Campaign files: contents or one sentence, whatever they say."""
+
+    name: str = "toml"
+    suffix: str = ".toml"
+
+    def case(self, draw: random.Random) -> Case:
+        """A mutated campaign file."""
+        if draw.random() < 0.5:
+            data, what = noise(draw, _CAMPAIGN)
+        else:
+            lines, what, _, _ = line_damage(draw, _CAMPAIGN.split(b"\n"), 0, _CAMPAIGN.count(b"\n"))
+            data = b"\n".join(lines)
+        return Case(data, "noise", what, {}, "not compared")
+
+    def read(self, path: Path) -> Reading:
+        """Whether it is refused; there are no data files, so that it always should be."""
+        try:
+            acquisition.open_campaign(path)
+        except EmaError as error:
+            assert "\n" not in str(error) and "Traceback" not in str(error), str(error)
+            return Reading(refusal=str(error))
+        return Reading()
+
+    def independent(self, path: Path) -> list[Signals]:
+        """Nothing to compare."""
+        return []
