@@ -194,3 +194,18 @@ def test_an_axis_in_a_unit_of_something_else_is_named(tmp_path: Path) -> None:
     contents = acquisition.read(tmp_path / "a.uff")
     np.testing.assert_allclose(contents.frfs[0].frequencies, 0.25 * np.arange(21), rtol=1e-12)
     assert "'mm' of the axis is none of frequency" in contents.findings[0].message
+
+
+@pytest.mark.parametrize("damage", ["number", "place"])
+def test_a_function_under_another_number_is_no_unknown_data_set(tmp_path: Path, damage: str) -> None:
+    acquisition.write(tmp_path / "a.uff", nouns.recording())
+    lines = (tmp_path / "a.uff").read_bytes().split(b"\n")
+    place = lines.index(b"    58")
+    if damage == "number":
+        lines[place] = b"     5"
+    else:
+        lines.insert(place, lines.pop(place + 9))
+    (tmp_path / "a.uff").write_bytes(b"\n".join(lines))
+    contents = acquisition.read(tmp_path / "a.uff")
+    assert len(contents.recordings[0].channels) == 2
+    assert [(f.code, f.severity) for f in contents.findings] == [("damaged-set", "error")]
