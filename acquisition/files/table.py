@@ -37,6 +37,10 @@ _TITLES = {
 }
 
 
+_ODD = re.compile(r"[\0-\x08\x0e-\x1f\xa0]|\d_\d")
+"""What a conversion to numbers skips and no number holds: control characters, and lines between digits."""
+
+
 @dataclass(frozen=True)
 class Segment:
     """A block of rows with equally many columns, and the lines of text above it."""
@@ -146,7 +150,7 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     behind = Segment(tuple(header), np.zeros((0, 0)), (), line=len(lines) + 1)
     segments = _whole([*_with_metadata(segments), behind], layout, where, delimiter, decimal)[:-1]
     longest = max((len(segment.values) for segment in segments), default=0)
-    segments = [segment for segment in segments if len(segment.values) > 1 or longest == 1]
+    segments = _without_single_rows(segments, where) if longest > 1 else segments
     if not segments:
         raise InputError("no table of numbers in the file", where=where, got=repr(text[:40]))
     return segments
@@ -213,6 +217,26 @@ def _broken(line: str, delimiter: str, decimal: str, columns: int = 0) -> bool:
     return len(cells) > 1 and 2 * sum(numbers) >= len(cells) and (numbers[0] or len(cells) == columns)
 
 
+def _without_single_rows(segments: list[Segment], where: str) -> list[Segment]:
+    """The tables without the rows that stand alone; one that has the columns of the table behind it is named."""
+    kept: list[Segment] = []
+    alone: list[Segment] = []
+    for segment in segments:
+        if len(segment.values) == 1:
+            alone.append(segment)
+            continue
+        like = [row for row in alone if not row.labels and row.values.shape[1] == segment.values.shape[1] > 1]
+        notes = [
+            Finding(
+                "info", "not-read", f"{where}, line {row.line}", "a row of numbers in front of the table, not read."
+            )
+            for row in like
+        ]
+        kept.append(replace(segment, notes=(*notes, *segment.notes)))
+        alone = []
+    return kept
+
+
 def _titled(segment: Segment) -> bool:
     """Whether the columns have titles, which are no decimal numbers as in a damaged row."""
     if any(re.fullmatch(r"[-+]?\d*[.,]\d+([eE][-+]?\d+)?", title) for title in segment.titles):
@@ -248,7 +272,7 @@ def _block(lines: list[str], delimiter: str, decimal: str, columns: int) -> Any:
     else:
         alike = all(line.count(delimiter) == columns - 1 for line in lines)
     text = delimiter.join(lines)
-    if not alike or (decimal == "," and "." in text):
+    if not alike or (decimal == "," and "." in text) or _ODD.search(text):
         return None
     if decimal == ",":
         text = text.replace(",", ".")
@@ -275,7 +299,9 @@ def _number(cell: str) -> complex:
     try:
         return float(cell)
     except ValueError:
-        cell = cell.strip().strip('"')
+        cell = cell.strip()
+        if cell[:1] == cell[-1:] == '"' and len(cell) > 1:
+            cell = cell[1:-1].strip()
         if not cell:
             return float("nan")
         if cell[-1:] in "ij)" and cell[:1] in "+-.(0123456789":
@@ -298,6 +324,8 @@ def _cells(line: str, delimiter: str, decimal: str, columns: int = 0) -> list[co
     A delimiter at the end of the line closes it, unless the lines above have a column there.
     """
     cells = line.split() if delimiter == " " else line.split(delimiter)
+    if _ODD.search(line):
+        return None
     if decimal == ",":
         if "." in line:
             return None

@@ -236,7 +236,7 @@ class Uff:
 def _by_columns(path: Path) -> Signals:
     """Functions in the fixed columns of the format and nothing else; those that do not keep to them are left out."""
     data, found = path.read_bytes(), {}
-    for opening in re.finditer(rb"(?:^|\n)    -1\n    58(b?)[^\n]*\n", data):
+    for opening in re.finditer(rb"(?:^|\n) {0,5}-1\n    58(b?)[^\n]*\n", data):
         with contextlib.suppress(ValueError, KeyError, IndexError):
             name, signal = _function(data[opening.end() :], bool(opening[1]))
             found[name] = signal
@@ -252,7 +252,7 @@ def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
     def side(at: int) -> str:
         part = head[5][at : at + 11].decode("latin-1").strip()
         name = f"{int(head[5][at + 11 : at + 21])}:{_DIRECTIONS[int(head[5][at + 21 : at + 25])]}"
-        return name if part in ("", "NONE") else f"{part}:{name}"
+        return name if part.upper() in ("", "NONE") else f"{part}:{name}"
 
     if binary:
         values = np.frombuffer(rest[: size * points], f"<{'c' if frf else 'f'}{size}")
@@ -266,7 +266,8 @@ def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
         raise ValueError(points)
     name = side(30) + (f"/{side(55)}" if frf else "")
     with np.errstate(all="ignore"):
-        return name, (start + step * np.arange(points), values)
+        # a record begins at its first sample, whatever the time of that
+        return name, ((start if frf else 0.0) + step * np.arange(points), values)
 
 
 def _by_pyuff(path: Path) -> Signals | None:

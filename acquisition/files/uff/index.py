@@ -174,7 +174,7 @@ def _entry(window: _Window, offset: int, number: int, forms: _Forms) -> Entry | 
     found = _NUMBER.match(first)
     if found is None and start >= window.size and not first.strip():
         return Entry(number, 0, False, start, start, window.size, "the file ends where a data set begins")
-    if found is None:
+    if found is None or not int(found[1]):
         end = window.closing(start) if first.strip() and first.strip() != b"-1" else None
         why = f"no data set begins with {first.decode('latin-1').strip()[:40]!r}"
         return None if end is None else Entry(number, 0, False, start, start, end, why)
