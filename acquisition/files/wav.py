@@ -85,13 +85,38 @@ def _announced(path: Path, layout: Layout) -> tuple[Finding, ...]:
                 long_size = int.from_bytes(body[8:16], "little")
             if head[:4] == b"fmt ":
                 align = int.from_bytes(body[12:14], "little")
+                _check_format(body, path)
             begin = place + len(head)
             if head[:4] == b"data":
                 announced = long_size if start[:4] == b"RF64" and length == 0xFFFFFFFF else length
-                return _compare(announced, size - begin, align, path, layout)
+                notes = _compare(announced, size - begin, align, path, layout)
+                whole = int.from_bytes(start[4:8], "little")
+                if start[:4] == b"RIFF" and whole not in _UNKNOWN and not notes and abs(whole + 8 - size) > 1:
+                    notes += differs(
+                        "the file is not as long as it announces", where=path.name, layout=layout, got=f"{size} bytes",
+                        expected=whole + 8, recovered="the samples that are announced are read",
+                    )  # fmt: skip
+                return notes
             step = 8 if wide else 2
             place = begin + -(-max(length, 0) // step) * step
     raise InputError("no data in the file", where=path.name, advice="copy or export it again")
+
+
+def _check_format(body: bytes, path: Path) -> None:
+    """Compare what the format chunk of uncompressed samples says twice.
+
+    Raises
+    ------
+    InputError : bytes of a sample of all channels, or of a second, contradict channels, bits and sampling rate.
+    """
+    code, count = int.from_bytes(body[:2], "little"), int.from_bytes(body[2:4], "little")
+    rate, second = int.from_bytes(body[4:8], "little"), int.from_bytes(body[8:12], "little")
+    align, bits = int.from_bytes(body[12:14], "little"), int.from_bytes(body[14:16], "little")
+    if code in (1, 3) and (align != count * -(-bits // 8) or second != rate * align):
+        raise InputError("the format of the samples contradicts itself", where=path.name,
+                         got=f"{align} bytes, {second} in a second",
+                         expected=f"{count} channels of {bits} bits at {rate} Hz",
+                         advice="copy or export it again")  # fmt: skip
 
 
 def _compare(announced: int, there: int, align: int, path: Path, layout: Layout) -> tuple[Finding, ...]:
