@@ -42,7 +42,7 @@ def remains(folder: Path) -> list[str]:
     return [
         path.relative_to(folder).as_posix() for path in folder.rglob("*")
         if path.is_file() and path.name != ".record.lock"
-        and (path.name.startswith(".") or path.suffix in (".tmp", ".part") or not path.stat().st_size)
+        and (path.name.startswith(".") or path.suffix == ".tmp" or not path.stat().st_size)
     ]  # fmt: skip
 
 

@@ -253,8 +253,8 @@ def test_what_a_killed_writer_left_goes_with_the_next_write_and_a_living_one_is_
     ended = subprocess.Popen([sys.executable, "-c", "pass"])
     ended.wait()
     machine = mark().partition("-")[0]
-    dead, alive = (tmp_path / f".a.uff.{machine}-{process}-x1.part" for process in (ended.pid, os.getpid()))
-    elsewhere = tmp_path / f".a.uff.ffffff-{ended.pid}-x1.part"
+    dead, alive = (tmp_path / f".a.uff.{machine}-{process}-x1.tmp" for process in (ended.pid, os.getpid()))
+    elsewhere = tmp_path / f".a.uff.ffffff-{ended.pid}-x1.tmp"
     for path in (dead, alive, elsewhere):
         path.touch()
     acquisition.write(tmp_path / "a.uff", nouns.frf_set(21))

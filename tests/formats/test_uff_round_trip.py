@@ -10,6 +10,7 @@ import pytest
 
 import acquisition
 from acquisition.files import uff
+from ema.data import FrfSet
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from tests.formats import nouns
@@ -237,21 +238,21 @@ def test_a_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(FailureError, match="No space left"):
+    with pytest.raises(FailureError, match="the disk is full"):
         acquisition.write(path, nouns.frf_set())
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_missing_or_unwritable_folder_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(FailureError, match="cannot be written"):
+    with pytest.raises(FailureError, match="there is no such folder"):
         acquisition.write(tmp_path / "no such folder" / "a.uff", nouns.geometry())
 
     def read_only(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("acquisition.files.atomic.NamedTemporaryFile", read_only)
-    with pytest.raises(FailureError, match="Permission denied"):
+    monkeypatch.setattr("ema.store.atomic.os.open", read_only)
+    with pytest.raises(FailureError, match="no permission to write here"):
         acquisition.write(tmp_path / "a.uff", nouns.geometry())
 
 
@@ -263,3 +264,20 @@ def test_a_noun_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a folder"):
         (tmp_path / "b.uff").mkdir()
         acquisition.write(tmp_path / "b.uff", nouns.geometry())
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_an_odd_frequency_step_reads_back(tmp_path: Path, binary: bool, seed: int) -> None:
+    """Start and step of eight digits fill their columns, so that no blank parts them from the integer in front."""
+    random = np.random.default_rng(seed)
+    start, end = (82.54683618, 307.4) if not seed else (float(random.uniform(1, 99)), float(random.uniform(100, 900)))
+    axis = np.linspace(start, end, 801)
+    values = random.normal(size=(801, 1, 1)) + 1j
+    frfs = FrfSet(axis, values, (Dof(1, "+Z"),), (Dof(2, "+Z"),), "accelerance", "(m/s^2)/N")
+    acquisition.write(tmp_path / "a.uff", frfs, binary=binary)
+    contents = acquisition.read(tmp_path / "a.uff")
+    assert contents.findings == ()
+    np.testing.assert_allclose(contents.frfs[0].values, values, rtol=1e-11)
+    # eight digits: half a unit of the last one of the start, and 800 times that of the step
+    np.testing.assert_allclose(contents.frfs[0].frequencies, axis, rtol=0, atol=5e-7 + 800 * 5e-8)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from acquisition.contents import Contents
-from acquisition.files.atomic import replacing
 from acquisition.files.uff import geometry_sets, header58, values58
 from acquisition.files.uff.header58 import Axis, Header, Point
 from acquisition.files.uff.mode_sets import write_modes
 from ema.data import FrfSet, Geometry, ModalModel, Recording
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.store.atomic import replacing
 from ema.units import SI_UNIT, UNSTATED
 
 _CODES = {
@@ -51,7 +51,9 @@ def write(path: Path, nouns: Sequence[Any], binary: bool = False, created: datet
     flat = list(_flat(nouns))
     for noun in flat:
         _check(noun, path)
-    with replacing(path) as file:
+    if path.is_dir():
+        raise InputError("a folder, not a file", where=str(path))
+    with replacing(path) as temporary, temporary.open("wb") as file:
         file.write(_preamble(path.stem, created or datetime.now()))
         for number, noun in enumerate(flat):
             for block in _blocks(noun, binary, number):
