@@ -250,21 +250,6 @@ def _is_damage(gap: tuple[str, ...]) -> bool:
     return all(number.search(line) for line in gap if line.strip())
 
 
-def _broken(line: str, delimiter: str, decimal: str, columns: int = 0) -> bool:
-    """Whether a text was a row of numbers: half of its cells are, and the first is one or they fill the columns."""
-    cells = line.split() if delimiter == " " else line.split(delimiter)
-    cells = [cell.replace(",", ".") if decimal == "," else cell for cell in cells]
-    numbers = [_numbers([cell]) is not None for cell in cells]
-    return len(cells) > 1 and 2 * sum(numbers) >= len(cells) and (numbers[0] or len(cells) == columns)
-
-
-def _titled(segment: Segment) -> bool:
-    """Whether the columns have titles, which are no decimal numbers as in a damaged row."""
-    if any(re.fullmatch(r"[-+]?\d*[.,]\d+([eE][-+]?\d+)?", title) for title in segment.titles):
-        return False
-    return any(title != f"column {place}" for place, title in enumerate(segment.titles))
-
-
 def _block(lines: list[str], delimiter: str, decimal: str, columns: int) -> Any:
     """Lines of ``columns`` plain numbers each, all at once; ``None`` where one of them is anything else."""
     if delimiter == " ":

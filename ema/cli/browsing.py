@@ -103,7 +103,7 @@ def workbench(
         study.result.is_file() and study.result.stat().st_mtime > picked.stat().st_mtime
     )  # fmt: skip
     result = _result(picked if newer else study.result) if newer or study.result.is_file() else None
-    if result is None or [run.run.id for run in result.runs] != [run.id for run in campaign.runs]:
+    if result is None or not study.is_current(result, campaign, progress, picked=newer):
         result = study.run(progress=progress, resume=True)
     again: Again = partial(_again, campaign, study)
     where = campaign_file(study.campaign)

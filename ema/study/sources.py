@@ -1,11 +1,14 @@
 """What a study starts from: a campaign opened (a built-in one is written first), and fingerprints of its data."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import acquisition
 from acquisition import campaign_file
 from acquisition.assignment import data_folder, items_of
-from ema.data import Campaign, Condition, Excitation, Run
+from ema import store
+from ema.data import Campaign, Condition, Excitation, FrfSet, Geometry, Lazy, ModalModel, Recording, Run
 from ema.errors import InputError
 from ema.fingerprint import of_files
 from ema.progress import Progress, advance, silent
@@ -28,7 +31,7 @@ def opened(path: Path, progress: Progress = silent, *, salvage: bool = False) ->
 
 
 def _of_file(path: Path, salvage: bool) -> Campaign:
-    contents = acquisition.read(path, salvage=salvage)
+    contents = _stored(path) if store.is_store(path) else acquisition.read(path, salvage=salvage)
     if not contents.frfs:
         held, advice = "no measurements", "export FRFs (data set 58 of a universal file, or a table)"
         if contents.recordings:
@@ -44,6 +47,20 @@ def _of_file(path: Path, salvage: bool) -> Campaign:
         name=path.name, runs=(run,), geometry=contents.geometry, folder=str(path.parent), findings=contents.findings,
         inputs=((path.name, of_files([path])),),
     )  # fmt: skip
+
+
+def _stored(path: Path) -> acquisition.Contents:
+    """FRFs, records, modes and geometry in a file of ours; others are left out."""
+    held = store.load(path)
+    nouns = list(held.values()) if isinstance(held, Mapping) else list(held) if isinstance(held, Lazy) else [held]
+
+    def of(kind: type) -> tuple[Any, ...]:
+        """Those of one kind."""
+        return tuple(noun for noun in nouns if isinstance(noun, kind))
+
+    return acquisition.Contents(
+        recordings=of(Recording), frfs=of(FrfSet), modes=of(ModalModel), geometry=next(iter(of(Geometry)), None)
+    )
 
 
 def data_of(path: Path, progress: Progress = silent) -> dict[str, tuple[tuple[str, str], ...]]:

@@ -59,7 +59,9 @@ class Study:
         else:
             read, campaign = Recipe(campaign=str(path)), path
             folder = path if path.is_dir() else path.parent
-            name = folder.resolve().name if path.is_dir() or path.name == "campaign.toml" else path.stem
+            # with its suffix: beam.uff and beam.csv have results of their own
+            alone = f"{path.stem}{path.suffix.lower().replace('.', '_')}"
+            name = folder.resolve().name if path.is_dir() or path.name == "campaign.toml" else alone
             report = folder / "_build" / f"{name}.html"
         if output is not None:
             report = Path(output) / report.name
@@ -119,6 +121,30 @@ class Study:
             inputs = tuple(print_ for name in used for print_ in data[name])
             beside = self._friction(campaign, finished, progress, resume, executor)
             return self._conclude(campaign, tuple(finished), maps, beside, inputs, progress)
+
+    def is_current(
+        self, result: StudyResult, campaign: Campaign, progress: Progress = silent, *, picked: bool = False
+    ) -> bool:
+        """Whether a result was made of the inputs, settings and code of which this study would make it now.
+
+        Parameters
+        ----------
+        picked : the result was changed by hand: it outlives new code, and what was noted in the campaign file
+            meanwhile, but no other data and settings.
+        """
+        if [one.run.id for one in result.runs] != [run.id for run in self._runs(campaign)] or result.provenance is None:
+            return False
+        data = data_of(self.campaign, progress)
+        used = dict.fromkeys(
+            [*(one.run.id for one in result.runs), *(name for one in result.maps for name in one.runs)]
+        )
+        if not used.keys() <= data.keys():
+            return False
+        prints = tuple(print_ for name in used for print_ in data[name])
+        now = self._made(campaign, prints)
+        if picked:
+            return set(prints) <= set(result.provenance.inputs) and now.options == result.provenance.options
+        return not kept.changes(replace(result.provenance, steps=now.steps, created=now.created), now)
 
     def _runs(self, campaign: Campaign) -> tuple[Run, ...]:
         """The runs that are fitted one by one: those named, or all that belong to no map, ring-down or loop."""

@@ -2,10 +2,12 @@
 
 import hashlib
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import acquisition
 from ema import store
 from ema.data import StudyResult
 from ema.errors import CancelledError, FailureError, InputError
@@ -120,6 +122,44 @@ def test_a_file_with_frfs_alone_is_a_study(small_study, without_report, tmp_path
     assert result.runs[0].run.id == "beam"
     for frequency in (120, 210, 333):
         assert np.abs(result.runs[0].modes.natural_frequencies - frequency).min() < 0.02
+
+
+def test_files_that_differ_in_their_suffix_have_results_of_their_own(small_study, without_report, tmp_path):
+    frfs = Study.load(small_study).run().runs[0].frfs.band(60, 450)
+    acquisition.write(tmp_path / "beam.uff", frfs)
+    store.save(tmp_path / "beam.h5", {"frfs": replace(frfs, values=2 * frfs.values)})
+    places = {suffix: Study.load(tmp_path / f"beam.{suffix}").result for suffix in ("uff", "h5")}
+    results = {suffix: Study.load(tmp_path / f"beam.{suffix}").run() for suffix in places}
+    assert len({place.resolve() for place in places.values()}) == 2
+    for suffix, place in places.items():
+        held = store.load(place).runs[0].frfs.values
+        np.testing.assert_allclose(held, results[suffix].runs[0].frfs.values)
+    np.testing.assert_allclose(
+        results["h5"].runs[0].modes.natural_frequencies, results["uff"].runs[0].modes.natural_frequencies, rtol=1e-6
+    )
+
+
+def test_a_stored_file_without_frfs_says_what_it_holds(small_study, without_report, tmp_path):
+    store.save(tmp_path / "modes.h5", Study.load(small_study).run().runs[0].modes)
+    with pytest.raises(InputError, match="the file holds no FRFs; got a modal model"):
+        Study.load(tmp_path / "modes.h5").open()
+
+
+def test_a_result_is_current_until_inputs_settings_or_code_change(small_study, without_report):
+    study = Study.load(small_study)
+    result = study.run()
+    assert study.is_current(result, study.open())
+    old = replace(result.provenance, versions=tuple((name, "0.1") for name, _ in result.provenance.versions))
+    assert not study.is_current(replace(result, provenance=old), study.open())
+    assert study.is_current(replace(result, provenance=old), study.open(), picked=True)
+    text = small_study.read_text()
+    small_study.write_text(text + "\n# a remark\n")
+    assert not Study.load(small_study).is_current(result, study.open())
+    small_study.write_text(text)
+    data = next(path for path in sorted((small_study.parent / "campaign").rglob("*")) if path.suffix in (".uff", ".h5"))
+    data.write_bytes(data.read_bytes() + b"\n")
+    for picked in (False, True):
+        assert not study.is_current(result, study.open(), picked=picked)
 
 
 def test_runs_can_be_chosen_and_absent_ones_are_named(small_study, without_report):
