@@ -136,7 +136,7 @@ class Uff:
             blind = ""
             if sets[0].binary and "lost" in what and "put in" in what:
                 blind = "binary values shifted by as many bytes"
-            elif any(one.header()[record] not in data for one in sets for record in (7, 8, 9)):
+            elif any(data.count(sets[0].header()[record]) < len(sets) for record in (7, 8, 9)):
                 blind = "a unit that is another one"
             return Case(data, "noise", what, truth(sets), blind)
         return self._binary_damage(draw, sets) if sets[0].binary else self._text_damage(draw, sets)

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+_CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")
+"""What no text holds; a conversion to numbers may skip it, and with it the sign that it replaced."""
 FUNCTION_TYPES = {
     0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response function",
     5: "transmissibility", 6: "coherence", 7: "auto correlation", 8: "cross correlation", 9: "power spectral density",
@@ -127,6 +129,8 @@ def parse(number_line: bytes, records: Sequence[bytes]) -> Header:
     ------
     ValueError : a field is no number, or the header cannot be one of a data set 58.
     """
+    if any(_CONTROL.search(raw) for raw in records[5:]):
+        raise ValueError("a control character among its fields")
     lines = [text_of(raw) for raw in records]
     first = text_of(number_line)
     binary = first[6:7].lower() == "b"
