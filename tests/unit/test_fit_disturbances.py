@@ -1,6 +1,8 @@
 """Errors that are not noise: named by what they do to the residual, the phases or the poles, and held by the intervals."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -141,3 +143,11 @@ def test_tones_of_the_mains_are_no_modes() -> None:
     std = np.sqrt(model.covariance[:, 1, 1])
     assert np.all(np.abs(model.damping_ratios - ZETA) < 5 * std)
     assert sum("mains" in one.reason for one in model.candidates) == finding.value
+
+
+def test_the_page_on_faults_names_findings_that_exist() -> None:
+    root = Path(__file__).resolve().parents[2]
+    rows = re.findall(r"^\| `([a-z-]+)`", (root / "docs/faults.md").read_text(encoding="utf-8"), re.MULTILINE)
+    sources = "".join(one.read_text(encoding="utf-8") for one in (root / "ema").rglob("*.py"))
+    assert len(rows) >= 11
+    assert [code for code in rows if f'"{code}"' not in sources] == []
