@@ -175,8 +175,11 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
     table, compared = poles, None
     parts = set_ups.split(band)
     if parts:
-        fits = [_part(part, band) for part in parts]
-        compared = set_ups.compare(fits)
+        try:
+            fits = [_part(part, band) for part in parts]
+        except InputError:  # as where all sensors of a set-up were dead: nothing to compare
+            fits = []
+        compared = set_ups.compare(fits) if fits else None
         if compared is not None and compared.differ:
             band = set_ups.aligned(band, fits, compared)
             table = stabilise(band, np.unique(poles.order).tolist())

@@ -57,7 +57,7 @@ def shifts(found: Comparison, set_ups: SetUps, model: ModalModel) -> SetUpShifts
     if loading is None or cause != "mass loading":
         loading = _Loading(np.nan, np.nan, np.nan, unknown, unknown)
     return SetUpShifts(
-        names=set_ups.names,
+        names=tuple(set_ups.names[k] for k in np.unique(set_ups.number)),
         frequencies=found.frequency,
         shifts=own.T,
         std=found.std.T,

@@ -109,6 +109,8 @@ def compare(parts: Sequence[PartFit]) -> Comparison | None:
     rows = rows[np.count_nonzero(rows >= 0, axis=1) > 1]
     if not len(rows):
         return None
+    first = [next(parts[k].poles[pole] for k, pole in enumerate(row) if pole >= 0) for row in rows.tolist()]
+    rows = rows[np.argsort(np.abs(first))]
     shape = rows.shape
     logs, std, damping, damping_std = (np.full(shape, np.nan) for _ in range(4))
     for k, part in enumerate(parts):

@@ -159,6 +159,24 @@ def test_set_ups_that_share_no_side_are_fitted_together() -> None:
     assert fitted(replace(frfs, set_ups=SetUps(frfs.set_ups.names, number))).set_ups is None
 
 
+def test_a_dead_set_up_leaves_the_others_as_they_are() -> None:
+    frfs = measured(9)
+    values = np.array(frfs.values)
+    values[:, :5] = 0
+    model = fitted(replace(frfs, values=values))
+    assert model.set_ups is None and len(model.poles) == len(NATURAL)
+    assert "dead-output" in codes(model)
+
+
+def test_shifts_are_those_of_the_set_ups_that_are_left() -> None:
+    frfs = measured(10, (0.0, 0.004, -0.004)).pick(outputs=range(5, 16))
+    found = fitted(frfs).set_ups
+    assert found.names == ("S2", "S3") and found.shifts.shape == (2, len(NATURAL))
+    assert found.frequencies.tolist() == sorted(found.frequencies)
+    true = np.array([1.004, 0.996]) / 1.0 - 1
+    assert np.all(np.abs(found.common - true) <= REACH * found.common_std)
+
+
 def test_the_truth_of_this_test_is_that_of_a_synthesis() -> None:
     """The direct inverse used here and the project's synthesis agree for the structure without sensors."""
     poles = poles_from(NATURAL, ZETA)
