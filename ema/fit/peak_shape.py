@@ -40,12 +40,12 @@ CHANCE = 1e-8
 HEIGHT = 3.0
 """Error of the damping ratio over the part of the peak that is not causal: of linear structures with 10 dB to 21 dB of
 force drop, leaning by 0.1 to 3 half-power bandwidths, and with noise in the force, 1 to 5."""
-MATTERS = 6.0
-"""Error of the damping ratio that a residual amounts to, in stated standard deviations, from which on it is named: with
-its spread of a factor of two, errors beyond two deviations are."""
+MATTERS = 3.0
+"""Error of the damping ratio that a residual amounts to, in stated standard deviations, from which on it is named. Under
+independent noise whatever passes `CHANCE` is larger; FRFs of a local model have such residuals of one deviation."""
 SPREAD = 3.0
 """The same for a spread of poles, whose error is known better."""
-LEANS = 0.5
+LEANS = 2.0
 """Imaginary over real part of the factor from which on the frequency depends on the amplitude."""
 LOSS = 1.0
 """Spread of the poles over the part that is not causal from which on the damping depends on the amplitude: a slipping
@@ -107,7 +107,8 @@ def examine(optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"
         height = HEIGHT * abs(least.factor) / ratio
         if least.chance < CHANCE and height > MATTERS * relative:
             turned = abs(least.factor.imag) > LEANS * abs(least.factor.real)
-            leaning = turned or abs(causal.shift) > LOSS * abs(least.factor)
+            slips = causal.chance < CHANCE and -causal.shift.real > LOSS * least.factor.real > 0
+            leaning = turned or slips
             found.append(PeakShape(int(pole), "leaning" if leaning else "feedback", height))
         elif causal.chance < CHANCE and -causal.shift.real > SPREAD * relative:
             averaged = _between_peaks(data, fit, residual, poles) < AVERAGED
