@@ -32,7 +32,7 @@ class Question(NamedTuple):
 
     These are the mode's own: its modal force in quadrature with its modal coordinate, whatever is seen of the other
     modes ``at`` the excited DOF or elsewhere. With ``fitted`` it is what a one-mode fit of a stepped sine about the
-    largest response of the excited DOF reads.
+    largest response of ``output`` (the excited DOF where ``None``) reads.
     """
 
     model: BeamModel
@@ -41,6 +41,7 @@ class Question(NamedTuple):
     normal_forces: Float[np.ndarray, "force"]
     bands: tuple[tuple[float, float], ...]
     fitted: bool = False
+    output: Dof | None = None
 
 
 def answer(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
@@ -71,7 +72,7 @@ def _chart(question: Question, band: tuple[float, float]) -> ModalMap:
         return damping_map(question.model, levels, forces, question.at, None, band, TOLERANCE)
     some = np.full((len(levels), len(forces)), np.sqrt(band[0] * band[1]))
     wanted = ModalMap(levels, forces, some, np.full_like(some, 0.01), method="measured")
-    return measure(question.model, wanted, question.at, question.at, band, TOLERANCE)
+    return measure(question.model, wanted, question.at, question.output or question.at, band, TOLERANCE)
 
 
 def verify(
@@ -141,7 +142,7 @@ def question(task: Task, prediction: Prediction, row: int, fitted: bool = False)
     )
     return Question(
         model, Dof.parse(task.at), np.asarray(prediction.force_levels), np.asarray(prediction.normal_forces),
-        tuple(bands), fitted,
+        tuple(bands), fitted, None if task.output is None else Dof.parse(task.output),
     )  # fmt: skip
 
 

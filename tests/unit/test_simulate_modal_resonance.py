@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from ema import place, shapes, simulate
-from ema.data import FrictionLaw
+from ema import compare, place, shapes, simulate
+from ema.data import FrictionLaw, ModalMap
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
+from ema.errors import InputError
 from ema.place import shortlist
 from ema.place.predictor import beam_matrices
 from ema.place.task import predicted
@@ -80,3 +81,25 @@ def test_the_forecast_of_the_energy_balance_is_that_of_the_mode(task):
     found = shortlist.answer(question)[0, :, 0, 0]
     frequency, ratio = eigenvalue(task, 1, 2e8, found[0])
     assert found[0] == pytest.approx(frequency, rel=1e-5) and found[1] == pytest.approx(ratio, rel=2e-3)
+
+
+def test_a_fitted_forecast_is_that_of_the_output(task):
+    """What a fit of the response of the output reads, measured on the same model: here 0.26 Hz from the driver's."""
+    here = task._replace(
+        modes=(2,), force_levels=np.array([30.0]), normal_forces=np.array([60.0]), output="92:+Z"
+    )  # fmt: skip
+    question = shortlist.question(here, predicted(here, SPOTS), 1, fitted=True)
+    found = shortlist.answer(question)[0, :2, 0, 0]
+    model = place.model_at(task.bare, task.surface, SPOTS, 1, JOINT, 60.0)
+    wanted = ModalMap(np.array([30.0]), np.array([60.0]), np.full((1, 1), found[0]), np.full((1, 1), 0.01),
+                      method="measured")  # fmt: skip
+    driver, output = (compare.measure(model, wanted, "91:+Z", seen, tolerance=1e-3) for seen in ("91:+Z", "92:+Z"))
+    assert abs(output.frequency[0, 0] - driver.frequency[0, 0]) > 0.2
+    assert found[0] == pytest.approx(output.frequency[0, 0], abs=0.03)
+    assert found[1] == pytest.approx(output.damping[0, 0], rel=0.01)
+
+
+def test_an_output_that_was_not_measured_is_refused(task):
+    here = task._replace(output="4711:+Z")
+    with pytest.raises(InputError, match="not measured"):
+        predicted(here, SPOTS)
