@@ -156,11 +156,26 @@ def answer(placement: Placement) -> str:
         told.append(
             f"Mode {mode + 1}: {100 * ranking.prediction.bare_damping[m]:.2f} -> at least "
             f"{100 * best.damping[m, row]:.2f}{bounds} damping at {ranking.prediction.force_levels.min():g} to "
-            f"{ranking.prediction.force_levels.max():g} N, {ranking.prediction.bare_frequencies[m]:.1f} -> "
-            f"{best.frequency[m, row]:.1f} Hz (mass {best.mass_shift[m]:+.1f} Hz, sticking joints "
-            f"{best.stiffness_shift[m]:+.1f} Hz)."
-        )
+            f"{ranking.prediction.force_levels.max():g} N, "
+            + _shifts(
+                float(ranking.prediction.bare_frequencies[m]), float(best.frequency[m, row]),
+                float(best.mass_shift[m]), float(best.stiffness_shift[m]),
+            )
+        )  # fmt: skip
     return " ".join(told)
+
+
+def _shifts(bare: float, loaded: float, mass: float, joints: float) -> str:
+    """Frequencies in Hz without and with the beam, and parts of the shift whose printed digits add up.
+
+    The parts by mass and by sticking joints are of first order in the bare mode; the rest is what remains.
+    """
+    before, after, by_mass, by_joints = (round(value, 1) for value in (bare, loaded, mass, joints))
+    rest = after - before - by_mass - by_joints
+    return (
+        f"{before:.1f} -> {after:.1f} Hz (mass {by_mass:+.1f} Hz, sticking joints {by_joints:+.1f} Hz, sliding, other "
+        f"modes and higher order {rest:+.1f} Hz)."
+    )
 
 
 def _table(placement: Placement, book: Book) -> Block:
