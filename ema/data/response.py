@@ -154,7 +154,9 @@ class Loop:
 class Decay:
     """Ring-down of one mode: instantaneous frequency in Hz and damping ratio over the amplitude, shape (sample,).
 
-    ``knee`` is the time in s at which sliding gives way to sticking, NaN where there is none.
+    ``knee`` is the time in s at which sliding gives way to sticking, NaN where there is none. ``frequency_reach`` in Hz
+    and ``damping_reach``, shape (sample,), are half widths of 95 % intervals by what scatters about the straight lines
+    (noise, beats, curvature; not a constant share of another mode); ``None`` where they are not known.
     """
 
     times: Float[np.ndarray, "sample"]
@@ -164,7 +166,10 @@ class Decay:
     knee: float = float("nan")
     name: str = ""
     provenance: Provenance = field(default=Provenance(), compare=False)
+    frequency_reach: Float[np.ndarray, "sample"] | None = None
+    damping_reach: Float[np.ndarray, "sample"] | None = None
+    findings: tuple[Finding, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        names = ("times", "amplitudes", "frequencies", "damping_ratios")
+        names = ("times", "amplitudes", "frequencies", "damping_ratios", "frequency_reach", "damping_reach")
         freeze(self, **dict.fromkeys(names, np.float64))

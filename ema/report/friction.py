@@ -33,7 +33,8 @@ def _sentence(decay: Decay, number: int) -> str:
         for phase in phases(decay)
     ]
     knee = f"; the joint begins to stick at {plain(decay.knee, 3)} s" if isfinite(decay.knee) else ""
-    return f"Ring-down of {_named(decay, number)}: {', '.join(parts) or 'no phase of two cycles'}{knee}."
+    doubts = "".join(f" Not one mode: {finding.message}" for finding in decay.findings if finding.severity != "info")
+    return f"Ring-down of {_named(decay, number)}: {', '.join(parts) or 'no phase of two cycles'}{knee}.{doubts}"
 
 
 def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
