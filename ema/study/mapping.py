@@ -156,7 +156,7 @@ def _estimated(run: Run, estimate: EstimateTable) -> tuple[FrfSet, Steps | None]
     """FRFs of a run, and the forces at the frequencies of a stepped sine."""
     from ema import estimate as verbs
 
-    if run.kind != "stepped sine":
+    if run.kind != "stepped sine" or not len(run.recordings):
         return frfs_of(run, estimate)[0], None
     frfs, steps = verbs.stepped_test(run, estimate.discard)
     if estimate.mount_mass:
@@ -170,6 +170,8 @@ def _level(
     """Force on the structure in N at resonance, and over that beside it."""
     from ema import estimate as verbs
 
+    if not len(run.recordings):
+        return _stated_level(run)
     share = _share(frfs, found.natural_frequency, mount_mass)
     if steps is not None:
         outer = max(int(_EDGES / 2 * len(steps.force)), 1)
@@ -182,6 +184,24 @@ def _level(
     held = verbs.force_at_resonance(record, *mode, period if periodic else 0.0)
     _, _, noticed = verbs.sweep_rate(record, *mode, bool(run.condition.joints), periodic)
     return held.level * share, held.dropout, held.findings + noticed
+
+
+def _stated_level(run: Run) -> tuple[float, float, tuple[Finding, ...]]:
+    """The level of a run of which there are FRFs alone: the one stated in the campaign.
+
+    Raises
+    ------
+    InputError : none is stated.
+    """
+    level = run.condition.excitation.level
+    if not np.isfinite(level):
+        raise InputError("the force level of a run of FRFs is not known", where=f"run {run.id}",
+                         got="FRFs without time signals, and no level", expected="the amplitude of the force in N",
+                         advice='state it in the table of the run in campaign.toml: level = "20 N"')  # fmt: skip
+    return level, float("nan"), (
+        Finding("info", "stated-level", f"run {run.id}",
+                f"the run holds FRFs and no time signals: its force at resonance is taken as the {level:.4g} N stated.",
+                level, None, "Add the time signals where the force drops at resonance."),)  # fmt: skip
 
 
 def _share(frfs: FrfSet, frequency: float, mass: float) -> float:

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 import acquisition
 from ema import store
 from ema.cli.app import app
-from ema.data import Channel, MapResult, Recording
+from ema.data import Channel, FrfSet, MapResult, Recording
+from ema.dof import Dof
 from ema.errors import InputError
 from ema.study import mapping, recipe
 
@@ -147,3 +148,40 @@ def test_statements_that_say_nothing_are_refused(text, words):
     head = 'campaign = "x"\n[[statements]]\ntext = "t"\nsource = "s"\nverdict = "matched"\n'
     with pytest.raises(InputError, match=words):
         recipe.parse(head + text)
+
+
+def campaign_of_frfs(folder, kind, level=True):
+    """The same conditions, of which there are FRFs in universal files and no time signals."""
+    campaign(folder)
+    text = (folder / "campaign.toml").read_text(encoding="utf-8").replace('"stepped sine"', f'"{kind}"')
+    if not level:
+        text = "\n".join(line for line in text.splitlines() if not line.startswith("level"))
+    for path in (folder / "raw").glob("run_*.h5"):
+        _, drive, force = path.stem.split("_")
+        natural, zeta = damped(float(drive), float(force))
+        w, r = 2 * np.pi * LINES, 2 * np.pi * natural
+        values = (-0.03 * w**2 / (r**2 - w**2 + 2j * zeta * r * w))[:, None, None]
+        dof = Dof.parse("1:+Z")
+        acquisition.write(path.with_suffix(".uff"), FrfSet(LINES, values, (dof,), (dof,), "accelerance", "m/s^2/N"))
+        path.unlink()
+    (folder / "campaign.toml").write_text(text.replace(".h5", ".uff"), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["sweep", "stepped sine"])
+def test_runs_of_frfs_make_a_map_at_their_stated_levels(tmp_path, kind):
+    result = mapped(campaign_of_frfs(tmp_path / "frfs", kind))
+    for row, level in enumerate(result.chart.force_levels):
+        for column, force in enumerate(result.chart.normal_forces):
+            natural, zeta = damped(level, force)
+            assert result.chart.frequency[row, column] == pytest.approx(natural, abs=0.01)
+            assert result.chart.damping[row, column] == pytest.approx(zeta, rel=1e-3)
+    assert list(result.chart.force_levels) == pytest.approx([10, 20])
+    assert sum(finding.code == "stated-level" for finding in result.findings) == 4
+    assert np.isnan(result.dropout).all()
+
+
+def test_runs_of_frfs_without_a_level_say_what_is_missing(tmp_path):
+    folder = campaign_of_frfs(tmp_path / "frfs", "sweep", level=False)
+    done = CliRunner().invoke(app, ["map", str(folder), "--near", "495"])
+    assert done.exit_code == 2 and "the force level of a run of FRFs is not known" in done.output
