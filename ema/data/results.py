@@ -89,16 +89,19 @@ class MapResult:
         freeze(self, pairs=np.float64, homogeneity=np.float64, peak_ratio=np.float64, dropout=np.float64)
 
 
-Verdict = Literal["matched", "not matched", "matched with an implausible parameter"]
+Verdict = Literal[
+    "matched", "matched with an implausible parameter", "undecided", "not matched", "not testable here"
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement of a publication, and whether the measurement bears it out.
+    """A statement of a publication, or a reading of ours, and whether the measurement bears it out.
 
-    ``text`` in the recipe's words, ``source`` where it stands, ``quantity`` what was looked at; ``low`` and ``high``
-    bound the values with which it holds; ``found`` the value, and ``reason`` why the verdict is what it is. ``stated``
-    is the verdict that the recipe expects.
+    ``sentence`` is the publication's, word for word; without it the statement is a reading of ours. ``text`` says what
+    was judged, ``source`` where it stands, ``quantity`` what measures it; ``low`` and ``high`` bound the values with
+    which it holds. ``value`` with its 95 % interval ``lower`` to ``upper`` includes what the grid of a map leaves open;
+    ``reason`` says why the verdict is what it is. ``stated`` is the verdict that the recipe expects.
     """
 
     text: str
@@ -106,10 +109,18 @@ class Statement:
     quantity: str
     low: float
     high: float
-    found: float
+    value: float
     verdict: Verdict
     stated: Verdict
     reason: str = ""
+    sentence: str = ""
+    lower: float = float("nan")
+    upper: float = float("nan")
+
+    @property
+    def quoted(self) -> bool:
+        """Whether the publication says it, word for word."""
+        return bool(self.sentence)
 
     @property
     def met(self) -> bool:

@@ -1,40 +1,52 @@
 """Maps of a mode over excitation and normal force, and statements of a publication beside them."""
 
 from itertools import groupby
+from typing import get_args
 
 import numpy as np
 
 from ema import show
-from ema.data import MapResult, StudyResult
+from ema.data import MapResult, Statement, StudyResult
+from ema.data.results import Verdict
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.numbers import MISSING, count, fixed, plain, short
 
 
 def statements(result: StudyResult, book: Book) -> list[Section]:
-    """What the publication says, what was found, and the verdict with its reason."""
-    if not result.statements:
-        return []
-    rows = [
-        (
-            one.source, one.text, _bounds(one.low, one.high), plain(one.found, 4), one.verdict,
-            one.reason or MISSING, one.quantity,
-        ) for one in result.statements
-    ]  # fmt: skip
-    columns = ("Where", "Statement", "Holds for", "Found", "Verdict", "Reason", "Quantity")
-    caption = "Statements of the publication, and whether these measurements bear them out."
-    return [
-        Section("The publication's statements", "statements", [book.table("statements", caption, columns, rows, 6)])
-    ]
+    """Sentences of the publication and, apart from them, our readings: bounds, value with interval, verdict."""
+    sections = []
+    quoted = [one for one in result.statements if one.quoted]
+    readings = [one for one in result.statements if not one.quoted]
+    judged = ("Holds for", "Measured", "95 % interval", "Verdict", "Reason", "Quantity")
+    if quoted:
+        caption = "Sentences of the publication, and whether these measurements bear them out."
+        sentences = [(one.source, one.sentence, one.text, *_judged(one)) for one in quoted]
+        block = book.table("statements", caption, ("Where", "Sentence", "Judged as", *judged), sentences, 8)
+        sections.append(Section("The publication's statements", "statements", [block]))
+    if readings:
+        caption = "Readings of ours: limits that the publication does not print."
+        own = [(one.source, one.text, *_judged(one)) for one in readings]
+        block = book.table("readings", caption, ("Source", "Reading", *judged), own, 7)
+        sections.append(Section("Our readings", "readings", [block]))
+    return sections
+
+
+def _judged(one: Statement) -> tuple[Cell, ...]:
+    ends = [f"{bound:.4g}" if np.isfinite(bound) else "open" for bound in (one.lower, one.upper)]
+    interval = MISSING if np.isnan(one.lower) else " to ".join(ends)
+    bounds = _bounds(one.low, one.high)
+    return bounds, plain(one.value, 4), interval, one.verdict, one.reason or MISSING, one.quantity
 
 
 def statement_lines(result: StudyResult) -> list[str]:
-    """How many statements got which verdict."""
-    if not result.statements:
-        return []
-    verdicts = ("matched", "matched with an implausible parameter", "not matched")
-    counts = {verdict: sum(one.verdict == verdict for one in result.statements) for verdict in verdicts}
-    told = ", ".join(f"{number} {verdict}" for verdict, number in counts.items() if number)
-    return [f"{count(len(result.statements), 'statement')} of the publication: {told}."]
+    """How many sentences of the publication, and how many readings of ours, got which verdict."""
+    lines = []
+    for quoted, name, end in ((True, "statement", " of the publication"), (False, "reading", " of ours")):
+        chosen = [one for one in result.statements if one.quoted is quoted]
+        counts = {verdict: sum(one.verdict == verdict for one in chosen) for verdict in get_args(Verdict)}
+        listed = ", ".join(f"{number} {verdict}" for verdict, number in counts.items() if number)
+        lines += [f"{count(len(chosen), name)}{end}: {listed}."] if chosen else []
+    return lines
 
 
 def map_sections(result: StudyResult, book: Book) -> list[Section]:

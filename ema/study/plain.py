@@ -35,8 +35,9 @@ def summary(result: StudyResult) -> dict[str, Any]:
         "maps": [chart(one) for one in result.maps],
         "statements": [
             {
-                "text": one.text, "source": one.source, "quantity": one.quantity, "low": number(one.low),
-                "high": number(one.high), "found": number(one.found), "verdict": one.verdict, "reason": one.reason,
+                "sentence": one.sentence, "text": one.text, "source": one.source, "quantity": one.quantity,
+                "low": number(one.low), "high": number(one.high), "value": number(one.value),
+                "interval": [number(one.lower), number(one.upper)], "verdict": one.verdict, "reason": one.reason,
             } for one in result.statements
         ],
         "repairs": [vars(repair) for repair in result.repairs],

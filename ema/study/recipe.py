@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from acquisition.toml_lines import line_of
+from ema.data.results import Verdict
 from ema.errors import InputError
 from ema.place.recipe import TABLES as PLACEMENT
 from ema.place.recipe import PlaceRecipe
@@ -140,24 +141,27 @@ class LoopTable(Table):
 
 
 Quantity = Literal[
-    "damping", "frequency", "highest damping", "best normal force", "best force level", "damping over the highest",
-    "fall of frequency", "effect of the level", "ridge rises", "normal force over that of map", "run frequency",
-    "run damping", "run misfit", "run damping over run",
+    "damping", "frequency", "highest damping", "ridge", "peak level", "rise of ridge", "rise of damping",
+    "fall of damping", "peak of damping", "dip of frequency", "ridge over that of map", "spread over levels",
+    "run frequency", "run damping", "run misfit", "run damping over run",
 ]  # fmt: skip
 
 
 class StatementTable(Table):
     """``[[statements]]``: what a publication says, as a number between ``low`` and ``high``, and the verdict expected.
 
-    Of a ``map``: ``level`` and ``force`` in N name a point (the nearest one), ``forces`` a range of normal forces, and
-    ``other`` another map. Of a ``run``: ``near`` Hz, and ``other`` another run. Damping in percent, misfit and ratios
-    as they are. ``implausible`` says which parameter of a match cannot be believed.
+    ``sentence`` quotes the publication, with its page in ``source`` where it is known; without it the statement is a
+    reading of ours. Of a ``map``: ``level`` and ``force`` in N name a point, row or column, ``levels`` and ``forces`` a
+    range of either, and ``other`` another map; without ``level`` it has to hold at every level. Of a ``run``: ``near``
+    Hz, and ``other`` another run. Damping in percent, misfit and ratios as they are. ``implausible`` says which
+    parameter of a match cannot be believed. The quantities are defined in :mod:`ema.compare.map_features`.
     """
 
     text: str
     source: str
     quantity: Quantity
-    verdict: Literal["matched", "not matched", "matched with an implausible parameter"]
+    verdict: Verdict
+    sentence: str = ""
     map: str = ""
     run: str = ""
     other: str = ""
@@ -165,6 +169,7 @@ class StatementTable(Table):
     level: float | None = None
     force: float | None = None
     forces: tuple[float, float] | None = None
+    levels: tuple[float, float] | None = None
     low: float = float("-inf")
     high: float = float("inf")
     implausible: str = ""

@@ -1,111 +1,153 @@
-"""Statements of a publication, held against maps and runs: what was found, and a verdict."""
+"""Statements of a publication and readings of ours, judged by maps and runs: value, interval and verdict."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from ema.data import MapResult, RunResult, Statement
+from ema.compare import map_features as features
+from ema.compare.map_features import Line, Measure
+from ema.data import MapResult, ModalMap, RunResult, SingleMode, Statement
 from ema.errors import InputError
 from ema.study.recipe import StatementTable
 
-_EXACT = 1e-9
+_STRICT = ("rise", "fall", "peak of", "dip", "ridge over")
+"""Quantities of which no change is not enough: what stays constant neither rises nor falls."""
 
 
 def judge(
     tables: list[StatementTable], maps: tuple[MapResult, ...], runs: tuple[RunResult, ...]
 ) -> tuple[Statement, ...]:
-    """A verdict on every statement: matched where the value lies within its bounds.
+    """A verdict on every statement, by the interval of its value and the bounds with which it holds.
 
     Raises
     ------
-    InputError : a statement is about a map, run or point that the study does not have.
+    InputError : a statement is about a map or run that the study does not have, or does not say where.
     """
     charts, results = {one.name: one for one in maps}, {one.run.id: one for one in runs}
     judged = []
     for table in tables:
-        found = _of_map(table, charts) if table.map else _of_run(table, results)
-        inside = table.low <= found <= table.high
-        matched = "matched with an implausible parameter" if table.implausible else "matched"
-        reason = " ".join(part for part in (table.implausible if inside else "", table.reason) if part)
+        measures = _of_map(table, charts) if table.map else [_of_run(table, results)]
+        verdict, measure = features.decide(measures, table.low, table.high, table.quantity.startswith(_STRICT))
+        matched = verdict == "matched"
+        missing = f"It would take {measure.missing}." if measure.missing else ""
+        parts = (table.implausible if matched else "", table.reason, missing)
         judged.append(Statement(
-            table.text, table.source, _quantity(table), table.low, table.high, found,
-            matched if inside else "not matched", table.verdict, reason,  # type: ignore[arg-type]
+            table.text, table.source, _quantity(table), table.low, table.high, measure.value,
+            "matched with an implausible parameter" if matched and table.implausible else verdict, table.verdict,
+            " ".join(part for part in parts if part), table.sentence, measure.lower, measure.upper,
         ))  # fmt: skip
     return tuple(judged)
 
 
-def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> float:
-    chart = _named(charts, table.map, "map").chart
-    damping, frequency = 100 * np.asarray(chart.damping), np.asarray(chart.frequency)
-    forces, levels = np.asarray(chart.normal_forces), np.asarray(chart.force_levels)
-    row = None if table.level is None else int(np.abs(levels - table.level).argmin())
-    column = None if table.force is None else int(np.abs(forces - table.force).argmin())
-    low, high = table.forces or (-np.inf, np.inf)
-    chosen = (forces >= low - _EXACT) & (forces <= high + _EXACT)
-    if not chosen.any():
-        raise InputError("no normal force of the map in this range", where=f"[[statements]] {table.text}",
-                         got=f"{low:g} to {high:g} N", expected=", ".join(f"{one:g}" for one in forces))  # fmt: skip
-    rows = slice(None) if row is None else slice(row, row + 1)
-    part = damping[rows][:, chosen]
+@dataclass(frozen=True)
+class _Lines:
+    """Lines of a map in the ranges of a statement: damping in percent, frequency in Hz."""
+
+    table: StatementTable
+    map: ModalMap
+
+    def rows(self, name: str) -> list[Line]:
+        """Along the normal force, at the level of the statement or at every one."""
+        low, high = self.table.forces or (0.0, np.inf)
+        axis, levels = np.asarray(self.map.normal_forces), np.asarray(self.map.force_levels)
+        values, std = self._values(name)
+        given = self.table.level
+        asked = np.ones(len(levels), dtype=bool) if given is None else np.isclose(levels, given, rtol=1e-6)
+        if self.table.levels is not None:
+            asked &= (levels >= self.table.levels[0] * (1 - 1e-9)) & (levels <= self.table.levels[1] * (1 + 1e-9))
+        return [features.line(axis, values[row], std[row]).within(low, high) for row in np.flatnonzero(asked)]
+
+    def columns(self, name: str) -> list[Line]:
+        """Along the force level, at the normal force of the statement or at every one in its range."""
+        low, high = self.table.levels or (0.0, np.inf)
+        axis, forces = np.asarray(self.map.force_levels), np.asarray(self.map.normal_forces)
+        values, std = self._values(name)
+        first, last = self.table.forces or (0.0, np.inf)
+        given = self.table.force
+        asked = (forces >= first * (1 - 1e-9)) & (forces <= last * (1 + 1e-9))
+        if given is not None:
+            asked &= np.isclose(forces, given, rtol=1e-6)
+        return [features.line(axis, values[:, k], std[:, k]).within(low, high) for k in np.flatnonzero(asked)]
+
+    def _values(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        scale = 100.0 if name == "damping" else 1.0
+        values = scale * np.asarray(getattr(self.map, name))
+        std = getattr(self.map, f"{name}_std")
+        return values, np.zeros_like(values) if std is None else scale * np.asarray(std)
+
+
+def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> list[Measure]:
+    lines = _Lines(table, _named(charts, table.map, "map").chart)
     match table.quantity:
         case "damping" | "frequency":
-            values = damping if table.quantity == "damping" else frequency
-            return float(values[_point(row, table), _point(column, table)])
+            if table.level is None or table.force is None:
+                raise _unplaced(table, "level and force in N")
+            return [features.value(one, table.force) for one in lines.rows(table.quantity)]
         case "highest damping":
-            return float(np.nanmax(part))
-        case "best normal force":
-            return float(forces[chosen][int(np.nanargmax(np.nanmax(part, axis=0)))])
-        case "best force level":
-            return float(levels[int(np.nanargmax(damping[:, _point(column, table)]))])
-        case "damping over the highest":
-            over = damping[:, _point(column, table)]
-            return float(over[_point(row, table)] / np.nanmax(over))
-        case "fall of frequency":
-            return float(np.nanmax([_fall(line) for line in frequency[rows][:, chosen]]))
-        case "effect of the level":
-            return float(np.nanmax(np.ptp(damping[:, chosen], axis=0) / np.nanmean(damping[:, chosen], axis=0)))
-        case "ridge rises":
-            ridge = [forces[chosen][int(np.nanargmax(line))] for line in damping[:, chosen]]
-            return float(np.mean(np.diff(ridge) >= 0))
-        case "normal force over that of map":
-            other = _named(charts, table.other, "map").chart
-            best = [
-                float(one.normal_forces[int(np.nanargmax(np.nanmax(one.damping, axis=0)))]) for one in (chart, other)
-            ]
-            return best[0] / best[1]
+            return [features.highest(lines.rows("damping"))]
+        case "ridge":
+            return [features.ridge(one) for one in lines.rows("damping")]
+        case "peak level":
+            if table.force is None:
+                raise _unplaced(table, "force in N")
+            return [features.ridge(one) for one in lines.columns("damping")]
+        case "rise of ridge":
+            return [features.rise([features.ridge(one) for one in lines.rows("damping")])]
+        case "rise of damping" | "fall of damping":
+            along = lines.rows("damping") if table.force is None else lines.columns("damping")
+            return [features.rise(one) if table.quantity.startswith("rise") else features.fall(one) for one in along]
+        case "peak of damping":
+            return [features.peak(one) for one in lines.rows("damping")]
+        case "dip of frequency":
+            pairs = zip(lines.rows("frequency"), lines.rows("damping"), strict=True)
+            return [features.dip(frequency, damping) for frequency, damping in pairs]
+        case "ridge over that of map":
+            return _ridges_over(table, lines.map, _named(charts, table.other, "map").chart)
+        case "spread over levels":
+            return [features.spread(one) for one in lines.columns("damping")]
     raise InputError("this quantity is about a run", where=f"[[statements]] {table.text}", got=table.quantity,
                      expected="a quantity of a map", advice="name a run instead of a map")  # fmt: skip
 
 
-def _fall(values: np.ndarray) -> float:
-    """The largest fall along the values: from any of them to a later one."""
-    return float(np.nanmax(np.maximum.accumulate(values) - values))
+def _ridges_over(table: StatementTable, over: ModalMap, under: ModalMap) -> list[Measure]:
+    """The ridge of one map over that of another at every level that both have."""
+    measures = []
+    for level in np.asarray(over.force_levels):
+        if table.level is None or np.isclose(level, table.level):
+            there = table.model_copy(update={"level": float(level)})
+            above, below = (_Lines(there, one).rows("damping") for one in (over, under))
+            measures += [features.ratio(features.ridge(a), features.ridge(b)) for a, b in zip(above, below)]
+    return measures
 
 
-def _point(place: int | None, table: StatementTable) -> int:
-    if place is None:
-        raise InputError("the statement does not say where", where=f"[[statements]] {table.text}",
-                         got=table.quantity, expected="level and force in N")  # fmt: skip
-    return place
+def _unplaced(table: StatementTable, expected: str) -> InputError:
+    return InputError("the statement does not say where", where=f"[[statements]] {table.text}", got=table.quantity,
+                      expected=expected)  # fmt: skip
 
 
-def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> float:
+def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:
     from ema.fit import local_fit
 
     assert table.near is not None
-    found = local_fit(_named(results, table.run, "run").frfs, table.near)
+    mode = local_fit(_named(results, table.run, "run").frfs, table.near)
     match table.quantity:
         case "run frequency":
-            return found.natural_frequency
+            return features.estimate(mode.natural_frequency, mode.natural_frequency_std)
         case "run damping":
-            return 100 * found.damping_ratio
+            return features.estimate(100 * mode.damping_ratio, 100 * mode.damping_ratio_std)
         case "run misfit":
-            return found.residual
+            return features.estimate(mode.residual, 0.0)
         case "run damping over run":
             other = local_fit(_named(results, table.other, "run").frfs, table.near)
-            return found.damping_ratio / other.damping_ratio
+            both = mode.damping_ratio / other.damping_ratio
+            return features.estimate(both, both * float(np.hypot(_relative(mode), _relative(other))))
     raise InputError("this quantity is about a map", where=f"[[statements]] {table.text}", got=table.quantity,
                      expected="a quantity of a run", advice="name a map instead of a run")  # fmt: skip
+
+
+def _relative(mode: SingleMode) -> float:
+    return mode.damping_ratio_std / mode.damping_ratio
 
 
 def _named(known: Mapping[str, "MapResult"] | Mapping[str, "RunResult"], name: str, what: str):  # type: ignore[no-untyped-def]
@@ -126,5 +168,6 @@ def _quantity(table: StatementTable) -> str:
         parts.append(f"over {table.other}" if "over" in table.quantity else table.other)
     parts += [f"F_E {table.level:g} N"] if table.level is not None else []
     parts += [f"F_N {table.force:g} N"] if table.force is not None else []
+    parts += [f"F_E {table.levels[0]:g} to {table.levels[1]:g} N"] if table.levels is not None else []
     parts += [f"F_N {table.forces[0]:g} to {table.forces[1]:g} N"] if table.forces is not None else []
     return ", ".join(parts)
