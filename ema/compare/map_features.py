@@ -294,7 +294,9 @@ def _heights(given: Line) -> Float[np.ndarray, "point"]:
 
     A concave line lies below the extension of every chord (Boyd and Vandenberghe, Convex Optimization, section 3.1.3).
     Where the chords further out say beyond the noise that it is not concave, the grid does not resolve it, and the
-    chords beside the point count up to the next point.
+    chords beside the point count up to the next point. Smooth peaks (Gaussian, resonance) stay below it up to a
+    step of 1.6 of their half width at 1/sqrt(e) or at half height, and of 1.0 within the first and the last step. A
+    cusp, or a peak narrower than that, may be higher.
     """
     x, y = _scale(given), given.values
     bounds = y.copy()
@@ -303,6 +305,11 @@ def _heights(given: Line) -> Float[np.ndarray, "point"]:
     weights = (1 / step[:-1], 1 / step[:-1] + 1 / step[1:], 1 / step[1:])
     parts = [weight * given.std[k : len(y) - 2 + k] for k, weight in enumerate(weights)]
     noise[1:-1] = _factor(1) * np.sqrt(np.sum(np.square(parts), axis=0))
+    bends = -np.diff(slope)
+    for end, inner, cell in ((0, 1, 0), (-1, -2, -1)):
+        # the chord behind the neighbour, extended to the end of the line: y_0 + (slope_0 - slope_1) (x_1 - x_0)
+        if len(y) >= FEWEST and y[end] >= y[inner] and bends[end] > noise[inner]:
+            bounds[end] = y[end] + bends[end] * step[cell]
     for j in range(1, len(y) - 1):
         if y[j] < y[j - 1] or y[j] < y[j + 1]:
             continue

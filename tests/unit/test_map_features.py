@@ -219,3 +219,41 @@ def test_verdicts_on_drawn_maps(rule, noise):
     print(rule, noise, len(wrong), undecided, away)
     assert len(wrong) <= (0.02 * 200 if noise else 0), wrong[:5]
     assert undecided <= 0.2 * away
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 1.6])
+def test_the_highest_value_between_grid_points_lies_in_the_interval(share):
+    """Gaussian peaks of known height on grids with a step of ``share`` widths, their summit anywhere between the points;
+    with steps above one width not in the first and the last step, where two points do not show a summit."""
+    rng = np.random.default_rng(3)
+    axis = np.exp(np.arange(8) * share * 0.6)
+    inner = axis[[0, -1] if share <= 1 else [1, -2]]
+    for at in np.exp(rng.uniform(*np.log(inner), 200)):
+        top = features.highest([features.line(axis, 0.6 + bump(axis, at))])
+        assert top.lower <= 1.6 <= top.upper
+    flat = features.highest([features.line(axis, 0.6 + np.linspace(0, 1, 8))])
+    assert flat.upper == pytest.approx(1.6), "a line that rises to its end has no summit between its points"
+
+
+def test_sentences_and_readings_stand_apart_in_the_report():
+    from ema.data import Campaign, StudyResult
+    from ema.report.blocks import Book
+    from ema.report.maps import statement_lines
+    from ema.report.maps import statements as sections
+
+    table = {"text": "t", "source": "section 2.2", "quantity": "ridge", "verdict": "matched", "map": "map"}
+    tables = [
+        recipe.StatementTable(**table, low=1000, sentence="in the paper's own words"),
+        recipe.StatementTable(**table, low=50, level=float(LEVELS[2])),
+    ]
+    judged = statements.judge(tables, (as_map(0.6 + bump(FORCES, 2.0)),), ())
+    result = StudyResult(Campaign("table", ()), (), statements=judged)
+    book = Book()
+    assert [section.title for section in sections(result, book)] == ["The publication's statements", "Our readings"]
+    quoted, reading = book.tables
+    assert "in the paper's own words" in quoted.rows[0] and "not matched" in quoted.rows[0]
+    assert any(str(cell).startswith("open to") for cell in reading.rows[0])
+    assert statement_lines(result) == [
+        "1 statement of the publication: 1 not matched.",
+        "1 reading of ours: 1 not matched.",
+    ]
