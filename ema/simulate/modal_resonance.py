@@ -9,11 +9,11 @@ from ema.errors import InputError
 from ema.simulate.harmonic import Condensed, _Point
 
 STEP = 1e-6
-"""Distance, relative, between the frequency of the force and that of the mode from which on they count as equal: 1 mHz
-at 1 kHz, which nothing measured resolves. Twice as large it moves a result by as little."""
+"""Relative step of the frequency below which it counts as that of quadrature: a hundredth of the least standard
+deviation that a fit of clean FRFs states (1e-4). Twice as large it saves no solution; the secant ends far below."""
 REACH = 12.0
-"""Distance from the largest response, in halves of the half-power bandwidth, beyond which quadrature is not looked for,
-so that the search does not end at a neighbour. A choice that is not calibrated yet."""
+"""Half-power half bandwidths on either side of the largest response within which quadrature is expected. Where modes
+one bandwidth apart overlap it lies within three of them; with half the reach strongly softening joints are lost."""
 _MOST_STEPS = 25
 
 
