@@ -30,9 +30,8 @@ _IN_FLIGHT = 32
 class Question(NamedTuple):
     """What a worker is asked: resonances of one model in one band per mode, over force levels and normal forces.
 
-    These are the mode's own: its modal force in quadrature with its modal coordinate, whatever is seen of the other
-    modes ``at`` the excited DOF or elsewhere. With ``fitted`` it is what a one-mode fit of a stepped sine about the
-    largest response of ``output`` (the excited DOF where ``None``) reads.
+    With ``fitted`` it is what a one-mode fit of a stepped sine about the largest response of ``output`` (the excited
+    DOF where ``None``) reads.
     """
 
     model: BeamModel
@@ -69,7 +68,7 @@ def _chart(question: Question, band: tuple[float, float]) -> ModalMap:
 
     levels, forces = np.asarray(question.force_levels), np.asarray(question.normal_forces)
     if not question.fitted:
-        return damping_map(question.model, levels, forces, question.at, None, band, TOLERANCE)
+        return damping_map(question.model, levels, forces, question.at, question.at, band, TOLERANCE)
     some = np.full((len(levels), len(forces)), np.sqrt(band[0] * band[1]))
     wanted = ModalMap(levels, forces, some, np.full_like(some, 0.01), method="measured")
     return measure(question.model, wanted, question.at, question.output or question.at, band, TOLERANCE)

@@ -15,7 +15,6 @@ from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import positive
 from ema.simulate.harmonic import Branch, Condensed, _Point, condense
-from ema.simulate.modal_resonance import quadrature
 
 HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
 """Laws without a scale of their own: forces and displacements grow together."""
@@ -85,13 +84,11 @@ def check_levels(model: BeamModel, **counts: int) -> None:
 
 
 def _peak(
-    condensed: Condensed, band: tuple[float, float], coarse: int, around: tuple[float, float] | None = None,
-    modal: bool = False,
-) -> Resonance:  # fmt: skip
+    condensed: Condensed, band: tuple[float, float], coarse: int, around: tuple[float, float] | None = None
+) -> Resonance:
     """The largest response: places from few harmonics on a grid that is finer near the top, then each summit by itself.
 
     ``around``: frequencies between which it is expected; where the largest one there is at an end, all are looked at.
-    ``modal``: the resonance of the mode that answers most there instead (``ema.simulate.modal_resonance``).
     """
     grid = np.geomspace(*band, coarse)
     part = grid if around is None else grid[slice(*_within(grid, around))]
@@ -115,18 +112,7 @@ def _peak(
     if best is None:
         raise InputError("no steady state in the band", where=condensed.problem.system.name, got=f"{band} Hz",
                          advice="use the time solver")  # fmt: skip
-    return _of_the_mode(condensed, best) if modal else best
-
-
-def _of_the_mode(condensed: Condensed, highest: Resonance) -> Resonance:
-    """The resonance of the mode that answers most where the response is largest."""
-    point = condensed.solve(highest.frequency)
-    if point is None:
-        raise InputError("no steady state at the largest response", where=condensed.problem.system.name,
-                         got=f"{highest.frequency:.6g} Hz", advice="use the time solver")  # fmt: skip
-    frequency, point, mode = quadrature(condensed, highest.frequency, point)
-    ratio = mode.square.imag / (2 * (2 * np.pi * frequency) ** 2)
-    return Resonance(frequency, complex(condensed.first(point)[0]), ratio, mode.amplitude, point.error)
+    return best
 
 
 def _within(grid: np.ndarray, around: tuple[float, float]) -> tuple[int, int]:
@@ -314,14 +300,10 @@ def homogeneous(model: BeamModel) -> bool:
 
 def damping_map(
     model: BeamModel, force_levels: Sequence[float] | Float[np.ndarray, "level"],
-    normal_forces: Sequence[float] | Float[np.ndarray, "normal"], at: Dof | str, output: Dof | str | None,
+    normal_forces: Sequence[float] | Float[np.ndarray, "normal"], at: Dof | str, output: Dof | str,
     band: tuple[float, float], tolerance: float = 1e-2, modes: int | None = None, progress: Progress = silent,
 ) -> ModalMap:  # fmt: skip
     """Resonance frequency and equivalent damping over (F_E, F_N): ``ModalMap`` of the kind ``frozen``.
-
-    A point of the map is the largest response of ``output``. Without one (``None``) it is the mode's own resonance: the
-    mode that answers most at the largest response of the excited DOF, where it is in quadrature with its modal force,
-    the other modes' share taken off both.
 
     ``normal_forces`` N are given to every joint. Where the model is homogeneous the map is one curve over F_N/F_E, else
     one over F_E at each F_N. A curve is computed at as many places as it takes to interpolate between them within a
@@ -340,12 +322,11 @@ def damping_map(
         raise InputError("not a normal force", where=model.name, got=f"{normals.tolist()} N", expected="0 N or more")
     check_band(model, band)
     curves: list[_Curve] = []
-    seen = [at if output is None else output]
     tolerances = tolerance * np.array([0.2, 1.0, 0.5])
     if homogeneous(model):
-        condensed = condense(model.with_normal_force(1.0), 1.0, at, seen, tolerance, modes)
+        condensed = condense(model.with_normal_force(1.0), 1.0, at, [output], tolerance, modes)
         condensed.most_orders = _MOST_ORDERS
-        curves.append(_Curve(lambda ratio: condensed.at(1.0, condensed.limits * ratio), band, output is None))
+        curves.append(_Curve(lambda ratio: condensed.at(1.0, condensed.limits * ratio), band))
         ratios = normals / levels[:, None]
         keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
         wanted, back = np.unique(keys, return_inverse=True)
@@ -356,9 +337,9 @@ def damping_map(
         wanted, back = np.unique(levels, return_inverse=True)
         for column, normal in enumerate(normals):
             advance(progress, "damping map", column, len(normals))
-            here = condense(model.with_normal_force(normal), float(levels[0]), at, seen, tolerance, modes)
+            here = condense(model.with_normal_force(normal), float(levels[0]), at, [output], tolerance, modes)
             here.most_orders = _MOST_ORDERS
-            curves.append(_Curve(partial(here.at, limits=here.limits), band, output is None))
+            curves.append(_Curve(partial(here.at, limits=here.limits), band))
             table[:, :, column] = interpolated(wanted, curves[-1].at, tolerances, first=_FIRST_LEVELS)[back].T
     findings, error = [], max(found.error_estimate for curve in curves for found in curve.known.values())
     if error > tolerance:
@@ -387,7 +368,6 @@ class _Curve:
 
     system: Callable[[float], Condensed]
     band: tuple[float, float]
-    modal: bool = False
     known: dict[float, Resonance] = field(default_factory=dict)
 
     def at(self, place: float) -> Float[np.ndarray, "3"]:
@@ -397,7 +377,7 @@ class _Curve:
         if below and above:
             sides = self.known[max(below)].frequency, self.known[min(above)].frequency
             around = min(sides) / _BESIDE, max(sides) * _BESIDE
-        found = self.known[place] = _peak(self.system(place), self.band, _COARSE, around, self.modal)
+        found = self.known[place] = _peak(self.system(place), self.band, _COARSE, around)
         return np.array([found.frequency, found.damping, found.modal_amplitude])
 
 
