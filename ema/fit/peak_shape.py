@@ -41,8 +41,8 @@ HEIGHT = 3.0
 """Error of the damping ratio over the part of the peak that is not causal: of linear structures with 10 dB to 21 dB of
 force drop, leaning by 0.1 to 3 half-power bandwidths, and with noise in the force, 1 to 5."""
 MATTERS = 3.0
-"""Error of the damping ratio that a residual amounts to, in stated standard deviations, from which on it is named. Under
-independent noise whatever passes `CHANCE` is larger; FRFs of a local model have such residuals of one deviation."""
+"""Error of the damping ratio that a residual amounts to, in stated standard deviations, from which on it is named.
+Under independent noise whatever passes `CHANCE` is larger; FRFs of a local model have such residuals of one deviation."""
 SPREAD = 3.0
 """The same for a spread of poles, whose error is known better."""
 LEANS = 2.0
