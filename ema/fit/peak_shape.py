@@ -42,7 +42,7 @@ HEIGHT = 3.0
 force drop, leaning by 0.1 to 3 half-power bandwidths, and with noise in the force, 1 to 5."""
 MATTERS = 3.0
 """Error of the damping ratio that a residual amounts to, in stated standard deviations, from which on it is named.
-Under independent noise whatever passes `CHANCE` is larger; FRFs of a local model have such residuals of one deviation."""
+Under independent noise whatever passes `CHANCE` is larger; FRFs of a local model have residuals of one deviation."""
 SPREAD = 3.0
 """The same for a spread of poles, whose error is known better."""
 LEANS = 2.0
