@@ -19,7 +19,7 @@ CHANCE = 1e-4
 TURN = 0.25 * np.pi
 """Angle at the highest mode beyond which a turn may as well be one by half a turn more."""
 FEWEST = 3
-"""Modes from which on a delay is told from complex modes."""
+"""Modes from which on a delay can be distinguished from complex modes."""
 
 
 @dataclass(frozen=True)
@@ -55,20 +55,20 @@ def delays(model: ModalModel, roving_forces: bool = False) -> tuple[Delay, ...]:
     return tuple(Delay(dofs[k], int(k), float(value[k]), float(std[k])) for k in np.flatnonzero(late))
 
 
-def widened(model: ModalModel, found: tuple[Delay, ...], roving_forces: bool = False) -> ModalModel:
+def widened(model: ModalModel, late: tuple[Delay, ...], roving_forces: bool = False) -> ModalModel:
     """The model with the turn by each delay in the intervals of residues and shapes of its channel."""
     stated = model.uncertainty
-    if not found or stated is None:
+    if not late or stated is None:
         return model
     residues, shapes, participation = (np.array(one) for one in (stated.residues, stated.shapes, stated.participation))
-    for one in found:
-        turn = model.poles.imag * one.value
+    for delay in late:
+        turn = model.poles.imag * delay.value
         if roving_forces:
-            residues[:, :, one.row] += _turned(model.residues()[:, :, one.row], turn[:, None])
-            participation[:, one.row] += _turned(model.participation[one.row], turn)
+            residues[:, :, delay.row] += _turned(model.residues()[:, :, delay.row], turn[:, None])
+            participation[:, delay.row] += _turned(model.participation[delay.row], turn)
         else:
-            residues[:, one.row] += _turned(model.residues()[:, one.row], turn[:, None])
-            shapes[:, one.row] += _turned(model.shapes[one.row], turn)
+            residues[:, delay.row] += _turned(model.residues()[:, delay.row], turn[:, None])
+            shapes[:, delay.row] += _turned(model.shapes[delay.row], turn)
     return replace(model, uncertainty=replace(stated, residues=residues, shapes=shapes, participation=participation))
 
 
@@ -84,18 +84,18 @@ def _turned(
     return np.asarray(result)
 
 
-def findings(found: tuple[Delay, ...], where: str) -> tuple[Finding, ...]:
+def findings(late: tuple[Delay, ...], where: str) -> tuple[Finding, ...]:
     """A finding for each late channel."""
     return tuple(
         Finding(
             "warning",
             "channel-delay",
-            f"{where}, {one.dof}",
-            f"The phases of the modes say that this channel is {1e6 * abs(one.value):.3g} ± {1.96e6 * one.std:.2g} us "
-            f"{'late' if one.value > 0 else 'early'} against the force.",
-            value=one.value,
-            limit=1.96 * one.std,
+            f"{where}, {delay.dof}",
+            f"From the phases of the modes this channel is {1e6 * abs(delay.value):.3g} ± {1.96e6 * delay.std:.2g} us "
+            f"{'late' if delay.value > 0 else 'early'} relative to the force.",
+            value=delay.value,
+            limit=1.96 * delay.std,
             advice="Check the filters and the sampling of the channel; shapes and residues there are turned by it.",
         )
-        for one in found
+        for delay in late
     )

@@ -1,7 +1,7 @@
 """What the window of a random test does to the FRF: averaged Hann blocks multiply the impulse response.
 
 Over stationary white excitation the expected cross spectrum of blocks of length T under a window w is the transform of
-h(t) r(t), with r(t) the correlation of the window with itself (Bendat and Piersol, Random Data, 4th ed., section 11.5;
+h(t) r(t), with r(t) the correlation of the window with itself (Bendat and Piersol, Random Data;
 Schmidt 1985), and the force spectrum is flat: H1 shows
 
     integral_0^T r(t) h(t) exp(-s t) dt   instead of   integral_0^inf h(t) exp(-s t) dt,
@@ -11,7 +11,7 @@ which is a peak that is lower and broader. For the Hann window, with u = t / T,
     r(u) = (1 - u) (2/3 + 1/3 cos(2 pi u)) + sin(2 pi u) / (2 pi),
 
 and the transform of r(u) exp(p t) follows in closed form. The difference is taken off the measured FRFs with the modes
-of a fit, which is repeated until it stands still. The force has to be about flat over each resonance.
+of a fit, which is repeated until it converges. The force has to be about flat over each resonance.
 """
 
 import numpy as np
@@ -23,15 +23,15 @@ from ema.shapes import mac
 from ema.units import DERIVATIVE_ORDER
 
 TURNS = 12
-"""Fits until those that follow each other have to agree. Blocks as long as a free vibration take 1/e need one or two,
-those of a fifth of that about ten."""
+"""Fits within which the correction has to converge. Blocks of six decay times 1 / d of the slowest mode needed two, of
+three times three to eight, and of 1.5 times some did not converge in twelve."""
 SETTLED = 0.04
 """Energy, in units of the noise, by which the correction of two turns may differ: no value moves by more than 0.2
 standard deviations."""
 RESOLVED = 1.5
 """Lines within which two peaks are one under a Hann window, whose half-power bandwidth is 1.44 lines."""
 ALIKE = 0.9
-"""MAC of residues from which on poles that close are taken as one peak, for the first guess alone."""
+"""MAC of residues from which on poles that close are taken as one peak, for the initial guess alone."""
 SEEN = 2.0
 """Change of a damping ratio by the correction, in its standard deviations, from which on a finding names it."""
 
@@ -56,7 +56,7 @@ def excess(
     return result
 
 
-def first_guess(
+def initial_guess(
     frfs: FrfSet, poles: Complex[np.ndarray, "mode"], residues: Complex[np.ndarray, "mode out in"]
 ) -> tuple[Complex[np.ndarray, "left"], Complex[np.ndarray, "left out in"]]:
     """Poles and residues without leakage, from those of FRFs with it: a first guess.

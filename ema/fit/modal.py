@@ -79,7 +79,7 @@ class Estimate:
 
     ``shapes`` are residuals that have the shape of a peak; ``compared`` are the modes of the set-ups of a test;
     ``uncorrected`` (mode,) are the accepted poles that FRFs of Hann blocks show before their leakage is taken off,
-    ``former`` (mode,) those of the last fit but one where that did not come to rest.
+    ``former`` (mode,) those of the last fit but one where that did not converge.
     """
 
     frfs: FrfSet
@@ -148,7 +148,7 @@ class Estimate:
         worst = int(np.argmax(certain))
         if certain[worst] < leakage.SEEN:
             return ()
-        rest = "" if self.former is None else " This did not come to rest, and the intervals are wider for it."
+        rest = "" if self.former is None else " The correction did not converge; the intervals were widened for it."
         return (
             Finding(
                 "info" if self.former is None else "warning",
@@ -210,20 +210,20 @@ def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
 
 def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
     """Fit and judge all poles of FRFs that show each mode once; what Hann blocks do to these is taken off."""
-    found = _once(band, poles, progress)
+    estimate = _once(band, poles, progress)
     if not leakage.applies(band):
-        return found
-    every, before = [], np.zeros(band.values.shape, complex)
+        return estimate
+    history, before = [], np.zeros(band.values.shape, complex)
     for turn in range(leakage.TURNS):
-        modes = found.verdict.accepted
-        own = found.optimum.fit.poles[modes], _residues(found)[modes]
-        every.append(own[0])
-        excess = leakage.excess(band, *(leakage.first_guess(band, *own) if turn == 0 else own))
-        if _in_noise(found, excess - before) < leakage.SETTLED:
-            return replace(found, uncorrected=every[0])
+        modes = estimate.verdict.accepted
+        resonances = estimate.optimum.fit.poles[modes], _residues(estimate)[modes]
+        history.append(resonances[0])
+        excess = leakage.excess(band, *(leakage.initial_guess(band, *resonances) if turn == 0 else resonances))
+        if _in_noise(estimate, excess - before) < leakage.SETTLED:
+            return replace(estimate, uncorrected=history[0])
         before, corrected = excess, replace(band, values=band.values - excess)
-        found = _once(corrected, stabilise(corrected, np.unique(poles.order).tolist()), progress)
-    return replace(found, uncorrected=every[0], former=every[-1])
+        estimate = _once(corrected, stabilise(corrected, np.unique(poles.order).tolist()), progress)
+    return replace(estimate, uncorrected=history[0], former=history[-1])
 
 
 def _residues(found: Estimate) -> Complex[np.ndarray, "pole out in"]:

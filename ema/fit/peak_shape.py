@@ -1,11 +1,11 @@
 """What the residual has in the shape of a peak: resonances that are not those of one linear, time-invariant mode.
 
 Near a mode with pole p = j w0 - d, and x = s - j w0, a fit leaves nothing but noise in the coordinates of the mode. Two
-more functions tell two kinds of error apart:
+more functions distinguish two kinds of error:
 
     1 / (x - k d), k >= 1, the transform of a vibration that grows until t = 0 and ends there. No linear structure under
     a force that does not depend on its response has it (the causality that the Hilbert transform test of
-    nonlinearity rests on; Simon and Tomlinson 1984, Worden and Tomlinson 2001, section 4.2). A peak that leans, w0
+    nonlinearity rests on; Simon and Tomlinson 1984, Worden and Tomlinson 2001). A peak that leans, w0
     depending on |q|^2 = |a / (x + d)|^2, has it with an imaginary factor; force noise where the structure pulls the
     force down, H / (1 + n / |F|^2), and a disturbance that comes back through the shaker have it with a real one; k
     is the ratio of the decay rates of force and response.
@@ -51,7 +51,7 @@ LOSS = 1.0
 """Spread of the poles over the part that is not causal from which on the damping depends on the amplitude: a slipping
 joint has about 4, noise in the force 0.4 at most."""
 FEWEST = 12
-"""Lines around a mode from which on the shape of its residual says something."""
+"""Lines around a mode from which on the shape of its residual is examined."""
 AVERAGED = 0.5
 """Energy of third differences of the residuals of neighbouring lines between the peaks, over that of lines three apart,
 below which lines were averaged: 1 for independent lines, 0.2 for the mean of three, above 1 for windows."""
@@ -79,11 +79,11 @@ def examine(optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"
     Returns
     -------
     tuple of PeakShape
-        One for each pole whose residual has the shape of its peak beyond noise, and beyond what its interval holds.
+        One for each pole whose residual has the shape of its peak beyond noise, and beyond what its interval covers.
     """
     fit, data = optimum.fit, optimum.data
     residual = estimator.residual(data, fit)[:, 0]
-    found = []
+    peaks = []
     for pole in np.flatnonzero(poles):
         decay, centre = -fit.poles[pole].real, fit.poles[pole].imag
         near = np.abs(data.s.imag - centre) < REACH * decay
@@ -99,9 +99,9 @@ def examine(optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"
         tangent = [1 / (x + decay), decay / (x + decay) ** 2, np.ones(lines) / decay, x / decay**2]
         cubed = decay**2 / (x + decay) ** 3
         growing = [1 / (x - ratio * decay) for ratio in RATIOS]
-        shares = [_share([*tangent, cubed], one, modal, known, loss) for one in growing]
+        shares = [_share([*tangent, cubed], function, modal, known, loss) for function in growing]
         causal = _share([*tangent, growing[0]], cubed, modal, known, loss)
-        least = min(shares, key=lambda one: one.chance)
+        least = min(shares, key=lambda share: share.chance)
         ratio = RATIOS[shares.index(least)]
         relative = float(errors.damping[pole]) * abs(fit.poles[pole]) / decay
         height = HEIGHT * abs(least.factor) / ratio
@@ -109,11 +109,11 @@ def examine(optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"
             turned = abs(least.factor.imag) > LEANS * abs(least.factor.real)
             slips = causal.chance < CHANCE and -causal.shift.real > LOSS * least.factor.real > 0
             leaning = turned or slips
-            found.append(PeakShape(int(pole), "leaning" if leaning else "feedback", height))
+            peaks.append(PeakShape(int(pole), "leaning" if leaning else "feedback", height))
         elif causal.chance < CHANCE and -causal.shift.real > SPREAD * relative:
             averaged = _between_peaks(data, fit, residual, poles) < AVERAGED
-            found.append(PeakShape(int(pole), "averaged" if averaged else "spread", abs(causal.shift)))
-    return tuple(found)
+            peaks.append(PeakShape(int(pole), "averaged" if averaged else "spread", abs(causal.shift)))
+    return tuple(peaks)
 
 
 def variances(shapes: tuple[PeakShape, ...], poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole 2"]:
@@ -134,8 +134,8 @@ _WORDS: dict[Kind, tuple[str, str, str]] = {
     ),
     "feedback": (
         "force-noise",
-        "has a part that is not causal, as where the force falls at resonance and holds noise of its channel or of a "
-        "disturbance that comes back through the shaker",
+        "has a part that is not causal, as where the force drops at resonance and contains noise of its channel or a "
+        "disturbance fed back by the shaker",
         "Use the signal of the generator as reference, a stronger force at resonance, or repeated periods.",
     ),
     "spread": (
@@ -154,21 +154,21 @@ _WORDS: dict[Kind, tuple[str, str, str]] = {
 
 def findings(shapes: tuple[PeakShape, ...], frequencies: Float[np.ndarray, "pole"], where: str) -> tuple[Finding, ...]:
     """A finding for each peak, with natural ``frequencies`` of all poles in Hz."""
-    found = []
+    notes = []
     for shape in shapes:
         code, what, advice = _WORDS[shape.kind]
-        found.append(
+        notes.append(
             Finding(
                 "warning",
                 code,
                 f"{where}, {frequencies[shape.pole]:.6g} Hz",
-                f"The peak of this mode {what}; its damping ratio may be wrong by {shape.error:.1%}, which its "
-                "interval holds.",
+                f"The peak of this mode {what}; its damping ratio may be wrong by {shape.error:.1%}; its "
+                "interval was widened accordingly.",
                 value=shape.error,
                 advice=advice,
             )
         )
-    return tuple(found)
+    return tuple(notes)
 
 
 @dataclass(frozen=True)

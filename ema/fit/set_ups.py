@@ -27,6 +27,7 @@ from ema.data import (
 )
 from ema.dof import Dof
 from ema.shapes import mac
+from ema.synthesis import pole_basis
 from ema.units import DERIVATIVE_ORDER
 
 WIDEST = 0.03
@@ -39,7 +40,7 @@ CHANCE = 1e-3
 SAME = 0.9
 """MAC of the participation of a mode in one set-up with that in all of them, from which on it is the same mode."""
 AGREEMENT = 0.002
-"""Width of the agreement by which the common shift of two set-ups is found: that of modes which share it."""
+"""Width of the agreement by which the common shift of two set-ups is comparison: that of modes which share it."""
 
 
 @dataclass(frozen=True)
@@ -141,29 +142,31 @@ def compare(parts: Sequence[PartFit]) -> Comparison | None:
     return Comparison(rows, average, typical, spread, logs, std, common, common_std, chance)
 
 
-def aligned(frfs: FrfSet, parts: Sequence[PartFit], found: Comparison) -> FrfSet:
+def aligned(frfs: FrfSet, parts: Sequence[PartFit], comparison: Comparison) -> FrfSet:
     """The FRFs of all set-ups with their modes moved to the means over the set-ups; other poles by the common shift."""
     values = np.array(frfs.values)
-    s = 2j * np.pi * frfs.frequencies
-    derivative = s ** DERIVATIVE_ORDER[frfs.quantity]
-    own = _of_common_vectors(parts, found)
+    derivative = (2j * np.pi * frfs.frequencies) ** DERIVATIVE_ORDER[frfs.quantity]
+    residues = _of_common_vectors(parts, comparison)
     for k, part in enumerate(parts):
         target = poles_from(
-            natural_frequencies(part.poles) * np.exp(-found.common[k]), np.minimum(damping_ratios(part.poles), 0.999)
+            natural_frequencies(part.poles) * np.exp(-comparison.common[k]),
+            np.minimum(damping_ratios(part.poles), 0.999),
         )
-        seen = np.flatnonzero(found.rows[:, k] >= 0)
-        target[found.rows[seen, k]] = poles_from(found.frequency[seen], found.damping[seen])
+        seen = np.flatnonzero(comparison.rows[:, k] >= 0)
+        target[comparison.rows[seen, k]] = poles_from(comparison.frequency[seen], comparison.damping[seen])
         scale = np.abs(part.poles) / np.abs(target)
         moving = part.poles.imag > 0
-        before, after = part.residues[moving], (scale[:, None, None] * own[k])[moving]
-        change = _response(s, target[moving], after) - _response(s, part.poles[moving], before)
+        before, after = part.residues[moving], (scale[:, None, None] * residues[k])[moving]
+        change = _response(frfs.frequencies, target[moving], after) - _response(
+            frfs.frequencies, part.poles[moving], before
+        )
         rows = [frfs.outputs.index(dof) for dof in part.outputs]
         columns = [frfs.inputs.index(dof) for dof in part.inputs]
         values[:, np.array(rows)[:, None], columns] += derivative[:, None, None] * change
     return replace(frfs, values=values)
 
 
-def _of_common_vectors(parts: Sequence[PartFit], found: Comparison) -> list[Complex[np.ndarray, "pole out in"]]:
+def _of_common_vectors(parts: Sequence[PartFit], comparison: Comparison) -> list[Complex[np.ndarray, "pole out in"]]:
     """Residues of each set-up with one participation of each mode on the side that the set-ups share.
 
     Sensors that load the structure mix its modes, so that participation changes with the set-up. The common one is the
@@ -172,7 +175,7 @@ def _of_common_vectors(parts: Sequence[PartFit], found: Comparison) -> list[Comp
     """
     residues = [np.array(part.residues) for part in parts]
     across = len({part.inputs for part in parts}) > 1
-    for row in found.rows:
+    for row in comparison.rows:
         seen = [(k, pole) for k, pole in enumerate(row.tolist()) if pole >= 0]
         matrices = [residues[k][pole].T if across else residues[k][pole] for k, pole in seen]
         vector = np.linalg.svd(np.concatenate(matrices), full_matrices=False)[2][0]
@@ -184,11 +187,13 @@ def _of_common_vectors(parts: Sequence[PartFit], found: Comparison) -> list[Comp
 
 
 def _response(
-    s: Complex[np.ndarray, "freq"], poles: Complex[np.ndarray, "pole"], residues: Complex[np.ndarray, "pole out in"]
+    frequencies: Float[np.ndarray, "freq"],
+    poles: Complex[np.ndarray, "pole"],
+    residues: Complex[np.ndarray, "pole out in"],
 ) -> Complex[np.ndarray, "freq out in"]:
     """Receptance of modes."""
-    direct = np.tensordot(1 / (s[:, None] - poles), residues, 1)
-    return direct + np.tensordot(1 / (s[:, None] - poles.conj()), residues.conj(), 1)
+    direct, mirrored = pole_basis(frequencies, poles)
+    return np.tensordot(direct, residues, 1) + np.tensordot(mirrored, residues.conj(), 1)
 
 
 def _beyond(
