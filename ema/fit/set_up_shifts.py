@@ -196,7 +196,7 @@ def _findings(shifts: SetUpShifts, name: str) -> tuple[Finding, ...]:
     largest = int(np.argmax(np.abs(shifts.common)))
     half = COVERAGE_FACTOR * shifts.common_std
     listed = "; ".join(
-        f"{label} {100 * value:+.4f} ± {100 * own:.2g} %"
+        f"{label} {_rounded(100 * value, 100 * own, '+')} %"
         for label, value, own in zip(shifts.names, shifts.common, half, strict=True)
     )
     if shifts.cause == "none":
@@ -204,14 +204,15 @@ def _findings(shifts: SetUpShifts, name: str) -> tuple[Finding, ...]:
         return (Finding("info", "setup-shift", where, text, float(shifts.common[largest]), float(half[largest])),)
     if shifts.cause == "mass loading":
         loaded, free = shifts.frequencies, shifts.unloaded
+        mass = _rounded(1e3 * shifts.mass, 1e3 * COVERAGE_FACTOR * shifts.mass_std)
         worst = int(np.argmax(np.abs(loaded / free - 1)))
         return (
             Finding(
                 "warning",
                 "mass-loading",
                 where,
-                f"The natural frequencies of the set-ups differ as sensors of {1e3 * shifts.mass:.3g} ± "
-                f"{1e3 * COVERAGE_FACTOR * shifts.mass_std:.2g} g each make them: without them mode {worst + 1} is at "
+                f"The natural frequencies of the set-ups differ as sensors of {mass} g each make them: without them "
+                f"mode {worst + 1} is at "
                 f"{free[worst]:.6g} Hz instead of {loaded[worst]:.6g} Hz. Frequencies are means over the set-ups.",
                 value=shifts.mass,
                 advice="Use lighter sensors or dummy masses in the places of those that are moved; the frequencies "
@@ -234,3 +235,11 @@ def _findings(shifts: SetUpShifts, name: str) -> tuple[Finding, ...]:
             advice="Keep the temperature and the boundary conditions, and leave all sensors or dummy masses in place.",
         ),
     )
+
+
+def _rounded(value: float, half: float, sign: str = "") -> str:
+    """A value with its interval, both rounded to two digits of the interval."""
+    if not np.isfinite(half) or half <= 0:
+        return f"{value:{sign}.4g} ± {half:.2g}"
+    digits = max(0, 1 - int(np.floor(np.log10(half))))
+    return f"{value:{sign}.{digits}f} ± {half:.{digits}f}"

@@ -94,16 +94,18 @@ def set_up_table(run: RunResult, book: Book) -> Block | None:
     rows: list[list[Cell]] = []
     for mode, frequency in enumerate(found.frequencies):
         row: list[Cell] = [mode + 1, fixed(float(frequency), 3)]
-        row += [_percent(one, std) for one, std in zip(found.shifts[:, mode], found.std[:, mode], strict=True)]
+        row += [
+            _percent(float(one), float(std)) for one, std in zip(found.shifts[:, mode], found.std[:, mode], strict=True)
+        ]
         row += [interval(float(found.unloaded[mode]), float(found.unloaded_std[mode]), 6)] if loaded else []
         rows.append(row)
     everything: list[Cell] = ["all", ""]
-    everything += [_percent(one, std) for one, std in zip(found.common, found.common_std, strict=True)]
+    everything += [_percent(float(one), float(std)) for one, std in zip(found.common, found.common_std, strict=True)]
     rows.append([*everything, *([""] if loaded else [])])
     causes = {
         "none": "noise explains the differences",
         "common shift": "one shift for all modes of a set-up explains the differences",
-        "mass loading": f"sensors of {short(1e3 * found.mass)} ± {short(2e3 * found.mass_std)} g each explain the "
+        "mass loading": f"sensors of {interval(1e3 * found.mass, 1e3 * found.mass_std, 4).text} g each explain the "
         "differences",
         "unknown": "neither a common shift nor the mass of the sensors explains the differences",
     }
@@ -115,5 +117,8 @@ def set_up_table(run: RunResult, book: Book) -> Block | None:
 
 
 def _percent(value: float, std: float) -> Cell:
-    """A relative shift with its interval; empty where the set-up does not show the mode."""
-    return "" if np.isnan(value) else f"{100 * value:+.4f} ± {200 * std:.4f}"
+    """A relative shift in percent with its sign and interval; empty where the set-up does not show the mode."""
+    if np.isnan(value):
+        return ""
+    cell = interval(100 * value, 100 * std, 4)
+    return Value(cell.value, "+" + cell.text if value > 0 else cell.text)

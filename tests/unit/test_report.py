@@ -241,7 +241,7 @@ def test_set_ups_that_differ_have_a_table(two_runs: StudyResult, tmp_path: Path)
     assert [row["Set-up A [%]"] for row in rows] == ["+0.2100 ± 0.0020", "+0.1900 ± 0.0020", "+0.2000 ± 0.0014"]
     assert [row["Set-up B [%]"] for row in rows] == ["-0.2100 ± 0.0020", "", "-0.2000 ± 0.0014"]
     assert rows[0]["f without sensors [Hz]"] == f"{1.01 * modes.natural_frequencies[0]:.3f} ± 0.020"
-    assert "sensors of 5.2 ± 0.2 g each explain the differences" in page.words()
+    assert "sensors of 5.20 ± 0.20 g each explain the differences" in page.words()
 
 
 def test_answer_comes_first(page: Page):
