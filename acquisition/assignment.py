@@ -46,9 +46,11 @@ class Item:
             """What stands for a field in braces."""
             if found[1] not in fields:
                 raise InputError(
-                    f"nothing says what {found[0]} is", where=where, got=repr(text),
+                    f"nothing says what {found[0]} is",
+                    where=where,
+                    got=repr(text),
                     advice=f"put {found[0]} into the file pattern of the run, or state it in its list of files",
-                )  # fmt: skip
+                )
             return fields[found[1]]
 
         return _FIELD.sub(value, text)
@@ -129,14 +131,19 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
         other = next(path for path in fitting if not path.is_file())
         raise InputError(
             "a folder where a file is expected" if other.is_dir() else "a link to a file that is not there",
-            where=where, got=str(other), advice=f"remove it, or narrow the pattern {entry.file}",
-        )  # fmt: skip
+            where=where,
+            got=str(other),
+            advice=f"remove it, or narrow the pattern {entry.file}",
+        )
     if not found:
         near = [path.relative_to(folder).as_posix() for path in _below(folder) if path.is_file()][:5]
         raise InputError(
-            "no file matches the pattern", where=where, got=entry.file,
-            expected=f"files in {folder}", advice="there are " + ", ".join(near) if near else "the folder is empty",
-        )  # fmt: skip
+            "no file matches the pattern",
+            where=where,
+            got=entry.file,
+            expected=f"files in {folder}",
+            advice="there are " + ", ".join(near) if near else "the folder is empty",
+        )
     for path in sorted(found, key=lambda path: _natural(path.relative_to(folder).as_posix())):
         label = path.relative_to(folder).as_posix()
         values = pattern.fullmatch(label)

@@ -47,18 +47,21 @@ class LocalAxes:
         if isinstance(direction, str):
             if node in self._new:
                 raise InputError(
-                    "a node with a skewed sensor has directions in local axes only", where=f"node {node}",
+                    "a node with a skewed sensor has directions in local axes only",
+                    where=f"node {node}",
                     got=direction,
                     advice="give its other directions as vectors, or the skewed sensor a node of its own",
-                )  # fmt: skip
+                )
             return Dof.parse(f"{node}:{direction}")
         cosines = self._axes.get(node, np.eye(3)) @ unit_vector(direction, node)
         axis = int(np.argmax(np.abs(cosines)))
         if abs(cosines[axis]) < np.sqrt(1 - _ALIGNED**2):
             raise InputError(
-                "a direction along none of the axes of its node", where=f"node {node}", got=list(direction),
+                "a direction along none of the axes of its node",
+                where=f"node {node}",
+                got=list(direction),
                 advice="two directions at one node are at right angles; give one of them a node of its own",
-            )  # fmt: skip
+            )
         return Dof(node, ("+" if cosines[axis] > 0 else "-") + "XYZ"[axis])
 
     def apply(self, geometry: Geometry | None) -> "Float[np.ndarray, 'n 3 3'] | None":
@@ -72,9 +75,10 @@ class LocalAxes:
             return None if geometry is None else geometry.axes
         if geometry is None:
             raise InputError(
-                "a sensor in a skewed direction needs a geometry", got=f"node {min(self._new)}",
+                "a sensor in a skewed direction needs a geometry",
+                got=f"node {min(self._new)}",
                 advice="add a table [geometry] with this node",
-            )  # fmt: skip
+            )
         axes = np.tile(np.eye(3), (len(geometry.nodes), 1, 1))
         for node, own in self._axes.items():
             axes[geometry.place(node)] = own
@@ -103,10 +107,11 @@ def _frame(node: int, vectors: list[Float[np.ndarray, "3"]]) -> Float[np.ndarray
             continue
         if any(abs(vector @ known) > _ALIGNED for known in axes.values()):
             raise InputError(
-                "two directions at one node are not at right angles", where=f"node {node}",
+                "two directions at one node are not at right angles",
+                where=f"node {node}",
                 got=[[round(float(value), 4) for value in row] for row in (*axes.values(), vector)],
                 advice="give one of the sensors a node of its own at the same place",
-            )  # fmt: skip
+            )
         axis = max((axis for axis in range(3) if axis not in axes), key=lambda axis: abs(vector[axis]))
         axes[axis] = vector if vector[axis] >= 0 else -vector
     if len(axes) == 1:

@@ -339,10 +339,17 @@ class CampaignFile(Table):
 
 
 _TABLES: dict[str, type[Table]] = {
-    "": CampaignFile, "campaign": CampaignTable, "geometry": GeometryTable, "channels": ChannelTable,
-    "joints": JointTable, "runs": RunTable, "runs.files": FileTable, "runs.channels": ChannelTable,
-    "runs.normal_force": NormalForceTable, "repairs": RepairTable,
-}  # fmt: skip
+    "": CampaignFile,
+    "campaign": CampaignTable,
+    "geometry": GeometryTable,
+    "channels": ChannelTable,
+    "joints": JointTable,
+    "runs": RunTable,
+    "runs.files": FileTable,
+    "runs.channels": ChannelTable,
+    "runs.normal_force": NormalForceTable,
+    "repairs": RepairTable,
+}
 
 
 def load(path: str | Path) -> CampaignFile:
@@ -359,9 +366,11 @@ def load(path: str | Path) -> CampaignFile:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise InputError(
-            "there is no campaign here", where=str(path.parent), expected=f"a file {FILE_NAME}",
+            "there is no campaign here",
+            where=str(path.parent),
+            expected=f"a file {FILE_NAME}",
             advice="write one as docs/campaign.md shows, or correct the path",
-        ) from None  # fmt: skip
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read as text ({error})", where=str(path), expected="UTF-8 text") from error
     return parse(text, str(path))

@@ -38,9 +38,12 @@ def read_columns(path: Path, names_in: str = "first row") -> dict[str, list[str]
     for number, row in enumerate(body, start=2):
         if len(row) > len(names) and any(row[len(names) :]):
             raise InputError(
-                "a row with more values than there are column names", where=f"{path}, row {number}", got=len(row),
-                expected=len(names), advice="decimal commas need semicolons or tabs between the columns",
-            )  # fmt: skip
+                "a row with more values than there are column names",
+                where=f"{path}, row {number}",
+                got=len(row),
+                expected=len(names),
+                advice="decimal commas need semicolons or tabs between the columns",
+            )
     return {name: [row[place] if place < len(row) else "" for row in body] for place, name in enumerate(names)}
 
 

@@ -117,14 +117,20 @@ def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: boo
         axes.apply(None)
     header = described.campaign
     return Campaign(
-        header.name, runs, geometry, header.structure, header.operator, header.date, header.comment,
+        header.name,
+        runs,
+        geometry,
+        header.structure,
+        header.operator,
+        header.date,
+        header.comment,
         photos=tuple(str(_image(folder, photo, where, "photo")) for photo in header.photos),
         channels=opening.channels,
         inputs=_hashes(described, file, folder, data),
         findings=tuple(_outside_geometry(geometry, opening.dofs)),
         folder=str(folder),
         logo=str(_image(folder, header.logo, where, "logo")) if header.logo else "",
-    )  # fmt: skip
+    )
 
 
 @dataclass
@@ -186,9 +192,16 @@ class _Opening:
                 else Lazy([lambda: replace(make(), condition=condition)])
             )
         return Run(
-            run.id, condition, recordings, frfs, self.repairs.of_run(run.id), (*findings, *about_force), run.comment,
-            run.repeat, run.assembly,
-        )  # fmt: skip
+            run.id,
+            condition,
+            recordings,
+            frfs,
+            self.repairs.of_run(run.id),
+            (*findings, *about_force),
+            run.comment,
+            run.repeat,
+            run.assembly,
+        )
 
     def _holds_frfs(self, run: RunTable, item: Item, options: dict[str, Any], where: str) -> bool:
         if run.take is not None:
@@ -201,9 +214,10 @@ class _Opening:
             records, frfs = bool(contents.recordings), bool(contents.frfs)
         if records and frfs:
             raise InputError(
-                "the file holds both records and FRFs", where=f"{where}, {item.label}",
+                "the file holds both records and FRFs",
+                where=f"{where}, {item.label}",
                 advice='say which of them this run takes: take = "records" or take = "FRFs"',
-            )  # fmt: skip
+            )
         if not records and not frfs:
             raise InputError("the file holds neither records nor FRFs", where=f"{where}, {item.label}")
         return frfs
@@ -268,10 +282,11 @@ def _telling_damage(told: Sequence[Finding]) -> Iterator[None]:
         if not damage:
             raise
         raise InputError(
-            f"the file is damaged ({damage[0].message.rstrip('.')})", where=error.where,
-            got=f"what is left does not fit: {error.what}, {error.got}", advice=damage[0].advice.rstrip(".")
-            or "export it again, or exclude it by a repair",
-        ) from error  # fmt: skip
+            f"the file is damaged ({damage[0].message.rstrip('.')})",
+            where=error.where,
+            got=f"what is left does not fit: {error.what}, {error.got}",
+            advice=damage[0].advice.rstrip(".") or "export it again, or exclude it by a repair",
+        ) from error
 
 
 def _condition(run: RunTable, joints: tuple[JointForce, ...]) -> Condition:
@@ -292,15 +307,18 @@ def _refuse_absent(described: CampaignFile, data: Path, where: str) -> None:
         return
     if described.campaign.generator:
         raise InputError(
-            "the files of this built-in campaign have not been generated yet", where=where,
+            "the files of this built-in campaign have not been generated yet",
+            where=where,
             advice=f"`{described.campaign.generating_command}` makes them",
-        )  # fmt: skip
+        )
     external = "${EMA_DATASETS}" in described.campaign.files
     advice = "set EMA_DATASETS to the folder of the measurements" if external else 'correct files = "..."'
     raise InputError(
-        "the folder of the data files is empty" if data.is_dir() else "there is no folder of data files", where=where,
-        got=str(data), advice=advice,
-    )  # fmt: skip
+        "the folder of the data files is empty" if data.is_dir() else "there is no folder of data files",
+        where=where,
+        got=str(data),
+        advice=advice,
+    )
 
 
 def _note_skewed(table: list[ChannelTable], items: tuple[Item, ...], axes: LocalAxes, where: str) -> None:
@@ -328,9 +346,11 @@ def _refuse_copies(pieces: list[_Piece], where: str) -> None:
             continue
         if identity.key in first:
             raise InputError(
-                "one take twice in one run", where=where, got=f"{first[identity.key]} and {piece.name}",
+                "one take twice in one run",
+                where=where,
+                got=f"{first[identity.key]} and {piece.name}",
                 advice="remove the copy, or exclude it by a repair",
-            )  # fmt: skip
+            )
         first[identity.key] = piece.name
 
 
@@ -341,23 +361,30 @@ def _refuse_odd_records(pieces: list[_Piece], where: str) -> None:
     for piece in pieces:
         here = f"{where}, {piece.name}"
         if piece.take.samples < 2:
-            raise InputError("a record without signals", where=here, got=f"{piece.take.samples} samples",
-                             advice="exclude it by a repair, or measure again")  # fmt: skip
+            raise InputError(
+                "a record without signals",
+                where=here,
+                got=f"{piece.take.samples} samples",
+                advice="exclude it by a repair, or measure again",
+            )
         if not np.isclose(piece.take.header.sampling_rate, first.take.header.sampling_rate, rtol=1e-6):
             raise InputError(
-                "unequal sampling rates in one run", where=here, got=f"{piece.take.header.sampling_rate:g} Hz",
+                "unequal sampling rates in one run",
+                where=here,
+                got=f"{piece.take.header.sampling_rate:g} Hz",
                 expected=f"{first.take.header.sampling_rate:g} Hz as in {first.name}",
                 advice="put it into a run of its own",
-            )  # fmt: skip
+            )
         for line in piece.lines:
             same = kinds.get(line.channel.name)
             if same is not None and (same.quantity, same.unit) != (line.channel.quantity, line.channel.unit):
                 raise InputError(
-                    "mixed units in one run", where=f"{here}, channel {same.name}",
+                    "mixed units in one run",
+                    where=f"{here}, channel {same.name}",
                     got=f"{line.channel.quantity} in {line.channel.unit}",
                     expected=f"{same.quantity} in {same.unit} as in {first.name}",
                     advice="put it into a run of its own, or correct its unit by a repair",
-                )  # fmt: skip
+                )
 
 
 def _measures(channel: Channel) -> bool:
@@ -368,10 +395,16 @@ def _unit_findings(unstated: list[str], where: str) -> list[Finding]:
     if not unstated:
         return []
     names = ", ".join(unstated[:5]) + (f" and {len(unstated) - 5} more" if len(unstated) > 5 else "")
-    return [Finding(
-        "warning", "unit-unstated", where, f"Nobody stated the unit of {names}: frequencies, damping and shapes hold, "
-        "scaling to modal mass is impossible.", advice="Find out the unit or the sensitivity and state it.",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "warning",
+            "unit-unstated",
+            where,
+            f"Nobody stated the unit of {names}: frequencies, damping and shapes hold, "
+            "scaling to modal mass is impossible.",
+            advice="Find out the unit or the sensitivity and state it.",
+        )
+    ]
 
 
 def _outside_geometry(geometry: Geometry | None, dofs: set[Dof]) -> list[Finding]:
@@ -381,17 +414,35 @@ def _outside_geometry(geometry: Geometry | None, dofs: set[Dof]) -> list[Finding
     scalar = sorted({dof.node for dof in dofs if dof.node in geometry and dof.direction == SCALAR})
     findings = []
     if absent:
-        findings.append(Finding(
-            "warning", "node-without-position", "geometry", f"{len(absent)} measured nodes have no position: "
-            + ", ".join(map(str, absent[:8])) + (" ..." if len(absent) > 8 else "") + ".", len(absent), 0,
-            "Add them to the geometry; until then they are not drawn.",
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "node-without-position",
+                "geometry",
+                f"{len(absent)} measured nodes have no position: "
+                + ", ".join(map(str, absent[:8]))
+                + (" ..." if len(absent) > 8 else "")
+                + ".",
+                len(absent),
+                0,
+                "Add them to the geometry; until then they are not drawn.",
+            )
+        )
     if scalar:
-        findings.append(Finding(
-            "warning", "direction-unstated", "geometry", f"{len(scalar)} measured nodes have no direction: "
-            + ", ".join(map(str, scalar[:8])) + (" ..." if len(scalar) > 8 else "") + ".", len(scalar), 0,
-            'State it in the channel table: dof = "{point}:+Z".',
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "direction-unstated",
+                "geometry",
+                f"{len(scalar)} measured nodes have no direction: "
+                + ", ".join(map(str, scalar[:8]))
+                + (" ..." if len(scalar) > 8 else "")
+                + ".",
+                len(scalar),
+                0,
+                'State it in the channel table: dof = "{point}:+Z".',
+            )
+        )
     return findings
 
 

@@ -95,9 +95,13 @@ def _measured(
         return noted
     trace = _of_channel(records, channel, where) if channel else _of_side_data(table, span, folders, where)
     return replace(
-        noted, mean=trace.mean, std=trace.std, drift=drift(trace), trace=trace.values,
+        noted,
+        mean=trace.mean,
+        std=trace.std,
+        drift=drift(trace),
+        trace=trace.values,
         trace_times=trace.times,
-    )  # fmt: skip
+    )
 
 
 def drift(trace: Trace) -> float:
@@ -121,9 +125,11 @@ def _of_channel(records: Sequence[Recording], channel: str, where: str) -> Trace
         names = [line.name for line in record.channels]
         if channel not in names:
             raise InputError(
-                "no such normal-force channel in the record", where=f"{where}, {record.name}", got=channel,
+                "no such normal-force channel in the record",
+                where=f"{where}, {record.name}",
+                got=channel,
                 expected="one of " + ", ".join(names),
-            )  # fmt: skip
+            )
         if not record.channels[names.index(channel)].scaled:
             raise InputError("a normal force without a unit", where=where, got=channel, advice='state unit = "N"')
         signal = np.asarray(record.signals[names.index(channel)], dtype=np.float64)
@@ -159,10 +165,11 @@ def _of_side_data(table: NormalForceTable, span: Span, folders: Sequence[Path], 
         inside &= (times >= 0) & (times <= (span.stop - span.start).total_seconds())
     if not inside.any():
         raise InputError(
-            "no normal force within the time of the run", where=place,
+            "no normal force within the time of the run",
+            where=place,
             got=f"{len(values)} values" + (f" from {times.min():g} to {times.max():g} s" if len(values) else ""),
             advice="check start, between and the clock of the front end",
-        )  # fmt: skip
+        )
     times, values = times[inside], values[inside]
     return Trace(times - (times[0] if table.between else 0.0), values, float(np.mean(values)), float(np.std(values)))
 
@@ -228,32 +235,52 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], where: st
     for force in forces:
         place = f"{where}, joint {force.joint}"
         if not force.known:
-            findings.append(Finding(
-                "error", "normal-force-unknown", place, "The beam was pressed by a normal force that nobody stated.",
-                advice="Measure it, or state it in [[runs.normal_force]]; comparison and placement refuse this run.",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "error",
+                    "normal-force-unknown",
+                    place,
+                    "The beam was pressed by a normal force that nobody stated.",
+                    advice=(
+                        "Measure it, or state it in [[runs.normal_force]]; comparison and placement refuse this run."
+                    ),
+                )
+            )
             continue
         findings += _unit_findings(force, nominal.get(force.joint), place)
         relative = abs(force.drift / force.mean) if force.mean else float("inf")
         if np.isfinite(force.drift) and relative > DRIFT_LIMIT:
-            findings.append(Finding(
-                "warning", "normal-force-drift", place,
-                f"The normal force drifted by {force.drift:+.3g} N during the run, {100 * relative:.1f} % of its mean "
-                f"of {force.mean:.4g} N.", relative, DRIFT_LIMIT,
-                "Let the joint settle, use a strain-gauge ring or re-zero at every point, and measure again.",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "normal-force-drift",
+                    place,
+                    f"The normal force drifted by {force.drift:+.3g} N during the run, {100 * relative:.1f} % "
+                    "of its mean "
+                    f"of {force.mean:.4g} N.",
+                    relative,
+                    DRIFT_LIMIT,
+                    "Let the joint settle, use a strain-gauge ring or re-zero at every point, and measure again.",
+                )
+            )
     known = [force for force in forces if force.known]
     mean = float(np.mean([force.mean for force in known])) if known else 0.0
     if len(known) > 1 and mean:
         worst = max(known, key=lambda force: abs(force.mean - mean))
         scatter = abs(worst.mean / mean - 1)
         if scatter > SCATTER_LIMIT:
-            findings.append(Finding(
-                "warning", "normal-force-scatter", where,
-                f"Joint {worst.joint} is pressed by {worst.mean:.4g} N, {100 * scatter:.0f} % off the mean of all "
-                f"joints of {mean:.4g} N.", scatter, SCATTER_LIMIT,
-                "Tighten the joints evenly, or compare joint by joint.",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "normal-force-scatter",
+                    where,
+                    f"Joint {worst.joint} is pressed by {worst.mean:.4g} N, {100 * scatter:.0f} % off the mean of all "
+                    f"joints of {mean:.4g} N.",
+                    scatter,
+                    SCATTER_LIMIT,
+                    "Tighten the joints evenly, or compare joint by joint.",
+                )
+            )
     return findings
 
 
@@ -270,9 +297,16 @@ def _unit_findings(force: JointForce, nominal: float | None, place: str) -> list
     against = "the nominal force" if nominal else "the rest of its record"
     share = float(np.mean(large | small))
     factor = float(np.median(ratio[large | small]))
-    return [Finding(
-        "error", "normal-force-unit", place,
-        f"{100 * share:.0f} % of the normal force values are {factor:.4g} times {against} of {reference:.4g} N, as if "
-        "kN had been taken for N.", factor, 1.0,
-        "Correct the unit of this joint in the campaign file, or its side data.",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "error",
+            "normal-force-unit",
+            place,
+            f"{100 * share:.0f} % of the normal force values are {factor:.4g} times {against} of "
+            f"{reference:.4g} N, as if "
+            "kN had been taken for N.",
+            factor,
+            1.0,
+            "Correct the unit of this joint in the campaign file, or its side data.",
+        )
+    ]

@@ -57,8 +57,11 @@ def _read(path: Path, table: GeometryTable) -> Geometry:
 
     found = Files().contents(path, table.reader).geometry
     if found is None:
-        raise InputError("the file holds no geometry", where=str(path), advice="name another file, or say in "
-                         "[geometry.reader] where in the file the coordinates are")  # fmt: skip
+        raise InputError(
+            "the file holds no geometry",
+            where=str(path),
+            advice="name another file, or say in [geometry.reader] where in the file the coordinates are",
+        )
     return found
 
 
@@ -99,5 +102,6 @@ def _check(geometry: Geometry, where: str) -> None:
         for group in groups:
             absent = [node for node in group if node not in geometry]
             if absent:
-                raise InputError(f"a {kind} of the geometry goes to a node that is not there", where=where,
-                                 got=absent[0])  # fmt: skip
+                raise InputError(
+                    f"a {kind} of the geometry goes to a node that is not there", where=where, got=absent[0]
+                )

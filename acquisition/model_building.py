@@ -45,9 +45,7 @@ class _Reader:
         except EmaError as error:
             where = f"{self.path}, line {line_of(self.text, steps)}"
             what = f"{error.where}: {error.what}" if error.where and str(self.path) not in error.where else error.what
-            raise type(error)(
-                what, where=where, got=error.got, expected=error.expected, advice=error.advice
-            ) from error  # fmt: skip
+            raise type(error)(what, where=where, got=error.got, expected=error.expected, advice=error.advice) from error
 
     def beside(self, name: str) -> Path:
         """A file named in the model, relative to it."""
@@ -97,9 +95,16 @@ def _structure(table: tables.StructureTable, part: str, reader: _Reader) -> Matr
     if table.kind == "plate":
         assert table.length and table.width and table.height and isinstance(table.elements, list)
         return plate_matrices(
-            table.length, table.width, table.height, table.youngs_modulus, table.poisson, table.density,
-            (table.elements[0], table.elements[1]), table.held, part,
-        )  # fmt: skip
+            table.length,
+            table.width,
+            table.height,
+            table.youngs_modulus,
+            table.poisson,
+            table.density,
+            (table.elements[0], table.elements[1]),
+            table.held,
+            part,
+        )
     ends = table.ends or (["clamped", "free"] if part == "" else ["free", "free"])
     return stepped_beam(_sections(table), (ends[0] == "clamped", ends[1] == "clamped"), part)
 
@@ -124,9 +129,13 @@ def _measured(path: Path, run: str) -> ModalModel:
     if not run and len(models) == 1:
         return next(iter(models.values()))
     if run not in models:
-        raise InputError("no such modal model in the file", where=str(path), got=run or type(held).__name__,
-                         expected="run = one of " + ", ".join(models) if models else "a modal model",
-                         advice="`ema fit ... --write modes.h5` writes one")  # fmt: skip
+        raise InputError(
+            "no such modal model in the file",
+            where=str(path),
+            got=run or type(held).__name__,
+            expected="run = one of " + ", ".join(models) if models else "a modal model",
+            advice="`ema fit ... --write modes.h5` writes one",
+        )
     return models[run]
 
 
@@ -146,9 +155,15 @@ def law_of(table: tables.LawTable) -> FrictionLaw:
     else:
         parameters = [(f"p{n}", value) for n, value in enumerate(table.parameters or ())]
     return FrictionLaw(
-        table.name, table.friction_coefficient, stiffness, tuple(parameters), table.stiffness_exponent,
-        table.reference_force, table.stiffness_cap, table.isotropic,
-    )  # fmt: skip
+        table.name,
+        table.friction_coefficient,
+        stiffness,
+        tuple(parameters),
+        table.stiffness_exponent,
+        table.reference_force,
+        table.stiffness_cap,
+        table.isotropic,
+    )
 
 
 def _double_beam(model: tables.ModelFile, reader: _Reader, damping: Damping) -> BeamModel:
@@ -184,11 +199,21 @@ def _joint(model: tables.ModelFile, number: int, reader: _Reader, plain: Joint |
         if plain and areas is None and not pairs:
             areas = plain.area_shares
         return Joint(
-            table.name or (plain.name if plain else f"J{number + 1}"), pairs or (plain.pairs if plain else ()),
-            (heights[0], heights[1]), law_of(_law(model, table)), table.normal_force, normal,
-            None if table.force_shares is None else np.array(table.force_shares), tuple(table.directions), areas,
-            _contact(table.normal_contact), table.area, table.tangential_loss, table.normal_loss, table.normal_exponent,
-        )  # fmt: skip
+            table.name or (plain.name if plain else f"J{number + 1}"),
+            pairs or (plain.pairs if plain else ()),
+            (heights[0], heights[1]),
+            law_of(_law(model, table)),
+            table.normal_force,
+            normal,
+            None if table.force_shares is None else np.array(table.force_shares),
+            tuple(table.directions),
+            areas,
+            _contact(table.normal_contact),
+            table.area,
+            table.tangential_loss,
+            table.normal_loss,
+            table.normal_exponent,
+        )
 
 
 def _contact(table: tables.ContactTable) -> NormalContact:
@@ -201,9 +226,12 @@ def _half_heights(model: tables.ModelFile, plain: Joint | None) -> tuple[float, 
         return plain.half_heights
     halves = [_height(model.structure), _height(model.beam or model.structure)]
     if None in halves:
-        raise InputError("a joint lacks its half_heights", expected='the distances from the middle layers of host and '
-                         'beam to the interface, such as ["40 mm", "12 mm"]',
-                         advice="they follow by themselves only from beams and plates of one height")  # fmt: skip
+        raise InputError(
+            "a joint lacks its half_heights",
+            expected="the distances from the middle layers of host and "
+            'beam to the interface, such as ["40 mm", "12 mm"]',
+            advice="they follow by themselves only from beams and plates of one height",
+        )
     return tuple(half / 2 for half in halves if half is not None)
 
 
@@ -232,8 +260,11 @@ def _check_places(model: tables.ModelFile, built: BeamModel, reader: _Reader) ->
             for dof in places:
                 with reader.line(name, key):
                     if dof is not None and not match([dof], dofs):
-                        raise InputError("the structure has no such DOF", got=str(dof),
-                                         expected=f"one such as {dofs[0]} or {dofs[-1]}")  # fmt: skip
+                        raise InputError(
+                            "the structure has no such DOF",
+                            got=str(dof),
+                            expected=f"one such as {dofs[0]} or {dofs[-1]}",
+                        )
     if model.loop is not None and model.loop.joint:
         with reader.line("loop", "joint"):
             known = [joint.name for joint in built.joints]

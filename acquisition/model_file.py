@@ -153,13 +153,19 @@ class StructureTable(Table):
 
 SIZE = {"length", "width", "height", "youngs_modulus", "density", "elements"}
 _KEYS: dict[str, set[str]] = {
-    "double beam": SIZE, "beam": SIZE | {"sections", "ends"}, "plate": SIZE | {"poisson", "held"},
-    "matrices": {"mass", "stiffness", "dofs", "length_unit", "mass_unit"}, "measured": {"file", "run"},
-}  # fmt: skip
+    "double beam": SIZE,
+    "beam": SIZE | {"sections", "ends"},
+    "plate": SIZE | {"poisson", "held"},
+    "matrices": {"mass", "stiffness", "dofs", "length_unit", "mass_unit"},
+    "measured": {"file", "run"},
+}
 _NEEDED: dict[str, tuple[str, ...]] = {
-    "double beam": (), "beam": ("length", "width", "height"), "plate": ("length", "width", "height", "elements"),
-    "matrices": ("mass", "stiffness", "dofs"), "measured": ("file",),
-}  # fmt: skip
+    "double beam": (),
+    "beam": ("length", "width", "height"),
+    "plate": ("length", "width", "height", "elements"),
+    "matrices": ("mass", "stiffness", "dofs"),
+    "measured": ("file",),
+}
 
 
 class LawTable(Table):
@@ -361,12 +367,23 @@ class ModelFile(Table):
 
 
 TABLES: dict[str, type[BaseModel]] = {
-    "": ModelFile, "model": ModelTable, "structure": StructureTable, "structure.sections": SectionTable,
-    "beam": StructureTable, "beam.sections": SectionTable, "joints": JointTable, "joints.law": LawTable,
-    "joints.normal_contact": ContactTable, "joints.normal_contact.points": PointTable,
-    "law": LawTable, "damping": DampingTable, "snapback": SnapbackTable, "frf": FrfTable, "map": MapTable,
+    "": ModelFile,
+    "model": ModelTable,
+    "structure": StructureTable,
+    "structure.sections": SectionTable,
+    "beam": StructureTable,
+    "beam.sections": SectionTable,
+    "joints": JointTable,
+    "joints.law": LawTable,
+    "joints.normal_contact": ContactTable,
+    "joints.normal_contact.points": PointTable,
+    "law": LawTable,
+    "damping": DampingTable,
+    "snapback": SnapbackTable,
+    "frf": FrfTable,
+    "map": MapTable,
     "loop": LoopTable,
-}  # fmt: skip
+}
 
 
 def locate(path: str | Path) -> Path:
@@ -395,8 +412,12 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise InputError("there is no model here", where=str(path), expected=f"a file such as {FILE_NAME}",
-                         advice="write one as docs/simulate.md shows, or correct the path") from None  # fmt: skip
+        raise InputError(
+            "there is no model here",
+            where=str(path),
+            expected=f"a file such as {FILE_NAME}",
+            advice="write one as docs/simulate.md shows, or correct the path",
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read as text ({error})", where=str(path), expected="UTF-8 text") from error
 

@@ -43,24 +43,64 @@ class Format:
 _TIME = ("recordings",)
 _ANY = ("recordings", "frfs", "geometry", "modes")
 _FORMATS = (
-    Format("uff", "Universal file (15, 18, 55, 58, 58b, 82, 151, 164, 2411, 2412, 2414, 2420)",
-           (".uff", ".unv", ".uf", ".uf58", ".bunv", ".asc"), "acquisition.files.uff", sniff.uff, _ANY, _ANY),
+    Format(
+        "uff",
+        "Universal file (15, 18, 55, 58, 58b, 82, 151, 164, 2411, 2412, 2414, 2420)",
+        (".uff", ".unv", ".uf", ".uf58", ".bunv", ".asc"),
+        "acquisition.files.uff",
+        sniff.uff,
+        _ANY,
+        _ANY,
+    ),
     Format("hdf5", "HDF5", (".h5", ".hdf5", ".hdf"), "acquisition.files.hdf5", sniff.hdf5, _ANY),
     Format("matlab", "MATLAB v5 to v7.3", (".mat",), "acquisition.files.matlab", sniff.matlab, _ANY),
     Format("npy", "NumPy arrays (npy, npz)", (".npy", ".npz"), "acquisition.files.npy", sniff.npy, _ANY),
     Format("tdms", "LabVIEW TDMS", (".tdms",), "acquisition.files.tdms", sniff.tdms, _TIME, (), "formats", ("nptdms",)),
-    Format("mdf4", "ASAM MDF 3 and 4", (".mf4", ".mdf", ".dat"), "acquisition.files.mdf4", sniff.mdf4, _TIME, (),
-           "formats", ("asammdf",)),
-    Format("wav", "Wave audio (WAV, RF64, W64, FLAC)", (".wav", ".rf64", ".w64", ".flac"), "acquisition.files.wav",
-           sniff.wav, _TIME, (), "formats", ("soundfile",)),
-    Format("xlsx", "Excel table", (".xlsx", ".xlsm"), "acquisition.files.xlsx", sniff.xlsx, _ANY, (), "formats",
-           ("openpyxl",)),
+    Format(
+        "mdf4",
+        "ASAM MDF 3 and 4",
+        (".mf4", ".mdf", ".dat"),
+        "acquisition.files.mdf4",
+        sniff.mdf4,
+        _TIME,
+        (),
+        "formats",
+        ("asammdf",),
+    ),
+    Format(
+        "wav",
+        "Wave audio (WAV, RF64, W64, FLAC)",
+        (".wav", ".rf64", ".w64", ".flac"),
+        "acquisition.files.wav",
+        sniff.wav,
+        _TIME,
+        (),
+        "formats",
+        ("soundfile",),
+    ),
+    Format(
+        "xlsx",
+        "Excel table",
+        (".xlsx", ".xlsm"),
+        "acquisition.files.xlsx",
+        sniff.xlsx,
+        _ANY,
+        (),
+        "formats",
+        ("openpyxl",),
+    ),
     Format("lvm", "LabVIEW measurement text", (".lvm",), "acquisition.files.lvm", sniff.lvm, _TIME),
     Format("signalcalc", "SignalCalc FRF text", (".txt",), "acquisition.files.signalcalc", sniff.signalcalc, ("frfs",)),
     Format("json", "JSON arrays", (".json",), "acquisition.files.json_arrays", sniff.json, _ANY),
-    Format("table", "Text table (CSV, TXT, TSV)", (".csv", ".txt", ".tsv", ".tab", ".asc", ".dat", ".prn"),
-           "acquisition.files.table", sniff.text, _ANY),
-)  # fmt: skip
+    Format(
+        "table",
+        "Text table (CSV, TXT, TSV)",
+        (".csv", ".txt", ".tsv", ".tab", ".asc", ".dat", ".prn"),
+        "acquisition.files.table",
+        sniff.text,
+        _ANY,
+    ),
+)
 
 
 def formats() -> list[Format]:
@@ -98,8 +138,10 @@ def detect(path: "str | PathLike[str]") -> Format:
     wanted = next((candidate for candidate in _FORMATS if suffix in candidate.suffixes), None)
     raise InputError(
         f"not a {wanted.title} file in spite of its name" if wanted else "the format of the file is not known",
-        where=str(path), got=f"first bytes {head[:16]!r}", advice="`ema formats` lists what can be read",
-    )  # fmt: skip
+        where=str(path),
+        got=f"first bytes {head[:16]!r}",
+        advice="`ema formats` lists what can be read",
+    )
 
 
 def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Contents:

@@ -22,9 +22,11 @@ class Repairs:
             unknown = sorted(set(table.runs) - set(runs))
             if unknown:
                 raise InputError(
-                    "a repair of a run that does not exist", where=f"{where}, repair {number}", got=", ".join(unknown),
+                    "a repair of a run that does not exist",
+                    where=f"{where}, repair {number}",
+                    got=", ".join(unknown),
                     expected="one of " + ", ".join(runs),
-                )  # fmt: skip
+                )
 
     def items(self, run: str, items: tuple[Item, ...]) -> tuple[Item, ...]:
         """The files of a run without the excluded records, and with swapped points set right."""
@@ -108,15 +110,17 @@ class Repairs:
             if not used or missed:
                 raise InputError(
                     "a repair matches nothing" + (f" in run {', '.join(missed)}" if missed else ""),
-                    where=f"{self._where}, repair {number} ({table.what})", got=_selection(table),
+                    where=f"{self._where}, repair {number} ({table.what})",
+                    got=_selection(table),
                     advice="correct its files, points, channel or dof, or remove it",
-                )  # fmt: skip
+                )
 
     def _of(self, run: str, what: str) -> list[tuple[int, RepairTable]]:
         return [
-            (number, table) for number, table in enumerate(self._tables)
+            (number, table)
+            for number, table in enumerate(self._tables)
             if table.what == what and (not table.runs or run in table.runs)
-        ]  # fmt: skip
+        ]
 
     @staticmethod
     def _in_files(table: RepairTable, item: Item) -> bool:

@@ -83,9 +83,13 @@ class RigFile(Table):
 
 
 _TABLES: dict[str, type[Table]] = {
-    "": RigFile, "rig": RigTable, "take": TakeTable, "campaign": AboutTable, "channels": RigChannelTable,
+    "": RigFile,
+    "rig": RigTable,
+    "take": TakeTable,
+    "campaign": AboutTable,
+    "channels": RigChannelTable,
     "joints": JointTable,
-}  # fmt: skip
+}
 
 
 def load(path: Path) -> RigFile:
@@ -126,14 +130,21 @@ def _wire(table: RigChannelTable) -> Wire:
         factor, quantity = unit.factor, unit.quantity  # type: ignore[assignment]
     elif table.unit is None:
         raise InputError(
-            "the channel has no unit", where=f"channel {table.name}",
+            "the channel has no unit",
+            where=f"channel {table.name}",
             advice='add sensitivity = "10 mV/N", or unit = "N" where the device gives newtons',
-        )  # fmt: skip
+        )
     full = None if table.range is None else units.measure(table.range)[0]
     channel = Channel(
-        table.name, quantity=quantity, role=table.role, unit=SI_UNIT[quantity], serial=table.serial,
-        calibrated_on=table.calibrated_on, range=full, joint=table.joint,
-    )  # fmt: skip
+        table.name,
+        quantity=quantity,
+        role=table.role,
+        unit=SI_UNIT[quantity],
+        serial=table.serial,
+        calibrated_on=table.calibrated_on,
+        range=full,
+        joint=table.joint,
+    )
     return Wire(channel, table.source or table.name, factor)
 
 

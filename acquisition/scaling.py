@@ -106,9 +106,11 @@ def scaled_frf(frf: FrfSet, outputs: tuple[Line, ...], inputs: tuple[Line, ...],
     quantities = {line.channel.quantity for line in outputs}
     if len(quantities) > 1:
         raise InputError(
-            "responses of several quantities in one set of FRFs", where=where, got=", ".join(sorted(quantities)),
+            "responses of several quantities in one set of FRFs",
+            where=where,
+            got=", ".join(sorted(quantities)),
             advice="put them into runs of their own",
-        )  # fmt: skip
+        )
     for line in inputs:
         if line.channel.quantity not in ("force", "unstated"):
             raise InputError("the reference of an FRF is no force", where=where, got=line.channel.quantity)
@@ -137,20 +139,26 @@ def rescaled(line: Line, new: str, was: str, where: str) -> Line:
     old = was or line.stated
     if not old:
         raise InputError(
-            "nothing says which unit or sensitivity was wrong", where=where, got=line.channel.name,
+            "nothing says which unit or sensitivity was wrong",
+            where=where,
+            got=line.channel.name,
             advice='add was = "..." to the repair',
-        )  # fmt: skip
+        )
     (old_factor, _), (factor, quantity) = _to_si(old), _to_si(new)
     if line.channel.quantity not in (quantity, "unstated"):
         raise InputError(
-            "a repair with a unit of another quantity", where=where, got=f"{new} ({quantity})",
+            "a repair with a unit of another quantity",
+            where=where,
+            got=f"{new} ({quantity})",
             expected=f"a unit of {line.channel.quantity}",
-        )  # fmt: skip
+        )
     volts = _is_sensitivity(new)
     channel = replace(
-        line.channel, quantity=quantity, unit=SI_UNIT[quantity],  # type: ignore[arg-type]
+        line.channel,
+        quantity=quantity,
+        unit=SI_UNIT[quantity],  # type: ignore[arg-type]
         sensitivity=1 / factor if volts else line.channel.sensitivity,
-    )  # fmt: skip
+    )
     return replace(line, channel=channel, factor=line.factor * factor / old_factor, stated=new)
 
 
@@ -172,8 +180,9 @@ def _slots(present: tuple[Channel, ...], table: list[ChannelTable], where: str) 
         columns = spec.columns or ([spec.column] if spec.column else [])
         names = spec.names or ([spec.name] if spec.name and len(columns) < 2 else [])
         if columns and names and len(columns) != len(names):
-            raise InputError("names and columns of a sensor differ in number", where=where, got=len(names),
-                             expected=len(columns))  # fmt: skip
+            raise InputError(
+                "names and columns of a sensor differ in number", where=where, got=len(names), expected=len(columns)
+            )
         rows = [_by_column(present, column, where) for column in columns] or [
             _by_name(present, name, where) for name in names
         ]
@@ -185,8 +194,9 @@ def _slots(present: tuple[Channel, ...], table: list[ChannelTable], where: str) 
 
 def _slots_in_order(present: tuple[Channel, ...], specs: list[ChannelTable], role: str, where: str) -> list[_Slot]:
     if len(specs) == 1 and not specs[0].names:
-        return [_Slot(specs[0], specs[0].name or found.name, row, specs[0].direction)
-                for row, found in enumerate(present)]  # fmt: skip
+        return [
+            _Slot(specs[0], specs[0].name or found.name, row, specs[0].direction) for row, found in enumerate(present)
+        ]
     slots: list[_Slot] = []
     for spec in specs:
         names = spec.names or [spec.name]
@@ -196,9 +206,11 @@ def _slots_in_order(present: tuple[Channel, ...], specs: list[ChannelTable], rol
         ]
     if len(slots) != len(present):
         raise InputError(
-            f"the file holds FRFs of another number of {role} channels than the table", where=where, got=len(present),
+            f"the file holds FRFs of another number of {role} channels than the table",
+            where=where,
+            got=len(present),
             expected=len(slots),
-        )  # fmt: skip
+        )
     return slots
 
 
@@ -208,10 +220,12 @@ def _by_name(present: tuple[Channel, ...], name: str, where: str) -> int:
     rows = exact or loose
     if len(rows) != 1:
         raise InputError(
-            "no such channel in the file" if not rows else "two channels of one name in the file", where=where,
-            got=repr(name), expected="one of " + ", ".join(channel.name for channel in present[:40]),
+            "no such channel in the file" if not rows else "two channels of one name in the file",
+            where=where,
+            got=repr(name),
+            expected="one of " + ", ".join(channel.name for channel in present[:40]),
             advice="correct the name in the channel table" if not rows else "say column = ... instead",
-        )  # fmt: skip
+        )
     return rows[0]
 
 
@@ -251,9 +265,11 @@ def _conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, 
         wanted = measured or (unit.quantity if unit else found.quantity)
         if wanted not in (found.quantity, "voltage"):
             raise UnitError(
-                "the file and the channel table disagree about what is measured", where=where,
-                got=f"{found.unit} in the file", expected=f"a unit of {wanted}",
-            )  # fmt: skip
+                "the file and the channel table disagree about what is measured",
+                where=where,
+                got=f"{found.unit} in the file",
+                expected=f"a unit of {wanted}",
+            )
         return 1.0, 0.0, found.quantity, sensitivity, spec.sensitivity or spec.unit or found.unit
     if sensitivity is not None and (unit is None or in_volts):
         volts = 1.0 if found.scaled or unit is None else unit.factor
@@ -264,9 +280,11 @@ def _conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, 
         raise _unit_question(found.name, where)
     if found.scaled and unit.quantity != found.quantity:
         raise UnitError(
-            "the file holds volts, and no sensitivity says what they mean", where=where, got=f"unit {spec.unit}",
+            "the file holds volts, and no sensitivity says what they mean",
+            where=where,
+            got=f"unit {spec.unit}",
             advice='add sensitivity = "100 mV/g" (or what the sensor has)',
-        )  # fmt: skip
+        )
     if unit.quantity not in QUANTITIES:
         raise UnitError("not the unit of a signal", where=where, got=spec.unit)
     factor, offset = (1.0, 0.0) if found.scaled else (unit.factor, unit.offset)
@@ -275,10 +293,12 @@ def _conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, 
 
 def _unit_question(name: str, where: str) -> UnitError:
     return UnitError(
-        "neither the file nor the channel table says in which unit this is", where=where, got=name,
+        "neither the file nor the channel table says in which unit this is",
+        where=where,
+        got=name,
         advice=f'add unit = "..." or sensitivity = "..." to its channel table, or unit = "{UNSTATED}" '
         "(then frequencies, damping and shapes, but no scaling)",
-    )  # fmt: skip
+    )
 
 
 def _range(spec: ChannelTable, found: Channel, quantity: str, sensitivity: float | None, where: str) -> float | None:
@@ -353,7 +373,9 @@ def refuse_doubles(lines: tuple[Line, ...], where: str) -> None:
         key = (channel.role, channel.dof.positive)
         if key in seen:
             raise InputError(
-                "two channels with one DOF", where=where, got=f"{channel.dof} for {seen[key]} and {channel.name}",
+                "two channels with one DOF",
+                where=where,
+                got=f"{channel.dof} for {seen[key]} and {channel.name}",
                 advice='correct one of them in the channel table, or by a repair "move dof" of its channel',
-            )  # fmt: skip
+            )
         seen[key] = channel.name

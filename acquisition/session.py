@@ -170,9 +170,12 @@ class Session:
         for one in self._takes.files:
             if one.identity.run == self.run and one.accepted and one.channels != names:
                 raise InputError(
-                    f"run {self.run} was begun with other channels", where=one.label, got=", ".join(names),
-                    expected=", ".join(one.channels), advice="give the run with these channels another name",
-                )  # fmt: skip
+                    f"run {self.run} was begun with other channels",
+                    where=one.label,
+                    got=", ".join(names),
+                    expected=", ".join(one.channels),
+                    advice="give the run with these channels another name",
+                )
 
     def _kept(self, record: Recording, point: int) -> Take:
         """Judge a take and put it on disk under a number that no take has had."""
@@ -188,9 +191,16 @@ class Session:
         trouble = self._journal.add(file, record)
         remarks = (*remarks, trouble) if trouble else remarks
         return Take(
-            point, identity.number, record, not reasons, reasons, remarks, peak_force(record), normal_forces(record),
+            point,
+            identity.number,
+            record,
+            not reasons,
+            reasons,
+            remarks,
+            peak_force(record),
+            normal_forces(record),
             path,
-        )  # fmt: skip
+        )
 
     def _verdict(self, record: Recording) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Why a take does not count, and what else there is to say about it."""

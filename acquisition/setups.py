@@ -56,10 +56,12 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
     for row, column in np.ndindex(shape[1:]):
         if (row, column) not in owners:
             raise InputError(
-                "an FRF is missing", where=name, got=f"no {signed_outputs[row]}/{signed_inputs[column]}",
+                "an FRF is missing",
+                where=name,
+                got=f"no {signed_outputs[row]}/{signed_inputs[column]}",
                 expected=f"all of {len(outputs)} outputs x {len(inputs)} inputs",
                 advice="measure it, or put the files with other outputs and inputs into a run of their own",
-            )  # fmt: skip
+            )
         part, place, sign = owners[row, column]
         values[:, row, column] = sign * part.frfs.values[:, *place]
         _copy(coherence, part.frfs.coherence, (row, column), place)
@@ -68,10 +70,18 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
             averages[row, column] = part.frfs.averages[place]
     findings = (*(finding for part in parts for finding in part.frfs.findings), *shift_findings(parts, name))
     return replace(
-        first.frfs, values=values, outputs=signed_outputs, inputs=signed_inputs, coherence=coherence,
-        variance=variance, averages=averages, findings=findings, name=name or first.frfs.name,
-        deviations=_deviations(parts, owners, shape), set_ups=_set_ups(owners, shape[1:]),
-    )  # fmt: skip
+        first.frfs,
+        values=values,
+        outputs=signed_outputs,
+        inputs=signed_inputs,
+        coherence=coherence,
+        variance=variance,
+        averages=averages,
+        findings=findings,
+        name=name or first.frfs.name,
+        deviations=_deviations(parts, owners, shape),
+        set_ups=_set_ups(owners, shape[1:]),
+    )
 
 
 def _set_ups(
@@ -137,21 +147,37 @@ def shift_findings(parts: Sequence[Part], name: str = "") -> tuple[Finding, ...]
         )
         where = f"{name}, set-up {label}"
         if resemblance < _RESEMBLANCE:
-            findings.append(Finding(
-                "warning", "setup-shift", where,
-                f"The FRFs of set-up {label} resemble those of {labels[0]} too little to compare their resonances "
-                f"(correlation {resemblance:.2f}).", resemblance, _RESEMBLANCE,
-                "Check that both were measured on the same structure.",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "setup-shift",
+                    where,
+                    f"The FRFs of set-up {label} resemble those of {labels[0]} too little to compare their resonances "
+                    f"(correlation {resemblance:.2f}).",
+                    resemblance,
+                    _RESEMBLANCE,
+                    "Check that both were measured on the same structure.",
+                )
+            )
             continue
         large = abs(shift) > SHIFT_LIMIT
-        findings.append(Finding(
-            "warning" if large else "info", "setup-shift", where,
-            f"The resonances of set-up {label} lie {100 * abs(shift):.3f} % {'above' if shift > 0 else 'below'} those "
-            f"of set-up {labels[0]}.", shift, SHIFT_LIMIT,
-            "Leave the sensors of all set-ups on the structure (or dummy masses in their places), or fit each set-up "
-            "by itself." if large else "",
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning" if large else "info",
+                "setup-shift",
+                where,
+                f"The resonances of set-up {label} lie {100 * abs(shift):.3f} % "
+                f"{'above' if shift > 0 else 'below'} those "
+                f"of set-up {labels[0]}.",
+                shift,
+                SHIFT_LIMIT,
+                "Leave the sensors of all set-ups on the structure (or dummy masses in their places), or "
+                "fit each set-up "
+                "by itself."
+                if large
+                else "",
+            )
+        )
     return tuple(findings)
 
 
@@ -189,9 +215,13 @@ def _cells(group: Sequence[FrfSet]) -> set[tuple[Dof, Dof]]:
 
 
 def _level(
-    group: Sequence[FrfSet], common: set[tuple[Dof, Dof]], used: Bool[np.ndarray, "freq"],
-    axis: Float[np.ndarray, "line"], grid: Float[np.ndarray, "point"], width: int,
-) -> Float[np.ndarray, "point"]:  # fmt: skip
+    group: Sequence[FrfSet],
+    common: set[tuple[Dof, Dof]],
+    used: Bool[np.ndarray, "freq"],
+    axis: Float[np.ndarray, "line"],
+    grid: Float[np.ndarray, "point"],
+    width: int,
+) -> Float[np.ndarray, "point"]:
     """Height of the FRFs of a set-up above their surroundings, on the logarithmic ``grid``."""
     power = np.zeros(len(axis))
     for frf in group:
@@ -224,15 +254,20 @@ def _refuse_other_kind(first: Part, part: Part, name: str) -> None:
     axis, other = first.frfs.frequencies, part.frfs.frequencies
     if len(axis) != len(other) or not np.allclose(axis, other, rtol=1e-7, atol=1e-3 * first.frfs.frequency_step):
         raise InputError(
-            "unequal frequency axes", where=f"{name}, {part.file}", got=_axis(part.frfs), expected=_axis(first.frfs),
+            "unequal frequency axes",
+            where=f"{name}, {part.file}",
+            got=_axis(part.frfs),
+            expected=_axis(first.frfs),
             advice=f"put it into a run of its own ({first.file or 'the first file'} has the other axis)",
-        )  # fmt: skip
+        )
     if (first.frfs.quantity, first.frfs.unit) != (part.frfs.quantity, part.frfs.unit):
         raise InputError(
-            "mixed units", where=f"{name}, {part.file}", got=f"{part.frfs.quantity} in {part.frfs.unit}",
+            "mixed units",
+            where=f"{name}, {part.file}",
+            got=f"{part.frfs.quantity} in {part.frfs.unit}",
             expected=f"{first.frfs.quantity} in {first.frfs.unit} as in {first.file or 'the first file'}",
             advice="put it into a run of its own, or correct its unit by a repair",
-        )  # fmt: skip
+        )
     if first.frfs.added_decay != part.frfs.added_decay:
         raise InputError("files with different exponential windows", where=f"{name}, {part.file}")
 
@@ -247,9 +282,11 @@ def _axis(frf: FrfSet) -> str:
 def _refuse_double(former: Part, latter: Part, label: str, name: str) -> None:
     if former.setup == latter.setup:
         raise InputError(
-            "an FRF was measured twice in one set-up", where=name, got=f"{label} in {former.file} and {latter.file}",
-            advice="state the point of each file (dof = \"{point}:+Z\"), its set-up, or exclude one by a repair",
-        )  # fmt: skip
+            "an FRF was measured twice in one set-up",
+            where=name,
+            got=f"{label} in {former.file} and {latter.file}",
+            advice='state the point of each file (dof = "{point}:+Z"), its set-up, or exclude one by a repair',
+        )
 
 
 def _senses(parts: Sequence[Part]) -> dict[tuple[Dof, int], int]:

@@ -114,8 +114,12 @@ class _WithoutPlaces:
 def _refuse_other(rig: RigFile, source: Source) -> None:
     names, wanted = ([one.name for one in part] for part in (source.channels, rig.channels))
     if names != wanted:
-        raise InputError("the source has other channels than the rig.toml", got=", ".join(names),
-                         expected=", ".join(wanted))  # fmt: skip
+        raise InputError(
+            "the source has other channels than the rig.toml", got=", ".join(names), expected=", ".join(wanted)
+        )
     if abs(source.sampling_rate - rig.rig.sampling_rate) > 1e-9 * rig.rig.sampling_rate:
-        raise InputError("the source samples at another rate than the rig.toml says",
-                         got=f"{source.sampling_rate:g} Hz", expected=f"{rig.rig.sampling_rate:g} Hz")  # fmt: skip
+        raise InputError(
+            "the source samples at another rate than the rig.toml says",
+            got=f"{source.sampling_rate:g} Hz",
+            expected=f"{rig.rig.sampling_rate:g} Hz",
+        )

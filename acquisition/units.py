@@ -12,12 +12,27 @@ from ema.units import FRF_UNIT, QUANTITIES, SI_UNIT, STANDARD_GRAVITY, UNSTATED
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 _SYMBOLS = {"·": "*", "⋅": "*", "×": "*", "µ": "u", "μ": "u", "Ω": "ohm", "°": "deg", "€": "", "Â": ""}
 _WORDS = {
-    "g": "accel_g", "gn": "accel_g", "g_n": "accel_g", "mg": "milliaccel_g", "ug": "microaccel_g",
-    "kg_f": "kgf", "lbs": "lbf", "pound_force": "lbf", "newton": "N", "inch": "in",
-    "ue": "microstrain_unit", "ustrain": "microstrain_unit", "microstrain": "microstrain_unit",
-    "strain": "strain_unit", "ustr": "microstrain_unit", "degF": "degF", "degreeC": "degC",
-    "sec": "s", "msec": "ms", "usec": "us",
-}  # fmt: skip
+    "g": "accel_g",
+    "gn": "accel_g",
+    "g_n": "accel_g",
+    "mg": "milliaccel_g",
+    "ug": "microaccel_g",
+    "kg_f": "kgf",
+    "lbs": "lbf",
+    "pound_force": "lbf",
+    "newton": "N",
+    "inch": "in",
+    "ue": "microstrain_unit",
+    "ustrain": "microstrain_unit",
+    "microstrain": "microstrain_unit",
+    "strain": "strain_unit",
+    "ustr": "microstrain_unit",
+    "degF": "degF",
+    "degreeC": "degC",
+    "sec": "s",
+    "msec": "ms",
+    "usec": "us",
+}
 _DIMENSIONS: dict[tuple[tuple[str, int], ...], str] = {
     (("[length]", 1), ("[mass]", 1), ("[time]", -2)): "force",
     (("[length]", 1), ("[time]", -2)): "acceleration",

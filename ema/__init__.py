@@ -9,9 +9,20 @@ from typing import Any
 __version__ = "0.1.0"
 
 _ROOMS = (
-    "app", "compare", "data", "estimate", "fit", "place", "report", "shapes", "show", "simulate", "store", "study",
+    "app",
+    "compare",
+    "data",
+    "estimate",
+    "fit",
+    "place",
+    "report",
+    "shapes",
+    "show",
+    "simulate",
+    "store",
+    "study",
     "synthesis",
-)  # fmt: skip
+)
 _NAMES = {
     "Dof": "ema.dof",
     "EmaError": "ema.errors",

@@ -65,9 +65,16 @@ def frfs(
     values = values * ((2j * np.pi * frequencies) ** DERIVATIVE_ORDER[quantity])[:, None, None]
     unit = FRF_UNIT[quantity] if model.scaling == "unit modal mass" else UNSTATED
     return FrfSet(
-        frequencies=frequencies, values=values, outputs=outputs, inputs=inputs, quantity=quantity, unit=unit,
-        estimator="synthesis", condition=model.condition, name=model.name,
-    )  # fmt: skip
+        frequencies=frequencies,
+        values=values,
+        outputs=outputs,
+        inputs=inputs,
+        quantity=quantity,
+        unit=unit,
+        estimator="synthesis",
+        condition=model.condition,
+        name=model.name,
+    )
 
 
 def residues(model: ModalModel, outputs: Sequence[Dof], inputs: Sequence[Dof]) -> Complex[np.ndarray, "mode out in"]:
@@ -89,9 +96,10 @@ def _arranged(
         rows, columns = match(inputs, model.dofs), match(outputs, model.inputs)
         if len(rows) < len(inputs) or len(columns) < len(outputs):
             raise InputError(
-                "the modal model does not hold these FRFs", got=f"outputs {', '.join(map(str, outputs[:4]))} ...",
+                "the modal model does not hold these FRFs",
+                got=f"outputs {', '.join(map(str, outputs[:4]))} ...",
                 expected="DOFs of the model against its references, or the reverse",
-            )  # fmt: skip
+            )
         values = values.transpose(0, 2, 1)
         rows, columns = columns, rows
     values = values[:, [place for _, place, _ in rows]][:, :, [place for _, place, _ in columns]]

@@ -6,9 +6,21 @@ STANDARD_GRAVITY = 9.80665
 """One g in m/s^2 (exact by definition)."""
 
 Quantity = Literal[
-    "force", "acceleration", "velocity", "displacement", "strain", "pressure", "voltage", "temperature", "time",
-    "torque", "angular acceleration", "angular velocity", "rotation", "unstated",
-]  # fmt: skip
+    "force",
+    "acceleration",
+    "velocity",
+    "displacement",
+    "strain",
+    "pressure",
+    "voltage",
+    "temperature",
+    "time",
+    "torque",
+    "angular acceleration",
+    "angular velocity",
+    "rotation",
+    "unstated",
+]
 """What a channel measures."""
 
 FrfQuantity = Literal["receptance", "mobility", "accelerance", "unstated"]

@@ -63,9 +63,11 @@ class Arrays:
         axis = 0 if found["axis"] == "row" else 1
         if array.ndim != 2 or number >= array.shape[axis]:
             raise InputError(
-                f"no {found['axis']} {number}", where=self.where, got=f"an array of shape {array.shape}",
+                f"no {found['axis']} {number}",
+                where=self.where,
+                got=f"an array of shape {array.shape}",
                 expected="a smaller number; counting starts at 0",
-            )  # fmt: skip
+            )
         return array[number] if axis == 0 else array[:, number]
 
     def vector(self, place: str, dtype: Any = np.float64) -> Any:
@@ -82,9 +84,11 @@ class Arrays:
 
     def _not_a_vector(self, place: str) -> Any:
         raise InputError(
-            "a vector is wanted here", where=self.where, got=f"{place} of shape {np.shape(self[place])}",
+            "a vector is wanted here",
+            where=self.where,
+            got=f"{place} of shape {np.shape(self[place])}",
             expected="'column 0' or 'row 0' of it",
-        )  # fmt: skip
+        )
 
     def numbers(self, place: str, dtype: Any = np.float64) -> Any:
         """The numbers at a place.
@@ -96,9 +100,10 @@ class Arrays:
         array = np.asarray(self[place])
         if array.dtype.kind not in "biufc" or (array.dtype.kind == "c" and dtype == np.float64):
             raise InputError(
-                "no real numbers" if dtype == np.float64 else "no numbers", where=self.where,
+                "no real numbers" if dtype == np.float64 else "no numbers",
+                where=self.where,
                 got=f"{place} of type {array.dtype}",
-            )  # fmt: skip
+            )
         return array.astype(dtype)
 
     def texts(self, value: Any) -> list[str]:
@@ -119,8 +124,17 @@ def constant(values: Any, name: str | None, where: str) -> tuple[Finding, ...]:
     if values.ndim != 1 or len(values) < CONSTANT_FROM or not (values == values[0]).all():
         return ()
     message = f"all {len(values)} values of {name} are {values[0]:.6g}."
-    return (Finding("warning", "constant", where, message, float(values[0].real), None,
-                    "The channel was dead, or the column was filled in; leave it out."),)  # fmt: skip
+    return (
+        Finding(
+            "warning",
+            "constant",
+            where,
+            message,
+            float(values[0].real),
+            None,
+            "The channel was dead, or the column was filled in; leave it out.",
+        ),
+    )
 
 
 def not_finite(values: Any, where: str) -> tuple[Finding, ...]:

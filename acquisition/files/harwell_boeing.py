@@ -22,9 +22,13 @@ def check_size(size: int, path: Path) -> None:
     InputError : more rows than the simulator can take.
     """
     if size > _MOST:
-        raise InputError("the matrix is too large", where=str(path), got=f"{size} rows",
-                         expected=f"at most {_MOST}",
-                         advice="reduce the model to its contact and measured DOFs")  # fmt: skip
+        raise InputError(
+            "the matrix is too large",
+            where=str(path),
+            got=f"{size} rows",
+            expected=f"at most {_MOST}",
+            advice="reduce the model to its contact and measured DOFs",
+        )
 
 
 def read(path: Path) -> Float[np.ndarray, "n n"]:
@@ -42,8 +46,13 @@ def read(path: Path) -> Float[np.ndarray, "n n"]:
         raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
 
     def wrong(what: str, got: object = None, advice: str = "") -> InputError:
-        return InputError(what, where=str(path), got=got, expected="an assembled real matrix (RSA or RUA) as text",
-                          advice=advice or "HBMAT,name,matrix,,ASCII,STIFF writes one")  # fmt: skip
+        return InputError(
+            what,
+            where=str(path),
+            got=got,
+            expected="an assembled real matrix (RSA or RUA) as text",
+            advice=advice or "HBMAT,name,matrix,,ASCII,STIFF writes one",
+        )
 
     try:
         counts = [int(word) for word in lines[1].split()[1:4]]
@@ -81,8 +90,11 @@ def _parts(
         if len(values) < number:
             raise wrong("the file ends too early", f"{len(values)} of {number} numbers", "copy or export it again")
         if len(values) > number or len(body) != -(-number // layout[0]):
-            raise wrong("more numbers or lines than the header announces", f"{len(values)} of {number} numbers",
-                        "copy or export it again")  # fmt: skip
+            raise wrong(
+                "more numbers or lines than the header announces",
+                f"{len(values)} of {number} numbers",
+                "copy or export it again",
+            )
         odd = next((line for line in body if len(line.rstrip()) % layout[1]), None)
         if odd is not None:
             raise wrong("a number that does not end where its field does", repr(odd[-30:]), "copy or export it again")
@@ -90,8 +102,11 @@ def _parts(
         first += count
     right_hand_sides = total[4] if len(total) > 4 else 0
     if any(line.strip() for line in lines[first + right_hand_sides :]) or total[0] != sum(total[1:5]):
-        raise wrong("lines behind the matrix that the header does not announce", f"{len(lines) - first} lines",
-                    "copy or export it again")  # fmt: skip
+        raise wrong(
+            "lines behind the matrix that the header does not announce",
+            f"{len(lines) - first} lines",
+            "copy or export it again",
+        )
     return parts
 
 

@@ -39,9 +39,14 @@ def variables(path: Path) -> Arrays:
     numeric = [name for name, array in there["arrays"].items() if getattr(array, "ndim", 0) == 2]
     notes = (not_read(path.name, there["left"]),) if there["left"] else ()
     return Arrays(
-        path.name, there["arrays"], numeric[0] if len(numeric) == 1 else "", there["stated"],
-        metadata=tuple((name, text) for name, text in there["metadata"]), labels=there["stated"], findings=notes,
-    )  # fmt: skip
+        path.name,
+        there["arrays"],
+        numeric[0] if len(numeric) == 1 else "",
+        there["stated"],
+        metadata=tuple((name, text) for name, text in there["metadata"]),
+        labels=there["stated"],
+        findings=notes,
+    )
 
 
 def tree(path: Path) -> dict[str, Any]:

@@ -96,9 +96,11 @@ class Layout:
             if name not in known:
                 close = get_close_matches(name, known, n=1)
                 raise InputError(
-                    "unknown option of a file's layout", got=name, expected="one of " + ", ".join(known),
+                    "unknown option of a file's layout",
+                    got=name,
+                    expected="one of " + ", ".join(known),
                     advice=f"did you mean {close[0]}?" if close else "",
-                )  # fmt: skip
+                )
         if options.get("axis", "") not in ("columns", "rows", ""):
             raise InputError("unknown axis of the signals", got=options["axis"], expected="columns or rows")
         check_scales(options.get("amplitude_unit"), options.get("phase_unit"))

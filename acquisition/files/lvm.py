@@ -134,10 +134,13 @@ def _sound_rows(segment: _Segment, rows: list[str], columns: int, layout: Layout
         if not row.strip() or len(cells) < columns:
             what = "a blank line between the rows" if not row.strip() else "a row with too few cells"
             notes = differs(
-                what, where=f"{segment.name}, row {place + 1}", layout=layout,
-                got=None if not row.strip() else len(cells), expected=None if not row.strip() else columns,
+                what,
+                where=f"{segment.name}, row {place + 1}",
+                layout=layout,
+                got=None if not row.strip() else len(cells),
+                expected=None if not row.strip() else columns,
                 recovered=f"the {place} rows in front of it are read" if place > 1 else "",
-            )  # fmt: skip
+            )
             return rows[:place], list(notes)
     return rows, []
 
@@ -153,17 +156,25 @@ def _announced(segment: _Segment, values: Any, layout: Layout) -> list[Finding]:
     channels = _integers(segment.header.get("Channels", []))
     if channels and channels[0] != values.shape[1]:
         notes += differs(
-            "another number of channels than the header announces", where=segment.name, layout=layout,
-            got=values.shape[1], expected=channels[0], recovered="the columns that are there are read",
-        )  # fmt: skip
+            "another number of channels than the header announces",
+            where=segment.name,
+            layout=layout,
+            got=values.shape[1],
+            expected=channels[0],
+            recovered="the columns that are there are read",
+        )
     samples = _integers(segment.header.get("Samples", []))
     for place, expected in enumerate(samples[: values.shape[1]]):
         there = int(np.count_nonzero(~np.isnan(values[:, place])))
         if there != expected:
             notes += differs(
-                "another number of samples than the header announces", where=f"{segment.name}, channel {place + 1}",
-                layout=layout, got=there, expected=expected, recovered="the samples that are there are read",
-            )  # fmt: skip
+                "another number of samples than the header announces",
+                where=f"{segment.name}, channel {place + 1}",
+                layout=layout,
+                got=there,
+                expected=expected,
+                recovered="the samples that are there are read",
+            )
             break
     return notes
 

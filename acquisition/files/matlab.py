@@ -87,8 +87,13 @@ def _check_elements(path: Path) -> None:
             tag = file.read(8)
             place += 8 + int.from_bytes(tag[4:], order)
             if len(tag) < 8 or place > size:
-                raise InputError("the file ends inside a variable", where=path.name, got=f"{size} bytes",
-                                 expected=f"{place}", advice="copy or export it again")  # fmt: skip
+                raise InputError(
+                    "the file ends inside a variable",
+                    where=path.name,
+                    got=f"{size} bytes",
+                    expected=f"{place}",
+                    advice="copy or export it again",
+                )
 
 
 class _Object:

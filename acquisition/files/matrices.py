@@ -30,8 +30,12 @@ def read_matrix(path: Path) -> Float[np.ndarray, "n n"]:
     except OSError as error:
         raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
     if b"\0" in head:
-        raise InputError("a binary file", where=str(path), expected="Harwell-Boeing or Matrix Market text",
-                         advice="export it as text (HBMAT with the form ASCII)")  # fmt: skip
+        raise InputError(
+            "a binary file",
+            where=str(path),
+            expected="Harwell-Boeing or Matrix Market text",
+            advice="export it as text (HBMAT with the form ASCII)",
+        )
     return _market(path) if head.startswith(_BANNER.encode()) else harwell_boeing.read(path)
 
 
@@ -42,8 +46,12 @@ def _market(path: Path) -> Float[np.ndarray, "n n"]:
         raise InputError(f"damaged Matrix Market file: {error}", where=str(path)) from error
     values, shape = there["values"], there["shape"]
     if len(shape) != 2 or shape[0] != shape[1] or np.iscomplexobj(values):
-        raise InputError("not a matrix that a structure can have", where=str(path),
-                         got=f"{values.dtype}, {' x '.join(map(str, shape))}", expected="real and square")  # fmt: skip
+        raise InputError(
+            "not a matrix that a structure can have",
+            where=str(path),
+            got=f"{values.dtype}, {' x '.join(map(str, shape))}",
+            expected="real and square",
+        )
     if not np.isfinite(values).all():
         raise InputError("a number that is not finite", where=str(path), advice="export it again")
     if "rows" not in there:
@@ -121,16 +129,24 @@ def read_dofs(path: Path, part: str = "") -> tuple[Dof, ...]:
         entry = _entry(text, part, len(found) + 1)
         if entry is None:
             if found or not re.search(r"[A-Za-z]{3}", text):
-                raise InputError("a line that names no DOF", where=f"{path}, line {number}", got=repr(text[:40]),
-                                 expected="equation, node and label such as '7 12 UZ', or 12:+Z")  # fmt: skip
+                raise InputError(
+                    "a line that names no DOF",
+                    where=f"{path}, line {number}",
+                    got=repr(text[:40]),
+                    expected="equation, node and label such as '7 12 UZ', or 12:+Z",
+                )
             continue  # a title
         row, dof = entry
         if row in found or dof in found.values():
             raise InputError("a row or DOF named twice", where=f"{path}, line {number}", got=repr(text[:40]))
         found[row] = dof
     if sorted(found) != list(range(1, len(found) + 1)) or not found:
-        raise InputError("rows are left out", where=str(path), got=f"{len(found)} rows up to {max(found, default=0)}",
-                         expected="every row from 1 on")  # fmt: skip
+        raise InputError(
+            "rows are left out",
+            where=str(path),
+            got=f"{len(found)} rows up to {max(found, default=0)}",
+            expected="every row from 1 on",
+        )
     return tuple(found[row] for row in sorted(found))
 
 
@@ -162,9 +178,12 @@ def structure(
     matrices = {path: read_matrix(path) for path in (mass, stiffness)}
     for path, matrix in matrices.items():
         if len(matrix) != len(dofs):
-            raise InputError("the matrix and its table of DOFs differ in size", where=str(path),
-                             got=f"{len(matrix)} rows, {len(dofs)} DOFs",
-                             advice="export both matrices and the mapping from one solution")  # fmt: skip
+            raise InputError(
+                "the matrix and its table of DOFs differ in size",
+                where=str(path),
+                got=f"{len(matrix)} rows, {len(dofs)} DOFs",
+                advice="export both matrices and the mapping from one solution",
+            )
     # generalised displacements of the file per SI unit, and its unit of energy
     per_si = np.array([1.0 if dof.axis.startswith("R") else 1 / length for dof in dofs])
     energy = mass_unit * length**2

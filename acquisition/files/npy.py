@@ -70,15 +70,25 @@ def _announced(path: Path, layout: Layout) -> tuple[Finding, ...]:
         shape, _, dtype = header(file)
         begin = file.tell()
     if dtype.hasobject:
-        raise InputError("holds Python objects (pickle), which are never loaded", where=path.name,
-                         advice="save it as numbers")  # fmt: skip
+        raise InputError(
+            "holds Python objects (pickle), which are never loaded", where=path.name, advice="save it as numbers"
+        )
     there, values = path.stat().st_size - begin, math.prod(shape) * dtype.itemsize
     if there < values:
-        raise InputError("damaged: the file ends inside the array", where=path.name, got=f"{there} bytes",
-                         expected=values, advice="copy or export it again")  # fmt: skip
+        raise InputError(
+            "damaged: the file ends inside the array",
+            where=path.name,
+            got=f"{there} bytes",
+            expected=values,
+            advice="copy or export it again",
+        )
     if there == values:
         return ()
     return differs(
-        "bytes behind the array that its header does not announce", where=path.name, layout=layout,
-        got=there, expected=values, recovered="the announced values are read",
-    )  # fmt: skip
+        "bytes behind the array that its header does not announce",
+        where=path.name,
+        layout=layout,
+        got=there,
+        expected=values,
+        recovered="the announced values are read",
+    )

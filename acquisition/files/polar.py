@@ -74,11 +74,19 @@ def to_complex(arrays: Arrays, layout: Layout, amplitude: Any, phase: Any) -> Po
             asked.append("the unit of its phase")
             seen.append(f"phases {_range(phase)}")
             advice.append(ASK_PHASE)
-        raise UnitError(f"the file does not say {' nor '.join(asked)}", where=where, got=", ".join(seen),
-                        advice=f"say {', and '.join(advice)} (in a campaign: keys of the reader)")  # fmt: skip
+        raise UnitError(
+            f"the file does not say {' nor '.join(asked)}",
+            where=where,
+            got=", ".join(seen),
+            advice=f"say {', and '.join(advice)} (in a campaign: keys of the reader)",
+        )
     if scale.reference is None:
-        raise UnitError("the amplitude is in dB and nothing says its reference", where=where,
-                        got=f"amplitudes {_range(amplitude)}", advice=ASK_REFERENCE)  # fmt: skip
+        raise UnitError(
+            "the amplitude is in dB and nothing says its reference",
+            where=where,
+            got=f"amplitudes {_range(amplitude)}",
+            advice=ASK_REFERENCE,
+        )
     doubt = _check_phase(phase, turn, where)
     linear = _linear(amplitude, scale, where)
     values = linear * np.exp(1j * turn.factor * np.asarray(phase, dtype=np.float64))
@@ -100,8 +108,9 @@ def _amplitude_scale(arrays: Arrays, layout: Layout) -> tuple[AmplitudeScale | N
         stated = amplitude_in_words(arrays.label(place), arrays.title(place))
     except UnitError as error:
         if given is None:
-            raise UnitError(error.what, where=arrays.where, got=error.got, expected=error.expected,
-                            advice=ASK_REFERENCE) from error  # fmt: skip
+            raise UnitError(
+                error.what, where=arrays.where, got=error.got, expected=error.expected, advice=ASK_REFERENCE
+            ) from error
         stated = None
     if given is None and stated is None and layout.unit is not None and units.parse(layout.unit).stated:
         given = AmplitudeScale(layout.unit)
@@ -132,10 +141,12 @@ def _phase_scale(arrays: Arrays, layout: Layout) -> tuple[PhaseScale | None, tup
 def unit_overruled(where: str, what: str, file: str, layout: str) -> Finding:
     """The layout says something else than the file."""
     return Finding(
-        "warning", "unit-overruled", where,
+        "warning",
+        "unit-overruled",
+        where,
         f"the file says {file!r} of the {what}, the layout {layout!r}; the layout is taken.",
         advice="Make sure that the layout is right.",
-    )  # fmt: skip
+    )
 
 
 def _linear(amplitude: Any, scale: AmplitudeScale, where: str) -> Any:
@@ -149,15 +160,22 @@ def _linear(amplitude: Any, scale: AmplitudeScale, where: str) -> Any:
     if not scale.decibels:
         below = int(np.count_nonzero(amplitude < 0))
         if below:
-            raise UnitError("an amplitude that is not in dB is negative", where=where,
-                            got=f"{below} of {amplitude.size} values below 0, {_range(amplitude)}",
-                            advice="if it is in dB, say amplitude_unit='dB re 1 (m/s^2)/N' or the like")  # fmt: skip
+            raise UnitError(
+                "an amplitude that is not in dB is negative",
+                where=where,
+                got=f"{below} of {amplitude.size} values below 0, {_range(amplitude)}",
+                advice="if it is in dB, say amplitude_unit='dB re 1 (m/s^2)/N' or the like",
+            )
         return amplitude
     finite = amplitude[np.isfinite(amplitude)]
     if finite.size and np.abs(finite).max() > LOUDEST:
-        raise UnitError("an amplitude in dB that no structure has", where=where, got=_range(amplitude),
-                        expected=f"within +-{LOUDEST:g} dB",
-                        advice="if it is linear, say amplitude_unit='linear'")  # fmt: skip
+        raise UnitError(
+            "an amplitude in dB that no structure has",
+            where=where,
+            got=_range(amplitude),
+            expected=f"within +-{LOUDEST:g} dB",
+            advice="if it is linear, say amplitude_unit='linear'",
+        )
     return float(scale.reference or 1.0) * 10 ** (amplitude / 20)
 
 
@@ -181,18 +199,32 @@ def _check_phase(phase: Any, scale: PhaseScale, where: str) -> tuple[Finding, ..
         steps = np.abs(np.diff(np.squeeze(phase), axis=int(np.argmax(np.squeeze(phase).shape))))
         widest = float(np.nanmax(steps)) if steps.size and np.isfinite(steps).any() else 0.0
         if not scale.unwrapped and scale.unit == "rad":
-            raise UnitError("phases beyond 2 pi, though in radians", where=where, got=_range(phase),
-                            advice="if they are degrees, say phase_unit='deg'; if the phase is unwrapped, say "
-                            "phase_unit='unwrapped rad'")  # fmt: skip
+            raise UnitError(
+                "phases beyond 2 pi, though in radians",
+                where=where,
+                got=_range(phase),
+                advice="if they are degrees, say phase_unit='deg'; if the phase is unwrapped, say "
+                "phase_unit='unwrapped rad'",
+            )
         if widest > (0.5 + MARGIN) * turn:
             raise UnitError(
-                f"phases in {scale.unit} that are neither wrapped nor unwrapped", where=where,
+                f"phases in {scale.unit} that are neither wrapped nor unwrapped",
+                where=where,
                 got=f"{_range(phase)} with a step of {widest:.4g} between two lines",
                 expected=f"within one turn, or steps of at most half a turn ({turn / 2:.4g})",
                 advice="state the right unit: " + ASK_PHASE,
-            )  # fmt: skip
+            )
     if scale.unit == "deg" and farthest <= np.pi * (1 + MARGIN) and np.ptp(finite) >= SUSPECT_RANGE:
         message = f"phases in degrees {_range(phase)} look like radians."
-        return (Finding("warning", "phase-unit-doubtful", where, message, farthest, float(np.pi),
-                        "If they are radians, say phase_unit='rad'."),)  # fmt: skip
+        return (
+            Finding(
+                "warning",
+                "phase-unit-doubtful",
+                where,
+                message,
+                farthest,
+                float(np.pi),
+                "If they are radians, say phase_unit='rad'.",
+            ),
+        )
     return ()

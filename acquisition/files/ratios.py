@@ -57,8 +57,9 @@ def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, .
     if layout.unit is None or UNSTATED in (raw.unit, layout.unit) or units.parse(layout.unit) == units.parse(raw.unit):
         return layout.unit or raw.unit, ()
     if raw.in_decibels:
-        raise units.UnitError("the unit is not that of the reference in dB", where=where, got=repr(layout.unit),
-                              expected=raw.unit)  # fmt: skip
+        raise units.UnitError(
+            "the unit is not that of the reference in dB", where=where, got=repr(layout.unit), expected=raw.unit
+        )
     return layout.unit, (unit_overruled(where, "unit", raw.unit, layout.unit),)
 
 
@@ -76,16 +77,27 @@ def _hertz(arrays: Arrays, layout: Layout) -> Any:
         text = found[1] if found else "Hz"
     unit = units.known(text)
     if unit is None or unit.quantity not in ("frequency", "angular velocity"):
-        raise units.UnitError("not a unit of frequency", where=arrays.where, got=repr(text),
-                              expected="Hz, kHz or rad/s", advice="say frequency_unit='Hz' or the like")  # fmt: skip
+        raise units.UnitError(
+            "not a unit of frequency",
+            where=arrays.where,
+            got=repr(text),
+            expected="Hz, kHz or rad/s",
+            advice="say frequency_unit='Hz' or the like",
+        )
     turns = 2 * np.pi if unit.quantity == "angular velocity" else 1.0
     return unit.factor / turns * arrays.vector(place)
 
 
 def make_frfs(
-    frequencies: Any, block: Any, outputs: tuple[Dof, ...], inputs: tuple[Dof, ...], unit: str | None, where: str,
-    coherence: Any = None, estimator: str = "",
-) -> FrfSet:  # fmt: skip
+    frequencies: Any,
+    block: Any,
+    outputs: tuple[Dof, ...],
+    inputs: tuple[Dof, ...],
+    unit: str | None,
+    where: str,
+    coherence: Any = None,
+    estimator: str = "",
+) -> FrfSet:
     """An FRF set in SI.
 
     Raises
@@ -105,9 +117,16 @@ def make_frfs(
         )
     quantity: Any = parsed.quantity if parsed.stated else "unstated"
     return FrfSet(
-        frequencies, parsed.to_si(block), outputs, inputs, quantity, parsed.si if parsed.stated else UNSTATED,
-        coherence, estimator=estimator, name=where,
-    )  # fmt: skip
+        frequencies,
+        parsed.to_si(block),
+        outputs,
+        inputs,
+        quantity,
+        parsed.si if parsed.stated else UNSTATED,
+        coherence,
+        estimator=estimator,
+        name=where,
+    )
 
 
 def check_frequencies(frequencies: Any, where: str) -> None:
@@ -124,13 +143,19 @@ def check_frequencies(frequencies: Any, where: str) -> None:
     if len(back):
         line = int(back[0])
         raise InputError(
-            "the frequencies do not increase", where=where,
+            "the frequencies do not increase",
+            where=where,
             got=f"{frequencies[line + 1]:g} Hz behind {frequencies[line]:g} Hz at line {line + 2} of "
             f"{len(frequencies)}",
-        )  # fmt: skip
+        )
     if frequencies[0] < 0:
-        raise InputError("a negative frequency", where=where, got=f"{frequencies[0]:g} Hz", expected="0 Hz and more",
-                         advice="export the one-sided FRF")  # fmt: skip
+        raise InputError(
+            "a negative frequency",
+            where=where,
+            got=f"{frequencies[0]:g} Hz",
+            expected="0 Hz and more",
+            advice="export the one-sided FRF",
+        )
 
 
 def _complex(arrays: Arrays, layout: Layout) -> Polar:
@@ -139,9 +164,12 @@ def _complex(arrays: Arrays, layout: Layout) -> Polar:
         values = arrays.numbers(layout.frf, np.complex128)
         if not np.iscomplexobj(arrays[layout.frf]):
             raise InputError(
-                "half of an FRF: its values are real", where=arrays.where, got=layout.frf, expected="complex values",
+                "half of an FRF: its values are real",
+                where=arrays.where,
+                got=layout.frf,
+                expected="complex values",
                 advice="say real and imaginary, or amplitude and phase",
-            )  # fmt: skip
+            )
         return Polar(values, _stated(arrays, layout.frf))
     if layout.real is not None and layout.imaginary is not None:
         for place in (layout.real, layout.imaginary):

@@ -42,11 +42,17 @@ def _channels(recording: Recording) -> tuple[Finding, ...]:
         return ()
     still = [k for k, signal in enumerate(recording.signals) if _constant(signal)]
     return tuple(
-        Finding("warning", "constant", f"{recording.name}, {recording.channels[k].name}",
-                f"all {recording.signals.shape[1]} samples are {recording.signals[k, 0]:.6g}.",
-                float(recording.signals[k, 0]), None, "The channel was dead or not used; leave it out.")
+        Finding(
+            "warning",
+            "constant",
+            f"{recording.name}, {recording.channels[k].name}",
+            f"all {recording.signals.shape[1]} samples are {recording.signals[k, 0]:.6g}.",
+            float(recording.signals[k, 0]),
+            None,
+            "The channel was dead or not used; leave it out.",
+        )
         for k in still
-    )  # fmt: skip
+    )
 
 
 def _frfs(frfs: FrfSet) -> tuple[Finding, ...]:
@@ -58,5 +64,14 @@ def _frfs(frfs: FrfSet) -> tuple[Finding, ...]:
         return ()
     first = frfs.label(int(still[0, 0]), int(still[0, 1]))
     message = f"{len(still)} FRFs have the same value on all {lines} lines, first {first}."
-    return (Finding("warning", "constant", frfs.name, message, float(len(still)), 0.0,
-                    "A channel was dead, or a column was filled in; leave it out."),)  # fmt: skip
+    return (
+        Finding(
+            "warning",
+            "constant",
+            frfs.name,
+            message,
+            float(len(still)),
+            0.0,
+            "A channel was dead, or a column was filled in; leave it out.",
+        ),
+    )

@@ -75,8 +75,11 @@ def _decibels(rest: str, text: str) -> AmplitudeScale:
     found = _NUMBER.match(rest) if not re.match(r"^1\s*/", rest) else None
     number, unit = (float(found[1]), found[2].strip()) if found else (1.0, rest)
     if not (np.isfinite(number) and number > 0) or (unit and units.known(unit) is None):
-        raise UnitError("not a reference of an amplitude in dB", got=repr(text),
-                        expected="a unit, or a number with a unit, as in 'dB re 1e-6 m/N'")  # fmt: skip
+        raise UnitError(
+            "not a reference of an amplitude in dB",
+            got=repr(text),
+            expected="a unit, or a number with a unit, as in 'dB re 1e-6 m/N'",
+        )
     return AmplitudeScale(unit or UNSTATED, True, number)
 
 
@@ -102,11 +105,15 @@ def check_scales(amplitude_unit: str | None, phase_unit: str | None) -> None:
     UnitError : an amplitude neither linear nor in dB nor in a unit, or a unit that is none of a phase.
     """
     if amplitude_unit is not None and amplitude_scale(amplitude_unit) is None:
-        raise UnitError("not a scale of an amplitude", got=repr(amplitude_unit),
-                        expected="'linear', a unit such as 'g/N', or 'dB re 1 (m/s^2)/N'")  # fmt: skip
+        raise UnitError(
+            "not a scale of an amplitude",
+            got=repr(amplitude_unit),
+            expected="'linear', a unit such as 'g/N', or 'dB re 1 (m/s^2)/N'",
+        )
     if phase_unit is not None and phase_scale(phase_unit) is None:
-        raise UnitError("not a unit of phase", got=repr(phase_unit),
-                        expected="'deg', 'rad', 'unwrapped deg' or 'unwrapped rad'")  # fmt: skip
+        raise UnitError(
+            "not a unit of phase", got=repr(phase_unit), expected="'deg', 'rad', 'unwrapped deg' or 'unwrapped rad'"
+        )
 
 
 def is_unit(cell: str) -> bool:

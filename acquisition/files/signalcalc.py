@@ -59,8 +59,11 @@ def _complex(segment: table.Segment, layout: Layout, where: str) -> Polar:
     if kinds == ["real", "imaginary"]:
         return Polar(first + 1j * second, UNSTATED)
     if len(kinds) != 2 or not (kinds[0].startswith(("mag", "amp")) and kinds[1].startswith("phase")):
-        raise InputError("neither real and imaginary part nor magnitude and phase", where=where,
-                         got=", ".join(titles) or "no titles of the columns")  # fmt: skip
+        raise InputError(
+            "neither real and imaginary part nor magnitude and phase",
+            where=where,
+            got=", ".join(titles) or "no titles of the columns",
+        )
     stated = next((cells for cells in lines if cells[0] == "Hz"), [])
     labels = dict(zip(titles, stated, strict=True)) if len(stated) == len(titles) else {}
     pool = Arrays(where, {titles[1]: first, titles[2]: second}, labels=labels)

@@ -196,8 +196,13 @@ def _rate(arrays: Arrays, layout: Layout, samples: int) -> float:
         label = arrays.label(layout.time) if layout.time_unit == "s" else layout.time_unit
         unit = units.known(label or "s")
         if unit is None or unit.quantity != "time":
-            raise units.UnitError("not a unit of time", where=arrays.where, got=repr(label), expected="s, ms, min",
-                                  advice="say time_unit='ms' or the like, or sampling_rate=... [Hz]")  # fmt: skip
+            raise units.UnitError(
+                "not a unit of time",
+                where=arrays.where,
+                got=repr(label),
+                expected="s, ms, min",
+                advice="say time_unit='ms' or the like, or sampling_rate=... [Hz]",
+            )
         measured = rate_of(unit.factor * times, arrays.where)
         if stated is not None:
             same_rate(measured, stated, samples, arrays.where)
@@ -222,6 +227,9 @@ def same_rate(measured: float, stated: float, samples: int, where: str) -> None:
     tolerance = CLOCK + 0.5 / max(samples - 1, 1)
     if not (np.isfinite(stated) and stated > 0) or abs(measured / stated - 1) > tolerance:
         raise InputError(
-            "the sampling rate contradicts the time axis", where=where, got=f"{stated:g} Hz stated",
-            expected=f"{measured:g} Hz as in the time axis", advice="find out which is right and state that alone",
-        )  # fmt: skip
+            "the sampling rate contradicts the time axis",
+            where=where,
+            got=f"{stated:g} Hz stated",
+            expected=f"{measured:g} Hz as in the time axis",
+            advice="find out which is right and state that alone",
+        )

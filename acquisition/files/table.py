@@ -198,14 +198,20 @@ def _whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, 
             what = "a blank line inside the table" if not any(map(str.strip, gap)) else "a row that holds no numbers"
         if what:
             notes = differs(
-                what, where=f"{where}, line {after.line - len(gap)}", layout=layout,
+                what,
+                where=f"{where}, line {after.line - len(gap)}",
+                layout=layout,
                 recovered=f"the {len(before.values)} rows in front of it are read",
-            )  # fmt: skip
+            )
             return [*segments[:place], replace(before, notes=notes), segments[-1]]
     for segment in segments[:-1]:
         if segment.header and not segment.labels and _broken(segment.header[-1], delimiter, decimal):
-            differs("a row that holds no numbers", where=f"{where}, line {segment.line - 1}", layout=layout,
-                    got=repr(segment.header[-1][:40]))  # fmt: skip
+            differs(
+                "a row that holds no numbers",
+                where=f"{where}, line {segment.line - 1}",
+                layout=layout,
+                got=repr(segment.header[-1][:40]),
+            )
     return segments
 
 
@@ -458,9 +464,12 @@ def _distinct(names: list[str]) -> list[str]:
 
 def _unknown_unit(where: str, name: str, text: str) -> Finding:
     return Finding(
-        "warning", "unknown-unit", f"{where}, {name}", f"{text!r} is not a unit; the numbers are taken without one.",
+        "warning",
+        "unknown-unit",
+        f"{where}, {name}",
+        f"{text!r} is not a unit; the numbers are taken without one.",
         advice="Say the unit in the channel table.",
-    )  # fmt: skip
+    )
 
 
 def _by_titles(names: list[str], layout: Layout, where: str) -> Layout:
@@ -482,8 +491,12 @@ def _by_titles(names: list[str], layout: Layout, where: str) -> Layout:
     if "time" in places:
         others = [name for name in names if name != places["time"]]
         if "time" in twice:
-            raise InputError("several columns could be the time", where=where, got=", ".join(twice["time"]),
-                             advice="say time='...' and signals=[...]")  # fmt: skip
+            raise InputError(
+                "several columns could be the time",
+                where=where,
+                got=", ".join(twice["time"]),
+                advice="say time='...' and signals=[...]",
+            )
         return replace(layout, time=places["time"], signals=others)
     if "frequency" in places and ({"real", "imaginary"} <= places.keys() or {"amplitude", "phase"} <= places.keys()):
         roles = ("real", "imaginary") if "real" in places else ("amplitude", "phase")

@@ -29,8 +29,11 @@ def read(path: Path, layout: Layout) -> Contents:
     for channel in there["channels"]:
         rate = nice_rate(channel["step"], 1e-9) if channel["step"] else layout.sampling_rate
         if not isinstance(rate, (int, float)):
-            raise InputError("the channel has no time step", where=f"{path.name}, {channel['channel']}",
-                             advice="say sampling_rate=... [Hz]")  # fmt: skip
+            raise InputError(
+                "the channel has no time step",
+                where=f"{path.name}, {channel['channel']}",
+                advice="say sampling_rate=... [Hz]",
+            )
         sampled.append(Sampled(channel["name"], channel["unit"], channel["samples"], float(rate)))
     if not sampled:
         raise InputError("no numeric channel in the file", where=path.name)
@@ -39,10 +42,15 @@ def read(path: Path, layout: Layout) -> Contents:
         Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no values.") for name in there["empty"]
     ]
     if there["cut"]:
-        notes.append(Finding(
-            "error", "damaged-set", path.name, "the last segment of the file is not complete; it is truncated.",
-            advice="Export the file again.",
-        ))  # fmt: skip
+        notes.append(
+            Finding(
+                "error",
+                "damaged-set",
+                path.name,
+                "the last segment of the file is not complete; it is truncated.",
+                advice="Export the file again.",
+            )
+        )
     return replace(contents, findings=(*notes, *contents.findings))
 
 
@@ -63,12 +71,19 @@ def channels(path: Path) -> dict[str, Any]:
                 if len(channel) == 0 or np.asarray(channel[:1]).dtype.kind not in "biuf":
                     continue
                 properties = channel.properties
-                made.append({
-                    "channel": channel.name,
-                    "name": channel.name if len(groups) == 1 else f"{group.name}/{channel.name}",
-                    "unit": str(properties.get("unit_string") or properties.get("Unit") or ""),
-                    "step": float(properties.get("wf_increment") or 0.0), "samples": np.asarray(channel[:]),
-                })  # fmt: skip
+                made.append(
+                    {
+                        "channel": channel.name,
+                        "name": channel.name if len(groups) == 1 else f"{group.name}/{channel.name}",
+                        "unit": str(properties.get("unit_string") or properties.get("Unit") or ""),
+                        "step": float(properties.get("wf_increment") or 0.0),
+                        "samples": np.asarray(channel[:]),
+                    }
+                )
         metadata = [(str(key), str(value)) for key, value in file.properties.items()]
-        return {"channels": made, "metadata": metadata, "cut": bool(file.file_status.incomplete_final_segment),
-                "empty": empty}  # fmt: skip
+        return {
+            "channels": made,
+            "metadata": metadata,
+            "cut": bool(file.file_status.incomplete_final_segment),
+            "empty": empty,
+        }

@@ -28,9 +28,13 @@ def read(path: Path, layout: Layout) -> Contents:
     signals, rate, frames, coding = (there[name] for name in ("signals", "rate", "frames", "coding"))
     if coding == "FLAC" and len(signals) != frames:
         notes += differs(
-            "the file ends too early", where=path.name, layout=layout, got=f"{len(signals)} samples",
-            expected=frames, recovered=f"{len(signals)} samples are read",
-        )  # fmt: skip
+            "the file ends too early",
+            where=path.name,
+            layout=layout,
+            got=f"{len(signals)} samples",
+            expected=frames,
+            recovered=f"{len(signals)} samples are read",
+        )
     pool = Arrays(path.name, {"": signals})
     names = [f"channel {number + 1}" for number in range(signals.shape[1])]
     if layout.names is not None:
@@ -39,9 +43,12 @@ def read(path: Path, layout: Layout) -> Contents:
         np.ascontiguousarray(signals.T), names, channel_units(pool, layout, names), float(rate), path.name
     )
     note = Finding(
-        "info", "full-scale", path.name, "the numbers of a wave file are fractions of full scale.",
+        "info",
+        "full-scale",
+        path.name,
+        "the numbers of a wave file are fractions of full scale.",
         advice="Say units or sensitivities in the channel table.",
-    )  # fmt: skip
+    )
     if layout.units is None:
         notes += (note,)
     return Contents(recordings=(record,), findings=(*notes, *not_finite(record.signals, path.name)))
@@ -93,9 +100,13 @@ def _announced(path: Path, layout: Layout) -> tuple[Finding, ...]:
                 whole = int.from_bytes(start[4:8], "little")
                 if start[:4] == b"RIFF" and whole not in _UNKNOWN and not notes and abs(whole + 8 - size) > 1:
                     notes += differs(
-                        "the file is not as long as it announces", where=path.name, layout=layout, got=f"{size} bytes",
-                        expected=whole + 8, recovered="the samples that are announced are read",
-                    )  # fmt: skip
+                        "the file is not as long as it announces",
+                        where=path.name,
+                        layout=layout,
+                        got=f"{size} bytes",
+                        expected=whole + 8,
+                        recovered="the samples that are announced are read",
+                    )
                 return notes
             step = 8 if wide else 2
             place = begin + -(-max(length, 0) // step) * step
@@ -113,10 +124,13 @@ def _check_format(body: bytes, path: Path) -> None:
     rate, second = int.from_bytes(body[4:8], "little"), int.from_bytes(body[8:12], "little")
     align, bits = int.from_bytes(body[12:14], "little"), int.from_bytes(body[14:16], "little")
     if code in (1, 3) and (align != count * -(-bits // 8) or second != rate * align):
-        raise InputError("the format of the samples contradicts itself", where=path.name,
-                         got=f"{align} bytes, {second} in a second",
-                         expected=f"{count} channels of {bits} bits at {rate} Hz",
-                         advice="copy or export it again")  # fmt: skip
+        raise InputError(
+            "the format of the samples contradicts itself",
+            where=path.name,
+            got=f"{align} bytes, {second} in a second",
+            expected=f"{count} channels of {bits} bits at {rate} Hz",
+            advice="copy or export it again",
+        )
 
 
 def _compare(announced: int, there: int, align: int, path: Path, layout: Layout) -> tuple[Finding, ...]:
@@ -126,12 +140,20 @@ def _compare(announced: int, there: int, align: int, path: Path, layout: Layout)
     samples = there // align if align else 0
     if announced > there:
         return differs(
-            "the file ends too early", where=path.name, layout=layout, got=f"{there} bytes of samples",
-            expected=announced, recovered=f"{samples} samples are read" if samples > 1 else "",
-        )  # fmt: skip
+            "the file ends too early",
+            where=path.name,
+            layout=layout,
+            got=f"{there} bytes of samples",
+            expected=announced,
+            recovered=f"{samples} samples are read" if samples > 1 else "",
+        )
     if align and announced % align:
         return differs(
-            "the samples are not whole", where=path.name, layout=layout, got=f"{announced} bytes",
-            expected=f"a multiple of {align}", recovered=f"{announced // align} samples are read",
-        )  # fmt: skip
+            "the samples are not whole",
+            where=path.name,
+            layout=layout,
+            got=f"{announced} bytes",
+            expected=f"a multiple of {align}",
+            recovered=f"{announced // align} samples are read",
+        )
     return ()

@@ -81,8 +81,13 @@ def cells(path: Path, sheet: str | None) -> dict[str, Any]:
                 break
     finally:
         book.close()
-    return {"sheets": list(book.sheetnames), "sheet": name, "texts": texts, "values": np.array(values),
-            "places": np.array(places).reshape(-1, 2)}  # fmt: skip
+    return {
+        "sheets": list(book.sheetnames),
+        "sheet": name,
+        "texts": texts,
+        "values": np.array(values),
+        "places": np.array(places).reshape(-1, 2),
+    }
 
 
 def _number(cell: Any) -> float | None:
@@ -100,9 +105,13 @@ _Texts = dict[int, dict[int, str]]
 
 
 def _segment(
-    places: Int[np.ndarray, "number 2"], values: Float[np.ndarray, "number"], texts: _Texts, *, layout: Layout,
+    places: Int[np.ndarray, "number 2"],
+    values: Float[np.ndarray, "number"],
+    texts: _Texts,
+    *,
+    layout: Layout,
     where: str,
-) -> tuple[table.Segment, list[Finding]]:  # fmt: skip
+) -> tuple[table.Segment, list[Finding]]:
     """Rows with a number in the first filled column on; the last row of texts above gives the titles.
 
     Raises
@@ -133,10 +142,13 @@ def _segment(
             "a column of texts that look like numbers" if column not in columns else "a cell among the numbers is none"
         )
         notes += differs(
-            what, where=f"{where}, cell {_letters(column)}{rows[0] + 1}", layout=layout,
-            got=repr(texts[rows[0]][column]), expected="a number",
+            what,
+            where=f"{where}, cell {_letters(column)}{rows[0] + 1}",
+            layout=layout,
+            got=repr(texts[rows[0]][column]),
+            expected="a number",
             recovered=f"{len(rows)} such cells are left out of column {name}",
-        )  # fmt: skip
+        )
     filled = np.unique(places[:, 0])
     empty = last - first + 1 - len(filled)
     if empty:
@@ -144,13 +156,21 @@ def _segment(
         # a table with more rows without than with numbers is none, however much of it is salvaged
         recovered = "their values are kept as not a number" if empty <= len(filled) else ""
         notes += differs(
-            "a row among the numbers holds none", where=f"{where}, row {gap + 1}", layout=layout, got=f"{empty} rows",
-            expected="none", recovered=recovered,
-        )  # fmt: skip
+            "a row among the numbers holds none",
+            where=f"{where}, row {gap + 1}",
+            layout=layout,
+            got=f"{empty} rows",
+            expected="none",
+            recovered=recovered,
+        )
     if (last - first + 1) * len(columns) > max(_SPARSE * len(values), 1 << 20):
-        raise InputError("the cells with numbers are no table", where=where, got=f"{len(values)} cells",
-                         expected=f"{len(columns)} columns of {last - first + 1} rows",
-                         advice="delete the cells outside of the table")  # fmt: skip
+        raise InputError(
+            "the cells with numbers are no table",
+            where=where,
+            got=f"{len(values)} cells",
+            expected=f"{len(columns)} columns of {last - first + 1} rows",
+            advice="delete the cells outside of the table",
+        )
     numbers = np.full((last - first + 1, len(columns)), np.nan)
     numbers[places[:, 0] - first, np.searchsorted(columns, places[:, 1])] = values
     kept = tuple(titles.get(column) or f"column {column}" for column in columns.tolist())

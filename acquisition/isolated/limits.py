@@ -39,9 +39,10 @@ class Limits:
         """
         size = path.stat().st_size
         return cls(
-            SECONDS + SECONDS_PER_MB * size / _MB, int(CPU_SECONDS + CPU_SECONDS_PER_MB * size / _MB),
+            SECONDS + SECONDS_PER_MB * size / _MB,
+            int(CPU_SECONDS + CPU_SECONDS_PER_MB * size / _MB),
             MEMORY + MEMORY_PER_BYTE * size,
-        )  # fmt: skip
+        )
 
 
 def unpacked(packed: int) -> int:
@@ -52,9 +53,12 @@ def unpacked(packed: int) -> int:
 def too_large(path: Path, size: str, packed: int) -> InputError:
     """The refusal of an archive that grows beyond measure."""
     return InputError(
-        "the packed file grows too large", where=str(path), got=f"{size} from {packed / 1e6:.3g} MB",
-        expected=f"at most {unpacked(packed) / 1e6:.3g} MB", advice="unpack it first if it is what it should be",
-    )  # fmt: skip
+        "the packed file grows too large",
+        where=str(path),
+        got=f"{size} from {packed / 1e6:.3g} MB",
+        expected=f"at most {unpacked(packed) / 1e6:.3g} MB",
+        advice="unpack it first if it is what it should be",
+    )
 
 
 def check_zip(path: Path) -> None:

@@ -45,8 +45,12 @@ class Parsers:
                     reply = self._reply(process, limits.seconds)
             except TimeoutError as error:
                 self._kill()
-                raise InputError("reading the file takes too long", where=str(path), got=f"more than {error} s",
-                                 advice="copy or export it again") from error  # fmt: skip
+                raise InputError(
+                    "reading the file takes too long",
+                    where=str(path),
+                    got=f"more than {error} s",
+                    advice="copy or export it again",
+                ) from error
             except (wire.Broken, OSError) as error:
                 raise self._crashed(path) from error
             except BaseException:  # interrupted inside a message: what follows in the stream is of no use
@@ -115,8 +119,9 @@ class Parsers:
         if status is not None and status < 0 and -status == getattr(signal, "SIGXCPU", 0):
             return InputError("reading the file takes too long", where=str(path), advice="copy or export it again")
         how = f"signal {signal.Signals(-status).name}" if status is not None and status < 0 else f"status {status}"
-        return InputError("the file is damaged: its reader broke down", where=str(path), got=how,
-                          advice="copy or export it again")  # fmt: skip
+        return InputError(
+            "the file is damaged: its reader broke down", where=str(path), got=how, advice="copy or export it again"
+        )
 
     def _kill(self) -> None:
         process = self._process
@@ -160,15 +165,19 @@ def _begin() -> "subprocess.Popen[bytes]":
     if not sys.executable:
         raise OSError("the interpreter does not know its own file")
     installed = [
-        folder for folder in sys.path
+        folder
+        for folder in sys.path
         if os.path.basename(folder) in ("site-packages", "dist-packages") and os.path.isabs(folder)
-    ]  # fmt: skip
+    ]
     script = Path(__file__).absolute().with_name("__main__.py")
     return subprocess.Popen(
-        [sys.executable, "-I", str(script), *installed], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL, env={**os.environ, **dict.fromkeys(_THREADS, "1")},
+        [sys.executable, "-I", str(script), *installed],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, **dict.fromkeys(_THREADS, "1")},
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-    )  # fmt: skip
+    )
 
 
 def _package() -> Path:
@@ -176,8 +185,11 @@ def _package() -> Path:
 
 
 def _not_started(why: str) -> FailureError:
-    return FailureError("the process that reads such files cannot be started", got=why,
-                        advice="run `ema doctor`, or reinstall friction-ema")  # fmt: skip
+    return FailureError(
+        "the process that reads such files cannot be started",
+        got=why,
+        advice="run `ema doctor`, or reinstall friction-ema",
+    )
 
 
 def _result(reply: dict[str, Any]) -> Any:

@@ -61,9 +61,12 @@ def _prefix(folder: Path, files: str) -> str:
     data, raw = data_folder(files, folder.resolve()), (folder / RAW).resolve()
     if not raw.is_relative_to(data):
         raise InputError(
-            "the campaign takes its files from elsewhere", where=str(folder / campaign_file.FILE_NAME), got=str(data),
-            expected=f"{RAW} or a folder around it", advice="record into a folder of its own",
-        )  # fmt: skip
+            "the campaign takes its files from elsewhere",
+            where=str(folder / campaign_file.FILE_NAME),
+            got=str(data),
+            expected=f"{RAW} or a folder around it",
+            advice="record into a folder of its own",
+        )
     inner = raw.relative_to(data).as_posix()
     return "" if inner == "." else f"{inner}/"
 
@@ -79,9 +82,12 @@ def _entry(run: str, prefix: str) -> str:
 def _head(folder: Path, rig: RigFile) -> str:
     about = rig.campaign
     stated = {
-        "name": about.name or folder.resolve().name or "campaign", "structure": about.structure,
-        "operator": about.operator, "comment": about.comment, "files": RAW,
-    }  # fmt: skip
+        "name": about.name or folder.resolve().name or "campaign",
+        "structure": about.structure,
+        "operator": about.operator,
+        "comment": about.comment,
+        "files": RAW,
+    }
     return "[campaign]\n" + _lines(stated) + "\n"
 
 
@@ -89,10 +95,16 @@ def _channels(rig: RigFile, table: str) -> str:
     text = ""
     for wire, channel in zip(wires(rig), rig.channels, strict=True):
         stated = {
-            "name": wire.channel.name, "role": wire.channel.role, "quantity": wire.channel.quantity,
-            "unit": wire.channel.unit, "dof": channel.dof, "serial": channel.serial, "range": channel.range or "",
-            "calibrated_on": channel.calibrated_on, "joint": channel.joint,
-        }  # fmt: skip
+            "name": wire.channel.name,
+            "role": wire.channel.role,
+            "quantity": wire.channel.quantity,
+            "unit": wire.channel.unit,
+            "dof": channel.dof,
+            "serial": channel.serial,
+            "range": channel.range or "",
+            "calibrated_on": channel.calibrated_on,
+            "joint": channel.joint,
+        }
         text += f"[[{table}]]\n{_lines(stated)}\n"
     return text
 

@@ -35,15 +35,17 @@ class FolderLock:
             self._lock.acquire(timeout=PATIENCE)
         except Timeout as error:
             raise FailureError(
-                "another session records into this folder", where=str(self._path.parent),
+                "another session records into this folder",
+                where=str(self._path.parent),
                 advice=f"end it, or record into another folder; if none runs on any computer, remove {LOCK} there",
-            ) from error  # fmt: skip
+            ) from error
         except (OSError, NotImplementedError) as error:
             raise FailureError(
-                "this folder cannot be locked against a second session", where=str(self._path),
+                "this folder cannot be locked against a second session",
+                where=str(self._path),
                 got=getattr(error, "strerror", None) or str(error),
                 advice="record into a folder of a local disk that you may write to, and copy it afterwards",
-            ) from error  # fmt: skip
+            ) from error
 
     def release(self) -> None:
         """Give the lock back; nothing happens where it is not held."""

@@ -103,10 +103,16 @@ def normal_forces(record: Recording) -> dict[str, tuple[float, float]]:
 def _row(take: TakeFile, record: Recording | None) -> Row:
     identity = take.identity
     row = {
-        "file": take.label, "start": "" if take.start is None else take.start.isoformat(), "run": identity.run,
-        "point": str(identity.point), "number": str(identity.number), "accepted": "yes" if take.accepted else "no",
-        "reason": " ".join(identity.reasons), "remarks": " ".join(identity.remarks), "peak [N]": "",
-    }  # fmt: skip
+        "file": take.label,
+        "start": "" if take.start is None else take.start.isoformat(),
+        "run": identity.run,
+        "point": str(identity.point),
+        "number": str(identity.number),
+        "accepted": "yes" if take.accepted else "no",
+        "reason": " ".join(identity.reasons),
+        "remarks": " ".join(identity.remarks),
+        "peak [N]": "",
+    }
     if record is None:
         return row
     if record.with_role("reference"):
@@ -153,8 +159,9 @@ def _rows(text: str) -> tuple[list[Row], bool]:
     rows: list[Mapping[str | None, str | list[str] | None]] = list(reader)
     return [
         {str(name): str(value) for name, value in row.items() if name and isinstance(value, str)}
-        for row in rows if isinstance(row.get("file"), str)
-    ], False  # fmt: skip
+        for row in rows
+        if isinstance(row.get("file"), str)
+    ], False
 
 
 def _set_aside(path: Path) -> None:

@@ -44,9 +44,13 @@ class OpendaqRig:
     """
 
     def __init__(
-        self, address: str, wires: Sequence[Wire], sampling_rate: float, trigger: Trigger,
+        self,
+        address: str,
+        wires: Sequence[Wire],
+        sampling_rate: float,
+        trigger: Trigger,
         properties: Mapping[str, Any] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         daq = require("opendaq", "daq")
         self._wires, self._rate, self._trigger, self._address = tuple(wires), sampling_rate, trigger, address
         try:
@@ -54,9 +58,11 @@ class OpendaqRig:
             self._device = self._instance.add_device(address)
         except RuntimeError as error:
             raise FailureError(
-                "the device does not answer", where=address, got=_first_line(error),
+                "the device does not answer",
+                where=address,
+                got=_first_line(error),
                 advice="check its address and cable; `ema doctor` lists the devices that openDAQ finds",
-            ) from error  # fmt: skip
+            ) from error
         self._set(properties or {})
         self._reader = daq.MultiReader([self._signal(wire) for wire in self._wires])
 
@@ -99,9 +105,10 @@ class OpendaqRig:
                 yield factors * block
             elif time.monotonic() - last > SILENCE:
                 raise FailureError(
-                    f"the device has sent nothing for {SILENCE:.0f} s", where=self._address,
+                    f"the device has sent nothing for {SILENCE:.0f} s",
+                    where=self._address,
                     advice="takes on disk are safe; connect it again and go on with the same command",
-                )  # fmt: skip
+                )
 
     def _read(self, count: int) -> Float[np.ndarray, "channel sample"]:
         """Samples in step; none while the device starts."""
@@ -109,9 +116,11 @@ class OpendaqRig:
             found = np.asarray(self._reader.read(count, 200), np.float64)
         except RuntimeError as error:
             raise FailureError(
-                "the device has gone", where=self._address, got=_first_line(error),
+                "the device has gone",
+                where=self._address,
+                got=_first_line(error),
                 advice="takes on disk are safe; connect it again and go on with the same command",
-            ) from error  # fmt: skip
+            ) from error
         return found if found.ndim == 2 else np.zeros((len(self._wires), 0))
 
     def _forget(self) -> None:
@@ -128,9 +137,11 @@ class OpendaqRig:
                 target.set_property_value(own, properties[name])
             except RuntimeError as error:
                 raise InputError(
-                    "the device does not take this property", where=self._address, got=f"{name} = {properties[name]}",
+                    "the device does not take this property",
+                    where=self._address,
+                    got=f"{name} = {properties[name]}",
                     advice=_first_line(error),
-                ) from error  # fmt: skip
+                ) from error
 
     def _channel(self, name: str) -> Any:
         known = {channel.name: channel for channel in self._device.channels_recursive}

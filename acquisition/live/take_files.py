@@ -141,17 +141,22 @@ def checked_run(name: str, others: Iterable[str]) -> str:
     if not run or not all(letter.isalnum() or letter in "-_" for letter in run):
         raise InputError("a run is named by letters, digits, - and _", got=name)
     if len(run) > LONGEST_RUN:
-        raise InputError("the name of the run is too long", got=f"{len(run)} characters",
-                         expected=f"at most {LONGEST_RUN}")  # fmt: skip
+        raise InputError(
+            "the name of the run is too long", got=f"{len(run)} characters", expected=f"at most {LONGEST_RUN}"
+        )
     if is_device(run):  # files of takes never bear the bare name, but files of results may
-        raise InputError("a run cannot have a name that Windows keeps for a device", got=name,
-                         advice=f"call it run_{run}, for instance")  # fmt: skip
+        raise InputError(
+            "a run cannot have a name that Windows keeps for a device",
+            got=name,
+            advice=f"call it run_{run}, for instance",
+        )
     for other in others:
         if other != run and folded(other) == folded(run):
             raise InputError(
                 f"the name differs from run {other} by capital letters alone, and many disks do not tell them apart",
-                got=run, advice=f"go on with --run {other}, or choose another name",
-            )  # fmt: skip
+                got=run,
+                advice=f"go on with --run {other}, or choose another name",
+            )
     return run
 
 

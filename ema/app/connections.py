@@ -113,9 +113,12 @@ class Server:
     """
 
     def __init__(
-        self, address: tuple[str, int], answer: Callable[[Request], Reply],
-        refusal: Callable[[HTTPStatus, str], Reply], news: Callable[[], object],
-    ) -> None:  # fmt: skip
+        self,
+        address: tuple[str, int],
+        answer: Callable[[Request], Reply],
+        refusal: Callable[[HTTPStatus, str], Reply],
+        news: Callable[[], object],
+    ) -> None:
         self._answer, self._refusal, self._news = answer, refusal, news
         self._listening = _bound(address)
         self.server_address = self._listening.getsockname()

@@ -25,8 +25,11 @@ def placement_view(bench: Workbench, number: int) -> dict[str, Any]:
     decibels = _in_decibels(told)
     kinds = sorted({(round(float(angle), 6), int(beam)) for angle, beam in zip(candidates.angles, candidates.beams)})
     return {
-        "title": told.title, "warning": told.warning, "unit": "dB" if decibels else "%",
-        "objective": ranking.objective, "extent": [numbers(axis) for axis in told.extent],
+        "title": told.title,
+        "warning": told.warning,
+        "unit": "dB" if decibels else "%",
+        "objective": ranking.objective,
+        "extent": [numbers(axis) for axis in told.extent],
         "edges": [[numbers(end, 6) for end in edge] for edge in seen_edges(told)],
         "points": [numbers(point, 6) for point in told.points],
         "keep_out": [[numbers(corner, 6) for corner in area] for area in told.keep_out],
@@ -38,7 +41,7 @@ def placement_view(bench: Workbench, number: int) -> dict[str, Any]:
         "centres": [numbers(centre, 6) for centre in candidates.centres],
         "score": numbers((1 if decibels else 100) * ranking.scores, 4),
         "ranked": [place.candidate for place in ranking.places],
-    }  # fmt: skip
+    }
 
 
 def place_view(bench: Workbench, number: int, candidate: int) -> dict[str, Any]:
@@ -62,9 +65,13 @@ def place_view(bench: Workbench, number: int, candidate: int) -> dict[str, Any]:
     ]
     found = _of_rank(ranking.places[rank - 1]) if rank else _of_map(told, candidate)
     return {
-        "candidate": candidate, "rank": rank, "modes": modes, "levels": numbers(prediction.force_levels, 5),
-        "joints": [numbers(joint, 4) for joint in prediction.candidates.joints(candidate)], **found,
-    }  # fmt: skip
+        "candidate": candidate,
+        "rank": rank,
+        "modes": modes,
+        "levels": numbers(prediction.force_levels, 5),
+        "joints": [numbers(joint, 4) for joint in prediction.candidates.joints(candidate)],
+        **found,
+    }
 
 
 def _placement(bench: Workbench, number: int) -> Placement:
@@ -84,13 +91,15 @@ def _kind(told: Placement, angle: float, beam: int) -> str:
 
 def _of_rank(place: Place) -> dict[str, Any]:
     return {
-        "method": place.method, "force": numbers([place.normal_force], 4)[0],
+        "method": place.method,
+        "force": numbers([place.normal_force], 4)[0],
         "best_forces": numbers(place.normal_forces, 4),
-        "f": [numbers(row, 6) for row in place.frequency], "zeta": [numbers(100 * row, 4) for row in place.damping],
+        "f": [numbers(row, 6) for row in place.frequency],
+        "zeta": [numbers(100 * row, 4) for row in place.damping],
         "low": [numbers(100 * row, 4) for row in place.damping_low],
         "high": [numbers(100 * row, 4) for row in place.damping_high],
         "flags": [str(finding) for finding in place.findings],
-    }  # fmt: skip
+    }
 
 
 def _of_map(told: Placement, candidate: int) -> dict[str, Any]:
@@ -103,8 +112,12 @@ def _of_map(told: Placement, candidate: int) -> dict[str, Any]:
     force = int(np.argmax(worth))
     unknown = [[None] * len(prediction.force_levels)] * len(prediction.modes)
     return {
-        "method": prediction.method, "force": numbers([prediction.normal_forces[force]], 4)[0], "best_forces": [],
+        "method": prediction.method,
+        "force": numbers([prediction.normal_forces[force]], 4)[0],
+        "best_forces": [],
         "f": [numbers(row[:, force], 6) for row in prediction.frequency[0]],
         "zeta": [numbers(100 * row[:, force], 4) for row in prediction.damping[0]],
-        "low": unknown, "high": unknown, "flags": [],
-    }  # fmt: skip
+        "low": unknown,
+        "high": unknown,
+        "flags": [],
+    }

@@ -91,9 +91,10 @@ def serve(bench: Workbench, host: str = LOCAL, port: int = 8080) -> App:
         server = Server((host, port), lambda request: _Handler(apps[0], request).reply, _refusal, news)
     except OSError as error:
         raise FailureError(
-            f"the page cannot be served: {error.strerror or error}", where=f"{host}:{port}",
+            f"the page cannot be served: {error.strerror or error}",
+            where=f"{host}:{port}",
             advice="choose another port with --port (0 takes a free one)",
-        ) from error  # fmt: skip
+        ) from error
     apps.append(App(bench, server, token))
     return apps[0]
 
@@ -140,9 +141,12 @@ def _refusal(status: HTTPStatus, sentence: str) -> Reply:
     """The answer to a request that is not looked at any further."""
     content = json.dumps({"error": sentence}).encode()
     lines = [
-        f"HTTP/1.1 {status.value} {status.phrase}", "Content-Type: application/json",
-        f"Content-Length: {len(content)}", "Connection: close", *(f"{name}: {value}" for name, value in _HEADERS),
-    ]  # fmt: skip
+        f"HTTP/1.1 {status.value} {status.phrase}",
+        "Content-Type: application/json",
+        f"Content-Length: {len(content)}",
+        "Connection: close",
+        *(f"{name}: {value}" for name, value in _HEADERS),
+    ]
     return Reply(["\r\n".join([*lines, "", ""]).encode(), content])
 
 

@@ -23,7 +23,7 @@ from ema.data import (
     Run,
     RunResult,
     StudyResult,
-)  # fmt: skip
+)
 from ema.errors import InputError
 from ema.fit.modal import Estimate, estimated
 from ema.fit.record_end import as_recorded
@@ -198,9 +198,10 @@ class Workbench:
                 raise InputError("an exclusion needs a reason and a name", where=f"run {name}, {blow.recording}")
             if self.again is None:
                 raise InputError(
-                    "the blow cannot be excluded: the signals are not at hand", where=f"run {name}",
+                    "the blow cannot be excluded: the signals are not at hand",
+                    where=f"run {name}",
                     advice="open the campaign's folder or recipe instead of a result file",
-                )  # fmt: skip
+                )
             excluded = (*work.excluded, Exclusion(blow.recording, blow.index, who.strip(), why.strip()))
             frfs, hits, poles = self.again(name, excluded)
             self.who = who.strip()
@@ -270,9 +271,10 @@ class Workbench:
             return name, fitted[name].frfs
         if self.look is None:
             raise InputError(
-                "the FRFs behind this point cannot be shown: the signals are not at hand", where=f"run {name}",
+                "the FRFs behind this point cannot be shown: the signals are not at hand",
+                where=f"run {name}",
                 advice="open the campaign's folder or recipe instead of a result file",
-            )  # fmt: skip
+            )
         return name, self.look(name)
 
     def _nearest(self, runs: Sequence[Run], chart: int, level: int, force: int) -> str:
@@ -325,10 +327,18 @@ class Workbench:
 def _without_modes(run: RunResult) -> RunResult:
     """The run with no mode picked."""
     nothing = replace(
-        run.modes, poles=np.zeros(0, complex), shapes=run.modes.shapes[:, :0], covariance=None, confidence=None,
-        participation=run.modes.participation[:, :0], residuals=None, uncertainty=None, findings=(), groups=(),
+        run.modes,
+        poles=np.zeros(0, complex),
+        shapes=run.modes.shapes[:, :0],
+        covariance=None,
+        confidence=None,
+        participation=run.modes.participation[:, :0],
+        residuals=None,
+        uncertainty=None,
+        findings=(),
+        groups=(),
         candidates=(),
-    )  # fmt: skip
+    )
     nothing = replace(nothing, provenance=_noted(nothing.provenance, ()))
     return replace(run, modes=nothing, quality=None, reconstruction=None, reconstruction_error=None, auto_mac=None)
 
@@ -344,10 +354,13 @@ def _with_modes(run: RunResult, modes: ModalModel, rows: Sequence[int]) -> RunRe
     size = np.linalg.norm(band.values, axis=0)
     error = np.linalg.norm(band.values - rebuilt.values, axis=0)
     return replace(
-        run, modes=modes, quality=shapes.quality(modes.shapes), reconstruction=rebuilt,
+        run,
+        modes=modes,
+        quality=shapes.quality(modes.shapes),
+        reconstruction=rebuilt,
         reconstruction_error=np.divide(error, size, out=np.full(size.shape, np.nan), where=size > 0),
         auto_mac=shapes.auto_mac(modes.shapes),
-    )  # fmt: skip
+    )
 
 
 def _alone(modes: ModalModel, band: tuple[float, float]) -> ModalModel:

@@ -30,37 +30,50 @@ def overview(bench: Workbench) -> dict[str, Any]:
     work, joints = bench.work, bench.work.result.run.condition.joints
     modes, run = work.result.modes, work.result.run
     deviations = (
-        np.full((len(modes.poles), 2), np.nan) if modes.covariance is None
+        np.full((len(modes.poles), 2), np.nan)
+        if modes.covariance is None
         else np.sqrt(np.maximum(modes.covariance[:, [0, 1], [0, 1]], 0))
-    )  # fmt: skip
+    )
     collinearity = (
-        np.full(len(modes.poles), np.nan) if work.result.quality is None
+        np.full(len(modes.poles), np.nan)
+        if work.result.quality is None
         else work.result.quality.modal_phase_collinearity
-    )  # fmt: skip
+    )
     error = work.result.reconstruction_error
     median = float(np.nanmedian(error)) if error is not None and np.isfinite(error).any() else float("nan")
     return {
-        "revision": bench.revision, "title": bench.result.title or bench.result.campaign.name, "run": run.id,
-        "runs": [each.run.id for each in bench.result.runs], "saved": bench.saved, "undo": bench.undoable,
-        "path": str(bench.path), "who": bench.who or bench.result.campaign.operator,
+        "revision": bench.revision,
+        "title": bench.result.title or bench.result.campaign.name,
+        "run": run.id,
+        "runs": [each.run.id for each in bench.result.runs],
+        "saved": bench.saved,
+        "undo": bench.undoable,
+        "path": str(bench.path),
+        "who": bench.who or bench.result.campaign.operator,
         "force": "; ".join(
             f"{joint.joint} {joint.mean:.4g} N" if joint.known else f"{joint.joint} unknown" for joint in joints
-        ) or "no friction beam",
+        )
+        or "no friction beam",
         "error": numbers([100 * median], 4)[0],
         "modes": [
             {"f": row[0], "zeta": row[1], "std_f": row[2], "std_zeta": row[3], "mpc": row[4]}
             for row in zip(
-                numbers(modes.natural_frequencies), numbers(100 * modes.damping_ratios, 5),
-                numbers(deviations[:, 0], 2), numbers(100 * deviations[:, 1], 2), numbers(collinearity, 4), strict=True,
+                numbers(modes.natural_frequencies),
+                numbers(100 * modes.damping_ratios, 5),
+                numbers(deviations[:, 0], 2),
+                numbers(100 * deviations[:, 1], 2),
+                numbers(collinearity, 4),
+                strict=True,
             )
         ],
         "findings": [
-            {"severity": each.severity, "text": str(each)} for each in (*modes.findings, *run.findings)
+            {"severity": each.severity, "text": str(each)}
+            for each in (*modes.findings, *run.findings)
             if each.severity != "info"
         ],
         "maps": [chart.name or f"map {number}" for number, chart in enumerate(bench.maps, 1)],
         "placements": [one.title or f"placement {number}" for number, one in enumerate(bench.placements, 1)],
-    }  # fmt: skip
+    }
 
 
 def poles(bench: Workbench) -> dict[str, Any]:
@@ -71,11 +84,15 @@ def poles(bench: Workbench) -> dict[str, Any]:
     inside = run.frfs.band(*table.band)
     lines = _few(inside.frequencies, np.asarray(cmif(inside)))
     return {
-        "frequency": numbers(table.natural_frequencies), "order": table.order.tolist(),
-        "damping": numbers(100 * table.damping_ratios, 4), "letter": table.letter.tolist(),
-        "picked": list(bench.work.picked), "band": list(table.band), "lines": numbers(lines[0]),
+        "frequency": numbers(table.natural_frequencies),
+        "order": table.order.tolist(),
+        "damping": numbers(100 * table.damping_ratios, 4),
+        "letter": table.letter.tolist(),
+        "picked": list(bench.work.picked),
+        "band": list(table.band),
+        "lines": numbers(lines[0]),
         "cmif": [numbers(column, 4) for column in lines[1].T],
-    }  # fmt: skip
+    }
 
 
 def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
@@ -90,10 +107,12 @@ def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
     if not (0 <= output < len(frfs.outputs) and 0 <= input_ < len(frfs.inputs)):
         raise InputError("no such FRF", got=f"response {output}, force {input_}")
     answer: dict[str, Any] = {
-        "outputs": [str(dof) for dof in frfs.outputs], "inputs": [str(dof) for dof in frfs.inputs],
-        "label": frfs.label(output, input_), "unit": frf_label(frfs.quantity, frfs.unit),
+        "outputs": [str(dof) for dof in frfs.outputs],
+        "inputs": [str(dof) for dof in frfs.inputs],
+        "label": frfs.label(output, input_),
+        "unit": frf_label(frfs.quantity, frfs.unit),
         "measured": _curve(frfs.frequencies, frfs.values[:, output, input_]),
-    }  # fmt: skip
+    }
     if run.reconstruction is not None:
         rebuilt = run.reconstruction
         answer["rebuilt"] = _curve(rebuilt.frequencies, rebuilt.values[:, output, input_])
@@ -131,12 +150,17 @@ def hits(bench: Workbench) -> dict[str, Any]:
         "usable": numbers(gallery.usable_band, 5),
         "hits": [
             {
-                "record": hit.recording, "index": hit.index, "dof": str(hit.dof or ""), "accepted": hit.accepted,
-                "peak": numbers([hit.peak], 4)[0], "contact": numbers([1e3 * hit.contact_time], 3)[0],
+                "record": hit.recording,
+                "index": hit.index,
+                "dof": str(hit.dof or ""),
+                "accepted": hit.accepted,
+                "peak": numbers([hit.peak], 4)[0],
+                "contact": numbers([1e3 * hit.contact_time], 3)[0],
                 "reason": hit.reason,
-            } for hit in gallery.hits
+            }
+            for hit in gallery.hits
         ],
-    }  # fmt: skip
+    }
 
 
 def pulse(bench: Workbench, hit: int) -> dict[str, Any]:
@@ -151,9 +175,10 @@ def pulse(bench: Workbench, hit: int) -> dict[str, Any]:
         raise InputError("no such blow", got=hit)
     one = gallery.hits[hit]
     return {
-        "time": numbers(1e3 * np.arange(len(one.pulse)) / one.sampling_rate, 5), "force": numbers(one.pulse, 5),
+        "time": numbers(1e3 * np.arange(len(one.pulse)) / one.sampling_rate, 5),
+        "force": numbers(one.pulse, 5),
         "label": f"{one.recording}, blow {one.index + 1}",
-    }  # fmt: skip
+    }
 
 
 def chart(bench: Workbench, place: int) -> dict[str, Any]:
@@ -167,10 +192,13 @@ def chart(bench: Workbench, place: int) -> dict[str, Any]:
         raise InputError("no such map", got=place)
     one = bench.maps[place]
     return {
-        "levels": numbers(one.force_levels), "forces": numbers(one.normal_forces),
+        "levels": numbers(one.force_levels),
+        "forces": numbers(one.normal_forces),
         "damping": [numbers(100 * row, 5) for row in one.damping],
-        "frequency": [numbers(row) for row in one.frequency], "name": one.name, "method": one.method,
-    }  # fmt: skip
+        "frequency": [numbers(row) for row in one.frequency],
+        "name": one.name,
+        "method": one.method,
+    }
 
 
 def point(bench: Workbench, place: int, level: int, force: int) -> dict[str, Any]:
@@ -187,11 +215,15 @@ def point(bench: Workbench, place: int, level: int, force: int) -> dict[str, Any
         frfs = frfs.band(0.9 * frequency, 1.1 * frequency)
     output, input_ = next(iter(drive_points(frfs)), (0, 0))
     return {
-        "run": name, "label": frfs.label(output, input_), "unit": frf_label(frfs.quantity, frfs.unit),
-        "measured": _curve(frfs.frequencies, frfs.values[:, output, input_]), "f": numbers([frequency], 6)[0],
+        "run": name,
+        "label": frfs.label(output, input_),
+        "unit": frf_label(frfs.quantity, frfs.unit),
+        "measured": _curve(frfs.frequencies, frfs.values[:, output, input_]),
+        "f": numbers([frequency], 6)[0],
         "zeta": numbers([100 * float(one.damping[level, force])], 4)[0],
-        "level": numbers([one.force_levels[level]], 4)[0], "force": numbers([one.normal_forces[force]], 4)[0],
-    }  # fmt: skip
+        "level": numbers([one.force_levels[level]], 4)[0],
+        "force": numbers([one.normal_forces[force]], 4)[0],
+    }
 
 
 def export(bench: Workbench, kind: str) -> tuple[str, bytes]:
@@ -230,6 +262,7 @@ def _curve(frequencies: np.ndarray, values: np.ndarray) -> dict[str, Any]:
     step = _step(len(frequencies))
     values = values[::step]
     return {
-        "f": numbers(frequencies[::step]), "magnitude": numbers(np.where(values == 0, np.nan, np.abs(values)), 5),
+        "f": numbers(frequencies[::step]),
+        "magnitude": numbers(np.where(values == 0, np.nan, np.abs(values)), 5),
         "phase": numbers(np.degrees(np.angle(values)), 4),
-    }  # fmt: skip
+    }

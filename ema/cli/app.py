@@ -19,10 +19,13 @@ if TYPE_CHECKING:
     from ema.study.recipe import FitTable
 
 app = typer.Typer(
-    name="ema", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    name="ema",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
     help="Experimental modal analysis where joints and friction matter.",
     context_settings={"help_option_names": ["-h", "--help"]},
-)  # fmt: skip
+)
 
 app.add_typer(simulating.app)
 app.add_typer(browsing.app)
@@ -181,8 +184,9 @@ def fit(
         told_of = {name: modes(model) for name, model in models.items()}
         screen.as_json(
             {name: {"modes": told_of[name], "second opinion": opinion(opinions[name])} for name in told_of}
-            if second else told_of
-        )  # fmt: skip
+            if second
+            else told_of
+        )
     else:
         out = screen.console()
         for name, model in models.items():

@@ -99,9 +99,7 @@ def workbench(
     study = Study.load(path, output)
     campaign = study.open(progress)
     picked = _picked(study.result)
-    newer = picked.is_file() and not (
-        study.result.is_file() and study.result.stat().st_mtime > picked.stat().st_mtime
-    )  # fmt: skip
+    newer = picked.is_file() and not (study.result.is_file() and study.result.stat().st_mtime > picked.stat().st_mtime)
     result = _result(picked if newer else study.result) if newer or study.result.is_file() else None
     if result is None or not study.is_current(result, campaign, progress, picked=newer):
         result = study.run(progress=progress, resume=True)
@@ -189,8 +187,9 @@ class Keeper:
             if self._path.read_text(encoding="utf-8") != self._written:
                 raise InputError(
                     "the campaign was changed by somebody else, so the excluded blows were not added to it",
-                    where=str(self._path), advice="open it again with `ema app`; picked poles are saved",
-                )  # fmt: skip
+                    where=str(self._path),
+                    advice="open it again with `ema app`; picked poles are saved",
+                )
             files.parse(text, str(self._path))
             write_bytes(self._path, text.encode(), "the campaign")
         except OSError as error:

@@ -37,23 +37,33 @@ def checked(run: Run, settings: EstimateTable, progress: Progress) -> Checked:
 def as_mapping(campaign: Campaign, runs: list[Checked]) -> dict[str, Any]:
     """The check as what JSON can hold."""
     return {
-        "campaign": campaign.name, "structure": campaign.structure, "operator": campaign.operator,
-        "date": campaign.date, "comment": campaign.comment, "channels": [_channel(one) for one in campaign.channels],
+        "campaign": campaign.name,
+        "structure": campaign.structure,
+        "operator": campaign.operator,
+        "date": campaign.date,
+        "comment": campaign.comment,
+        "channels": [_channel(one) for one in campaign.channels],
         "findings": [finding(one) for one in campaign.findings],
         "runs": [
             {
-                "run": one.run.id, "kind": one.run.kind, "records": len(one.run.recordings),
-                "outputs": [str(dof) for dof in one.frfs.outputs], "inputs": [str(dof) for dof in one.frfs.inputs],
+                "run": one.run.id,
+                "kind": one.run.kind,
+                "records": len(one.run.recordings),
+                "outputs": [str(dof) for dof in one.frfs.outputs],
+                "inputs": [str(dof) for dof in one.frfs.inputs],
                 "frequencies": [float(one.frfs.frequencies[0]), float(one.frfs.frequencies[-1])],
-                "frequency_step": one.frfs.frequency_step, "quantity": one.frfs.quantity, "unit": one.frfs.unit,
+                "frequency_step": one.frfs.frequency_step,
+                "quantity": one.frfs.quantity,
+                "unit": one.frfs.unit,
                 "temperature": number(one.run.condition.temperature),
                 "joints": [joint(each) for each in one.run.condition.joints],
                 "hits": None if one.hits is None else {"all": len(one.hits.hits), "used": len(one.hits.accepted)},
                 "repairs": [vars(repair) for repair in one.run.repairs],
                 "findings": [finding(each) for each in one.findings],
-            } for one in runs
+            }
+            for one in runs
         ],
-    }  # fmt: skip
+    }
 
 
 def show(out: Console, campaign: Campaign, runs: list[Checked]) -> None:
@@ -103,10 +113,15 @@ def _force(joint: JointForce) -> str:
 
 def _channel(channel: Any) -> dict[str, Any]:
     return {
-        "name": channel.name, "role": channel.role, "quantity": channel.quantity, "unit": channel.unit,
-        "dof": None if channel.dof is None else str(channel.dof), "range": number(channel.range),
-        "serial": channel.serial, "calibrated_on": channel.calibrated_on,
-    }  # fmt: skip
+        "name": channel.name,
+        "role": channel.role,
+        "quantity": channel.quantity,
+        "unit": channel.unit,
+        "dof": None if channel.dof is None else str(channel.dof),
+        "range": number(channel.range),
+        "serial": channel.serial,
+        "calibrated_on": channel.calibrated_on,
+    }
 
 
 def _channel_table(campaign: Campaign) -> Table:

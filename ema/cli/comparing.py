@@ -55,8 +55,13 @@ def compare(
         if _is_model(model):
             outcome = _against_model(found, measured, model, free, levels, bars)
         elif free:
-            raise InputError("only a model file has parameters to identify", where=str(model), got=f"--update {update}",
-                             expected="a model.toml", advice="leave --update out")  # fmt: skip
+            raise InputError(
+                "only a model file has parameters to identify",
+                where=str(model),
+                got=f"--update {update}",
+                expected="a model.toml",
+                advice="leave --update out",
+            )
         else:
             outcome = _against_file(found, _contents(model), measured, model)
     folder = out or Path("compared") / measured.resolve().stem
@@ -64,11 +69,13 @@ def compare(
     if json:
         screen.as_json(
             {
-                "agrees": outcome.verdict.agrees, "verdict": list(outcome.verdict.sentences),
+                "agrees": outcome.verdict.agrees,
+                "verdict": list(outcome.verdict.sentences),
                 "tables": {name: _rows(table) for name, table in outcome.tables.items()},
-                "findings": [str(finding) for finding in outcome.findings], "written": [str(one) for one in written],
+                "findings": [str(finding) for finding in outcome.findings],
+                "written": [str(one) for one in written],
             }
-        )  # fmt: skip
+        )
     else:
         _print(outcome, written)
     return FINE if outcome.verdict.agrees else FINDINGS
@@ -85,8 +92,9 @@ def _contents(path: Path) -> "ModalMap | ModalModel":
     from ema.data import MapResult, ModalMap, ModalModel
 
     if not path.exists():
-        raise InputError("no such file", where=str(path), expected="modes or a map",
-                         advice="`ema fit` writes modes, `ema map` a map")  # fmt: skip
+        raise InputError(
+            "no such file", where=str(path), expected="modes or a map", advice="`ema fit` writes modes, `ema map` a map"
+        )
     if store.is_store(path):
         held = store.load(path)
         items = list(held.values()) if hasattr(held, "values") and not isinstance(held, ModalModel) else [held]
@@ -98,8 +106,13 @@ def _contents(path: Path) -> "ModalMap | ModalModel":
         if isinstance(noun, ModalMap | ModalModel):
             known.append(noun)
     if len(known) != 1:
-        raise InputError("not one set of modes or one map", where=str(path), got=f"{len(known)} of them",
-                         expected="one", advice="`ema fit` writes modes, `ema map` a map")  # fmt: skip
+        raise InputError(
+            "not one set of modes or one map",
+            where=str(path),
+            got=f"{len(known)} of them",
+            expected="one",
+            advice="`ema fit` writes modes, `ema map` a map",
+        )
     return known[0]
 
 
@@ -115,8 +128,12 @@ def _against_file(
     if isinstance(found, ModalMap) and isinstance(other, ModalMap):
         held = compare.maps(found, other)
         return Outcome(held.verdict, {}, {"comparison": held}, {"map_comparison": show.map_comparison(held)})
-    raise InputError("modes cannot be compared with a map", where=f"{measured} and {model}",
-                     got=f"{type(found).__name__} and {type(other).__name__}", expected="two of a kind")  # fmt: skip
+    raise InputError(
+        "modes cannot be compared with a map",
+        where=f"{measured} and {model}",
+        got=f"{type(found).__name__} and {type(other).__name__}",
+        expected="two of a kind",
+    )
 
 
 def _against_model(
@@ -128,12 +145,21 @@ def _against_model(
     from ema.data import ModalMap
 
     if not isinstance(found, ModalMap):
-        raise InputError("a model file is compared with a map", where=str(measured), got=type(found).__name__,
-                         expected="what `ema map` wrote", advice="compare modes with a file of modes")  # fmt: skip
+        raise InputError(
+            "a model file is compared with a map",
+            where=str(measured),
+            got=type(found).__name__,
+            expected="what `ema map` wrote",
+            advice="compare modes with a file of modes",
+        )
     table, model = model_file.load(path).map, acquisition.open_model(path)
     if table is None:
-        raise InputError("the model file has no [map]", where=str(path), expected="at, output and band",
-                         advice="docs/simulate.md shows what stands there")  # fmt: skip
+        raise InputError(
+            "the model file has no [map]",
+            where=str(path),
+            expected="at, output and band",
+            advice="docs/simulate.md shows what stands there",
+        )
     at, output, band = table.at, table.output or table.at, (table.band[0], table.band[1])
     tables, nouns, findings = {}, {}, []
     if free or not levels:

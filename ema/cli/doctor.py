@@ -133,9 +133,10 @@ def _reports() -> list[Check]:
             mend = f"sudo apt-get install -y {_TYPESETTING}" if _debian() else ""
             check = Check("report as PDF", False, str(error.what), False, mend)
     return [
-        Check("report as HTML", True, "written by what every installation has"), check,
+        Check("report as HTML", True, "written by what every installation has"),
+        check,
         _extra("report as Word file", "python-docx", "written"),
-    ]  # fmt: skip
+    ]
 
 
 def _app() -> list[Check]:
@@ -145,9 +146,14 @@ def _app() -> list[Check]:
     mend = "sudo apt-get install -y chromium" if _debian() else ""
     return [
         _extra("ema app", "plotly", "served"),
-        Check("browser", bool(browser), browser or "none found here; the page can be opened from elsewhere with --host",
-              False, mend),
-    ]  # fmt: skip
+        Check(
+            "browser",
+            bool(browser),
+            browser or "none found here; the page can be opened from elsewhere with --host",
+            False,
+            mend,
+        ),
+    ]
 
 
 def _daq() -> list[Check]:

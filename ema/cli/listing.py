@@ -15,10 +15,16 @@ def formats_as_list(formats: list[Any]) -> list[dict[str, Any]]:
     """One entry per format."""
     return [
         {
-            "name": one.name, "title": one.title, "suffixes": list(one.suffixes), "reads": list(one.reads),
-            "writes": list(one.writes), "extra": one.extra or None, "available": one.available,
-        } for one in formats
-    ]  # fmt: skip
+            "name": one.name,
+            "title": one.title,
+            "suffixes": list(one.suffixes),
+            "reads": list(one.reads),
+            "writes": list(one.writes),
+            "extra": one.extra or None,
+            "available": one.available,
+        }
+        for one in formats
+    ]
 
 
 def formats_as_table(formats: list[Any]) -> Table:
@@ -38,15 +44,22 @@ def laws_as_list(laws: Sequence[KnownLaw]) -> list[dict[str, Any]]:
     """One entry per friction law."""
     return [
         {
-            "name": law.name, "constructor": f"ema.simulate.{law.constructor}", "meaning": law.meaning,
+            "name": law.name,
+            "constructor": f"ema.simulate.{law.constructor}",
+            "meaning": law.meaning,
             "parameters": [
                 {
-                    "name": one.key, "unit": one.unit, "default": None if one.several else one.default,
-                    "limits": one.limits, "meaning": one.meaning,
-                } for one in law.parameters
+                    "name": one.key,
+                    "unit": one.unit,
+                    "default": None if one.several else one.default,
+                    "limits": one.limits,
+                    "meaning": one.meaning,
+                }
+                for one in law.parameters
             ],
-        } for law in laws
-    ]  # fmt: skip
+        }
+        for law in laws
+    ]
 
 
 def laws_as_table(laws: Sequence[KnownLaw]) -> Table:

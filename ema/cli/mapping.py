@@ -69,8 +69,12 @@ def _tables(study: "Study", near: list[float] | None, told: dict[str, Any]) -> "
     if near:
         return [MapTable(near=one, **told) for one in near]
     if not study.recipe.map:
-        raise InputError("which mode is to be mapped?", where=str(study.source), expected="its frequency in Hz",
-                         advice="give --near 500, or a recipe with [[map]]")  # fmt: skip
+        raise InputError(
+            "which mode is to be mapped?",
+            where=str(study.source),
+            expected="its frequency in Hz",
+            advice="give --near 500, or a recipe with [[map]]",
+        )
     return [table.model_copy(update=told) for table in study.recipe.map]
 
 
@@ -84,9 +88,10 @@ def _write(folder: Path, result: "MapResult") -> list[Path]:
     with store.replacing(written[1]) as target:
         target.write_text(_csv(result), encoding="utf-8", newline="")
     pictures = {
-        f"{stem}_damping": show.damping_map(result.chart), f"{stem}_frequency": show.frequency_map(result.chart),
+        f"{stem}_damping": show.damping_map(result.chart),
+        f"{stem}_frequency": show.frequency_map(result.chart),
         f"{stem}_curves": show.damping_curves(result.chart),
-    }  # fmt: skip
+    }
     return [*written, *save_pictures(folder, pictures)]
 
 

@@ -78,8 +78,11 @@ def _read(source: Path, recipe: Path | None) -> "tuple[PlaceRecipe, Path, Path |
     from ema.place.sources import recipe_of_model
 
     if not source.exists():
-        raise InputError("there is no such file or folder", where=str(source),
-                         expected="a placement recipe, a campaign, a file with modes, or a model.toml")  # fmt: skip
+        raise InputError(
+            "there is no such file or folder",
+            where=str(source),
+            expected="a placement recipe, a campaign, a file with modes, or a model.toml",
+        )
     if (source / model_file.FILE_NAME).is_file() or source.name == model_file.FILE_NAME:
         read = recipes.load(recipe) if recipe is not None else recipe_of_model(source)
         return read, (recipe or source).parent, model_file.locate(source)
@@ -87,11 +90,17 @@ def _read(source: Path, recipe: Path | None) -> "tuple[PlaceRecipe, Path, Path |
     if not is_campaign and source.suffix.lower() == ".toml":
         return recipes.load(source), source.parent, None
     if recipe is None:
-        raise InputError("nothing is known about the joint and the beam", where=str(source),
-                         expected="a joint law with normal forces F_N, a beam, and the range of F_E",
-                         advice="write them in a recipe (docs/placement.md) and give it with --recipe")  # fmt: skip
-    told = {"campaign": str(source.resolve()), "modes": ""} if is_campaign else {"modes": str(source.resolve()),
-                                                                                 "campaign": ""}  # fmt: skip
+        raise InputError(
+            "nothing is known about the joint and the beam",
+            where=str(source),
+            expected="a joint law with normal forces F_N, a beam, and the range of F_E",
+            advice="write them in a recipe (docs/placement.md) and give it with --recipe",
+        )
+    told = (
+        {"campaign": str(source.resolve()), "modes": ""}
+        if is_campaign
+        else {"modes": str(source.resolve()), "campaign": ""}
+    )
     return recipes.load(recipe).model_copy(update=told), recipe.parent, None
 
 
@@ -100,8 +109,11 @@ def _bare(recipe: "PlaceRecipe", origin: Path, progress: "Progress") -> "tuple[M
     if recipe.modes:
         return _of_file(origin / recipe.modes)
     if not recipe.campaign:
-        raise InputError("the recipe names no structure", expected="campaign, or modes (a file)",
-                         advice="add one, or give a campaign as SOURCE and the recipe with --recipe")  # fmt: skip
+        raise InputError(
+            "the recipe names no structure",
+            expected="campaign, or modes (a file)",
+            advice="add one, or give a campaign as SOURCE and the recipe with --recipe",
+        )
     from ema.estimate import without_dead
     from ema.study import Study, chain
     from ema.study.measured import frfs_of
@@ -115,16 +127,27 @@ def _bare(recipe: "PlaceRecipe", origin: Path, progress: "Progress") -> "tuple[M
     elif runs:
         run = runs[0]
     else:
-        raise InputError("the campaign has no run without the friction beam", where=campaign.name,
-                         got=", ".join(run.id for run in campaign.runs), expected="a bare run",
-                         advice="measure the structure without the beam")  # fmt: skip
+        raise InputError(
+            "the campaign has no run without the friction beam",
+            where=campaign.name,
+            got=", ".join(run.id for run in campaign.runs),
+            expected="a bare run",
+            advice="measure the structure without the beam",
+        )
     if run.condition.joints:
-        raise InputError("this run was measured with a friction beam", where=f"run {run.id}",
-                         got=", ".join(joint.joint for joint in run.condition.joints),
-                         expected="the structure without the beam", advice="name the bare run")  # fmt: skip
+        raise InputError(
+            "this run was measured with a friction beam",
+            where=f"run {run.id}",
+            got=", ".join(joint.joint for joint in run.condition.joints),
+            expected="the structure without the beam",
+            advice="name the bare run",
+        )
     if campaign.geometry is None:
-        raise InputError("the campaign has no geometry", where=campaign.name,
-                         advice="add [geometry] to campaign.toml: places come from it")  # fmt: skip
+        raise InputError(
+            "the campaign has no geometry",
+            where=campaign.name,
+            advice="add [geometry] to campaign.toml: places come from it",
+        )
     frfs, hits = frfs_of(run, study.recipe.estimate, progress)
     band = (recipe.band[0], recipe.band[1]) if recipe.band else chain.default_band(frfs, hits)
     return chain.fitted(without_dead(frfs.band(*band)), FitTable(), progress)[1], campaign.geometry
@@ -148,9 +171,12 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
     models = [noun for noun in nouns if isinstance(noun, ModalModel)]
     shapes = [noun for noun in nouns if isinstance(noun, Geometry)]
     if not models or not shapes:
-        raise InputError("the file lacks modes or geometry", where=str(path),
-                         got=", ".join(type(noun).__name__ for noun in nouns) or "nothing",
-                         expected="one modal model and its geometry")  # fmt: skip
+        raise InputError(
+            "the file lacks modes or geometry",
+            where=str(path),
+            got=", ".join(type(noun).__name__ for noun in nouns) or "nothing",
+            expected="one modal model and its geometry",
+        )
     return models[0], shapes[0]
 
 
@@ -182,15 +208,23 @@ def _cluster(address: str) -> Iterator[Executor]:
     try:
         client = Client(address, timeout=WAIT)
     except (OSError, ValueError, TimeoutError) as error:
-        raise InputError("no cluster answers", where=address, got=str(error).splitlines()[0] if str(error) else "",
-                         expected="the address of a running scheduler",
-                         advice="start `dask scheduler` and `dask worker ADDRESS`") from error  # fmt: skip
+        raise InputError(
+            "no cluster answers",
+            where=address,
+            got=str(error).splitlines()[0] if str(error) else "",
+            expected="the address of a running scheduler",
+            advice="start `dask scheduler` and `dask worker ADDRESS`",
+        ) from error
     try:
         try:
             client.wait_for_workers(1, timeout=WAIT)
         except TimeoutError as error:
-            raise FailureError("the cluster has no worker", where=address, got=f"none within {WAIT:g} s",
-                               advice=f"start one with `dask worker {address}`") from error  # fmt: skip
+            raise FailureError(
+                "the cluster has no worker",
+                where=address,
+                got=f"none within {WAIT:g} s",
+                advice=f"start one with `dask worker {address}`",
+            ) from error
         yield client.get_executor(pure=False, retries=3)
     finally:
         client.close(timeout=WAIT)
@@ -220,12 +254,16 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
 
     rows = [jsonable(row) for row in found.ranking.table().reset_index().to_dict("records")]
     return {
-        "warning": found.warning, "answer": answer(found), "candidates": len(found.ranking.scores),
-        "checked": len(found.ranking.shortlist), "places": rows,
+        "warning": found.warning,
+        "answer": answer(found),
+        "candidates": len(found.ranking.scores),
+        "checked": len(found.ranking.shortlist),
+        "places": rows,
         "normal_forces": found.ranking.best.normal_forces.tolist(),
         "control": None if found.control is None else found.control.verdict,
-        "findings": [finding(one) for one in _findings(found)], "written": [str(path) for path in written],
-    }  # fmt: skip
+        "findings": [finding(one) for one in _findings(found)],
+        "written": [str(path) for path in written],
+    }
 
 
 def _show(found: "Placement", written: list[Path]) -> None:

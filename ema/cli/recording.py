@@ -58,9 +58,11 @@ def record(
             _arm(session, rig)
     except FailureError as error:
         raise FailureError(
-            error.what, where=error.where, got=error.got,
+            error.what,
+            where=error.where,
+            got=error.got,
             advice=f"{session.done} takes are safe in {folder}; go on with the same command",
-        ) from error  # fmt: skip
+        ) from error
     finally:
         session.close()
         source.close()
@@ -100,9 +102,16 @@ def _line(take: "Take", session: "Session") -> str:
     verdict = "accepted" if take.accepted else f"REJECTED: {'; '.join(take.reasons)}"
     remarks = f" ({'; '.join(take.remarks)})" if take.remarks else ""
     return "  ".join(
-        part for part in (f"point {take.point}", f"peak {take.peak:.4g} N", f"F_N {forces}" if forces else "no joint",
-                          verdict + remarks, average(session, take)) if part
-    )  # fmt: skip
+        part
+        for part in (
+            f"point {take.point}",
+            f"peak {take.peak:.4g} N",
+            f"F_N {forces}" if forces else "no joint",
+            verdict + remarks,
+            average(session, take),
+        )
+        if part
+    )
 
 
 def average(session: "Session", take: "Take") -> str:
@@ -118,11 +127,15 @@ def average(session: "Session", take: "Take") -> str:
         return ""
     places = {table.name: table.dof.replace("{point}", str(take.point)) for table in session.rig.channels}
     records = [
-        replace(one, channels=tuple(
-            replace(channel, dof=Dof.parse(places[channel.name])) if places.get(channel.name) else channel
-            for channel in one.channels
-        )) for one in records
-    ]  # fmt: skip
+        replace(
+            one,
+            channels=tuple(
+                replace(channel, dof=Dof.parse(places[channel.name])) if places.get(channel.name) else channel
+                for channel in one.channels
+            ),
+        )
+        for one in records
+    ]
     try:
         frfs = hammer(Run("take", Condition(Excitation("hammer")), tuple(records)))
     except EmaError as error:
@@ -158,9 +171,11 @@ class VirtualHammer:
             number = points.index(point) + len(points) * self.session.attempts
             record = self._table.take(number)
             yield replace(
-                record, start=datetime.now(UTC), name="take",
+                record,
+                start=datetime.now(UTC),
+                name="take",
                 channels=tuple(replace(channel, dof=None) for channel in record.channels),
-            )  # fmt: skip
+            )
 
     def close(self) -> None:
         """Nothing to give back."""
@@ -176,16 +191,21 @@ class VirtualHammer:
         tables = self.rig.channels
         wired = [wire.channel for wire in rig_file.wires(self.rig)]
         responses = tuple(
-            replace(channel, dof=Dof.parse(told.dof)) for channel, told in zip(wired, tables, strict=True)
+            replace(channel, dof=Dof.parse(told.dof))
+            for channel, told in zip(wired, tables, strict=True)
             if channel.role == "response"
-        )  # fmt: skip
+        )
         hammer = next(told for told in tables if told.role == "reference")
         dofs = tuple(Dof.parse(hammer.dof.replace("{point}", str(point))) for point in self.rig.take.points)
-        rings = tuple(
-            RingCell(channel.joint, 1020.0, 3.0) for channel in wired if channel.role == "normal force"
-        )  # fmt: skip
+        rings = tuple(RingCell(channel.joint, 1020.0, 3.0) for channel in wired if channel.role == "normal force")
         drive = RovingHammer(dofs * 500, hits=1, contact_time=0.4e-3, pre_trigger=0.05, spacing=1.0)
         return VirtualRig(
-            table.with_beam() if rings else table.bare(), drive, responses, self.sampling_rate, rings=rings,
-            noise={"acceleration": 0.05, "force": 0.05}, seed=7, name="virtual",
-        )  # fmt: skip
+            table.with_beam() if rings else table.bare(),
+            drive,
+            responses,
+            self.sampling_rate,
+            rings=rings,
+            noise={"acceleration": 0.05, "force": 0.05},
+            seed=7,
+            name="virtual",
+        )

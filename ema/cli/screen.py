@@ -38,9 +38,15 @@ class Bars:
     def __init__(self) -> None:
         stream = Console(stderr=True)
         self._progress = Progress(
-            SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-            console=stream, transient=True, disable=not stream.is_terminal,
-        )  # fmt: skip
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=stream,
+            transient=True,
+            disable=not stream.is_terminal,
+        )
         self._tasks: dict[str, Any] = {}
 
     def __enter__(self) -> "Bars":
@@ -126,9 +132,10 @@ def _repeat_table(group: RepeatGroup) -> Table:
     for name, unit, scale, own, digits in (("f", "Hz", 1, group.frequency, 3), ("zeta", "%", 100, group.damping, 4)):
         columns |= {
             f"{name} [{unit}]": [f"{scale * value:.{digits}f}" for value in own.mean],
-            f"+- {name}": _cells(scale * own.half), f"noise {name}": _cells(scale * own.noise),
+            f"+- {name}": _cells(scale * own.half),
+            f"noise {name}": _cells(scale * own.noise),
             f"between {name}": _cells(scale * own.between),
-        }  # fmt: skip
+        }
     return _table(title, columns)
 
 
@@ -137,11 +144,13 @@ def _difference_table(found: ConditionDifference) -> Table:
     columns: dict[str, Sequence[str]] = {
         "f [Hz]": [f"{value:.3f}" for value in found.frequency[:, 0]],
         "change of f [Hz]": [f"{value:+.3g}" for value in np.diff(found.frequency, axis=1)[:, 0]],
-        "+- f": _cells(found.frequency_half), "verdict on f": found.words("frequency"),
+        "+- f": _cells(found.frequency_half),
+        "verdict on f": found.words("frequency"),
         "zeta [%]": [f"{100 * value:.4f}" for value in found.damping[:, 0]],
         "change of zeta [%]": [f"{100 * value:+.3g}" for value in np.diff(found.damping, axis=1)[:, 0]],
-        "+- zeta": _cells(100 * found.damping_half), "verdict on zeta": found.words("damping"),
-    }  # fmt: skip
+        "+- zeta": _cells(100 * found.damping_half),
+        "verdict on zeta": found.words("damping"),
+    }
     return _table(f"{found.second} against {found.first}: 95 % intervals from repeats", columns)
 
 
@@ -162,12 +171,19 @@ def opinion_table(opinion: "SecondOpinion", title: str) -> Table:
     """Two estimators side by side; differences in combined standard deviations."""
     table = Table(
         title=f"{title}: second opinion (ERA), differences in combined standard deviations s, limit "
-        f"{opinion.limit:.1f}", title_justify="left", title_style="bold",
-    )  # fmt: skip
+        f"{opinion.limit:.1f}",
+        title_justify="left",
+        title_style="bold",
+    )
     formats = {
-        "f [Hz]": ".3f", "f second [Hz]": ".3f", "df / s": "+.1f", "zeta [%]": ".4f", "zeta second [%]": ".4f",
-        "dzeta / s": "+.1f", "MAC": ".3f",
-    }  # fmt: skip
+        "f [Hz]": ".3f",
+        "f second [Hz]": ".3f",
+        "df / s": "+.1f",
+        "zeta [%]": ".4f",
+        "zeta second [%]": ".4f",
+        "dzeta / s": "+.1f",
+        "MAC": ".3f",
+    }
     rows = opinion.table()
     for name in ("mode", *formats, "agrees"):
         table.add_column(name, justify="right", no_wrap=True)

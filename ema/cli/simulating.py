@@ -71,9 +71,13 @@ class Job:
 
 
 def _ended(
-    name: str, path: Path, out: Path | None, json: bool, limit: str,
+    name: str,
+    path: Path,
+    out: Path | None,
+    json: bool,
+    limit: str,
     work: "Callable[[ModelFile, BeamModel, Progress], Job]",
-) -> int:  # fmt: skip
+) -> int:
     """Read the model, do the job, write, print; the status of the command."""
     import acquisition
     from acquisition import model_file
@@ -91,10 +95,13 @@ def _ended(
 
         screen.as_json(
             {
-                "model": model.name, "job": name, "rows": [jsonable(row) for row in job.rows],
-                "findings": [finding(one) for one in job.findings], "written": [str(one) for one in written],
+                "model": model.name,
+                "job": name,
+                "rows": [jsonable(row) for row in job.rows],
+                "findings": [finding(one) for one in job.findings],
+                "written": [str(one) for one in written],
             }
-        )  # fmt: skip
+        )
     else:
         _print(f"{model.name}: {name}", job, written)
     return status(job.findings, limit)
@@ -108,11 +115,19 @@ def _ready(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         usable = os.access(folder, os.W_OK)
     except OSError as error:
-        raise FailureError("the results cannot be written here", where=str(folder), got=error.strerror or str(error),
-                           advice="give another folder with --out") from error  # fmt: skip
+        raise FailureError(
+            "the results cannot be written here",
+            where=str(folder),
+            got=error.strerror or str(error),
+            advice="give another folder with --out",
+        ) from error
     if not usable:
-        raise FailureError("the results cannot be written here", where=str(folder), got="no write access",
-                           advice="give another folder with --out")  # fmt: skip
+        raise FailureError(
+            "the results cannot be written here",
+            where=str(folder),
+            got="no write access",
+            advice="give another folder with --out",
+        )
 
 
 def _write(folder: Path, name: str, model: "BeamModel", job: Job) -> list[Path]:
@@ -175,11 +190,15 @@ def snapback(
     from ema.cli import simulations
 
     return _ended(
-        "snapback", model, out, json, limit,
+        "snapback",
+        model,
+        out,
+        json,
+        limit,
         lambda told, held, bars: simulations.snapback(
             _chosen("snapback", told.snapback), held, load, normal_force, duration, reference, bars
         ),
-    )  # fmt: skip
+    )
 
 
 @app.command()
@@ -196,9 +215,13 @@ def frf(
     from ema.cli import simulations
 
     return _ended(
-        "frf", model, out, json, limit,
+        "frf",
+        model,
+        out,
+        json,
+        limit,
         lambda told, held, bars: simulations.frf(_chosen("frf", told.frf), held, force, normal_force, bars),
-    )  # fmt: skip
+    )
 
 
 @app.command("map")
@@ -215,9 +238,13 @@ def damping_map(
     from ema.cli import simulations
 
     return _ended(
-        "map", model, out, json, limit,
+        "map",
+        model,
+        out,
+        json,
+        limit,
         lambda told, held, bars: simulations.damping_map(_chosen("map", told.map), held, force, normal_force, bars),
-    )  # fmt: skip
+    )
 
 
 @app.command()
@@ -236,6 +263,10 @@ def loop(
     from ema.cli import simulations
 
     return _ended(
-        "loop", model, out, json, limit,
+        "loop",
+        model,
+        out,
+        json,
+        limit,
         lambda told, held, bars: simulations.loops(_chosen("loop", told.loop), held, amplitude, normal_force),
-    )  # fmt: skip
+    )

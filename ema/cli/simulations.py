@@ -27,9 +27,14 @@ def _pressed(model: BeamModel, forces: Sequence[float] | None) -> dict[str, Beam
 
 
 def snapback(
-    table: SnapbackTable, model: BeamModel, load: float | None, forces: Sequence[float] | None,
-    duration: float | None, reference: bool, progress: Progress,
-) -> Job:  # fmt: skip
+    table: SnapbackTable,
+    model: BeamModel,
+    load: float | None,
+    forces: Sequence[float] | None,
+    duration: float | None,
+    reference: bool,
+    progress: Progress,
+) -> Job:
     """Free vibrations at every normal force, with their ring-down."""
     outputs = [table.at, *(dof for dof in table.outputs if dof != table.at)]
     held = (table.load if load is None else load, table.at, table.duration if duration is None else duration, outputs)
@@ -62,9 +67,11 @@ def snapback(
 def _of_motion(run: Response) -> dict[str, Any]:
     left = float(run.energy.total[-1] / run.energy.total[0]) if run.energy.total[0] > 0 else float("nan")
     return {
-        "x0 [mm]": float(1e3 * run.displacements[0, 0]), "energy left [%]": 100 * left,
-        "energy balance": float(run.energy.error), "error estimate": float(run.error_estimate),
-    }  # fmt: skip
+        "x0 [mm]": float(1e3 * run.displacements[0, 0]),
+        "energy left [%]": 100 * left,
+        "energy balance": float(run.energy.error),
+        "error estimate": float(run.error_estimate),
+    }
 
 
 def _of_phases(run: Response, modes: tuple[float, float, float], decay: Decay | None) -> dict[str, Any]:
@@ -155,9 +162,12 @@ def _decay(run: Response, band: tuple[float, float]) -> Decay | None:
 
 
 def frf(
-    table: FrfTable, model: BeamModel, force: Sequence[float] | None, normal: Sequence[float] | None,
+    table: FrfTable,
+    model: BeamModel,
+    force: Sequence[float] | None,
+    normal: Sequence[float] | None,
     progress: Progress,
-) -> Job:  # fmt: skip
+) -> Job:
     """Steady states over the band at every force level and normal force."""
     frequencies = np.linspace(table.band[0], table.band[1], table.lines)
     outputs = table.outputs or [table.at]
@@ -168,28 +178,45 @@ def frf(
             run = simulate.frf(held, frequencies, level, table.at, outputs, table.tolerance, progress=progress)
             runs[f"{level:g} N, F_N {pressed}"] = run
             top = simulate.resonance(held, level, table.at, outputs[0], (table.band[0], table.band[1]), table.tolerance)
-            rows.append({
-                "F_E [N]": float(level), "F_N": pressed, "f [Hz]": top.frequency, "zeta [%]": 100 * top.damping,
-                "|X| [um]": 1e6 * abs(top.amplitude), "|X|/F [um/N]": 1e6 * abs(top.amplitude) / level,
-                "power balance": run.power_error, "error estimate": float(np.nanmax(run.error_estimate)),
-                "solved": f"{int(run.converged.sum())} of {len(run.converged)}",
-            })  # fmt: skip
+            rows.append(
+                {
+                    "F_E [N]": float(level),
+                    "F_N": pressed,
+                    "f [Hz]": top.frequency,
+                    "zeta [%]": 100 * top.damping,
+                    "|X| [um]": 1e6 * abs(top.amplitude),
+                    "|X|/F [um/N]": 1e6 * abs(top.amplitude) / level,
+                    "power balance": run.power_error,
+                    "error estimate": float(np.nanmax(run.error_estimate)),
+                    "solved": f"{int(run.converged.sum())} of {len(run.converged)}",
+                }
+            )
     return Job(
         {f"steady states {label}": run for label, run in runs.items()},
-        {"steady_states": show.steady_states(list(runs.values()), list(runs))}, rows,
+        {"steady_states": show.steady_states(list(runs.values()), list(runs))},
+        rows,
         [one for run in runs.values() for one in run.findings],
-    )  # fmt: skip
+    )
 
 
 def damping_map(
-    table: MapTable, model: BeamModel, force: Sequence[float] | None, normal: Sequence[float] | None,
+    table: MapTable,
+    model: BeamModel,
+    force: Sequence[float] | None,
+    normal: Sequence[float] | None,
     progress: Progress,
-) -> Job:  # fmt: skip
+) -> Job:
     """Map of one resonance, with the best normal force of every level."""
     chart = simulate.damping_map(
-        model, force or table.force, normal or table.normal_force, table.at, table.output or table.at,
-        (table.band[0], table.band[1]), table.tolerance, progress=progress,
-    )  # fmt: skip
+        model,
+        force or table.force,
+        normal or table.normal_force,
+        table.at,
+        table.output or table.at,
+        (table.band[0], table.band[1]),
+        table.tolerance,
+        progress=progress,
+    )
     pictures = {"damping_map": show.damping_map(chart), "frequency_map": show.frequency_map(chart)}
     return Job({"map": chart}, pictures, _rows_of_map(chart), [])
 
@@ -200,11 +227,15 @@ def _rows_of_map(chart: ModalMap) -> list[dict[str, Any]]:
     for row, level in enumerate(chart.force_levels):
         damping = 100 * np.asarray(chart.damping[row])
         best = int(np.nanargmax(damping)) if np.isfinite(damping).any() else 0
-        rows.append({
-            "F_E [N]": float(level), "best F_N [N]": float(chart.normal_forces[best]),
-            "zeta there [%]": float(damping[best]), "f there [Hz]": float(chart.frequency[row, best]),
-            **{f"zeta at {chart.normal_forces[place]:g} N [%]": float(damping[place]) for place in (0, -1)},
-        })  # fmt: skip
+        rows.append(
+            {
+                "F_E [N]": float(level),
+                "best F_N [N]": float(chart.normal_forces[best]),
+                "zeta there [%]": float(damping[best]),
+                "f there [Hz]": float(chart.frequency[row, best]),
+                **{f"zeta at {chart.normal_forces[place]:g} N [%]": float(damping[place]) for place in (0, -1)},
+            }
+        )
     return rows
 
 
@@ -219,13 +250,17 @@ def loops(table: LoopTable, model: BeamModel, amplitude: Sequence[float] | None,
                 raise InputError("not an amplitude", got=f"{reach} m", expected="above 0 m")
             label = f"{1e6 * reach:g} µm, F_N {force:g} N"
             held[label] = _loop(joint, float(force), float(reach), table.frequency)
-            rows.append({
-                "F_N [N]": float(force), "amplitude [um]": 1e6 * reach,
-                "energy per cycle [J]": max(held[label].area, 0.0),
-                "slip force [N]": joint.law.friction_coefficient * force,
-                "largest force [N]": float(np.abs(held[label].forces).max()),
-                "loss factor": max(held[label].area, 0.0) / (np.pi * reach * float(np.abs(held[label].forces).max())),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "F_N [N]": float(force),
+                    "amplitude [um]": 1e6 * reach,
+                    "energy per cycle [J]": max(held[label].area, 0.0),
+                    "slip force [N]": joint.law.friction_coefficient * force,
+                    "largest force [N]": float(np.abs(held[label].forces).max()),
+                    "loss factor": max(held[label].area, 0.0)
+                    / (np.pi * reach * float(np.abs(held[label].forces).max())),
+                }
+            )
     pictures = {"hysteresis": show.hysteresis(list(held.values()), list(held))}
     return Job({f"loop {label}": one for label, one in held.items()}, pictures, rows, [])
 

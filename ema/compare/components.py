@@ -39,9 +39,11 @@ def variance_components(
     names = tuple(map(str, range(len(values)))) if assemblies is None else assemblies
     if not len(values) or values.shape != stds.shape or len(names) != len(values):
         raise InputError(
-            "values, standard deviations and assemblies of repeats do not fit each other", where="variance_components",
-            got=f"{values.shape}, {stds.shape} and {len(names)}", expected="(run, mode) twice, and one text per run",
-        )  # fmt: skip
+            "values, standard deviations and assemblies of repeats do not fit each other",
+            where="variance_components",
+            got=f"{values.shape}, {stds.shape} and {len(names)}",
+            expected="(run, mode) twice, and one text per run",
+        )
     labels = np.array(names)
     groups = [labels == name for name in dict.fromkeys(names)]
     found = np.isfinite(values)
@@ -64,9 +66,16 @@ def variance_components(
         noise_std = np.where(known, np.sqrt(noise.sum(axis=0) / sizes.sum(axis=0)), np.nan)
     between, low, high = np.sqrt(np.maximum([total - within, *(limits - within)], 0))
     return VarianceComponents(
-        np.where(count > 0, mean, np.nan), noise_std, np.sqrt(takes), between, np.stack([low, high], axis=1), std, half,
-        noise_half, count,
-    )  # fmt: skip
+        np.where(count > 0, mean, np.nan),
+        noise_std,
+        np.sqrt(takes),
+        between,
+        np.stack([low, high], axis=1),
+        std,
+        half,
+        noise_half,
+        count,
+    )
 
 
 def _means(sums: Float[np.ndarray, "assembly mode"], sizes: Float[np.ndarray, "assembly mode"]) -> np.ndarray:
@@ -74,9 +83,11 @@ def _means(sums: Float[np.ndarray, "assembly mode"], sizes: Float[np.ndarray, "a
 
 
 def _takes(
-    values: Float[np.ndarray, "run mode"], means: np.ndarray, groups: list[np.ndarray],
+    values: Float[np.ndarray, "run mode"],
+    means: np.ndarray,
+    groups: list[np.ndarray],
     sizes: Float[np.ndarray, "assembly mode"],
-) -> Float[np.ndarray, "mode"]:  # fmt: skip
+) -> Float[np.ndarray, "mode"]:
     """Variance between takes of one assembly, pooled over the assemblies; NaN where no assembly has two."""
     freedom = np.maximum(sizes - 1, 0).sum(axis=0)
     squares = [np.nansum((values[group] - mean) ** 2, axis=0) for group, mean in zip(groups, means, strict=True)]

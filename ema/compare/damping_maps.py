@@ -25,9 +25,13 @@ def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
     InputError : a map with one level or no point in common, or a normal force that is off by a factor of a thousand.
     """
     if len(measured.force_levels) < 2:
-        raise InputError("a map with one level", where=measured.name or "measured map",
-                         got=f"{measured.force_levels} N", expected="two or more force levels",
-                         advice="measure another level: one tells no trend")  # fmt: skip
+        raise InputError(
+            "a map with one level",
+            where=measured.name or "measured map",
+            got=f"{measured.force_levels} N",
+            expected="two or more force levels",
+            advice="measure another level: one tells no trend",
+        )
     _units(measured, simulated)
     levels, forces = _places(measured)
     frequency = _read(simulated, simulated.frequency, levels, forces)
@@ -35,9 +39,12 @@ def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
     frequency_error, ratio = frequency / measured.frequency - 1, damping / measured.damping
     count = int(np.isfinite(ratio).sum())
     if not count:
-        raise InputError("the maps have no point in common", where=measured.name or "measured map",
-                         got=f"{simulated.force_levels} N over {simulated.normal_forces} N",
-                         expected=f"{measured.force_levels} N over {measured.normal_forces} N")  # fmt: skip
+        raise InputError(
+            "the maps have no point in common",
+            where=measured.name or "measured map",
+            got=f"{simulated.force_levels} N over {simulated.normal_forces} N",
+            expected=f"{measured.force_levels} N over {measured.normal_forces} N",
+        )
     bounds = [
         np.zeros(ratio.shape) if std is None else 1.96 * np.nan_to_num(std)
         for std in (measured.frequency_std, measured.damping_std)
@@ -47,17 +54,26 @@ def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
     inside = float(good[np.isfinite(ratio)].mean())
     ridge = np.stack([_ridge(measured.damping, forces), _ridge(damping, forces)], axis=1)
     return MapComparison(
-        measured, simulated, frequency_error, ratio, ridge, inside,
+        measured,
+        simulated,
+        frequency_error,
+        ratio,
+        ridge,
+        inside,
         _verdict(measured, frequency_error, ratio, ridge, _given_away(measured, damping), inside, count),
-    )  # fmt: skip
+    )
 
 
 def _units(measured: ModalMap, simulated: ModalMap) -> None:
     middle = [float(np.exp(np.mean(np.log(np.maximum(chart.normal_forces, 1e-9))))) for chart in (measured, simulated)]
     if abs(np.log10(middle[0] / middle[1])) > 2.5:
-        raise InputError("normal forces of another size", where=measured.name or "measured map",
-                         got=f"about {middle[0]:.3g} N and {middle[1]:.3g} N", expected="the same range in both",
-                         advice="a factor of about 1000: check kN against N")  # fmt: skip
+        raise InputError(
+            "normal forces of another size",
+            where=measured.name or "measured map",
+            got=f"about {middle[0]:.3g} N and {middle[1]:.3g} N",
+            expected="the same range in both",
+            advice="a factor of about 1000: check kN against N",
+        )
 
 
 def _places(chart: ModalMap) -> tuple[Float[np.ndarray, "level force"], Float[np.ndarray, "level force"]]:
@@ -101,9 +117,12 @@ def _weights(axis: Float[np.ndarray, "n"], value: float) -> tuple[tuple[int, flo
 
 
 def _ridge(damping: Float[np.ndarray, "level force"], forces: np.ndarray) -> Float[np.ndarray, "level"]:
-    return np.array([
-        forces[row, np.nanargmax(values)] if np.isfinite(values).any() else np.nan for row, values in enumerate(damping)
-    ])  # fmt: skip
+    return np.array(
+        [
+            forces[row, np.nanargmax(values)] if np.isfinite(values).any() else np.nan
+            for row, values in enumerate(damping)
+        ]
+    )
 
 
 def _given_away(measured: ModalMap, simulated: Float[np.ndarray, "level force"]) -> Float[np.ndarray, "level"]:
@@ -117,9 +136,14 @@ def _given_away(measured: ModalMap, simulated: Float[np.ndarray, "level force"])
 
 
 def _verdict(
-    measured: ModalMap, frequency_error: np.ndarray, ratio: np.ndarray, ridge: np.ndarray, lost: np.ndarray,
-    inside: float, count: int,
-) -> Verdict:  # fmt: skip
+    measured: ModalMap,
+    frequency_error: np.ndarray,
+    ratio: np.ndarray,
+    ridge: np.ndarray,
+    lost: np.ndarray,
+    inside: float,
+    count: int,
+) -> Verdict:
     said = [
         f"{inside:.0%} of {count} points lie within the bounds.",
         f"Simulated over measured damping is {np.nanmedian(ratio):.2f} in the median, "
@@ -131,8 +155,10 @@ def _verdict(
     wrong = apart & (lost > DAMPING)
     if wrong.any():
         row = int(np.argmax(np.where(wrong, np.abs(np.log(off)), -1)))
-        said.append(f"At {measured.force_levels[row]:g} N the most damping is at {ridge[row, 0]:.3g} N, "
-                    f"simulated at {ridge[row, 1]:.3g} N.")  # fmt: skip
+        said.append(
+            f"At {measured.force_levels[row]:g} N the most damping is at {ridge[row, 0]:.3g} N, "
+            f"simulated at {ridge[row, 1]:.3g} N."
+        )
     elif apart.any():
         row = int(np.argmax(np.where(apart, np.abs(np.log(off)), -1)))
         said.append(

@@ -35,16 +35,24 @@ def signals(
         shorter than ten periods.
     """
     if measured.shape != simulated.shape:
-        raise InputError("signals of different lengths", where="comparison",
-                         got=f"{len(measured)} and {len(simulated)}", expected="the same times in both",
-                         advice="resample the simulation")  # fmt: skip
+        raise InputError(
+            "signals of different lengths",
+            where="comparison",
+            got=f"{len(measured)} and {len(simulated)}",
+            expected="the same times in both",
+            advice="resample the simulation",
+        )
     if not (np.all(np.isfinite(measured)) and np.all(np.isfinite(simulated))):
         raise InputError("a signal holds NaN or infinite values", where="comparison")
     if not 0 < band[0] < band[1] < 0.5 * sampling_rate:
         raise InputError("not a band", where="comparison", got=f"{band} Hz", expected="0 < low < high < half the rate")
     if len(measured) * band[0] < 10 * sampling_rate:
-        raise InputError("the record is too short", where="comparison", got=f"{len(measured) / sampling_rate:.3g} s",
-                         expected=f"ten periods, {10 / band[0]:.3g} s")  # fmt: skip
+        raise InputError(
+            "the record is too short",
+            where="comparison",
+            got=f"{len(measured) / sampling_rate:.3g} s",
+            expected=f"ten periods, {10 / band[0]:.3g} s",
+        )
     if not (np.any(measured) and np.any(simulated)):
         raise InputError("a signal is zero throughout", where="comparison", advice="check the channel")
     sos = scipy.signal.butter(4, band, "bandpass", fs=sampling_rate, output="sos")

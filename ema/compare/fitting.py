@@ -82,8 +82,12 @@ def update(
     names = (*_checked(model, free), *(() if known_level else ("force_scale",)))
     points = places(model, chart)
     if 2 * len(points.level) <= len(names) + 1:
-        raise InputError("too few points", where=chart.name or "map", got=f"{len(points.level)} points",
-                         expected=f"more than {(len(names) + 1) // 2} for {len(names)} parameters")  # fmt: skip
+        raise InputError(
+            "too few points",
+            where=chart.name or "map",
+            got=f"{len(points.level)} points",
+            expected=f"more than {(len(names) + 1) // 2} for {len(names)} parameters",
+        )
     problem = _Problem(_centred(model, points), chart, points, names, at, output, band or search_band(chart), tolerance)
     values = problem.start(progress)
     bias = np.zeros(len(points.level))
@@ -107,9 +111,7 @@ def _stated_at(model: BeamModel, forces: Sequence[float]) -> BeamModel:
     joints = []
     for joint, force in zip(model.joints, forces, strict=True):
         growth = (force / joint.law.reference_force) ** joint.law.stiffness_exponent
-        law = replace(
-            joint.law, contact_stiffness=joint.law.contact_stiffness * growth, reference_force=float(force)
-        )  # fmt: skip
+        law = replace(joint.law, contact_stiffness=joint.law.contact_stiffness * growth, reference_force=float(force))
         joints.append(replace(joint, law=law))
     return replace(model, joints=tuple(joints))
 
@@ -123,8 +125,13 @@ def _checked(model: BeamModel, free: Sequence[str]) -> tuple[str, ...]:
         if name not in FREE:
             raise InputError("an unknown parameter", where=where, got=name, expected="some of " + ", ".join(FREE))
         if name == "exponent" and laws != {"regularised masing"}:
-            raise InputError("the law has no exponent m", where=where, got=", ".join(sorted(laws)),
-                             expected="regularised masing", advice="leave `exponent` out")  # fmt: skip
+            raise InputError(
+                "the law has no exponent m",
+                where=where,
+                got=", ".join(sorted(laws)),
+                expected="regularised masing",
+                advice="leave `exponent` out",
+            )
     if not free or len(set(free)) != len(free):
         raise InputError("not a list of free parameters", where=where, got=list(free), expected="each name once")
     return tuple(free)
@@ -156,8 +163,13 @@ class _Problem:
         place = (self.points.row, self.points.column)
         damping, frequency = self.chart.damping[place], self.chart.frequency[place]
         if np.any(damping <= 0):
-            raise InputError("a damping ratio that is not positive", where=self.chart.name or "map",
-                             got=float(damping.min()), expected="above 0", advice="make it a hole (NaN)")  # fmt: skip
+            raise InputError(
+                "a damping ratio that is not positive",
+                where=self.chart.name or "map",
+                got=float(damping.min()),
+                expected="above 0",
+                advice="make it a hole (NaN)",
+            )
         of_damping = np.full(len(damping), _UNSTATED)
         of_frequency = 0.1 * of_damping * damping
         if self.chart.damping_std is not None:
@@ -166,16 +178,23 @@ class _Problem:
         if self.chart.frequency_std is not None:
             stated = self.chart.frequency_std[place] / frequency
             of_frequency = np.where(np.isfinite(stated), stated, of_frequency)
-        return (np.log(damping), np.log(frequency), np.hypot(of_damping, _LEAST_DAMPING),
-                np.sqrt(of_frequency**2 + _LEAST_FREQUENCY**2 + (_PEAK * damping) ** 2))  # fmt: skip
+        return (
+            np.log(damping),
+            np.log(frequency),
+            np.hypot(of_damping, _LEAST_DAMPING),
+            np.sqrt(of_frequency**2 + _LEAST_FREQUENCY**2 + (_PEAK * damping) ** 2),
+        )
 
     def initial(self) -> np.ndarray:
         law = self.model.joints[0].law
         have = {
-            "friction_coefficient": law.friction_coefficient, "contact_stiffness": law.contact_stiffness,
-            "stiffness_exponent": law.stiffness_exponent, "exponent": dict(law.parameters).get("exponent", 1.0),
-            "background_damping": max(self.model.damping.ratio, 1e-4), "force_scale": 1.0,
-        }  # fmt: skip
+            "friction_coefficient": law.friction_coefficient,
+            "contact_stiffness": law.contact_stiffness,
+            "stiffness_exponent": law.stiffness_exponent,
+            "exponent": dict(law.parameters).get("exponent", 1.0),
+            "background_damping": max(self.model.damping.ratio, 1e-4),
+            "force_scale": 1.0,
+        }
         return np.array([np.log(have[name]) if name in _LOGARITHMIC else have[name] for name in self.names])
 
     def with_values(self, values: np.ndarray) -> tuple[BeamModel, float]:
@@ -275,9 +294,17 @@ class _Problem:
         from scipy.optimize import least_squares
 
         found = least_squares(
-            self.residuals, values, self.slopes, args=(bias, soft, chosen), xtol=2e-5, ftol=1e-3, gtol=1e-8,
-            max_nfev=iterations, loss="soft_l1", f_scale=3.0,
-        )  # fmt: skip
+            self.residuals,
+            values,
+            self.slopes,
+            args=(bias, soft, chosen),
+            xtol=2e-5,
+            ftol=1e-3,
+            gtol=1e-8,
+            max_nfev=iterations,
+            loss="soft_l1",
+            f_scale=3.0,
+        )
         return np.asarray(found.x), float(found.cost)
 
     def slopes(
@@ -327,9 +354,16 @@ def _result(problem: _Problem, values: np.ndarray, bias: np.ndarray, reference: 
     plain = np.where(logarithmic, np.exp(np.where(logarithmic, values, 0.0)), values)
     findings = _findings(problem, std, told, correlation, covariance, misfit)
     return ModelUpdate(
-        _stated_at(model, reference), problem.names, plain, intervals, told, correlation,
-        float(np.exp(np.nanmedian(shift))), misfit, findings,
-    )  # fmt: skip
+        _stated_at(model, reference),
+        problem.names,
+        plain,
+        intervals,
+        told,
+        correlation,
+        float(np.exp(np.nanmedian(shift))),
+        misfit,
+        findings,
+    )
 
 
 def sound_slopes(
@@ -363,9 +397,13 @@ def _restated(
 
 
 def _findings(
-    problem: _Problem, std: np.ndarray, told: tuple[bool, ...], correlation: np.ndarray, covariance: np.ndarray,
+    problem: _Problem,
+    std: np.ndarray,
+    told: tuple[bool, ...],
+    correlation: np.ndarray,
+    covariance: np.ndarray,
     misfit: float,
-) -> tuple[Finding, ...]:  # fmt: skip
+) -> tuple[Finding, ...]:
     where = problem.chart.name or "map"
     findings = []
     seen: set[int] = set()

@@ -39,16 +39,27 @@ def modes(measured: ModalModel, model: ModalModel, threshold: float = 0.5) -> Mo
     unpaired = tuple(tuple(mode for mode in range(len(one.poles)) if mode not in used) for one, used in both)
     known = measured.uncertainty is not None or model.uncertainty is not None
     return ModeComparison(
-        paired.pairs, frequency, damping, values, _significance(measured, model, left, right, frequency, damping),
-        by_dof, paired.dofs, (unpaired[0], unpaired[1]), _verdict(frequency, values, (unpaired[0], unpaired[1])),
+        paired.pairs,
+        frequency,
+        damping,
+        values,
+        _significance(measured, model, left, right, frequency, damping),
+        by_dof,
+        paired.dofs,
+        (unpaired[0], unpaired[1]),
+        _verdict(frequency, values, (unpaired[0], unpaired[1])),
         mac_uncertainty(measured, model, paired.pairs).std if known else None,
-    )  # fmt: skip
+    )
 
 
 def _significance(
-    measured: ModalModel, model: ModalModel, left: list[int], right: list[int], frequency: np.ndarray,
+    measured: ModalModel,
+    model: ModalModel,
+    left: list[int],
+    right: list[int],
+    frequency: np.ndarray,
     damping: np.ndarray,
-) -> Float[np.ndarray, "pair 2"]:  # fmt: skip
+) -> Float[np.ndarray, "pair 2"]:
     variance = np.zeros((len(left), 2))
     known = False
     for one, rows in ((measured, left), (model, right)):
@@ -62,8 +73,10 @@ def _significance(
 
 
 def _verdict(frequency: np.ndarray, values: np.ndarray, unpaired: tuple[tuple[int, ...], tuple[int, ...]]) -> Verdict:
-    said = [f"{len(values)} modes are paired"
-            + (f", MAC from {values.min():.2f} to {values.max():.2f}." if len(values) else ".")]  # fmt: skip
+    said = [
+        f"{len(values)} modes are paired"
+        + (f", MAC from {values.min():.2f} to {values.max():.2f}." if len(values) else ".")
+    ]
     far = [n for n, (a, b) in enumerate(frequency) if abs(b / a - 1) > CLOSE]
     unlike = [n for n, value in enumerate(values) if value < ALIKE]
     if len(values):

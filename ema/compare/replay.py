@@ -29,15 +29,25 @@ class Places:
 
 @overload
 def measure(
-    model: BeamModel, like: ModalMap, at: Dof | str, output: Dof | str, band: tuple[float, float] | None = None,
-    tolerance: float = 5e-3, progress: Progress = silent,
-) -> ModalMap: ...  # fmt: skip
+    model: BeamModel,
+    like: ModalMap,
+    at: Dof | str,
+    output: Dof | str,
+    band: tuple[float, float] | None = None,
+    tolerance: float = 5e-3,
+    progress: Progress = silent,
+) -> ModalMap: ...
 @overload
 def measure(model: BeamModel, like: Run, *, tolerance: float = 5e-3, progress: Progress = silent) -> Run: ...
 def measure(
-    model: BeamModel, like: ModalMap | Run, at: Dof | str | None = None, output: Dof | str | None = None,
-    band: tuple[float, float] | None = None, tolerance: float = 5e-3, progress: Progress = silent,
-) -> ModalMap | Run:  # fmt: skip
+    model: BeamModel,
+    like: ModalMap | Run,
+    at: Dof | str | None = None,
+    output: Dof | str | None = None,
+    band: tuple[float, float] | None = None,
+    tolerance: float = 5e-3,
+    progress: Progress = silent,
+) -> ModalMap | Run:
     """What a test of the model would give under the conditions of a measured one.
 
     Like a map: every measured point is repeated at its own force at resonance and its own normal force of every joint.
@@ -65,8 +75,12 @@ def measure(
     if isinstance(like, Run):
         return _run(model, like, tolerance)
     if at is None or output is None:
-        raise InputError("where the model is excited and measured is missing", where=like.name or "map",
-                         got=f"at {at}, output {output}", expected="two DOFs of the model")  # fmt: skip
+        raise InputError(
+            "where the model is excited and measured is missing",
+            where=like.name or "map",
+            got=f"at {at}, output {output}",
+            expected="two DOFs of the model",
+        )
     return _map(model, like, at, output, band, tolerance, progress)
 
 
@@ -74,16 +88,30 @@ def _run(model: BeamModel, like: Run, tolerance: float) -> Run:
     pressed = {joint.joint: joint.mean for joint in like.condition.joints}
     names = [joint.name for joint in model.joints]
     if set(pressed) != set(names):
-        raise InputError("the joints of the run and of the model differ", where=f"run {like.id}",
-                         got=f"{', '.join(pressed) or 'none'} and {', '.join(names)}", expected="the same joints",
-                         advice="name the joints of the model as those of the campaign")  # fmt: skip
+        raise InputError(
+            "the joints of the run and of the model differ",
+            where=f"run {like.id}",
+            got=f"{', '.join(pressed) or 'none'} and {', '.join(names)}",
+            expected="the same joints",
+            advice="name the joints of the model as those of the campaign",
+        )
     forces = [pressed[name] for name in names]
     if not np.all(np.isfinite(forces)):
-        raise InputError("an unknown normal force", where=f"run {like.id}", got="NaN", expected="N for every joint",
-                         advice="measure the normal force: without it there is nothing to compare")  # fmt: skip
+        raise InputError(
+            "an unknown normal force",
+            where=f"run {like.id}",
+            got="NaN",
+            expected="N for every joint",
+            advice="measure the normal force: without it there is nothing to compare",
+        )
     if not len(like.recordings):
-        raise InputError("a run without records", where=f"run {like.id}", got="0 recordings", expected="time signals",
-                         advice="compare its FRFs with those of the model (ema.simulate.frf)")  # fmt: skip
+        raise InputError(
+            "a run without records",
+            where=f"run {like.id}",
+            got="0 recordings",
+            expected="time signals",
+            advice="compare its FRFs with those of the model (ema.simulate.frf)",
+        )
     loaded = model.with_normal_force(forces)
 
     def again(number: int) -> Recording:
@@ -100,14 +128,20 @@ def _run(model: BeamModel, like: Run, tolerance: float) -> Run:
         return replace(taken, channels=references + responses, start=recorded.start)
 
     makers = [lambda number=number: again(number) for number in range(len(like.recordings))]
-    return replace(like, id=f"{like.id}, {model.name or 'model'}", recordings=Lazy(makers), frfs=(), findings=(),
-                   repairs=())  # fmt: skip
+    return replace(
+        like, id=f"{like.id}, {model.name or 'model'}", recordings=Lazy(makers), frfs=(), findings=(), repairs=()
+    )
 
 
 def _map(
-    model: BeamModel, like: ModalMap, at: Dof | str, output: Dof | str, band: tuple[float, float] | None,
-    tolerance: float, progress: Progress,
-) -> ModalMap:  # fmt: skip
+    model: BeamModel,
+    like: ModalMap,
+    at: Dof | str,
+    output: Dof | str,
+    band: tuple[float, float] | None,
+    tolerance: float,
+    progress: Progress,
+) -> ModalMap:
     from ema.simulate.maps import check_band
 
     points = places(model, like)
@@ -118,9 +152,17 @@ def _map(
         pressed, level = model.with_normal_force(points.forces[done].tolist()), float(points.level[done])
         values[:, points.row[done], points.column[done]] = _point(pressed, level, at, output, limits, tolerance, like)
     return replace(
-        like, frequency=values[0], damping=values[1], modal_amplitude=values[2], misfit=values[3], frequency_std=None,
-        damping_std=None, quadrature_damping=None, name=model.name or "model", findings=(),
-    )  # fmt: skip
+        like,
+        frequency=values[0],
+        damping=values[1],
+        modal_amplitude=values[2],
+        misfit=values[3],
+        frequency_std=None,
+        damping_std=None,
+        quadrature_damping=None,
+        name=model.name or "model",
+        findings=(),
+    )
 
 
 def search_band(chart: ModalMap) -> tuple[float, float]:
@@ -132,8 +174,9 @@ def search_band(chart: ModalMap) -> tuple[float, float]:
     """
     known = chart.frequency[np.isfinite(chart.frequency)]
     if not known.size:
-        raise InputError("a map without a point", where=chart.name or "map", got="holes only",
-                         expected="frequencies and damping")  # fmt: skip
+        raise InputError(
+            "a map without a point", where=chart.name or "map", got="holes only", expected="frequencies and damping"
+        )
     return float(known.min() * (1 - _WIDTH)), float(known.max() * (1 + _WIDTH))
 
 
@@ -154,23 +197,37 @@ def places(model: BeamModel, chart: ModalMap) -> Places:
     if chart.joint_forces is not None and chart.joints:
         names = [joint.name for joint in model.joints]
         if len(chart.joints) != count:
-            raise InputError("the joints of the map and of the model differ", where=where,
-                             got=f"{', '.join(chart.joints)} and {', '.join(names)}", expected="the same joints",
-                             advice="name the joints of the model as those of the campaign")  # fmt: skip
+            raise InputError(
+                "the joints of the map and of the model differ",
+                where=where,
+                got=f"{', '.join(chart.joints)} and {', '.join(names)}",
+                expected="the same joints",
+                advice="name the joints of the model as those of the campaign",
+            )
         same = set(names) == set(chart.joints)
         order = [chart.joints.index(name) for name in names] if same else list(range(count))
         each = chart.joint_forces[row, column][:, order]
         forces = np.where(np.isfinite(each), each, forces)
     if not np.all(np.isfinite(forces)) or not np.all(np.isfinite(level)):
-        raise InputError("a point without normal force or force level", where=where, got="NaN", expected="N",
-                         advice="measure the normal force: without it there is nothing to compare")  # fmt: skip
+        raise InputError(
+            "a point without normal force or force level",
+            where=where,
+            got="NaN",
+            expected="N",
+            advice="measure the normal force: without it there is nothing to compare",
+        )
     return Places(row, column, level, forces)
 
 
 def _point(
-    model: BeamModel, level: float, at: Dof | str, output: Dof | str, band: tuple[float, float], tolerance: float,
+    model: BeamModel,
+    level: float,
+    at: Dof | str,
+    output: Dof | str,
+    band: tuple[float, float],
+    tolerance: float,
     like: ModalMap,
-) -> tuple[float, float, float, float]:  # fmt: skip
+) -> tuple[float, float, float, float]:
     """Frequency, damping, modal amplitude and misfit of one condition."""
     from ema.fit.tracking import track
     from ema.simulate.harmonic import frf
@@ -187,9 +244,15 @@ def _point(
     values = first[good][:, :, None] / level
     joints = tuple(JointForce(joint.name, joint.normal_force) for joint in model.joints)
     frfs = FrfSet(
-        lines[good], values, steady.dofs[:1], (steady.driven,), "receptance", "m/N",
-        condition=Condition(Excitation("stepped sine", level), joints), name=f"{level:g} N",
-    )  # fmt: skip
+        lines[good],
+        values,
+        steady.dofs[:1],
+        (steady.driven,),
+        "receptance",
+        "m/N",
+        condition=Condition(Excitation("stepped sine", level), joints),
+        name=f"{level:g} N",
+    )
     chart = track([frfs], near=peak.frequency)
     damping, misfit = chart.damping[0, 0], chart.misfit
     if not np.isfinite(damping):

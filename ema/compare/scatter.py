@@ -44,9 +44,11 @@ def repeats(
     where = f"repeats of {label or 'one condition'}"
     if not models or len(names) != len(models) or len(given) != len(models):
         raise InputError(
-            "models, names and assemblies of repeats do not fit each other", where=where,
-            got=f"{len(models)}, {len(names)} and {len(given)}", expected="one of each per run",
-        )  # fmt: skip
+            "models, names and assemblies of repeats do not fit each other",
+            where=where,
+            got=f"{len(models)}, {len(names)} and {len(given)}",
+            expected="one of each per run",
+        )
     _refuse_mixed([model.condition for model in models], names, where)
     own = tuple(text or f"{name} alone" for text, name in zip(given, names, strict=True))
     first = max(range(len(models)), key=lambda place: (len(models[place].poles), -place))
@@ -61,10 +63,16 @@ def repeats(
         findings += _unpaired(reference, model, names[first], names[row], pairs, where)
     values, stds = _table(models, places)
     return RepeatGroup(
-        label or names[first], names, own, replace(reference, uncertainty=None, findings=()), places,
-        variance_components(values[..., 0], stds[..., 0], own), variance_components(values[..., 1], stds[..., 1], own),
-        reference.condition, tuple(findings),
-    )  # fmt: skip
+        label or names[first],
+        names,
+        own,
+        replace(reference, uncertainty=None, findings=()),
+        places,
+        variance_components(values[..., 0], stds[..., 0], own),
+        variance_components(values[..., 1], stds[..., 1], own),
+        reference.condition,
+        tuple(findings),
+    )
 
 
 def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
@@ -91,9 +99,20 @@ def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
         for (half, _), own in zip(halves, (frequency, damping), strict=True)
     ]
     found = ConditionDifference(
-        first.label, second.label, pairs, frequency, damping, halves[0][0], halves[1][0], halves[0][1], halves[1][1],
-        differs[0], differs[1], values, (),
-    )  # fmt: skip
+        first.label,
+        second.label,
+        pairs,
+        frequency,
+        damping,
+        halves[0][0],
+        halves[1][0],
+        halves[0][1],
+        halves[1][1],
+        differs[0],
+        differs[1],
+        values,
+        (),
+    )
     return replace(found, sentences=_sentences(first, second, found))
 
 
@@ -138,10 +157,17 @@ def repeat_findings(runs: Sequence[Run]) -> tuple[Finding, ...]:
         where = f"repeats of {label}"
         if len({run.assembly or f"{run.id} alone" for run in group}) < 2:
             what = f"only {group[0].id} has this label" if len(group) == 1 else "all runs are takes of one assembly"
-            findings.append(Finding(
-                "warning", "repeat-alone", where, f"Nothing is repeated: {what}; {NOISE_ONLY}.",
-                advice="Loosen and assemble again at least once, better four times, and give each run the same label.",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "repeat-alone",
+                    where,
+                    f"Nothing is repeated: {what}; {NOISE_ONLY}.",
+                    advice=(
+                        "Loosen and assemble again at least once, better four times, and give each run the same label."
+                    ),
+                )
+            )
         findings += _uneven(group, where)
     return tuple(findings)
 
@@ -157,13 +183,21 @@ def _refuse_mixed(found: Sequence[Condition], names: Sequence[str], where: str) 
     beams = {bool(condition.joints) for condition in found}
     if len(beams) > 1:
         without = next(name for name, condition in zip(names, found, strict=True) if not condition.joints)
-        raise InputError("runs with and without a beam are no repeats of one condition", where=where,
-                         got=f"{without} has none", advice="give them other labels")  # fmt: skip
+        raise InputError(
+            "runs with and without a beam are no repeats of one condition",
+            where=where,
+            got=f"{without} has none",
+            advice="give them other labels",
+        )
     forces = np.array([condition.normal_force for condition in found])
     if np.isfinite(forces).sum() > 1 and _spread(forces) > ANOTHER:
-        raise InputError("the normal forces are too far apart to be one condition", where=where,
-                         got=_listed(forces, names), expected=f"a spread below {ANOTHER:.0%} of the mean",
-                         advice="give runs at another normal force another label")  # fmt: skip
+        raise InputError(
+            "the normal forces are too far apart to be one condition",
+            where=where,
+            got=_listed(forces, names),
+            expected=f"a spread below {ANOTHER:.0%} of the mean",
+            advice="give runs at another normal force another label",
+        )
 
 
 def _uneven(group: Sequence[Run], where: str) -> list[Finding]:
@@ -171,23 +205,40 @@ def _uneven(group: Sequence[Run], where: str) -> list[Finding]:
     try:
         _refuse_mixed(found, names, where)
     except InputError as error:
-        return [Finding("error", "repeat-conditions-differ", where, f"Not taken as repeats: {error}.",
-                        advice="The runs are treated as conditions of their own; correct the label.")]  # fmt: skip
+        return [
+            Finding(
+                "error",
+                "repeat-conditions-differ",
+                where,
+                f"Not taken as repeats: {error}.",
+                advice="The runs are treated as conditions of their own; correct the label.",
+            )
+        ]
     findings = []
     forces = np.array([condition.normal_force for condition in found])
     if np.isfinite(forces).sum() > 1 and (spread := _spread(forces)) > UNEVEN:
-        findings.append(Finding(
-            "warning", "repeat-forces-differ", where,
-            f"The normal force of the repeats spreads over {spread:.0%} of its mean ({_listed(forces, names)}).",
-            value=spread, limit=UNEVEN,
-            advice="Part of the scatter is the normal force: tighten by the load cell, or label the forces apart.",
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "repeat-forces-differ",
+                where,
+                f"The normal force of the repeats spreads over {spread:.0%} of its mean ({_listed(forces, names)}).",
+                value=spread,
+                limit=UNEVEN,
+                advice="Part of the scatter is the normal force: tighten by the load cell, or label the forces apart.",
+            )
+        )
     kinds = dict.fromkeys(run.kind for run in group)
     if len(kinds) > 1:
-        findings.append(Finding(
-            "warning", "repeat-kinds-differ", where, f"The repeats were excited in different ways: {', '.join(kinds)}.",
-            advice="Friction depends on the amplitude: part of the scatter is the excitation.",
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "repeat-kinds-differ",
+                where,
+                f"The repeats were excited in different ways: {', '.join(kinds)}.",
+                advice="Friction depends on the amplitude: part of the scatter is the excitation.",
+            )
+        )
     return findings
 
 
@@ -208,9 +259,11 @@ def _pairs(
     common = match(first.dofs, second.dofs)
     if not common:
         raise InputError(
-            "the runs have no DOF in common", where=where, got=f"{len(first.dofs)} and {len(second.dofs)} DOFs",
+            "the runs have no DOF in common",
+            where=where,
+            got=f"{len(first.dofs)} and {len(second.dofs)} DOFs",
             advice="compare runs measured on the same points",
-        )  # fmt: skip
+        )
     rows, places, signs = (np.array(column) for column in zip(*common, strict=True))
     alike = np.nan_to_num(mac(first.shapes[rows], second.shapes[places] * signs[:, None]))
     shift = np.abs(np.log(second.natural_frequencies[None, :] / first.natural_frequencies[:, None]))
@@ -231,11 +284,18 @@ def _unpaired(
     ):
         for mode in sorted(set(range(len(one.poles))) - taken):
             frequency = float(one.natural_frequencies[mode])
-            findings.append(Finding(
-                "warning", "repeat-mode-unpaired", f"{where}, {frequency:.6g} Hz",
-                f"The mode of {own} at {frequency:.6g} Hz has no partner in {other}.", value=frequency,
-                advice="Look at both stabilisation diagrams: without the partner its scatter rests on fewer repeats.",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "repeat-mode-unpaired",
+                    f"{where}, {frequency:.6g} Hz",
+                    f"The mode of {own} at {frequency:.6g} Hz has no partner in {other}.",
+                    value=frequency,
+                    advice=(
+                        "Look at both stabilisation diagrams: without the partner its scatter rests on fewer repeats."
+                    ),
+                )
+            )
     return findings
 
 
@@ -272,9 +332,13 @@ def _sentences(first: RepeatGroup, second: RepeatGroup, found: ConditionDifferen
 
 
 def _change(
-    name: str, unit: str, found: ConditionDifference, differs: Bool[np.ndarray, "pair"],
-    values: Float[np.ndarray, "pair 2"], half: Float[np.ndarray, "pair"],
-) -> str:  # fmt: skip
+    name: str,
+    unit: str,
+    found: ConditionDifference,
+    differs: Bool[np.ndarray, "pair"],
+    values: Float[np.ndarray, "pair 2"],
+    half: Float[np.ndarray, "pair"],
+) -> str:
     """One sentence on damping or frequency: how many modes changed significantly, and the clearest of them."""
     modes = f"{int(found.known.sum())} modes"
     if not differs.any():

@@ -59,54 +59,82 @@ CATALOGUE: dict[str, KnownLaw] = {
         ),
         KnownLaw("coulomb", "spring", "Coulomb", (), "rigid friction, as the stiff limit of a Masing spring"),
         KnownLaw(
-            "parallel masing", "springs", "ParallelMasing",
+            "parallel masing",
+            "springs",
+            "ParallelMasing",
             (
                 Parameter("stiffness shares", "-", float("nan"), "of k_T, sum 1, one per spring", several=True),
-                Parameter("force shares", "-", float("nan"), "of F_C, sum 1, one per spring", open_below=False,
-                          several=True),
+                Parameter(
+                    "force shares", "-", float("nan"), "of F_C, sum 1, one per spring", open_below=False, several=True
+                ),
             ),
             "Masing springs in parallel",
         ),
         KnownLaw(
-            "iwan", "springs", "Iwan",
+            "iwan",
+            "springs",
+            "Iwan",
             (
-                Parameter("chi", "-", -0.5, "loss in microslip ~ amplitude^(3 + chi)", low=-1.0, high=0.0), _BETA,
+                Parameter("chi", "-", -0.5, "loss in microslip ~ amplitude^(3 + chi)", low=-1.0, high=0.0),
+                _BETA,
                 _SPRINGS,
             ),
             "four-parameter model: power-law distribution of Masing springs (Segalman 2005)",
         ),
         KnownLaw(
-            "modified iwan", "springs", "ModifiedIwan",
+            "modified iwan",
+            "springs",
+            "ModifiedIwan",
             (
-                Parameter("chi", "-", 0.5, "loss in microslip ~ amplitude^(3 + chi)", low=-1.0, high=1.0), _BETA,
+                Parameter("chi", "-", 0.5, "loss in microslip ~ amplitude^(3 + chi)", low=-1.0, high=1.0),
+                _BETA,
                 _SPRINGS,
             ),
             "the same with any power; the stiffness is finite for chi above -1",
         ),
         KnownLaw(
-            "regularised masing", "bouc_wen", "RegularisedMasing",
+            "regularised masing",
+            "bouc_wen",
+            "RegularisedMasing",
             (Parameter("exponent", "-", 8.0, "m on |F/F_C|"),),
             "smooth rule (Gaul, Roseira and Becker 2008, Eq. 5)",
         ),
         KnownLaw(
-            "bouc wen", "bouc_wen", "BoucWen",
+            "bouc wen",
+            "bouc_wen",
+            "BoucWen",
             (
                 Parameter("exponent", "-", 1.0, "n on |F/F_C|"),
-                Parameter("gamma", "-", 0.5, "share of the loss that asks for no direction, beta = 1 - gamma", low=-1.0,
-                          high=0.5, open_below=False),
+                Parameter(
+                    "gamma",
+                    "-",
+                    0.5,
+                    "share of the loss that asks for no direction, beta = 1 - gamma",
+                    low=-1.0,
+                    high=0.5,
+                    open_below=False,
+                ),
             ),
             "Bouc (1967), Wen (1976), A = beta + gamma = 1; gamma up to 1/2 gains no energy (Erlicher and Point 2004)",
         ),
         KnownLaw(
-            "dahl", "dahl", "Dahl", (Parameter("shape", "-", 1.0, "exponent on 1 - F/F_C"),), "Dahl (1968)",
+            "dahl",
+            "dahl",
+            "Dahl",
+            (Parameter("shape", "-", 1.0, "exponent on 1 - F/F_C"),),
+            "Dahl (1968)",
         ),
         KnownLaw(
-            "valanis", "valanis", "Valanis",
+            "valanis",
+            "valanis",
+            "Valanis",
             (Parameter("kappa", "-", 0.9, "0: Dahl, towards 1: Masing", high=0.999, open_below=False),),
             "Valanis (1971) without hardening (Gaul and Nitsche 2001)",
         ),
         KnownLaw(
-            "lugre", "lugre", "LuGre",
+            "lugre",
+            "lugre",
+            "LuGre",
             (
                 Parameter("bristle damping", "N s/m", 0.0, "sigma_1 of the whole joint", open_below=False),
                 Parameter("viscous", "N s/m", 0.0, "sigma_2 of the whole joint", open_below=False),
@@ -116,7 +144,7 @@ CATALOGUE: dict[str, KnownLaw] = {
             "LuGre (Canudas de Wit et al. 1995)",
         ),
     )
-}  # fmt: skip
+}
 
 
 def checked(name: str, *values: float) -> tuple[tuple[str, float], ...]:
@@ -129,6 +157,10 @@ def checked(name: str, *values: float) -> tuple[tuple[str, float], ...]:
     pairs = list(zip(CATALOGUE[name].parameters, values, strict=True))
     for parameter, value in pairs:
         if not parameter.allows(value):
-            raise InputError("not a parameter of this law", where=f"law {name}", got=f"{parameter.name} {value:g}",
-                             expected=parameter.limits)  # fmt: skip
+            raise InputError(
+                "not a parameter of this law",
+                where=f"law {name}",
+                got=f"{parameter.name} {value:g}",
+                expected=parameter.limits,
+            )
     return tuple((parameter.name, float(value)) for parameter, value in pairs)

@@ -116,15 +116,24 @@ def check_parameters(law: FrictionLaw) -> None:
     known = CATALOGUE.get(law.name)
     own = () if known is None else tuple(parameter.name for parameter in known.parameters if not parameter.several)
     if own and names != own:
-        raise InputError("not the parameters of this law", where=f"law {law.name}", got=", ".join(names) or "none",
-                         expected=", ".join(own),
-                         advice="make it by its constructor in ema.simulate")  # fmt: skip
+        raise InputError(
+            "not the parameters of this law",
+            where=f"law {law.name}",
+            got=", ".join(names) or "none",
+            expected=", ".join(own),
+            advice="make it by its constructor in ema.simulate",
+        )
     if not all(np.isfinite(value) for _, value in law.parameters):
-        raise InputError("a parameter is no number", where=f"law {law.name}", got=dict(law.parameters),
-                         expected="finite numbers")  # fmt: skip
+        raise InputError(
+            "a parameter is no number", where=f"law {law.name}", got=dict(law.parameters), expected="finite numbers"
+        )
     if known is None and law.name not in REGISTERED:
-        raise InputError("unknown friction law", got=law.name, expected="one of " + ", ".join(sorted(CATALOGUE)),
-                         advice="a law of your own: ema.simulate.register_law")  # fmt: skip
+        raise InputError(
+            "unknown friction law",
+            got=law.name,
+            expected="one of " + ", ".join(sorted(CATALOGUE)),
+            advice="a law of your own: ema.simulate.register_law",
+        )
 
 
 def contact_laws(

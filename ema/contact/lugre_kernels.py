@@ -38,9 +38,19 @@ def lugre(group, rate, parameters, curves, exchange, before, after):
     for i in range(group[FIRST], group[END]):
         k, way, start = exchange[STIFFNESS, i], exchange[WAY, i], before[i, 0] + before[i, 1]
         force, slope, bristle, _, _, _, _ = lugre_step(
-            k, exchange[LIMIT, i], parameters[i, 0], parameters[i, 1], parameters[i, 2], parameters[i, 3],
-            0.0, way, 1.0 / rate, before[i, 0], -before[i, 2], 1.0,
-        )  # fmt: skip
+            k,
+            exchange[LIMIT, i],
+            parameters[i, 0],
+            parameters[i, 1],
+            parameters[i, 2],
+            parameters[i, 3],
+            0.0,
+            way,
+            1.0 / rate,
+            before[i, 0],
+            -before[i, 2],
+            1.0,
+        )
         after[i, 0], after[i, 1], after[i, 2] = bristle, force - bristle, way if rate > 0.0 else 0.0
         exchange[FORCE, i] = force
         exchange[EXCESS, i], exchange[SLOPE, i] = force - start - k * way, slope - k

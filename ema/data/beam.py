@@ -150,8 +150,12 @@ class BeamModel:
     def with_normal_force(self, force: float | Sequence[float]) -> "BeamModel":
         """The model with the normal force of every joint (one number for all, or one per joint) in N."""
         if np.shape(force) not in ((), (1,), (len(self.joints),)):
-            raise InputError("the normal forces do not fit the joints", where=self.name, got=f"{len(np.ravel(force))}",
-                             expected=f"one, or one for each of {len(self.joints)} joints")  # fmt: skip
+            raise InputError(
+                "the normal forces do not fit the joints",
+                where=self.name,
+                got=f"{len(np.ravel(force))}",
+                expected=f"one, or one for each of {len(self.joints)} joints",
+            )
         forces = np.broadcast_to(np.asarray(force, dtype=np.float64), (len(self.joints),))
         joints = tuple(replace(joint, normal_force=float(f)) for joint, f in zip(self.joints, forces, strict=True))
         return replace(self, joints=joints)

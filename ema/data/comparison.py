@@ -58,10 +58,15 @@ class ModeComparison:
 
         f, z = self.frequency, 100 * self.damping
         columns = {
-            "measured": [i + 1 for i, _ in self.pairs], "model": [j + 1 for _, j in self.pairs],
-            "f measured [Hz]": f[:, 0], "f model [Hz]": f[:, 1], "df [%]": 100 * (f[:, 1] / f[:, 0] - 1),
-            "zeta measured [%]": z[:, 0], "zeta model [%]": z[:, 1], "MAC": self.mac,
-        }  # fmt: skip
+            "measured": [i + 1 for i, _ in self.pairs],
+            "model": [j + 1 for _, j in self.pairs],
+            "f measured [Hz]": f[:, 0],
+            "f model [Hz]": f[:, 1],
+            "df [%]": 100 * (f[:, 1] / f[:, 0] - 1),
+            "zeta measured [%]": z[:, 0],
+            "zeta model [%]": z[:, 1],
+            "MAC": self.mac,
+        }
         return pd.DataFrame(columns if self.mac_std is None else columns | {"std MAC": self.mac_std})
 
 
@@ -130,7 +135,12 @@ class ModelUpdate:
         """One row per parameter: value, 95 % interval, whether the map tells it."""
         import pandas as pd
 
-        return pd.DataFrame({
-            "parameter": list(self.names), "value": self.values, "low": self.intervals[:, 0],
-            "high": self.intervals[:, 1], "identifiable": list(self.identifiable),
-        })  # fmt: skip
+        return pd.DataFrame(
+            {
+                "parameter": list(self.names),
+                "value": self.values,
+                "low": self.intervals[:, 0],
+                "high": self.intervals[:, 1],
+                "identifiable": list(self.identifiable),
+            }
+        )

@@ -49,14 +49,28 @@ class Forecast:
     provenance: Provenance = field(default=Provenance(), compare=False)
 
     def __post_init__(self) -> None:
-        arrays = ("bare_frequencies", "bare_damping", "force_levels", "normal_forces", "frequency", "frequency_low",
-                  "frequency_high", "damping", "damping_low", "damping_high")  # fmt: skip
+        arrays = (
+            "bare_frequencies",
+            "bare_damping",
+            "force_levels",
+            "normal_forces",
+            "frequency",
+            "frequency_low",
+            "frequency_high",
+            "damping",
+            "damping_low",
+            "damping_high",
+        )
         freeze(self, **dict.fromkeys(arrays, np.float64))
         shape = (len(self.modes), len(self.force_levels), len(self.normal_forces))
         for name in arrays[4:]:
             if getattr(self, name).shape != shape:
-                raise InputError("the forecast has another shape than its axes", where=name,
-                                 got=getattr(self, name).shape, expected=shape)  # fmt: skip
+                raise InputError(
+                    "the forecast has another shape than its axes",
+                    where=name,
+                    got=getattr(self, name).shape,
+                    expected=shape,
+                )
 
     def table(self) -> "pd.DataFrame":
         """One row per mode and condition, damping in percent."""
@@ -67,10 +81,19 @@ class Forecast:
             for force, normal in enumerate(self.normal_forces):
                 for level, drive in enumerate(self.force_levels):
                     at = (m, level, force)
-                    rows.append((
-                        mode, drive, normal, self.frequency[at], self.frequency_low[at], self.frequency_high[at],
-                        100 * self.damping[at], 100 * self.damping_low[at], 100 * self.damping_high[at],
-                    ))  # fmt: skip
+                    rows.append(
+                        (
+                            mode,
+                            drive,
+                            normal,
+                            self.frequency[at],
+                            self.frequency_low[at],
+                            self.frequency_high[at],
+                            100 * self.damping[at],
+                            100 * self.damping_low[at],
+                            100 * self.damping_high[at],
+                        )
+                    )
         names = ["mode", "F_E [N]", "F_N [N]", "f [Hz]", "f low", "f high", "zeta [%]", "zeta low", "zeta high"]
         return pd.DataFrame(rows, columns=names)
 

@@ -63,9 +63,13 @@ class FrfSet:
 
     def __post_init__(self) -> None:
         freeze(
-            self, frequencies=np.float64, values=np.complex128, coherence=np.float64, variance=np.float64,
+            self,
+            frequencies=np.float64,
+            values=np.complex128,
+            coherence=np.float64,
+            variance=np.float64,
             averages=np.float64,
-        )  # fmt: skip
+        )
 
     @property
     def frequency_step(self) -> float:
@@ -98,9 +102,11 @@ class FrfSet:
         start, stop = np.searchsorted(self.frequencies, [low - 1e-9 * abs(low), high + 1e-9 * abs(high)])
         if stop - start < 1:
             raise InputError(
-                "no frequency line in the band", where=self.name, got=f"{low:g} to {high:g} Hz",
+                "no frequency line in the band",
+                where=self.name,
+                got=f"{low:g} to {high:g} Hz",
                 expected=f"a band inside {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz",
-            )  # fmt: skip
+            )
         return self.lines(slice(int(start), int(stop)))
 
     def pick(self, outputs: Sequence[int] | None = None, inputs: Sequence[int] | None = None) -> "FrfSet":

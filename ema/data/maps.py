@@ -41,7 +41,16 @@ class ModalMap:
 
     def __post_init__(self) -> None:
         freeze(
-            self, force_levels=float, normal_forces=float, frequency=float, damping=float, frequency_std=float,
-            damping_std=float, force_at_resonance=float, modal_amplitude=float, joint_forces=float,
-            quadrature_damping=float, misfit=float,
-        )  # fmt: skip
+            self,
+            force_levels=float,
+            normal_forces=float,
+            frequency=float,
+            damping=float,
+            frequency_std=float,
+            damping_std=float,
+            force_at_resonance=float,
+            modal_amplitude=float,
+            joint_forces=float,
+            quadrature_damping=float,
+            misfit=float,
+        )

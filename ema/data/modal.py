@@ -63,9 +63,13 @@ class PoleTable:
 
     def __post_init__(self) -> None:
         freeze(
-            self, order=np.int64, poles=np.complex128, letter=np.dtype("<U1"), participation=np.complex128,
+            self,
+            order=np.int64,
+            poles=np.complex128,
+            letter=np.dtype("<U1"),
+            participation=np.complex128,
             values=np.complex128,
-        )  # fmt: skip
+        )
 
     @property
     def natural_frequencies(self) -> Float[np.ndarray, "pole"]:
@@ -123,9 +127,14 @@ class ModalUncertainty:
 
     def __post_init__(self) -> None:
         freeze(
-            self, values=np.float64, shapes=np.float64, common=np.complex128, participation=np.float64,
-            residues=np.float64, modal_mass=np.float64,
-        )  # fmt: skip
+            self,
+            values=np.float64,
+            shapes=np.float64,
+            common=np.complex128,
+            participation=np.float64,
+            residues=np.float64,
+            modal_mass=np.float64,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,16 +211,20 @@ class ModalModel:
         modes = {"poles": len(self.poles), "shapes": self.shapes.shape[1], "participation": self.participation.shape[1]}
         if len(set(modes.values())) > 1:
             raise InputError(
-                "the numbers of modes disagree", where=self.name,
-                got=", ".join(f"{name} {count}" for name, count in modes.items()), expected="as many shapes as poles",
-            )  # fmt: skip
+                "the numbers of modes disagree",
+                where=self.name,
+                got=", ".join(f"{name} {count}" for name, count in modes.items()),
+                expected="as many shapes as poles",
+            )
         rows = ((self.dofs, self.shapes, "shapes"), (self.inputs, self.participation, "participation"))
         for dofs, array, name in rows:
             if len(dofs) != len(array):
                 raise InputError(
-                    f"the rows of {name} and its DOFs disagree", where=self.name, got=f"{len(array)} rows",
+                    f"the rows of {name} and its DOFs disagree",
+                    where=self.name,
+                    got=f"{len(array)} rows",
                     expected=f"{len(dofs)} DOFs",
-                )  # fmt: skip
+                )
 
     @property
     def natural_frequencies(self) -> Float[np.ndarray, "mode"]:

@@ -137,9 +137,17 @@ class Prediction:
 
     def __post_init__(self) -> None:
         names = (
-            "bare_frequencies", "bare_damping", "force_levels", "normal_forces", "frequency", "damping",
-            "stiffness", "slip", "driver", "output",
-        )  # fmt: skip
+            "bare_frequencies",
+            "bare_damping",
+            "force_levels",
+            "normal_forces",
+            "frequency",
+            "damping",
+            "stiffness",
+            "slip",
+            "driver",
+            "output",
+        )
         freeze(self, **dict.fromkeys(names, np.float64))
 
 
@@ -182,9 +190,15 @@ class Place:
 
     def __post_init__(self) -> None:
         names = (
-            "normal_forces", "frequency", "damping", "damping_low", "damping_high", "mass_shift", "stiffness_shift",
+            "normal_forces",
+            "frequency",
+            "damping",
+            "damping_low",
+            "damping_high",
+            "mass_shift",
+            "stiffness_shift",
             "one_mode_damping",
-        )  # fmt: skip
+        )
         freeze(self, **dict.fromkeys(names, np.float64))
 
 
@@ -219,10 +233,14 @@ class Ranking:
         rows = []
         for number, place in enumerate(self.places, start=1):
             row: dict[str, object] = {
-                "rank": number, "x [m]": place.centre[0], "y [m]": place.centre[1],
-                "angle [deg]": np.degrees(place.angle), "beam": place.beam, "score": place.score,
+                "rank": number,
+                "x [m]": place.centre[0],
+                "y [m]": place.centre[1],
+                "angle [deg]": np.degrees(place.angle),
+                "beam": place.beam,
+                "score": place.score,
                 "F_N [N]": place.normal_force,
-            }  # fmt: skip
+            }
             for m, mode in enumerate(self.prediction.modes):
                 least = int(np.nanargmin(place.damping[m]))
                 row[f"mode {mode + 1} f [Hz]"] = place.frequency[m, least]
@@ -278,12 +296,15 @@ class ControlStudy:
         """One row per law: force [N], energy integral [ms], times to 5 % and 2 % of the amplitude [ms]."""
         import pandas as pd
 
-        return pd.DataFrame({
-            "law": [line.law for line in self.lines], "F_N [N]": [line.force for line in self.lines],
-            "J [ms]": [1e3 * line.energy for line in self.lines],
-            "t 5 % [ms]": [1e3 * line.to_five for line in self.lines],
-            "t 2 % [ms]": [1e3 * line.to_two for line in self.lines],
-        }).set_index("law")  # fmt: skip
+        return pd.DataFrame(
+            {
+                "law": [line.law for line in self.lines],
+                "F_N [N]": [line.force for line in self.lines],
+                "J [ms]": [1e3 * line.energy for line in self.lines],
+                "t 5 % [ms]": [1e3 * line.to_five for line in self.lines],
+                "t 2 % [ms]": [1e3 * line.to_two for line in self.lines],
+            }
+        ).set_index("law")
 
 
 @dataclass(frozen=True)

@@ -82,12 +82,14 @@ class RepeatGroup:
         columns: dict[str, object] = {"repeats": self.frequency.assemblies}
         for name, unit, scale, own in (("f", "Hz", 1, self.frequency), ("zeta", "%", 100, self.damping)):
             columns |= {
-                f"{name} [{unit}]": scale * own.mean, f"+- {name} [{unit}]": scale * own.half,
-                f"noise {name} [{unit}]": scale * own.noise, f"takes {name} [{unit}]": scale * own.takes,
+                f"{name} [{unit}]": scale * own.mean,
+                f"+- {name} [{unit}]": scale * own.half,
+                f"noise {name} [{unit}]": scale * own.noise,
+                f"takes {name} [{unit}]": scale * own.takes,
                 f"between {name} [{unit}]": scale * own.between,
                 f"between {name} from [{unit}]": scale * own.between_interval[:, 0],
                 f"between {name} to [{unit}]": scale * own.between_interval[:, 1],
-            }  # fmt: skip
+            }
         return pd.DataFrame(columns, index=pd.RangeIndex(1, len(self.frequency.mean) + 1, name="mode"))
 
 
@@ -157,7 +159,8 @@ class ConditionDifference:
                 f"{name} in {self.first} [{unit}]": scale * values[:, 0],
                 f"{name} in {self.second} [{unit}]": scale * values[:, 1],
                 f"change of {name} [{unit}]": scale * (values[:, 1] - values[:, 0]),
-                f"+- [{unit}]": scale * half, f"+- by noise [{unit}]": scale * noise,
+                f"+- [{unit}]": scale * half,
+                f"+- by noise [{unit}]": scale * noise,
                 f"change of {name}": self.words(what),
-            }  # fmt: skip
+            }
         return pd.DataFrame(columns | {"MAC": self.mac})

@@ -89,9 +89,7 @@ class MapResult:
         freeze(self, pairs=np.float64, homogeneity=np.float64, peak_ratio=np.float64, dropout=np.float64)
 
 
-Verdict = Literal[
-    "matched", "matched with an implausible parameter", "undecided", "not matched", "not testable here"
-]  # fmt: skip
+Verdict = Literal["matched", "matched with an implausible parameter", "undecided", "not matched", "not testable here"]
 
 
 @dataclass(frozen=True)

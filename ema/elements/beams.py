@@ -22,17 +22,32 @@ def element(
     stiffness[np.ix_(axial, axial)] = youngs_modulus * area / ell * np.array([[1, -1], [-1, 1]])
     mass[np.ix_(axial, axial)] = density * area * ell / 6 * np.array([[2, 1], [1, 2]])
     stiffness[np.ix_(bending, bending)] = (
-        youngs_modulus * inertia / ell**3 * np.array(
-            [[12, 6 * ell, -12, 6 * ell], [6 * ell, 4 * ell**2, -6 * ell, 2 * ell**2],
-             [-12, -6 * ell, 12, -6 * ell], [6 * ell, 2 * ell**2, -6 * ell, 4 * ell**2]]
+        youngs_modulus
+        * inertia
+        / ell**3
+        * np.array(
+            [
+                [12, 6 * ell, -12, 6 * ell],
+                [6 * ell, 4 * ell**2, -6 * ell, 2 * ell**2],
+                [-12, -6 * ell, 12, -6 * ell],
+                [6 * ell, 2 * ell**2, -6 * ell, 4 * ell**2],
+            ]
         )
-    )  # fmt: skip
+    )
     mass[np.ix_(bending, bending)] = (
-        density * area * ell / 420 * np.array(
-            [[156, 22 * ell, 54, -13 * ell], [22 * ell, 4 * ell**2, 13 * ell, -3 * ell**2],
-             [54, 13 * ell, 156, -22 * ell], [-13 * ell, -3 * ell**2, -22 * ell, 4 * ell**2]]
+        density
+        * area
+        * ell
+        / 420
+        * np.array(
+            [
+                [156, 22 * ell, 54, -13 * ell],
+                [22 * ell, 4 * ell**2, 13 * ell, -3 * ell**2],
+                [54, 13 * ell, 156, -22 * ell],
+                [-13 * ell, -3 * ell**2, -22 * ell, 4 * ell**2],
+            ]
         )
-    )  # fmt: skip
+    )
     return mass, stiffness
 
 
@@ -46,8 +61,13 @@ def square_zeros(size: int, where: str) -> Float[np.ndarray, "n n"]:
     try:
         return np.zeros((size, size))
     except (MemoryError, ValueError) as error:
-        raise InputError("the matrices do not fit the memory", where=where, got=f"{size} DOFs",
-                         expected="a few thousand", advice="take fewer elements") from error  # fmt: skip
+        raise InputError(
+            "the matrices do not fit the memory",
+            where=where,
+            got=f"{size} DOFs",
+            expected="a few thousand",
+            advice="take fewer elements",
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -81,12 +101,21 @@ def stepped_beam(sections: Sequence[Section], clamped: tuple[bool, bool] = (True
         for name in ("length", "width", "height", "youngs_modulus", "density"):
             value = getattr(section, name)
             if not value > 0 or not np.isfinite(value):
-                raise InputError("not a positive number", where=where, got=f"{name} = {value}", expected="above 0",
-                                 advice="lengths in m, E in Pa, density in kg/m^3")  # fmt: skip
+                raise InputError(
+                    "not a positive number",
+                    where=where,
+                    got=f"{name} = {value}",
+                    expected="above 0",
+                    advice="lengths in m, E in Pa, density in kg/m^3",
+                )
     numbers = [section.elements for section in sections]
     if not sections or min(numbers) < 1 or any(number != int(number) for number in numbers):
-        raise InputError("a beam needs elements", where=where, got=", ".join(map(str, numbers)) or "no sections",
-                         expected="1 or more, a whole number")  # fmt: skip
+        raise InputError(
+            "a beam needs elements",
+            where=where,
+            got=", ".join(map(str, numbers)) or "no sections",
+            expected="1 or more, a whole number",
+        )
     count = int(sum(numbers))
     size, first = 3 * (count + 1), 0
     mass, stiffness = square_zeros(size, where), square_zeros(size, where)
@@ -103,9 +132,15 @@ def stepped_beam(sections: Sequence[Section], clamped: tuple[bool, bool] = (True
 
 
 def beam(
-    length: float, width: float, height: float, youngs_modulus: float = 210e9, density: float = 7850.0,
-    elements: int = 20, clamped: tuple[bool, bool] = (True, False), part: str = "",
-) -> Matrices:  # fmt: skip
+    length: float,
+    width: float,
+    height: float,
+    youngs_modulus: float = 210e9,
+    density: float = 7850.0,
+    elements: int = 20,
+    clamped: tuple[bool, bool] = (True, False),
+    part: str = "",
+) -> Matrices:
     """A straight uniform Bernoulli beam along +X, nodes 0 ... ``elements``; see :func:`stepped_beam`.
 
     Parameters

@@ -36,7 +36,13 @@ def double_beam(
     pairs = tuple((node, node) for node in range(1, elements + 1))
     areas = np.append(np.ones(elements - 1), 0.5)
     joint = Joint(
-        "interface", pairs, (height / 2, height / 2), law, normal_force, normal_stiffness, force_shares,
+        "interface",
+        pairs,
+        (height / 2, height / 2),
+        law,
+        normal_force,
+        normal_stiffness,
+        force_shares,
         area_shares=areas / areas.sum(),
-    )  # fmt: skip
+    )
     return BeamModel(lower, upper, (joint,), damping, "double beam", pair_spacing=length / elements)

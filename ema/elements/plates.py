@@ -92,14 +92,28 @@ def plate_matrices(
     ------
     InputError : a dimension or material constant is not physical, there is no element.
     """
-    for name, value in (("length", length), ("width", width), ("height", height),
-                        ("youngs_modulus", youngs_modulus), ("density", density)):  # fmt: skip
+    for name, value in (
+        ("length", length),
+        ("width", width),
+        ("height", height),
+        ("youngs_modulus", youngs_modulus),
+        ("density", density),
+    ):
         if not value > 0 or not np.isfinite(value):
-            raise InputError("not a positive number", where=f"plate {part}".strip(), got=f"{name} = {value}",
-                             expected="above 0", advice="lengths in m, E in Pa, density in kg/m^3")  # fmt: skip
+            raise InputError(
+                "not a positive number",
+                where=f"plate {part}".strip(),
+                got=f"{name} = {value}",
+                expected="above 0",
+                advice="lengths in m, E in Pa, density in kg/m^3",
+            )
     if not -1 < poisson < 0.5 or min(elements) < 1 or any(number != int(number) for number in elements):
-        raise InputError("not a plate", where=f"plate {part}".strip(), got=f"nu {poisson}, {elements} elements",
-                         expected="-1 < nu < 0.5, one element or more each way")  # fmt: skip
+        raise InputError(
+            "not a plate",
+            where=f"plate {part}".strip(),
+            got=f"nu {poisson}, {elements} elements",
+            expected="-1 < nu < 0.5, one element or more each way",
+        )
     nx, ny = elements
     properties = (length / nx, width / ny, height, youngs_modulus, poisson, density)
     blocks = (bending(*properties), membrane(*properties))

@@ -60,11 +60,37 @@ _NAMES = {
 }
 
 __all__ = [
-    "Calibration", "ForceLevel", "Homogeneity", "Phase", "PhaseResonance", "Steps", "causality", "check_hit",
-    "check_impact", "control_level", "force_at_resonance", "hammer", "hammer_test", "homogeneity", "integrated",
-    "known_mass", "level_bins", "measured_loop", "phase_resonance", "phases", "quality", "ring_down", "shaker",
-    "stepped", "stepped_test", "sweep", "sweep_rate", "to_quantity", "without_dead", "without_mount_mass",
-]  # fmt: skip
+    "Calibration",
+    "ForceLevel",
+    "Homogeneity",
+    "Phase",
+    "PhaseResonance",
+    "Steps",
+    "causality",
+    "check_hit",
+    "check_impact",
+    "control_level",
+    "force_at_resonance",
+    "hammer",
+    "hammer_test",
+    "homogeneity",
+    "integrated",
+    "known_mass",
+    "level_bins",
+    "measured_loop",
+    "phase_resonance",
+    "phases",
+    "quality",
+    "ring_down",
+    "shaker",
+    "stepped",
+    "stepped_test",
+    "sweep",
+    "sweep_rate",
+    "to_quantity",
+    "without_dead",
+    "without_mount_mass",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -53,16 +53,25 @@ def known_mass(frfs: FrfSet, mass: float, band: tuple[float, float], output: int
     if std > SCATTER:
         findings.append(
             Finding(
-                "warning", "calibration-scatter", where,
-                f"the accelerance times the mass scatters by {100 * std:.1f} % over the band.", std, SCATTER,
+                "warning",
+                "calibration-scatter",
+                where,
+                f"the accelerance times the mass scatters by {100 * std:.1f} % over the band.",
+                std,
+                SCATTER,
                 "Choose a band without suspension and body resonances, strike through the centre of mass.",
             )
-        )  # fmt: skip
+        )
     if abs(phase) > np.pi / 2:
         findings.append(
             Finding(
-                "warning", "reversed-sensor", where, "force and acceleration have opposite signs.", phase, np.pi / 2,
+                "warning",
+                "reversed-sensor",
+                where,
+                "force and acceleration have opposite signs.",
+                phase,
+                np.pi / 2,
                 "Reverse the direction of one of the two in the channel table.",
             )
-        )  # fmt: skip
+        )
     return Calibration(factor, std, phase, band, tuple(findings))

@@ -50,12 +50,19 @@ def layout(recording: Recording, where: str) -> Layout:
     rows, samples = recording.signals.shape
     if rows != len(recording.channels):
         raise InputError(
-            "the channel table does not fit the signals", where=where, got=f"{rows} signals",
+            "the channel table does not fit the signals",
+            where=where,
+            got=f"{rows} signals",
             expected=f"{len(recording.channels)} channels",
-        )  # fmt: skip
+        )
     if samples < 16:
-        raise InputError("the record is too short", where=where, got=f"{samples} samples", expected="at least 16",
-                         advice="exclude it by a repair, or measure again")  # fmt: skip
+        raise InputError(
+            "the record is too short",
+            where=where,
+            got=f"{samples} samples",
+            expected="at least 16",
+            advice="exclude it by a repair, or measure again",
+        )
     if not recording.sampling_rate > 0:
         raise InputError("not a sampling rate", where=where, got=recording.sampling_rate, expected="more than 0 Hz")
     references, responses = recording.with_role("reference"), recording.with_role("response")
@@ -63,15 +70,19 @@ def layout(recording: Recording, where: str) -> Layout:
     for role, found in (("reference", references), ("response", responses)):
         if not found:
             raise InputError(
-                f"no {role} channel", where=where, got=f"channels {names}",
+                f"no {role} channel",
+                where=where,
+                got=f"channels {names}",
                 advice=f"give the role '{role}' to a channel in campaign.toml",
-            )  # fmt: skip
+            )
     outputs = tuple(dof_of(recording.channels[row], place) for place, row in enumerate(responses))
     unique(outputs, where)
     return Layout(
-        references, responses,
-        tuple(dof_of(recording.channels[row], place) for place, row in enumerate(references)), outputs,
-    )  # fmt: skip
+        references,
+        responses,
+        tuple(dof_of(recording.channels[row], place) for place, row in enumerate(references)),
+        outputs,
+    )
 
 
 def dof_of(channel: Channel, place: int) -> Dof:
@@ -89,9 +100,11 @@ def unique(dofs: Sequence[Dof], where: str) -> None:
     twice = sorted({str(dof) for dof in dofs if dofs.count(dof) > 1})
     if twice:
         raise InputError(
-            "two response channels have the same DOF", where=where, got=", ".join(twice),
+            "two response channels have the same DOF",
+            where=where,
+            got=", ".join(twice),
             advice="correct the DOFs in campaign.toml",
-        )  # fmt: skip
+        )
 
 
 def finite(recording: Recording, layout: Layout, where: str) -> None:
@@ -125,15 +138,21 @@ def frf_quantity(channels: Sequence[Channel], forces: Sequence[Channel], where: 
     for force in forces:
         if force.quantity not in ("force", "unstated"):
             raise InputError(
-                "the reference channel is no force", where=f"{where}, channel {force.name}", got=force.quantity,
-                expected="force", advice="correct the channel table",
-            )  # fmt: skip
+                "the reference channel is no force",
+                where=f"{where}, channel {force.name}",
+                got=force.quantity,
+                expected="force",
+                advice="correct the channel table",
+            )
     kinds = sorted({channel.quantity for channel in channels})
     if len(kinds) > 1:
         raise InputError(
-            "the responses are of different kinds", where=where, got=" and ".join(kinds), expected="one quantity",
+            "the responses are of different kinds",
+            where=where,
+            got=" and ".join(kinds),
+            expected="one quantity",
             advice="set the role of the others to 'other'",
-        )  # fmt: skip
+        )
     quantity = FRF_OF_RESPONSE.get(kinds[0], "unstated")
     stated = quantity != "unstated" and all(channel.scaled for channel in (*channels, *forces))
     return quantity, FRF_UNIT[quantity] if stated else UNSTATED

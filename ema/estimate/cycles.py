@@ -29,8 +29,12 @@ def measured_loop(record: Recording, displacement: str = "", force: str = "") ->
     period = _period(x, where)
     cycles = int((len(x) - 1) / period)
     if cycles < _FEWEST:
-        raise InputError("the record is too short for a loop", where=where, got=f"{len(x) / period:.2g} cycles",
-                         expected=f"at least {_FEWEST}")  # fmt: skip
+        raise InputError(
+            "the record is too short for a loop",
+            where=where,
+            got=f"{len(x) / period:.2g} cycles",
+            expected=f"at least {_FEWEST}",
+        )
     whole = slice(0, round(cycles * period))
     x, f = x[whole] - x[whole].mean(), f[whole] - f[whole].mean()
     area = 0.5 * abs(float(np.sum(x * np.roll(f, -1) - np.roll(x, -1) * f))) / cycles
@@ -49,11 +53,19 @@ def _channel(record: Recording, name: str, quantity: str) -> Float[np.ndarray, "
     where = record.name or "record"
     row = next((row for row, one in enumerate(record.channels) if fits(one)), None)
     if row is None:
-        raise InputError(f"the record has no such {quantity}", where=where, got=name or f"no channel of {quantity}",
-                         expected="one of " + ", ".join(one.name for one in record.channels))  # fmt: skip
+        raise InputError(
+            f"the record has no such {quantity}",
+            where=where,
+            got=name or f"no channel of {quantity}",
+            expected="one of " + ", ".join(one.name for one in record.channels),
+        )
     if record.channels[row].quantity != quantity:
-        raise InputError(f"this channel is no {quantity}", where=f"{where}, {record.channels[row].name}",
-                         got=record.channels[row].quantity, advice="state its unit in the channel table")  # fmt: skip
+        raise InputError(
+            f"this channel is no {quantity}",
+            where=f"{where}, {record.channels[row].name}",
+            got=record.channels[row].quantity,
+            advice="state its unit in the channel table",
+        )
     values = np.asarray(record.signals[row], dtype=np.float64)
     if not np.all(np.isfinite(values)):
         raise InputError("the signal holds NaN or infinity", where=f"{where}, {record.channels[row].name}")

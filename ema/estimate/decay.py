@@ -51,9 +51,14 @@ class Phase:
 
 
 def ring_down(
-    signal: Recording | Response, band: tuple[float, float], channel: str | Dof | None = None,
-    start: float | None = None, stop: float | None = None, floor: float | None = None, cycles: float | None = None,
-) -> Decay:  # fmt: skip
+    signal: Recording | Response,
+    band: tuple[float, float],
+    channel: str | Dof | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    floor: float | None = None,
+    cycles: float | None = None,
+) -> Decay:
     """Frequency and damping of a freely decaying mode over its amplitude.
 
     Parameters
@@ -89,10 +94,17 @@ def ring_down(
     )
     times = np.arange(first, last) / rate
     return Decay(
-        times, np.exp(log), read[0], read[1], float(times[knee]) if knee else float("nan"), what,
-        Provenance(options=(("band", f"{band[0]:g} to {band[1]:g} Hz"),), steps=("ring_down",)), read[2], read[3],
+        times,
+        np.exp(log),
+        read[0],
+        read[1],
+        float(times[knee]) if knee else float("nan"),
+        what,
+        Provenance(options=(("band", f"{band[0]:g} to {band[1]:g} Hz"),), steps=("ring_down",)),
+        read[2],
+        read[3],
         _judged(times, read, band, what),
-    )  # fmt: skip
+    )
 
 
 def _judged(
@@ -116,13 +128,27 @@ def _judged(
     )
     advice = "choose a band with one mode, an earlier stop, or more cycles"
     if share > _MOST_IMPOSSIBLE:
-        raise InputError("not the ring-down of one mode", where=what, got=seen,
-                         expected=f"a decay between {band[0]:g} and {band[1]:g} Hz", advice=advice)  # fmt: skip
+        raise InputError(
+            "not the ring-down of one mode",
+            where=what,
+            got=seen,
+            expected=f"a decay between {band[0]:g} and {band[1]:g} Hz",
+            advice=advice,
+        )
     rows = np.flatnonzero(outside | grows)
     beyond = (frequency + reach < band[0]) | (frequency - reach > band[1]) | (damping < -doubt)
     severity: Severity = "warning" if np.mean(beyond) > _FEW_IMPOSSIBLE else "info"
-    return (Finding(severity, "not-one-mode", what, f"{seen}; between {times[rows[0]]:.3g} and "
-                    f"{times[rows[-1]]:.3g} s.", share, 0.0, advice[0].upper() + advice[1:] + "."),)  # fmt: skip
+    return (
+        Finding(
+            severity,
+            "not-one-mode",
+            what,
+            f"{seen}; between {times[rows[0]]:.3g} and {times[rows[-1]]:.3g} s.",
+            share,
+            0.0,
+            advice[0].upper() + advice[1:] + ".",
+        ),
+    )
 
 
 def phases(decay: Decay) -> tuple[Phase, ...]:
@@ -140,9 +166,10 @@ def phases(decay: Decay) -> tuple[Phase, ...]:
         ("sticking", decay.knee + after, decay.times[-1]),
     )
     found = [
-        _phase(decay, kind, float(a), float(b)) for kind, a, b in spans
+        _phase(decay, kind, float(a), float(b))
+        for kind, a, b in spans
         if np.count_nonzero((decay.times >= a) & (decay.times <= b)) > _FEWEST_SAMPLES
-    ]  # fmt: skip
+    ]
     return tuple(phase for phase in found if phase.cycles >= _FEWEST)
 
 
@@ -158,9 +185,15 @@ def _phase(decay: Decay, kind: str, start: float, stop: float) -> Phase:
     curve = np.exp(np.polyval(np.polyfit(t - t[0], np.log(a), 1, w=a), t - t[0]))
     misfits = [float(np.linalg.norm(fit - a)) for fit in (np.polyval(line, t - t[0]), curve)]
     return Phase(
-        kind, start, stop, frequency, float(np.median(decay.damping_ratios[inside])), (stop - start) * frequency,
-        float(line[0]), misfits[1] / max(misfits[0], 1e-300),
-    )  # fmt: skip
+        kind,
+        start,
+        stop,
+        frequency,
+        float(np.median(decay.damping_ratios[inside])),
+        (stop - start) * frequency,
+        float(line[0]),
+        misfits[1] / max(misfits[0], 1e-300),
+    )
 
 
 def band_passed(
@@ -187,8 +220,12 @@ def _samples(signal: Recording | Response, channel: str | Dof | None) -> tuple[n
         wanted = signal.dofs[0] if channel is None else Dof.parse(channel)
         found = match([wanted], signal.dofs)
         if not found:
-            raise InputError("the response has no such DOF", where=signal.name, got=str(wanted),
-                             expected="one of " + ", ".join(map(str, signal.dofs)))  # fmt: skip
+            raise InputError(
+                "the response has no such DOF",
+                where=signal.name,
+                got=str(wanted),
+                expected="one of " + ", ".join(map(str, signal.dofs)),
+            )
         return found[0][2] * np.asarray(signal.displacements[found[0][1]]), rate, f"{signal.name} {wanted}".strip()
     for row, one in enumerate(signal.channels):
         chosen = one.role == "response" if channel is None else channel in (one.name, one.dof, str(one.dof))
@@ -198,25 +235,42 @@ def _samples(signal: Recording | Response, channel: str | Dof | None) -> tuple[n
                 signal.sampling_rate,
                 f"{signal.name} {one.name}".strip(),
             )
-    raise InputError("the record has no such channel", where=signal.name, got=str(channel or "no response"),
-                     expected="one of " + ", ".join(one.name for one in signal.channels))  # fmt: skip
+    raise InputError(
+        "the record has no such channel",
+        where=signal.name,
+        got=str(channel or "no response"),
+        expected="one of " + ", ".join(one.name for one in signal.channels),
+    )
 
 
 def _check(values: np.ndarray, rate: float, band: tuple[float, float], what: str) -> None:
     if not 0 < band[0] < band[1] < rate / 2:
-        raise InputError("not a band", where=what, got=f"{band[0]:g} to {band[1]:g} Hz",
-                         expected=f"0 < low < high < {rate / 2:g} Hz, half the sampling rate")  # fmt: skip
+        raise InputError(
+            "not a band",
+            where=what,
+            got=f"{band[0]:g} to {band[1]:g} Hz",
+            expected=f"0 < low < high < {rate / 2:g} Hz, half the sampling rate",
+        )
     if not np.all(np.isfinite(values)):
         raise InputError("the signal holds NaN or infinity", where=what, advice="cut the record or repair the channel")
     if len(values) < 6 * rate / band[0]:
-        raise InputError("the signal is too short", where=what, got=f"{len(values) / rate:.3g} s",
-                         expected=f"at least 6 periods of {band[0]:g} Hz")  # fmt: skip
+        raise InputError(
+            "the signal is too short",
+            where=what,
+            got=f"{len(values) / rate:.3g} s",
+            expected=f"at least 6 periods of {band[0]:g} Hz",
+        )
 
 
 def _window(
-    amplitude: np.ndarray, rate: float, band: tuple[float, float], start: float | None, stop: float | None,
-    floor: float | None, what: str,
-) -> tuple[int, int]:  # fmt: skip
+    amplitude: np.ndarray,
+    rate: float,
+    band: tuple[float, float],
+    start: float | None,
+    stop: float | None,
+    floor: float | None,
+    what: str,
+) -> tuple[int, int]:
     """First and last sample of the decay."""
     ends = round(_ENDS * rate / (band[1] - band[0]))
     first = int(np.argmax(amplitude[: len(amplitude) - ends])) + ends if start is None else round(start * rate)
@@ -224,23 +278,34 @@ def _window(
     if start is None and first >= last:
         raise _steady(what, float(amplitude[ends]), float(amplitude[-ends]))
     if not 0 <= first < last <= len(amplitude):
-        raise InputError("nothing between start and stop", where=what, got=f"{first / rate:.3g} to {last / rate:.3g} s",
-                         expected=f"inside 0 to {len(amplitude) / rate:.3g} s")  # fmt: skip
+        raise InputError(
+            "nothing between start and stop",
+            where=what,
+            got=f"{first / rate:.3g} to {last / rate:.3g} s",
+            expected=f"inside 0 to {len(amplitude) / rate:.3g} s",
+        )
     least = _noise(amplitude, ends) if floor is None else floor * amplitude[first]
     low = np.flatnonzero(amplitude[first:last] < least)
     last = first + int(low[0]) if len(low) else last
     if last - first < 3 * rate / band[0]:
-        raise InputError("the decay is too short", where=what, got=f"{(last - first) / rate:.3g} s",
-                         expected=f"at least 3 periods of {band[0]:g} Hz",
-                         advice="lower floor, or widen the band")  # fmt: skip
+        raise InputError(
+            "the decay is too short",
+            where=what,
+            got=f"{(last - first) / rate:.3g} s",
+            expected=f"at least 3 periods of {band[0]:g} Hz",
+            advice="lower floor, or widen the band",
+        )
     return first, last
 
 
 def _steady(what: str, first: float, last: float) -> InputError:
     return InputError(
-        "the signal does not decay", where=what, got=f"amplitude {first:.3g} at the start and {last:.3g} at the end",
-        expected="a free vibration", advice="give start and stop, or another band",
-    )  # fmt: skip
+        "the signal does not decay",
+        where=what,
+        got=f"amplitude {first:.3g} at the start and {last:.3g} at the end",
+        expected="a free vibration",
+        advice="give start and stop, or another band",
+    )
 
 
 def _noise(amplitude: np.ndarray, ends: int) -> float:

@@ -63,9 +63,11 @@ def without_dead(frfs: FrfSet) -> FrfSet:
     alive = _without(frfs, dead)
     if alive is None:
         raise InputError(
-            "no FRF is left to work with", where=f"run {frfs.name}" if frfs.name else "FRFs",
-            got="; ".join(finding.message.rstrip(".") for finding in findings), advice=findings[0].advice.rstrip("."),
-        )  # fmt: skip
+            "no FRF is left to work with",
+            where=f"run {frfs.name}" if frfs.name else "FRFs",
+            got="; ".join(finding.message.rstrip(".") for finding in findings),
+            advice=findings[0].advice.rstrip("."),
+        )
     return alive
 
 
@@ -88,10 +90,15 @@ def _dead(frfs: FrfSet) -> tuple[np.ndarray, list[Finding]]:
         if labels:
             findings.append(
                 Finding(
-                    "error", code, _where(frfs, _list(labels)), f"{_count(labels, 'FRF')} {text}.", float(len(labels)),
-                    0.0, advice,
+                    "error",
+                    code,
+                    _where(frfs, _list(labels)),
+                    f"{_count(labels, 'FRF')} {text}.",
+                    float(len(labels)),
+                    0.0,
+                    advice,
                 )
-            )  # fmt: skip
+            )
     return broken | zero, findings
 
 
@@ -128,22 +135,30 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
     if not known.all():
         findings.append(
             Finding(
-                "warning", "one-average", _where(frfs),
-                f"{np.sum(~known)} of {known.size} FRFs have one average: their coherence is 1 by definition.", 1.0,
+                "warning",
+                "one-average",
+                _where(frfs),
+                f"{np.sum(~known)} of {known.size} FRFs have one average: their coherence is 1 by definition.",
+                1.0,
                 2.0,
                 "Average at least three measurements.",
             )
-        )  # fmt: skip
+        )
     if not known.any():
         return findings
     median = float(np.nanmedian(frfs.coherence[:, known]))
     if median < LOW_COHERENCE:
         findings.append(
             Finding(
-                "warning", "low-coherence", _where(frfs), f"the median coherence is {median:.2f}.", median,
-                LOW_COHERENCE, "Check noise, leakage, double hits and the excited band before trusting the damping.",
+                "warning",
+                "low-coherence",
+                _where(frfs),
+                f"the median coherence is {median:.2f}.",
+                median,
+                LOW_COHERENCE,
+                "Check noise, leakage, double hits and the excited band before trusting the damping.",
             )
-        )  # fmt: skip
+        )
     weight = np.abs(frfs.values)
     for peak in peaks:
         line = int(np.argmin(np.abs(frfs.frequencies - peak)))
@@ -154,11 +169,15 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
         if here < LOW_COHERENCE:
             findings.append(
                 Finding(
-                    "warning", "low-coherence", _where(frfs, f"{peak:.1f} Hz"),
-                    f"the coherence at the resonance at {peak:.1f} Hz is {here:.2f}.", here, LOW_COHERENCE,
+                    "warning",
+                    "low-coherence",
+                    _where(frfs, f"{peak:.1f} Hz"),
+                    f"the coherence at the resonance at {peak:.1f} Hz is {here:.2f}.",
+                    here,
+                    LOW_COHERENCE,
                     "Leakage, noise or nonlinearity: use longer blocks, more averages or one force level.",
                 )
-            )  # fmt: skip
+            )
     return findings
 
 
@@ -176,11 +195,15 @@ def _noise(frfs: FrfSet) -> list[Finding]:
         return []
     return [
         Finding(
-            "warning", "noisy-frfs", _where(frfs),
-            f"the standard deviation of the FRFs is {100 * median:.0f} % of their magnitude (median).", median, NOISY,
+            "warning",
+            "noisy-frfs",
+            _where(frfs),
+            f"the standard deviation of the FRFs is {100 * median:.0f} % of their magnitude (median).",
+            median,
+            NOISY,
             "Average more, or raise the force.",
         )
-    ]  # fmt: skip
+    ]
 
 
 def _drive_points(frfs: FrfSet) -> list[Finding]:
@@ -198,20 +221,28 @@ def _drive_points(frfs: FrfSet) -> list[Finding]:
         if negative > REVERSED:
             findings.append(
                 Finding(
-                    "error", "drive-point-sign", where,
-                    "the drive point has the wrong sign: force or response is reversed.", negative, WRONG_PHASE,
+                    "error",
+                    "drive-point-sign",
+                    where,
+                    "the drive point has the wrong sign: force or response is reversed.",
+                    negative,
+                    WRONG_PHASE,
                     "Reverse the sign of the channel by a repair, or correct its direction.",
                 )
-            )  # fmt: skip
+            )
         elif negative > WRONG_PHASE:
             findings.append(
                 Finding(
-                    "warning", "drive-point-phase", where,
+                    "warning",
+                    "drive-point-phase",
+                    where,
                     f"{100 * negative:.0f} % of the drive point's resistance is negative: not all resonances have the "
-                    "same phase.", negative, WRONG_PHASE,
+                    "same phase.",
+                    negative,
+                    WRONG_PHASE,
                     "Force and response are not at the same place and direction, or the channels have a phase error.",
                 )
-            )  # fmt: skip
+            )
     return findings
 
 
@@ -229,14 +260,18 @@ def _reciprocity(frfs: FrfSet) -> list[Finding]:
                 reversed_ = np.sum(one * other.conj()).real < 0
                 findings.append(
                     Finding(
-                        "warning", "reciprocity",
+                        "warning",
+                        "reciprocity",
                         _where(frfs, f"{frfs.label(row, other_column)} and {frfs.label(other_row, column)}"),
                         f"the two FRFs differ by {100 * difference:.0f} %"
-                        f"{': they have opposite signs' if reversed_ else ''}.", difference, RECIPROCITY,
-                        "A sensor is reversed or misplaced." if reversed_ else
-                        "Check places, directions and sensitivities; a friction joint breaks reciprocity too.",
+                        f"{': they have opposite signs' if reversed_ else ''}.",
+                        difference,
+                        RECIPROCITY,
+                        "A sensor is reversed or misplaced."
+                        if reversed_
+                        else "Check places, directions and sensitivities; a friction joint breaks reciprocity too.",
                     )
-                )  # fmt: skip
+                )
     return findings
 
 
@@ -247,11 +282,15 @@ def _beyond_force(frfs: FrfSet, hits: HitGallery, peaks: Float[np.ndarray, "mode
         return []
     return [
         Finding(
-            "warning", "usable-band", _where(frfs),
+            "warning",
+            "usable-band",
+            _where(frfs),
             f"{len(beyond)} resonances lie above {hits.usable_band[1]:.0f} Hz, where the force has fallen by 20 dB.",
-            float(beyond[0]), hits.usable_band[1], "Use a harder tip, or leave these modes out.",
+            float(beyond[0]),
+            hits.usable_band[1],
+            "Use a harder tip, or leave these modes out.",
         )
-    ]  # fmt: skip
+    ]
 
 
 def _where(frfs: FrfSet, what: str = "") -> str:

@@ -49,21 +49,29 @@ def about_impacts(judged: Sequence[Judged], where: str) -> list[Finding]:
             advice = _ADVICE[reason.code]
             findings.append(
                 Finding(
-                    "info" if one.asked else "warning", reason.code,
-                    f"{where}, {one.record}, point {one.dof}, impact {one.index}", f"{verdict}: {reason.text}.",
-                    abs(one.pulse.peak), None, advice if one.used or one.asked else f"{advice} {_OVERRULE}",
+                    "info" if one.asked else "warning",
+                    reason.code,
+                    f"{where}, {one.record}, point {one.dof}, impact {one.index}",
+                    f"{verdict}: {reason.text}.",
+                    abs(one.pulse.peak),
+                    None,
+                    advice if one.used or one.asked else f"{advice} {_OVERRULE}",
                 )
-            )  # fmt: skip
+            )
     small = [one.second.ratio for one in judged if one.clean and one.used and one.second is not None]
     if small:
         findings.append(
             Finding(
-                "info", "double-hit", where,
+                "info",
+                "double-hit",
+                where,
                 f"{len(small)} of {len(judged)} impacts have further contacts of {100 * min(small):.2g} to "
-                f"{100 * max(small):.2g} % of the peak; they are part of the measured force.", max(small), ONE_LEVEL,
+                f"{100 * max(small):.2g} % of the peak; they are part of the measured force.",
+                max(small),
+                ONE_LEVEL,
                 "They do not bias the FRFs of a linear structure.",
             )
-        )  # fmt: skip
+        )
     counted: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
     for one in judged:
         for remark in one.remarks:
@@ -74,11 +82,15 @@ def about_impacts(judged: Sequence[Judged], where: str) -> list[Finding]:
         worst = min(values)[0] if low else max(values)[0]
         findings.append(
             Finding(
-                "info" if len(values) < 0.1 * len(judged) else "warning", code, f"{where}, channel {channel}",
-                f"{len(values)} of {len(judged)} impacts {text} {channel} (worst {100 * worst:.1f} %).", worst,
-                values[0][1], advice,
+                "info" if len(values) < 0.1 * len(judged) else "warning",
+                code,
+                f"{where}, channel {channel}",
+                f"{len(values)} of {len(judged)} impacts {text} {channel} (worst {100 * worst:.1f} %).",
+                worst,
+                values[0][1],
+                advice,
             )
-        )  # fmt: skip
+        )
     return findings
 
 
@@ -89,20 +101,29 @@ def about_force(judged: Sequence[Judged], where: str) -> list[Finding]:
     if negative:
         findings.append(
             Finding(
-                "warning", "force-sign", where, f"{negative} of {len(judged)} impacts are negative pulses.",
-                float(negative), 0.0,
+                "warning",
+                "force-sign",
+                where,
+                f"{negative} of {len(judged)} impacts are negative pulses.",
+                float(negative),
+                0.0,
                 "A hammer can only push: reverse the sign of the force channel by a repair, unless its DOF points "
                 "against the impact on purpose.",
             )
-        )  # fmt: skip
+        )
     short = sum(one.before < 4 for one in judged)
     if short:
         findings.append(
             Finding(
-                "warning", "pre-trigger", where, f"{short} of {len(judged)} impacts have no pre-trigger.", float(short),
-                0.0, "Start the record earlier: offset and noise of the channels are unknown.",
+                "warning",
+                "pre-trigger",
+                where,
+                f"{short} of {len(judged)} impacts have no pre-trigger.",
+                float(short),
+                0.0,
+                "Start the record earlier: offset and noise of the channels are unknown.",
             )
-        )  # fmt: skip
+        )
     return findings
 
 
@@ -114,36 +135,51 @@ def about_points(judged: Sequence[Judged], where: str) -> list[Finding]:
     if lost:
         findings.append(
             Finding(
-                "error", "lost-point", where, f"no impact is left at {_list(lost)}.", float(len(lost)), 0.0,
+                "error",
+                "lost-point",
+                where,
+                f"no impact is left at {_list(lost)}.",
+                float(len(lost)),
+                0.0,
                 "These points are missing in the FRFs: measure them again.",
             )
-        )  # fmt: skip
+        )
     for biased in (True, False):
         doubtful = [
-            dof for dof, own in used.items()
+            dof
+            for dof, own in used.items()
             if own and not any(one.clean for one in own) and any(one.biased for one in own) == biased
-        ]  # fmt: skip
+        ]
         if doubtful:
             faults = sorted({reason.code for dof in doubtful for one in used[dof] for reason in one.reasons})
             effect = "the FRFs there are biased" if biased else "the force is not that of a single contact"
             findings.append(
                 Finding(
-                    "error" if biased else "warning", "best-effort", where,
+                    "error" if biased else "warning",
+                    "best-effort",
+                    where,
                     f"every impact at {_list(doubtful)} has a fault ({', '.join(faults)}): the best of them are used, "
-                    f"{effect}.", float(len(doubtful)), 0.0,
-                    "Measure these points again before anything is concluded from them." if biased
+                    f"{effect}.",
+                    float(len(doubtful)),
+                    0.0,
+                    "Measure these points again before anything is concluded from them."
+                    if biased
                     else "Look at the force signals; repeat the point if its joints slip.",
                 )
-            )  # fmt: skip
+            )
     single = [dof for dof, own in used.items() if len(own) == 1]
     if single:
         findings.append(
             Finding(
-                "warning", "one-average", where,
-                f"one impact only at {_list(single)}: the coherence is 1 by definition.", 1.0, 3.0,
+                "warning",
+                "one-average",
+                where,
+                f"one impact only at {_list(single)}: the coherence is 1 by definition.",
+                1.0,
+                3.0,
                 "Strike each point three to five times.",
             )
-        )  # fmt: skip
+        )
     return findings
 
 
@@ -151,10 +187,16 @@ def about_selection(judged: Sequence[Judged], selection: Sequence[str], where: s
     """Entries of ``keep`` and ``reject`` that this run has no impact for."""
     return [
         Finding(
-            "info", "selection", where, f"no impact of this run is called {entry!r}.", None, None,
+            "info",
+            "selection",
+            where,
+            f"no impact of this run is called {entry!r}.",
+            None,
+            None,
             "Impacts are called by record or point and their number from 0, such as '12:+Z#3'.",
-        ) for entry in impact_choice.unmatched(judged, selection)
-    ]  # fmt: skip
+        )
+        for entry in impact_choice.unmatched(judged, selection)
+    ]
 
 
 def about_swap(swapped: Sequence[tuple[str, str]], records: int, where: str) -> list[Finding]:
@@ -164,12 +206,16 @@ def about_swap(swapped: Sequence[tuple[str, str]], records: int, where: str) -> 
     (force, response), count = Counter(swapped).most_common(1)[0]
     return [
         Finding(
-            "error", "swapped-channels", where,
+            "error",
+            "swapped-channels",
+            where,
             f"in {count} of {records} records the force channel {force} rings like a response and the response channel "
-            f"{response} is a pulse like a force: the two are probably exchanged.", float(count), 0.5 * records,
+            f"{response} is a pulse like a force: the two are probably exchanged.",
+            float(count),
+            0.5 * records,
             f"Exchange the roles of {force} and {response} in campaign.toml.",
         )
-    ]  # fmt: skip
+    ]
 
 
 def about_window(ring: RingDown, used: float, asked: bool, where: str) -> list[Finding]:
@@ -178,31 +224,42 @@ def about_window(ring: RingDown, used: float, asked: bool, where: str) -> list[F
     if used > 0 and not asked:
         findings.append(
             Finding(
-                "info", "exponential-window", where,
+                "info",
+                "exponential-window",
+                where,
                 f"{100 * ring.left_over:.0f} % of the response is left at the end of the block; an exponential window "
-                f"adds a decay of {used:.3g} 1/s, which the fit takes off exactly.", ring.left_over, LEFT_OVER,
+                f"adds a decay of {used:.3g} 1/s, which the fit takes off exactly.",
+                ring.left_over,
+                LEFT_OVER,
                 "Longer blocks need no window.",
             )
-        )  # fmt: skip
+        )
     if used > STRONGEST * 1.001 * ring.structural and ring.left_over > LEFT_OVER:
         findings.append(
             Finding(
-                "warning", "exponential-window", where,
+                "warning",
+                "exponential-window",
+                where,
                 f"the window's decay of {used:.3g} 1/s is {used / ring.structural:.1f} times that of the structure.",
-                used / ring.structural, STRONGEST,
+                used / ring.structural,
+                STRONGEST,
                 "Damping is mostly the window's: use longer blocks or a weaker window.",
             )
-        )  # fmt: skip
+        )
     remaining = ring.left_over * float(np.exp(-used * ring_duration(ring)))
     if remaining > LEFT_OVER:
         findings.append(
             Finding(
-                "warning", "leakage", where,
+                "warning",
+                "leakage",
+                where,
                 f"{100 * remaining:.1f} % of the response is left at the end of the block"
-                f"{' in spite of the window' if used > 0 else ''}.", remaining, LEFT_OVER,
+                f"{' in spite of the window' if used > 0 else ''}.",
+                remaining,
+                LEFT_OVER,
                 "Measure longer blocks, or the damping is biased.",
             )
-        )  # fmt: skip
+        )
     return findings
 
 
@@ -221,12 +278,16 @@ def about_levels(effects: list[LevelEffect], bins: Sequence[tuple[float, float]]
     levels = ", ".join(f"{low:.4g}-{high:.4g}" for low, high in bins[:4])
     return [
         Finding(
-            "warning", "level-dependence", where,
+            "warning",
+            "level-dependence",
+            where,
             f"the FRFs change by {100 * effect.change:.0f} % with the level of the impacts: the structure is not "
             "linear.",
-            effect.change, NONLINEAR, f"Use impacts of one level at a time (level = one of {levels}).",
+            effect.change,
+            NONLINEAR,
+            f"Use impacts of one level at a time (level = one of {levels}).",
         )
-    ]  # fmt: skip
+    ]
 
 
 def about_band(band: tuple[float, float], highest: float, where: str) -> list[Finding]:
@@ -235,12 +296,16 @@ def about_band(band: tuple[float, float], highest: float, where: str) -> list[Fi
         return []
     return [
         Finding(
-            "info", "usable-band", where,
+            "info",
+            "usable-band",
+            where,
             f"the force spectrum has fallen by 10 dB at {band[0]:.0f} Hz and by 20 dB at {band[1]:.0f} Hz; the FRFs "
-            f"reach to {highest:.0f} Hz.", band[1], highest,
+            f"reach to {highest:.0f} Hz.",
+            band[1],
+            highest,
             "Use the FRFs up to the -20 dB frequency, or a harder tip.",
         )
-    ]  # fmt: skip
+    ]
 
 
 def about_units(unit: str, where: str) -> list[Finding]:
@@ -249,10 +314,15 @@ def about_units(unit: str, where: str) -> list[Finding]:
         return []
     return [
         Finding(
-            "warning", "unit-unstated", where, "the unit of a force or response channel is not stated.", None, None,
+            "warning",
+            "unit-unstated",
+            where,
+            "the unit of a force or response channel is not stated.",
+            None,
+            None,
             "Frequencies, damping and shapes are right, scaling is not: state the units in campaign.toml.",
         )
-    ]  # fmt: skip
+    ]
 
 
 def _list(dofs: Sequence[Dof]) -> str:

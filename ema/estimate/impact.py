@@ -81,9 +81,9 @@ def hammer(
     reject: Sequence[str] = (),
 ) -> FrfSet:
     """FRFs of a hammer test; parameters and errors as in :func:`hammer_test`."""
-    return hammer_test(
-        run, estimator, block, trigger, level, decay, window_force, progress, keep=keep, reject=reject
-    )[0]  # fmt: skip
+    return hammer_test(run, estimator, block, trigger, level, decay, window_force, progress, keep=keep, reject=reject)[
+        0
+    ]
 
 
 def hammer_test(
@@ -144,9 +144,11 @@ def hammer_test(
     judged = impact_choice.chosen(judged, options.keep, options.reject)
     if not any(one.used for one in judged):
         raise InputError(
-            "no impact is left", where=where, got="; ".join(sorted({one.reasons[0].text for one in judged})[:3]),
+            "no impact is left",
+            where=where,
+            got="; ".join(sorted({one.reasons[0].text for one in judged})[:3]),
             advice="all of them are excluded by the settings or the campaign",
-        )  # fmt: skip
+        )
     sums: dict[_Key, Sums] = {}
     single, effects = SingleBlows(), list[LevelEffect]()
     for key, parts, effect in _transformed(run, takes, judged, length, before, added, options, progress):
@@ -187,16 +189,23 @@ def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tupl
     silence = [channels.describe(run, takes[place]) for place, own in judged.items() if not own]
     if len(silence) == len(counts):
         raise InputError(
-            "the force channel never triggers", where=channels.describe(run),
+            "the force channel never triggers",
+            where=channels.describe(run),
             got=f"no impact in {len(counts)} record{'s' if len(counts) > 1 else ''}",
             advice=findings[0].message if findings else "check the hammer's channel, or lower the trigger",
-        )  # fmt: skip
+        )
     findings += [
         Finding(
-            "error", "no-trigger", where, "the force channel never triggers: the record is not used.", None, None,
+            "error",
+            "no-trigger",
+            where,
+            "the force channel never triggers: the record is not used.",
+            None,
+            None,
             "Check the hammer's channel, or give the trigger level.",
-        ) for where in silence
-    ]  # fmt: skip
+        )
+        for where in silence
+    ]
     return [one for own in judged.values() for one in own], findings
 
 
@@ -207,14 +216,18 @@ def _checked(run: Run, record: Recording, rate: float) -> channels.Layout:
     channels.finite(record, layout, where)
     if len(layout.references) > 1:
         raise InputError(
-            "a record of a hammer test has one force channel", where=where, got=f"{len(layout.references)}",
+            "a record of a hammer test has one force channel",
+            where=where,
+            got=f"{len(layout.references)}",
             advice="give the other channels another role",
-        )  # fmt: skip
+        )
     if record.sampling_rate != rate:
         raise InputError(
-            "the records of the run differ in sampling rate", where=where, got=f"{record.sampling_rate:g} Hz",
+            "the records of the run differ in sampling rate",
+            where=where,
+            got=f"{record.sampling_rate:g} Hz",
             expected=f"{rate:g} Hz",
-        )  # fmt: skip
+        )
     return layout
 
 
@@ -273,9 +286,15 @@ def _ring_down(takes: _Takes, judged: list[Judged], length: int, rate: float) ->
 
 
 def _transformed(
-    run: Run, takes: _Takes, judged: list[Judged], length: int, before: int, decay: float, options: Options,
+    run: Run,
+    takes: _Takes,
+    judged: list[Judged],
+    length: int,
+    before: int,
+    decay: float,
+    options: Options,
     progress: Progress,
-) -> Iterator[tuple[_Key, list[Sums], LevelEffect | None]]:  # fmt: skip
+) -> Iterator[tuple[_Key, list[Sums], LevelEffect | None]]:
     """Sums of spectra of the impacts of each record, under (force DOF, response DOFs)."""
     for place in range(len(takes.records)):
         accepted = [one for one in judged if one.place == place and one.used]
@@ -335,9 +354,15 @@ def _pulse(
 
 
 def _assemble(
-    run: Run, first: Recording, sums: dict[_Key, Sums], single: SingleBlows, length: int, decay: float,
-    options: Options, findings: list[Finding],
-) -> FrfSet:  # fmt: skip
+    run: Run,
+    first: Recording,
+    sums: dict[_Key, Sums],
+    single: SingleBlows,
+    length: int,
+    decay: float,
+    options: Options,
+    findings: list[Finding],
+) -> FrfSet:
     """The FRF set of all sums."""
     sums = _without_overlap(sums)
     inputs = tuple(dict.fromkeys(force for force, _ in sums))
@@ -363,16 +388,27 @@ def _assemble(
     )
     findings += hammer_findings.about_units(unit, channels.describe(run))
     return FrfSet(
-        frequencies=scipy.fft.rfftfreq(length, 1 / first.sampling_rate), values=values.transpose(2, 1, 0),
-        outputs=outputs, inputs=inputs, quantity=quantity, unit=unit, coherence=coherence.transpose(2, 1, 0),
-        variance=variance.transpose(2, 1, 0), estimator=options.estimator, averages=averages, added_decay=decay,
-        record_length=length / first.sampling_rate, window="exponential" if decay > 0 else "rectangular",
-        condition=run.condition, name=run.id, findings=tuple(findings),
+        frequencies=scipy.fft.rfftfreq(length, 1 / first.sampling_rate),
+        values=values.transpose(2, 1, 0),
+        outputs=outputs,
+        inputs=inputs,
+        quantity=quantity,
+        unit=unit,
+        coherence=coherence.transpose(2, 1, 0),
+        variance=variance.transpose(2, 1, 0),
+        estimator=options.estimator,
+        averages=averages,
+        added_decay=decay,
+        record_length=length / first.sampling_rate,
+        window="exponential" if decay > 0 else "rectangular",
+        condition=run.condition,
+        name=run.id,
+        findings=tuple(findings),
         provenance=Provenance(
             steps=("estimate.hammer",), options=tuple((name, str(value)) for name, value in vars(options).items())
         ),
         deviations=single.deviations(values, sums, outputs, inputs, factor),
-    )  # fmt: skip
+    )
 
 
 def _without_overlap(sums: dict[_Key, Sums]) -> dict[_Key, Sums]:
@@ -410,12 +446,18 @@ def _hit(one: Judged, record: Recording) -> Hit:
     if one.second is not None:
         first, last = max(min(first, one.second.sample - 2 * contact), 0), max(last, one.second.sample + 2 * contact)
     return Hit(
-        recording=one.record, index=one.index, dof=one.dof, time=one.start / rate, peak=pulse.peak,
+        recording=one.record,
+        index=one.index,
+        dof=one.dof,
+        time=one.start / rate,
+        peak=pulse.peak,
         impulse=float((force[pulse.start : pulse.stop + 1] - one.offset).sum() / rate),
-        contact_time=(pulse.stop - pulse.start) / rate, accepted=one.used,
-        reason="; ".join(reason.text for reason in one.reasons), pulse=force[first:last] - one.offset,
+        contact_time=(pulse.stop - pulse.start) / rate,
+        accepted=one.used,
+        reason="; ".join(reason.text for reason in one.reasons),
+        pulse=force[first:last] - one.offset,
         sampling_rate=rate,
-    )  # fmt: skip
+    )
 
 
 def usable_band(frequencies: Float[np.ndarray, "freq"], spectrum: Float[np.ndarray, "freq"]) -> tuple[float, float]:

@@ -69,9 +69,11 @@ def to_quantity(recording: Recording, quantity: Quantity, high_pass: float = 1.0
         times = _ORDER.get(channel.quantity, _ORDER[quantity]) - _ORDER[quantity]
         if times < 0:
             raise InputError(
-                "the signal would have to be differentiated", where=f"{recording.name}, channel {channel.name}",
-                got=channel.quantity, expected=quantity,
-            )  # fmt: skip
+                "the signal would have to be differentiated",
+                where=f"{recording.name}, channel {channel.name}",
+                got=channel.quantity,
+                expected=quantity,
+            )
         if times:
             signals[row] = integrated(signals[row], recording.sampling_rate, times, high_pass, rest)
             unit = SI_UNIT[quantity] if channel.scaled else UNSTATED

@@ -76,9 +76,12 @@ def _solve(
 
 
 def _weighted(
-    regressors: Complex[np.ndarray, "k line unknown"], targets: Complex[np.ndarray, "k power line out"],
-    lines: Float[np.ndarray, "k line"], responses: Float[np.ndarray, "k out"], inputs: int,
-) -> tuple[Local, Complex[np.ndarray, "k degree"]]:  # fmt: skip
+    regressors: Complex[np.ndarray, "k line unknown"],
+    targets: Complex[np.ndarray, "k power line out"],
+    lines: Float[np.ndarray, "k line"],
+    responses: Float[np.ndarray, "k out"],
+    inputs: int,
+) -> tuple[Local, Complex[np.ndarray, "k degree"]]:
     """One weighted least squares: numerators eliminated by QR, then the denominator common to all responses."""
     regressors, targets = regressors * lines[:, :, None], targets * lines[:, None, :, None]
     scale = np.sqrt(np.mean(np.abs(regressors) ** 2, axis=1, keepdims=True))

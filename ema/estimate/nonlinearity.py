@@ -104,8 +104,13 @@ def causality(frfs: FrfSet, near: float | None = None) -> Float[np.ndarray, "out
     values = frfs.values[rows]
     count = len(values)
     if count < 16:
-        raise InputError("too few lines about the peak", where=where, got=count, expected="16 or more",
-                         advice="measure with a finer resolution")  # fmt: skip
+        raise InputError(
+            "too few lines about the peak",
+            where=where,
+            got=count,
+            expected="16 or more",
+            advice="measure with a finer resolution",
+        )
     taper = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(count) + 0.5) / count)
     impulse = np.fft.ifft(values * taper[:, None, None], 4 * count, axis=0)
     energy = np.abs(impulse) ** 2
@@ -118,11 +123,17 @@ def causality(frfs: FrfSet, near: float | None = None) -> Float[np.ndarray, "out
 def _same(low: FrfSet, high: FrfSet, where: str) -> None:
     unequal = low.values.shape != high.values.shape
     if unequal or np.abs(low.frequencies - high.frequencies).max() > _SAME_LINE * low.frequency_step:
-        raise InputError("FRFs on different lines", where=where, got=f"{low.values.shape} and {high.values.shape}",
-                         expected="the same lines in both", advice="cut both to one band and resolution")  # fmt: skip
+        raise InputError(
+            "FRFs on different lines",
+            where=where,
+            got=f"{low.values.shape} and {high.values.shape}",
+            expected="the same lines in both",
+            advice="cut both to one band and resolution",
+        )
     if low.outputs != high.outputs or low.inputs != high.inputs or low.quantity != high.quantity:
-        raise InputError("FRFs of different DOFs", where=where, got="other outputs, inputs or quantity",
-                         expected="the same in both")  # fmt: skip
+        raise InputError(
+            "FRFs of different DOFs", where=where, got="other outputs, inputs or quantity", expected="the same in both"
+        )
     if not (np.all(np.isfinite(low.values)) and np.all(np.isfinite(high.values))):
         raise InputError("FRFs hold NaN or infinite values", where=where, advice="leave out the channel")
 
@@ -131,14 +142,22 @@ def _around_peak(frfs: FrfSet, near: float | None, where: str) -> slice:
     """Lines within 10 half-power bandwidths of the peak of the summed response."""
     height = np.sqrt(np.sum(np.abs(frfs.values) ** 2, axis=(1, 2)))
     if not height.max() > 0 or len(height) < 5:
-        raise InputError("no peak in the FRFs", where=where, got=f"{len(height)} lines, largest {height.max():.3g}",
-                         expected="a resonance")  # fmt: skip
+        raise InputError(
+            "no peak in the FRFs",
+            where=where,
+            got=f"{len(height)} lines, largest {height.max():.3g}",
+            expected="a resonance",
+        )
     if near is None:
         top = int(height.argmax())
     else:
         if not frfs.frequencies[0] <= near <= frfs.frequencies[-1]:
-            raise InputError("outside the FRFs", where=where, got=f"{near} Hz",
-                             expected=f"{frfs.frequencies[0]:g} to {frfs.frequencies[-1]:g} Hz")  # fmt: skip
+            raise InputError(
+                "outside the FRFs",
+                where=where,
+                got=f"{near} Hz",
+                expected=f"{frfs.frequencies[0]:g} to {frfs.frequencies[-1]:g} Hz",
+            )
         top = int(np.abs(frfs.frequencies - near).argmin())
         while True:
             window = slice(max(top - 3, 0), top + 4)
@@ -165,8 +184,25 @@ def _about(index: float, side: Side, where: str) -> tuple[Finding, ...]:
         "undecided": "The levels lie on either side of the most damping.",
     }[side]
     if index > INVALID:
-        return (Finding("error", "not-homogeneous", where,
-                        f"the FRFs differ by {index:.0%} between the levels: one linear model has no meaning.",
-                        index, INVALID, advice + " Fit every level on its own, near its peak."),)  # fmt: skip
-    return (Finding("warning", "not-homogeneous", where, f"the FRFs differ by {index:.0%} between the levels.",
-                    index, NONLINEAR, advice + " Results hold for their level only."),)  # fmt: skip
+        return (
+            Finding(
+                "error",
+                "not-homogeneous",
+                where,
+                f"the FRFs differ by {index:.0%} between the levels: one linear model has no meaning.",
+                index,
+                INVALID,
+                advice + " Fit every level on its own, near its peak.",
+            ),
+        )
+    return (
+        Finding(
+            "warning",
+            "not-homogeneous",
+            where,
+            f"the FRFs differ by {index:.0%} between the levels.",
+            index,
+            NONLINEAR,
+            advice + " Results hold for their level only.",
+        ),
+    )

@@ -95,10 +95,17 @@ def shaker(
     findings = (*input_findings(inputs, layout.inputs, where), *hammer_findings.about_units(unit, where))
     options = {"estimator": estimator, "method": method, "block": block, "overlap": overlap}
     return FrfSet(
-        **parts, outputs=layout.outputs, inputs=layout.inputs, quantity=quantity, unit=unit, estimator=name,
-        condition=run.condition, name=run.id, findings=findings,
+        **parts,
+        outputs=layout.outputs,
+        inputs=layout.inputs,
+        quantity=quantity,
+        unit=unit,
+        estimator=name,
+        condition=run.condition,
+        name=run.id,
+        findings=findings,
         provenance=Provenance(steps=("estimate.shaker",), options=tuple((k, str(v)) for k, v in options.items())),
-    )  # fmt: skip
+    )
 
 
 def welch_frfs(found: Spectra, estimator: Estimator, rate: float, length: int) -> dict[str, Any]:
@@ -106,10 +113,12 @@ def welch_frfs(found: Spectra, estimator: Estimator, rate: float, length: int) -
     values = spectra.frf(found, estimator)
     multiple = spectra.multiple_coherence(found)
     return {
-        "frequencies": scipy.fft.rfftfreq(length, 1 / rate), "values": values,
+        "frequencies": scipy.fft.rfftfreq(length, 1 / rate),
+        "values": values,
         "coherence": np.repeat(multiple[:, :, None], values.shape[2], axis=2),
-        "variance": spectra.variance(found, multiple), "averages": np.full(values.shape[1:], found.averages),
-    }  # fmt: skip
+        "variance": spectra.variance(found, multiple),
+        "averages": np.full(values.shape[1:], found.averages),
+    }
 
 
 def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progress: Progress) -> dict[str, Any]:
@@ -124,9 +133,12 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     least = 2 * (local_model.width(len(layout.references)) + 2)
     if length < least:
         raise InputError(
-            "the record is too short for the local model", where=channels.describe(run), got=f"{length} samples",
-            expected=f"at least {least}", advice="measure longer records",
-        )  # fmt: skip
+            "the record is too short for the local model",
+            where=channels.describe(run),
+            got=f"{length} samples",
+            expected=f"at least {least}",
+            advice="measure longer records",
+        )
     weighted: Any = 0.0
     weights: Any = 0.0
     noise: Any = 0.0
@@ -149,10 +161,13 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
     values = weighted / weights
     return {
-        "frequencies": np.arange(1, length // 2) * first.sampling_rate / length, "values": values,
-        "coherence": np.repeat(coherence[:, :, None], values.shape[2], axis=2), "variance": 1 / weights,
-        "averages": np.full(values.shape[1:], float(count)), "deviations": _deviations(values, weights, single),
-    }  # fmt: skip
+        "frequencies": np.arange(1, length // 2) * first.sampling_rate / length,
+        "values": values,
+        "coherence": np.repeat(coherence[:, :, None], values.shape[2], axis=2),
+        "variance": 1 / weights,
+        "averages": np.full(values.shape[1:], float(count)),
+        "deviations": _deviations(values, weights, single),
+    }
 
 
 def _deviations(
@@ -227,9 +242,12 @@ def transformed(
     """
     if signals.shape[1] < cut.length:
         raise InputError(
-            "the record is shorter than a block", where=where, got=f"{signals.shape[1]} samples",
-            expected=f"at least {cut.length}", advice="choose a shorter block",
-        )  # fmt: skip
+            "the record is shorter than a block",
+            where=where,
+            got=f"{signals.shape[1]} samples",
+            expected=f"at least {cut.length}",
+            advice="choose a shorter block",
+        )
     rest = signals - signals.mean(axis=1, keepdims=True)
     blocks = np.lib.stride_tricks.sliding_window_view(rest, cut.length, axis=1)[:, :: cut.step].transpose(1, 0, 2)
     return scipy.fft.rfft(blocks * windows.hann_window(cut.length), axis=2)
@@ -258,9 +276,10 @@ def alive(record: Recording, layout: channels.Layout, where: str) -> None:
     for row in layout.references:
         if np.ptp(record.signals[row]) == 0:
             raise InputError(
-                "the force is zero or constant", where=f"{where}, channel {record.channels[row].name}",
+                "the force is zero or constant",
+                where=f"{where}, channel {record.channels[row].name}",
                 advice="check the force channel, or leave this shaker out",
-            )  # fmt: skip
+            )
 
 
 def same_test(rate: float, layout: channels.Layout, other_rate: float, other: channels.Layout, where: str) -> None:
@@ -272,15 +291,18 @@ def same_test(rate: float, layout: channels.Layout, other_rate: float, other: ch
     """
     if other_rate != rate:
         raise InputError(
-            "the records of the run differ in sampling rate", where=where, got=f"{other_rate:g} Hz",
+            "the records of the run differ in sampling rate",
+            where=where,
+            got=f"{other_rate:g} Hz",
             expected=f"{rate:g} Hz",
-        )  # fmt: skip
+        )
     if (other.inputs, other.outputs) != (layout.inputs, layout.outputs):
         raise InputError(
-            "the records of the run differ in their channels", where=where,
+            "the records of the run differ in their channels",
+            where=where,
             got=", ".join(map(str, (*other.inputs, *other.outputs))),
             expected=", ".join(map(str, (*layout.inputs, *layout.outputs))),
-        )  # fmt: skip
+        )
 
 
 def input_findings(found: Spectra, inputs: Sequence[object], where: str) -> tuple[Finding, ...]:
@@ -294,11 +316,16 @@ def input_findings(found: Spectra, inputs: Sequence[object], where: str) -> tupl
             high = median > CORRELATED
             findings.append(
                 Finding(
-                    "warning" if high else "info", "input-correlation", where,
+                    "warning" if high else "info",
+                    "input-correlation",
+                    where,
                     f"the median coherence between the forces at {inputs[b]} and {inputs[a]} is {median:.2f} "
-                    f"(independent forces give {bias:.2f}).", median, CORRELATED,
+                    f"(independent forces give {bias:.2f}).",
+                    median,
+                    CORRELATED,
                     "Drive the shakers with independent signals: the FRFs scatter more than they have to."
-                    if high else "",
+                    if high
+                    else "",
                 )
-            )  # fmt: skip
+            )
     return tuple(findings)

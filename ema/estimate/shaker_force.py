@@ -50,16 +50,24 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
     if len(rows) != 1:
         raise InputError("a sine test has one force channel", where=where, got=f"{len(rows)}", expected="1")
     if not (frequency > 0 and damping > 0 and discard >= 0):
-        raise InputError("not a mode", where=where, got=f"{frequency} Hz, damping {damping}, discard {discard} s",
-                         expected="positive numbers")  # fmt: skip
+        raise InputError(
+            "not a mode",
+            where=where,
+            got=f"{frequency} Hz, damping {damping}, discard {discard} s",
+            expected="positive numbers",
+        )
     first = int(discard * recording.sampling_rate)
     force = np.asarray(recording.signals[rows[0], first:], dtype=np.float64)
     at, amplitude = _passage(force - force.mean(), recording.sampling_rate)
     width = 2 * damping * frequency
     inside = np.abs(at - frequency) <= _BANDWIDTHS * width
     if inside.sum() < 16:
-        raise InputError("the sweep does not pass the mode", where=f"{where}, {frequency:g} Hz",
-                         got=f"{inside.sum()} samples near it", expected="a sine through the resonance")  # fmt: skip
+        raise InputError(
+            "the sweep does not pass the mode",
+            where=f"{where}, {frequency:g} Hz",
+            got=f"{inside.sum()} samples near it",
+            expected="a sine through the resonance",
+        )
     core = np.abs(at - frequency) <= 0.5 * width
     core = core if core.sum() >= 4 else inside
     beside = (np.abs(at - frequency) > _BESIDE * width) & (np.abs(at - frequency) <= 3 * _BESIDE * width)
@@ -67,11 +75,17 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
     dropout = level / float(np.median(amplitude[beside])) if beside.sum() >= 16 else float("nan")
     findings: tuple[Finding, ...] = ()
     if dropout < DROPOUT:
-        findings = (Finding(
-            "info", "force-dropout", where,
-            f"the force falls to {dropout:.0%} at {frequency:.4g} Hz: {level:.3g} N at resonance.", dropout, DROPOUT,
-            "Label the point with the force at resonance; control the level where the map needs it.",
-        ),)  # fmt: skip
+        findings = (
+            Finding(
+                "info",
+                "force-dropout",
+                where,
+                f"the force falls to {dropout:.0%} at {frequency:.4g} Hz: {level:.3g} N at resonance.",
+                dropout,
+                DROPOUT,
+                "Label the point with the force at resonance; control the level where the map needs it.",
+            ),
+        )
     return ForceLevel(level, float(np.std(amplitude[inside])), dropout, findings)
 
 
@@ -108,15 +122,22 @@ def phase_resonance(
     """
     frequencies, values = np.asarray(frequencies, dtype=np.float64), np.asarray(values, dtype=np.complex128)
     if len(frequencies) != len(values) or len(values) < 3 or not np.all(np.isfinite(values)):
-        raise InputError("no response over frequency", where=where, got=f"{len(frequencies)} frequencies, "
-                         f"{len(values)} values", expected="as many finite values, 3 or more")  # fmt: skip
+        raise InputError(
+            "no response over frequency",
+            where=where,
+            got=f"{len(frequencies)} frequencies, {len(values)} values",
+            expected="as many finite values, 3 or more",
+        )
     top = int(np.abs(values).argmax())
     crossings = np.flatnonzero(np.diff(np.signbit(values.real)))
     if not len(crossings):
-        raise InputError("no phase resonance within the lines", where=where,
-                         got=f"{frequencies[0]:g} to {frequencies[-1]:g} Hz",
-                         expected="a quarter of a period between response and force",
-                         advice="step over the resonance on both sides")  # fmt: skip
+        raise InputError(
+            "no phase resonance within the lines",
+            where=where,
+            got=f"{frequencies[0]:g} to {frequencies[-1]:g} Hz",
+            expected="a quarter of a period between response and force",
+            advice="step over the resonance on both sides",
+        )
     k = int(crossings[np.abs(crossings + 0.5 - top).argmin()])
     angle = np.unwrap(np.angle(values[k : k + 2]))
     quarter = np.pi * (np.floor(angle.min() / np.pi) + 0.5)
@@ -129,11 +150,18 @@ def phase_resonance(
     spread = float(held.max() / held.min() - 1)
     findings: tuple[Finding, ...] = ()
     if spread > 1 / DROPOUT - 1:
-        findings = (Finding(
-            "warning", "force-not-constant", where, f"the force runs from {held.min():.3g} to {held.max():.3g} N over "
-            "the lines: the FRF belongs to no one level.", spread, 1 / DROPOUT - 1,
-            "Label it with the force at resonance, or control the force.",
-        ),)  # fmt: skip
+        findings = (
+            Finding(
+                "warning",
+                "force-not-constant",
+                where,
+                f"the force runs from {held.min():.3g} to {held.max():.3g} N over "
+                "the lines: the FRF belongs to no one level.",
+                spread,
+                1 / DROPOUT - 1,
+                "Label it with the force at resonance, or control the force.",
+            ),
+        )
     return PhaseResonance(frequency, ratio, float(np.interp(frequency, frequencies, held)), findings)
 
 
@@ -170,28 +198,47 @@ def sweep_rate(
     runs = np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1)
     longest = max(runs, key=len)
     if len(longest) < 8:
-        raise InputError("the sweep does not pass the mode", where=f"{where}, {frequency:g} Hz",
-                         got=f"{len(longest)} samples near it", expected="a sine through the resonance")  # fmt: skip
+        raise InputError(
+            "the sweep does not pass the mode",
+            where=f"{where}, {frequency:g} Hz",
+            got=f"{len(longest)} samples near it",
+            expected="a sine through the resonance",
+        )
     slope = np.polyfit(longest / recording.sampling_rate, at[longest], 1)[0]
     rate = float(abs(slope))
     if rate <= limit:
         return rate, limit, ()
     if friction:
         found = Finding(
-            "warning", "sweep-rate", where, f"the sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s: the joint is "
-            "not at a steady amplitude, and the sign of the error in the damping is unknown.", rate, limit,
+            "warning",
+            "sweep-rate",
+            where,
+            f"the sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s: the joint is "
+            "not at a steady amplitude, and the sign of the error in the damping is unknown.",
+            rate,
+            limit,
             "Sweep slower, or step the sine.",
-        )  # fmt: skip
+        )
     elif periodic:
         found = Finding(
-            "info", "sweep-rate", where, f"the periodic sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s; FRFs of "
-            "a linear structure have no error by it.", rate, limit,
-        )  # fmt: skip
+            "info",
+            "sweep-rate",
+            where,
+            f"the periodic sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s; FRFs of "
+            "a linear structure have no error by it.",
+            rate,
+            limit,
+        )
     else:
         found = Finding(
-            "info", "sweep-rate", where, f"the sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s: a tracked "
-            "response is too low there; FRFs are right where the whole decay is recorded.", rate, limit,
-        )  # fmt: skip
+            "info",
+            "sweep-rate",
+            where,
+            f"the sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s: a tracked "
+            "response is too low there; FRFs are right where the whole decay is recorded.",
+            rate,
+            limit,
+        )
     return rate, limit, (found,)
 
 
@@ -232,9 +279,13 @@ def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str) -> FrfSet:
     wanted = Dof.parse(drive)
     columns, rows = match([wanted], frfs.inputs), match([wanted], frfs.outputs)
     if not columns or not rows:
-        raise InputError("the drive point was not measured", where=where, got=str(wanted),
-                         expected="a force and a response at the same DOF",
-                         advice="put an accelerometer at the shaker, or leave the mass out of account")  # fmt: skip
+        raise InputError(
+            "the drive point was not measured",
+            where=where,
+            got=str(wanted),
+            expected="a force and a response at the same DOF",
+            advice="put an accelerometer at the shaker, or leave the mass out of account",
+        )
     column, row, sign = columns[0][1], rows[0][1], columns[0][2] * rows[0][2]
     accelerance = convert(frfs, "accelerance").values
     share = 1 - mass * sign * accelerance[:, row, column]
@@ -277,16 +328,25 @@ def control_level(
     for number in range(most):
         level = float(measure(commands[-1]))
         if not (np.isfinite(level) and level > 0):
-            raise InputError("the measured force is no level", where="level control", got=f"{level} N",
-                             expected="above 0", advice="check the force channel and the amplifier")  # fmt: skip
+            raise InputError(
+                "the measured force is no level",
+                where="level control",
+                got=f"{level} N",
+                expected="above 0",
+                advice="check the force channel and the amplifier",
+            )
         levels.append(level)
         advance(progress, "level control", number + 1, most)
         if abs(level / target - 1) <= tolerance:
             return commands[-1], tuple(levels)
         commands.append(_next_command(commands, levels, target))
-    raise InputError("the level was not reached", where="level control",
-                     got=", ".join(f"{level:.3g} N" for level in levels), expected=f"{target:g} N +- {tolerance:.0%}",
-                     advice="the joint may jump between two amplitudes here: use another level")  # fmt: skip
+    raise InputError(
+        "the level was not reached",
+        where="level control",
+        got=", ".join(f"{level:.3g} N" for level in levels),
+        expected=f"{target:g} N +- {tolerance:.0%}",
+        advice="the joint may jump between two amplitudes here: use another level",
+    )
 
 
 def _next_command(commands: list[float], levels: list[float], target: float) -> float:

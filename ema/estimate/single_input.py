@@ -20,9 +20,11 @@ class Sums:
 
     def __add__(self, other: "Sums") -> "Sums":
         return Sums(
-            self.force + other.force, self.cross + other.cross, self.response + other.response,
+            self.force + other.force,
+            self.cross + other.cross,
+            self.response + other.response,
             self.averages + other.averages,
-        )  # fmt: skip
+        )
 
 
 def summed(f: Complex[np.ndarray, "freq"], y: Complex[np.ndarray, "out freq"]) -> Sums:

@@ -71,9 +71,12 @@ def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) ->
         if layout is None:
             layout, first = this, record
         if this.outputs != layout.outputs or this.inputs != layout.inputs or len(this.inputs) != 1:
-            raise InputError("the records of a stepped sine differ in their channels", where=where,
-                             got=", ".join(map(str, (*this.inputs, *this.outputs))),
-                             expected="one force, and the responses of the first record")  # fmt: skip
+            raise InputError(
+                "the records of a stepped sine differ in their channels",
+                where=where,
+                got=", ".join(map(str, (*this.inputs, *this.outputs))),
+                expected="one force, and the responses of the first record",
+            )
         rate = record.sampling_rate
         for signals in _stays(record, [*this.references, *this.responses], run.condition.excitation.period, where):
             signals = _settled(signals, round(discard * rate), where)
@@ -94,8 +97,12 @@ def _stays(record: Recording, rows: list[int], period: float, where: str) -> lis
     length = period * record.sampling_rate
     count = int(signals.shape[1] / length + 1e-6)
     if count < 1:
-        raise InputError("the record is shorter than the stay at one frequency", where=where,
-                         got=f"{record.duration:g} s", expected=f"{period:g} s or more")  # fmt: skip
+        raise InputError(
+            "the record is shorter than the stay at one frequency",
+            where=where,
+            got=f"{record.duration:g} s",
+            expected=f"{period:g} s or more",
+        )
     edges = np.round(np.arange(count + 1) * length).astype(int)
     return [signals[:, a:b] for a, b in pairwise(edges)]
 
@@ -103,8 +110,13 @@ def _stays(record: Recording, rows: list[int], period: float, where: str) -> lis
 def _settled(signals: Float[np.ndarray, "channel sample"], start: int, where: str) -> Float[np.ndarray, "channel kept"]:
     kept = signals[:, start:]
     if kept.shape[1] < 16:
-        raise InputError("nothing is left of the record", where=where, got=f"{kept.shape[1]} samples behind the first "
-                         f"{start}", expected="16 or more", advice="discard less")  # fmt: skip
+        raise InputError(
+            "nothing is left of the record",
+            where=where,
+            got=f"{kept.shape[1]} samples behind the first {start}",
+            expected="16 or more",
+            advice="discard less",
+        )
     return np.asarray(kept - kept.mean(axis=1, keepdims=True))
 
 
@@ -129,12 +141,20 @@ def _frequency(force: Float[np.ndarray, "sample"], rate: float, where: str) -> f
     basis = np.stack([np.cos(angle), np.sin(angle), one], axis=1)
     rest = force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]
     if not 0 < frequency < rate / 2 or rest @ rest > 0.25 * force @ force:
-        raise InputError("the force is no sine", where=where, got=f"{100 * (rest @ rest) / (force @ force):.0f} % of "
-                         "its power lie elsewhere", expected="one frequency for each record",
-                         advice="a sweep is kind = \"sweep\"")  # fmt: skip
+        raise InputError(
+            "the force is no sine",
+            where=where,
+            got=f"{100 * (rest @ rest) / (force @ force):.0f} % of its power lie elsewhere",
+            expected="one frequency for each record",
+            advice='a sweep is kind = "sweep"',
+        )
     if frequency * len(force) / rate < _FEWEST_CYCLES:
-        raise InputError("too few cycles in the record", where=where, got=f"{frequency * len(force) / rate:.1f}",
-                         expected=f"{_FEWEST_CYCLES:g} or more")  # fmt: skip
+        raise InputError(
+            "too few cycles in the record",
+            where=where,
+            got=f"{frequency * len(force) / rate:.1f}",
+            expected=f"{_FEWEST_CYCLES:g} or more",
+        )
     return frequency
 
 
@@ -167,9 +187,12 @@ def _change(signals: Float[np.ndarray, "channel sample"], frequency: float, rate
 
 
 def _joined(
-    run: Run, first: Recording, layout: channels.Layout, found: list[tuple[float, np.ndarray, np.ndarray]],
+    run: Run,
+    first: Recording,
+    layout: channels.Layout,
+    found: list[tuple[float, np.ndarray, np.ndarray]],
     unsteady: float,
-) -> tuple[FrfSet, Steps]:  # fmt: skip
+) -> tuple[FrfSet, Steps]:
     """All steps in the order of their frequencies; those at one frequency averaged over the force."""
     where = channels.describe(run)
     found = sorted(found, key=lambda step: step[0])
@@ -193,19 +216,35 @@ def _joined(
         responses.append(group[0][1][1:])
     quantity, unit = channels.frf_quantity(
         [first.channels[row] for row in first.with_role("response")],
-        [first.channels[row] for row in first.with_role("reference")], where,
-    )  # fmt: skip
+        [first.channels[row] for row in first.with_role("reference")],
+        where,
+    )
     findings = list(hammer_findings.about_units(unit, where))
     if unsteady > UNSTEADY:
-        findings.append(Finding(
-            "warning", "unsteady", where, f"a response changes by {100 * unsteady:.0f} % within a record: the "
-            "structure had not settled, and a joint was not at a steady amplitude.", unsteady, UNSTEADY,
-            "Wait longer before recording, or discard the start of the records.",
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "unsteady",
+                where,
+                f"a response changes by {100 * unsteady:.0f} % within a record: the "
+                "structure had not settled, and a joint was not at a steady amplitude.",
+                unsteady,
+                UNSTEADY,
+                "Wait longer before recording, or discard the start of the records.",
+            )
+        )
     frfs = FrfSet(
-        frequencies=frequencies, values=np.array(values)[:, :, None], outputs=layout.outputs, inputs=layout.inputs,
-        quantity=quantity, unit=unit, variance=np.array(variance)[:, :, None], estimator="sine fit",
-        condition=run.condition, name=run.id, findings=tuple(findings),
+        frequencies=frequencies,
+        values=np.array(values)[:, :, None],
+        outputs=layout.outputs,
+        inputs=layout.inputs,
+        quantity=quantity,
+        unit=unit,
+        variance=np.array(variance)[:, :, None],
+        estimator="sine fit",
+        condition=run.condition,
+        name=run.id,
+        findings=tuple(findings),
         provenance=Provenance(steps=("estimate.stepped",)),
-    )  # fmt: skip
+    )
     return frfs, Steps(frequencies, np.array(force), np.array(responses))

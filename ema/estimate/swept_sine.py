@@ -86,11 +86,19 @@ def _period(run: Run, period: float) -> int:
         exact = period * record.sampling_rate
         where = channels.describe(run, record)
         if not exact >= 16 or abs(exact - round(exact)) > 1e-6 * exact:
-            raise InputError("not a period of a sweep", where=where, got=f"{period} s, {exact:g} samples",
-                             expected="a whole number of samples, 16 or more")  # fmt: skip
+            raise InputError(
+                "not a period of a sweep",
+                where=where,
+                got=f"{period} s, {exact:g} samples",
+                expected="a whole number of samples, 16 or more",
+            )
         if record.signals.shape[1] < 2 * round(exact):
-            raise InputError("a periodic sweep needs two periods", where=where, got=f"{record.duration:g} s",
-                             expected=f"{2 * period:g} s or more: the first one is dropped")  # fmt: skip
+            raise InputError(
+                "a periodic sweep needs two periods",
+                where=where,
+                got=f"{record.duration:g} s",
+                expected=f"{2 * period:g} s or more: the first one is dropped",
+            )
     return round(exact)
 
 
@@ -113,14 +121,18 @@ def _check(
         raise InputError("a sweep has one force channel", where=where, got=f"{len(this.references)}")
     if other_rate != rate:
         raise InputError(
-            "the records of the run differ in sampling rate", where=where, got=f"{other_rate:g} Hz",
+            "the records of the run differ in sampling rate",
+            where=where,
+            got=f"{other_rate:g} Hz",
             expected=f"{rate:g} Hz",
-        )  # fmt: skip
+        )
     if this.outputs != layout.outputs:
         raise InputError(
-            "the records of the run differ in their responses", where=where, got=", ".join(map(str, this.outputs)),
+            "the records of the run differ in their responses",
+            where=where,
+            got=", ".join(map(str, this.outputs)),
             expected=", ".join(map(str, layout.outputs)),
-        )  # fmt: skip
+        )
     if samples < length:
         raise InputError("the record is shorter than a block", where=where, got=samples, expected=length)
 
@@ -157,16 +169,22 @@ def _lines(frequencies: np.ndarray, total: Sums, band: tuple[float, float] | Non
 
 
 def _frfs(
-    run: Run, sums: dict[Dof, Sums], outputs: tuple[Dof, ...], frequencies: np.ndarray, keep: slice,
-    estimator: Estimator, left: float,
-) -> FrfSet:  # fmt: skip
+    run: Run,
+    sums: dict[Dof, Sums],
+    outputs: tuple[Dof, ...],
+    frequencies: np.ndarray,
+    keep: slice,
+    estimator: Estimator,
+    left: float,
+) -> FrfSet:
     """The FRF set of the sums of each force DOF."""
     where = channels.describe(run)
     first = run.recordings[0]
     quantity, unit = channels.frf_quantity(
         [first.channels[row] for row in first.with_role("response")],
-        [first.channels[row] for row in first.with_role("reference")], where,
-    )  # fmt: skip
+        [first.channels[row] for row in first.with_role("reference")],
+        where,
+    )
     parts = [single_input.estimate(part, estimator) for part in sums.values()]
     values, coherence, variance = (np.stack(list(each))[:, :, keep].transpose(2, 1, 0) for each in zip(*parts))
     averages = [float(part.averages) for part in sums.values()]
@@ -174,21 +192,40 @@ def _frfs(
     if left > hammer_findings.SWEEP_LEFT_OVER:
         findings.append(
             Finding(
-                "warning", "leakage", where,
-                f"the response at the end of the record still has {100 * left:.0f} % of its rms.", left,
-                hammer_findings.SWEEP_LEFT_OVER, "Record on until the structure is at rest.",
+                "warning",
+                "leakage",
+                where,
+                f"the response at the end of the record still has {100 * left:.0f} % of its rms.",
+                left,
+                hammer_findings.SWEEP_LEFT_OVER,
+                "Record on until the structure is at rest.",
             )
-        )  # fmt: skip
+        )
     if min(averages) < 2:
         findings.append(
             Finding(
-                "warning", "one-average", where, "one sweep only: the coherence is 1 by definition.", 1.0, 2.0,
+                "warning",
+                "one-average",
+                where,
+                "one sweep only: the coherence is 1 by definition.",
+                1.0,
+                2.0,
                 "Repeat the sweep.",
             )
-        )  # fmt: skip
+        )
     return FrfSet(
-        frequencies=frequencies, values=values, outputs=outputs, inputs=tuple(sums), quantity=quantity, unit=unit,
-        coherence=coherence, variance=variance, estimator=estimator,
-        averages=np.tile(np.array(averages), (len(outputs), 1)), condition=run.condition, name=run.id,
-        findings=tuple(findings), provenance=Provenance(steps=("estimate.sweep",), options=(("estimator", estimator),)),
-    )  # fmt: skip
+        frequencies=frequencies,
+        values=values,
+        outputs=outputs,
+        inputs=tuple(sums),
+        quantity=quantity,
+        unit=unit,
+        coherence=coherence,
+        variance=variance,
+        estimator=estimator,
+        averages=np.tile(np.array(averages), (len(outputs), 1)),
+        condition=run.condition,
+        name=run.id,
+        findings=tuple(findings),
+        provenance=Provenance(steps=("estimate.sweep",), options=(("estimator", estimator),)),
+    )

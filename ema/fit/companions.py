@@ -49,10 +49,13 @@ def _finding(model: ModalModel, modes: Int[np.ndarray, "part"]) -> Finding:
     numbers = ", ".join(str(mode + 1) for mode in modes)
     where = f"{model.name or 'fit'}, modes {numbers}"
     return Finding(
-        "warning", "one-resonance-in-parts", where,
+        "warning",
+        "one-resonance-in-parts",
+        where,
         f"These modes overlap and share a shape that is not real ({told}): they may be one resonance whose frequency "
         f"and damping change with amplitude, as where a joint slips under the blow. The least damped one, "
         f"{frequencies[least]:.1f} Hz, is then that of small amplitudes.",
-        value=float(len(modes)), limit=1.0,
+        value=float(len(modes)),
+        limit=1.0,
         advice="Compare soft and hard blows, read the ring-down over amplitude, or sweep at constant force.",
-    )  # fmt: skip
+    )

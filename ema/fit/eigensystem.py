@@ -132,16 +132,20 @@ def _even(frfs: FrfSet) -> tuple[FrfSet, tuple[Finding, ...]]:
     part = frfs.lines(slice(int(edges[longest]), int(edges[longest + 1])))
     if len(part.frequencies) < 16:
         raise InputError(
-            "impulse responses need evenly spaced lines", where=frfs.name or "FRFs",
-            got=f"at most {len(part.frequencies)} such lines in a row", expected="at least 16",
+            "impulse responses need evenly spaced lines",
+            where=frfs.name or "FRFs",
+            got=f"at most {len(part.frequencies)} such lines in a row",
+            expected="at least 16",
             advice="take the fit without a second opinion",
-        )  # fmt: skip
+        )
     note = Finding(
-        "warning", "uneven-axis", frfs.name or "FRFs",
+        "warning",
+        "uneven-axis",
+        frfs.name or "FRFs",
         f"The frequency axis has {len(breaks)} holes or changes of spacing; the second opinion is from "
         f"{part.frequencies[0]:.6g} to {part.frequencies[-1]:.6g} Hz only.",
         value=float(len(breaks)),
-    )  # fmt: skip
+    )
     return part, (note,)
 
 
@@ -333,21 +337,31 @@ def _model(frfs: FrfSet, data: Prepared, axis: _Axis, state: _State, findings: t
     """The modes as a modal model."""
     order = np.argsort(np.abs(state.poles))
     poles, spread = state.poles[order], np.hypot(state.spread, state.moved)[order]
-    shapes, participation = _rank_one(state.residues[order]) if len(order) else (
-        np.zeros((len(data.dofs), 0), complex), np.zeros((len(data.references), 0), complex)
-    )  # fmt: skip
+    shapes, participation = (
+        _rank_one(state.residues[order])
+        if len(order)
+        else (np.zeros((len(data.dofs), 0), complex), np.zeros((len(data.references), 0), complex))
+    )
     true = poles + frfs.added_decay
     size = np.abs(true)
     slopes = np.stack(
-        [np.stack([true.real, true.imag], 1) / (2 * np.pi * size)[:, None],
-         np.stack([-(true.imag**2), true.real * true.imag], 1) / (size**3)[:, None]], axis=1,
-    )  # fmt: skip
+        [
+            np.stack([true.real, true.imag], 1) / (2 * np.pi * size)[:, None],
+            np.stack([-(true.imag**2), true.real * true.imag], 1) / (size**3)[:, None],
+        ],
+        axis=1,
+    )
     model = ModalModel(
-        poles=true, shapes=shapes, dofs=data.dofs, participation=participation, inputs=data.references,
-        residuals=Residuals(
-            lower=state.rest[-2], upper=state.rest[-1], poles=state.outside, residues=state.rest[:-2]
-        ),
+        poles=true,
+        shapes=shapes,
+        dofs=data.dofs,
+        participation=participation,
+        inputs=data.references,
+        residuals=Residuals(lower=state.rest[-2], upper=state.rest[-1], poles=state.outside, residues=state.rest[:-2]),
         covariance=np.einsum("mab,mcb->mac", slopes, slopes) * (spread**2)[:, None, None],
-        condition=frfs.condition, provenance=frfs.provenance, findings=findings, name=frfs.name,
-    )  # fmt: skip
+        condition=frfs.condition,
+        provenance=frfs.provenance,
+        findings=findings,
+        name=frfs.name,
+    )
     return scale_to_unit_modal_mass(model) if frfs.scaled else model

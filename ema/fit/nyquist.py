@@ -60,11 +60,21 @@ def circle_fit(frfs: FrfSet, near: float, output: int = 0, input_: int = 0, band
         residue[0, 0] = constant / (2j * pole.imag)
         natural, damping_mean = without_decay(pole, frfs.added_decay)
     return SingleMode(
-        "circle fit", natural, damping_mean, residue, frfs.outputs, frfs.inputs,
-        (float(frequencies[rows[0]]), float(frequencies[rows[-1]])), len(rows), damping_ratio_std=scatter,
-        residual=float(distance), condition=frfs.condition, findings=findings, name=frfs.name,
+        "circle fit",
+        natural,
+        damping_mean,
+        residue,
+        frfs.outputs,
+        frfs.inputs,
+        (float(frequencies[rows[0]]), float(frequencies[rows[-1]])),
+        len(rows),
+        damping_ratio_std=scatter,
+        residual=float(distance),
+        condition=frfs.condition,
+        findings=findings,
+        name=frfs.name,
         provenance=frfs.provenance,
-    )  # fmt: skip
+    )
 
 
 def circle_through(points: Complex[np.ndarray, "point"]) -> tuple[complex, float]:
@@ -140,27 +150,44 @@ def _check_position(frfs: FrfSet, output: int, input_: int) -> None:
     _, outputs, inputs = frfs.values.shape
     if not (0 <= output < outputs and 0 <= input_ < inputs):
         raise InputError(
-            "no such FRF in the set", where=frfs.name, got=f"output {output}, input {input_}",
+            "no such FRF in the set",
+            where=frfs.name,
+            got=f"output {output}, input {input_}",
             expected=f"positions below {outputs} and {inputs}",
-        )  # fmt: skip
+        )
 
 
 def _findings(where: str, damping: float, mean: float, scatter: float) -> tuple[Finding, ...]:
     if damping < 0:
         return (
-            Finding("error", "conjugate-frf", where, "The circle is run through anticlockwise.",
-                    advice="Check the sign of the phase: the FRF may be conjugated."),
-        )  # fmt: skip
+            Finding(
+                "error",
+                "conjugate-frf",
+                where,
+                "The circle is run through anticlockwise.",
+                advice="Check the sign of the phase: the FRF may be conjugated.",
+            ),
+        )
     if not np.isfinite(mean):
         return (
-            Finding("warning", "unresolved-peak", where, "No line lies on one side of the resonance.",
-                    advice="Widen the band or measure a finer frequency step."),
-        )  # fmt: skip
+            Finding(
+                "warning",
+                "unresolved-peak",
+                where,
+                "No line lies on one side of the resonance.",
+                advice="Widen the band or measure a finer frequency step.",
+            ),
+        )
     if scatter > _SCATTER * mean:
         return (
-            Finding("warning", "damping-scatter", where,
-                    f"The damping of pairs of lines scatters by {100 * scatter / mean:.0f} % about its mean.",
-                    value=scatter / mean, limit=_SCATTER,
-                    advice="Look for noise, leakage, a close mode or a nonlinearity."),
-        )  # fmt: skip
+            Finding(
+                "warning",
+                "damping-scatter",
+                where,
+                f"The damping of pairs of lines scatters by {100 * scatter / mean:.0f} % about its mean.",
+                value=scatter / mean,
+                limit=_SCATTER,
+                advice="Look for noise, leakage, a close mode or a nonlinearity.",
+            ),
+        )
     return ()

@@ -62,9 +62,15 @@ class SecondOpinion:
         if place is None:
             return [own[0], other[0], nothing, own[1], other[1], nothing, nothing, False]
         return [
-            own[0], other[0], float(self.frequency[place]), own[1], other[1], float(self.damping[place]),
-            float(self.mac[place]), not bool(self.differs[place]),
-        ]  # fmt: skip
+            own[0],
+            other[0],
+            float(self.frequency[place]),
+            own[1],
+            other[1],
+            float(self.damping[place]),
+            float(self.mac[place]),
+            not bool(self.differs[place]),
+        ]
 
 
 def _values(model: ModalModel, mode: int) -> tuple[float, float]:
@@ -147,24 +153,29 @@ def _differences(opinion: SecondOpinion) -> list[Finding]:
         worst = max(abs(float(opinion.frequency[place])), abs(float(opinion.damping[place])))
         findings.append(
             Finding(
-                "warning", "second-opinion-differs", f"{where}, {f:.6g} Hz",
+                "warning",
+                "second-opinion-differs",
+                f"{where}, {f:.6g} Hz",
                 f"The second estimator reads {other_f:.6g} Hz and {other_zeta:.4g} % instead of {f:.6g} Hz and "
                 f"{zeta:.4g} %: {worst:.1f} combined standard deviations apart.",
-                value=worst, limit=opinion.limit,
+                value=worst,
+                limit=opinion.limit,
                 advice="The intervals do not hold what separates the methods: look at the fit near this mode, and at "
                 "leakage, windows and modes close by.",
             )
-        )  # fmt: skip
+        )
     return findings
 
 
 def _split(where: str, extra: float, own: float) -> Finding:
     return Finding(
-        "warning", "second-opinion-splits", f"{where}, {own:.6g} Hz",
+        "warning",
+        "second-opinion-splits",
+        f"{where}, {own:.6g} Hz",
         f"The second estimator makes two modes of the peak at {own:.6g} Hz, the other one at {extra:.6g} Hz.",
         value=extra,
         advice="Either there are two modes, or the resonance moved between records: look at the FRFs one by one.",
-    )  # fmt: skip
+    )
 
 
 def _unpaired(opinion: SecondOpinion, low: float, high: float) -> list[Finding]:
@@ -195,10 +206,13 @@ def _unpaired(opinion: SecondOpinion, low: float, high: float) -> list[Finding]:
                 continue
             findings.append(
                 Finding(
-                    "info" if edge else "warning", code, f"{where}, {f:.6g} Hz",
+                    "info" if edge else "warning",
+                    code,
+                    f"{where}, {f:.6g} Hz",
                     f"The mode at {f:.6g} Hz with {zeta:.3g} % damping {message}"
                     + (", and the band ends within its peak." if edge else "."),
-                    value=f, advice="Look at the shape, and at the FRFs near this frequency.",
+                    value=f,
+                    advice="Look at the shape, and at the FRFs near this frequency.",
                 )
-            )  # fmt: skip
+            )
     return findings

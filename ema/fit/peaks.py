@@ -103,20 +103,31 @@ def _pick(
         trouble = f"Only {peak.inside} frequency lines lie within its half-power bandwidth."
     if trouble:
         findings.append(
-            Finding("warning", "unresolved-peak", place, f"Half-power damping cannot be told: {trouble}",
-                    value=float(peak.inside), limit=3.0,
-                    advice="Use a fit of the whole band, or a finer frequency step.")
-        )  # fmt: skip
+            Finding(
+                "warning",
+                "unresolved-peak",
+                place,
+                f"Half-power damping cannot be told: {trouble}",
+                value=float(peak.inside),
+                limit=3.0,
+                advice="Use a fit of the whole band, or a finer frequency step.",
+            )
+        )
     else:
         halves = peak.top - peak.low, peak.high - peak.top
         leaning = max(halves) / min(halves)
         if leaning > _LEANING:
             findings.append(
-                Finding("warning", "leaning-peak", place,
-                        f"One half of the peak is {leaning:.2g} times as wide as the other.",
-                        value=leaning, limit=_LEANING,
-                        advice="Look for a close mode or a nonlinearity; half-power damping holds for neither.")
-            )  # fmt: skip
+                Finding(
+                    "warning",
+                    "leaning-peak",
+                    place,
+                    f"One half of the peak is {leaning:.2g} times as wide as the other.",
+                    value=leaning,
+                    limit=_LEANING,
+                    advice="Look for a close mode or a nonlinearity; half-power damping holds for neither.",
+                )
+            )
     damping, natural = float("nan"), peak.top
     residues = np.full(values.shape[1:], np.nan + 0j)
     if not trouble:
@@ -128,9 +139,19 @@ def _pick(
         natural, damping = without_decay(pole, frfs.added_decay)
     low, high = (edge if np.isfinite(edge) else peak.top for edge in (peak.low, peak.high))
     return SingleMode(
-        "peak picking", natural, damping, residues, frfs.outputs, frfs.inputs, (float(low), float(high)), peak.inside,
-        condition=frfs.condition, findings=tuple(findings), name=frfs.name, provenance=frfs.provenance,
-    )  # fmt: skip
+        "peak picking",
+        natural,
+        damping,
+        residues,
+        frfs.outputs,
+        frfs.inputs,
+        (float(low), float(high)),
+        peak.inside,
+        condition=frfs.condition,
+        findings=tuple(findings),
+        name=frfs.name,
+        provenance=frfs.provenance,
+    )
 
 
 def half_power(peak: Peak) -> tuple[float, float]:
@@ -166,9 +187,11 @@ def find_peak(
 
     if not frequencies[0] <= near <= frequencies[-1]:
         raise InputError(
-            "the wanted frequency is outside the FRFs", where=where, got=f"{near:g} Hz",
+            "the wanted frequency is outside the FRFs",
+            where=where,
+            got=f"{near:g} Hz",
             expected=f"{frequencies[0]:g} to {frequencies[-1]:g} Hz",
-        )  # fmt: skip
+        )
     level = 10 * np.log10(np.maximum(power, np.finfo(float).tiny))
     peaks = find_peaks(level, prominence=_PROMINENCE)[0]
     reach = max(_REACH * near, 3 * float(np.median(np.diff(frequencies))))
@@ -176,9 +199,11 @@ def find_peak(
     if not len(peaks) or distance.min() > reach:
         nearest = f"; the nearest is at {frequencies[peaks[np.argmin(distance)]]:.6g} Hz" if len(peaks) else ""
         raise InputError(
-            "no peak near the wanted frequency", where=where, got=f"{near:g} Hz",
+            "no peak near the wanted frequency",
+            where=where,
+            got=f"{near:g} Hz",
             expected=f"a peak of {_PROMINENCE:g} dB within {reach:.3g} Hz{nearest}",
-        )  # fmt: skip
+        )
     return _measure(frequencies, power, int(peaks[np.argmin(distance)]))
 
 

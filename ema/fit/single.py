@@ -69,10 +69,23 @@ def local_fit(
     if modal_constants is not None:
         quadrature = _quadrature(frfs, values, np.asarray(modal_constants), near, where)
     return SingleMode(
-        "local fit", natural, damping, fit.residues.reshape(values.shape[1:]), frfs.outputs, frfs.inputs,
-        (float(frequencies[rows[0]]), float(frequencies[rows[-1]])), len(rows), std[0], std[1], residual, quadrature,
-        frfs.condition, _findings(f"{where}, {natural:.6g} Hz", residual, enough), frfs.name, frfs.provenance,
-    )  # fmt: skip
+        "local fit",
+        natural,
+        damping,
+        fit.residues.reshape(values.shape[1:]),
+        frfs.outputs,
+        frfs.inputs,
+        (float(frequencies[rows[0]]), float(frequencies[rows[-1]])),
+        len(rows),
+        std[0],
+        std[1],
+        residual,
+        quadrature,
+        frfs.condition,
+        _findings(f"{where}, {natural:.6g} Hz", residual, enough),
+        frfs.name,
+        frfs.provenance,
+    )
 
 
 def _first_pole(peak: Peak, frequencies: Float[np.ndarray, "freq"]) -> complex:
@@ -175,9 +188,13 @@ def _evaluate(
     # FRFs differ in their noise, so each is judged by its own residual (White 1980)
     freedom = max(len(data) - len(basis) - 2 / len(energy), 1.0)
     return _Fit(
-        pole, residues, float(energy.sum()), by_frf.sum(axis=0), np.einsum("alf,lf->a", jacobian, rest),
+        pole,
+        residues,
+        float(energy.sum()),
+        by_frf.sum(axis=0),
+        np.einsum("alf,lf->a", jacobian, rest),
         np.einsum("fab,f->ab", by_frf, energy / freedom),
-    )  # fmt: skip
+    )
 
 
 def _real(columns: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row column"]:
@@ -197,15 +214,20 @@ def _deviations(fit: _Fit, added_decay: float) -> tuple[float, float]:
 
 
 def _quadrature(
-    frfs: FrfSet, values: Complex[np.ndarray, "freq out in"], constants: Inexact[np.ndarray, "*shape"], near: float,
+    frfs: FrfSet,
+    values: Complex[np.ndarray, "freq out in"],
+    constants: Inexact[np.ndarray, "*shape"],
+    near: float,
     where: str,
-) -> float:  # fmt: skip
+) -> float:
     """Damping ratio from the height of the peak of all FRFs, seen through their modal constants."""
     if constants.shape != values.shape[1:] or not np.all(np.isfinite(constants)) or not np.any(constants):
         raise InputError(
-            "the modal constants do not fit the FRFs", where=where, got=f"shape {constants.shape}",
+            "the modal constants do not fit the FRFs",
+            where=where,
+            got=f"shape {constants.shape}",
             expected=f"finite numbers of shape {values.shape[1:]}, not all 0",
-        )  # fmt: skip
+        )
     modal = np.einsum("koi,oi->k", values, constants.conj()) / np.sum(np.abs(constants) ** 2)
     peak = find_peak(np.asarray(frfs.frequencies), np.abs(modal) ** 2, near, where)
     # zeta = A / (2 w_r^2 |X/F|) for light damping; exact with zeta = sin(a): the top is 1 / sin 2a over w_r^2.
@@ -218,14 +240,24 @@ def _findings(where: str, residual: float, enough: bool) -> tuple[Finding, ...]:
     found = []
     if not enough:
         found.append(
-            Finding("warning", "few-lines", where, f"The band was widened to {FEWEST} lines around the peak.",
-                    advice="Measure with a finer frequency step.")
-        )  # fmt: skip
+            Finding(
+                "warning",
+                "few-lines",
+                where,
+                f"The band was widened to {FEWEST} lines around the peak.",
+                advice="Measure with a finer frequency step.",
+            )
+        )
     if residual > _MISFIT:
         found.append(
-            Finding("warning", "misfit", where,
-                    f"A linear mode leaves {100 * residual:.1f} % of the FRFs unexplained.",
-                    value=residual, limit=_MISFIT,
-                    advice="Nonlinearity, noise or a close mode: compare levels, and look at the quadrature damping.")
-        )  # fmt: skip
+            Finding(
+                "warning",
+                "misfit",
+                where,
+                f"A linear mode leaves {100 * residual:.1f} % of the FRFs unexplained.",
+                value=residual,
+                limit=_MISFIT,
+                advice="Nonlinearity, noise or a close mode: compare levels, and look at the quadrature damping.",
+            )
+        )
     return tuple(found)

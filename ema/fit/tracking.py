@@ -60,10 +60,12 @@ def track(
         row, column = int(rows[place]), int(columns[place])
         if not np.isnan(table["level"][row, column]):
             raise InputError(
-                "two sets of FRFs at one condition", where=f"track, {frfs[place].name}",
-                got=f"{levels[place]:g} N at F_N {forces[place]:g} N twice", expected="one set for each point",
+                "two sets of FRFs at one condition",
+                where=f"track, {frfs[place].name}",
+                got=f"{levels[place]:g} N at F_N {forces[place]:g} N twice",
+                expected="one set for each point",
                 advice="average the takes, or give the nominal axes",
-            )  # fmt: skip
+            )
         table["level"][row, column], joint_table[row, column] = levels[place], joints[place]
         constants, drive = _constants(frfs[place], reference, near) if reference is not None else (None, None)
         found = _find(frfs[place], (started.get(column, near), near), bandwidths, constants)
@@ -78,12 +80,23 @@ def track(
             table["amplitude"][row, column] = levels[place] * _height(frfs[place], found, drive)
         findings += [replace(finding, where=f"{frfs[place].name}: {finding.where}") for finding in found.findings]
     return ModalMap(
-        row_axis, column_axis, table["frequency"], table["damping"], table["f_std"], table["z_std"], table["level"],
-        table["amplitude"] if reference is not None else None, joint_table if names else None, names, "measured",
-        frfs[0].name, Provenance(steps=("fit.track",), options=(("near", f"{near:g}"),)),
-        quadrature_damping=table["quadrature"] if reference is not None else None, misfit=table["misfit"],
+        row_axis,
+        column_axis,
+        table["frequency"],
+        table["damping"],
+        table["f_std"],
+        table["z_std"],
+        table["level"],
+        table["amplitude"] if reference is not None else None,
+        joint_table if names else None,
+        names,
+        "measured",
+        frfs[0].name,
+        Provenance(steps=("fit.track",), options=(("near", f"{near:g}"),)),
+        quadrature_damping=table["quadrature"] if reference is not None else None,
+        misfit=table["misfit"],
         findings=tuple(findings),
-    )  # fmt: skip
+    )
 
 
 def _conditions(frfs: Sequence[FrfSet]) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
@@ -93,17 +106,31 @@ def _conditions(frfs: Sequence[FrfSet]) -> tuple[tuple[str, ...], np.ndarray, np
     for one in frfs:
         level = one.condition.excitation.level
         if not np.isfinite(level):
-            raise InputError("an unknown force level", where=f"track, {one.name}", got="no level",
-                             expected="the force at resonance in N", advice="give it in the run")  # fmt: skip
+            raise InputError(
+                "an unknown force level",
+                where=f"track, {one.name}",
+                got="no level",
+                expected="the force at resonance in N",
+                advice="give it in the run",
+            )
         there = {joint.joint: joint.mean for joint in one.condition.joints}
         if set(there) != set(names):
-            raise InputError("joints that differ from those of the first set", where=f"track, {one.name}",
-                             got=", ".join(there) or "no joint", expected=", ".join(names) or "no joint",
-                             advice="name the joints alike in all runs")  # fmt: skip
+            raise InputError(
+                "joints that differ from those of the first set",
+                where=f"track, {one.name}",
+                got=", ".join(there) or "no joint",
+                expected=", ".join(names) or "no joint",
+                advice="name the joints alike in all runs",
+            )
         values = [there[name] for name in names]
         if names and not np.all(np.isfinite(values)):
-            raise InputError("an unknown normal force", where=f"track, {one.name}", got=values,
-                             expected="N for every joint", advice="add the ring cell or a statement")  # fmt: skip
+            raise InputError(
+                "an unknown normal force",
+                where=f"track, {one.name}",
+                got=values,
+                expected="N for every joint",
+                advice="add the ring cell or a statement",
+            )
         levels.append(level)
         forces.append(float(np.mean(values)) if names else 0.0)
         joints.append(values)
@@ -127,9 +154,13 @@ def _axis(
     places = np.abs(values[:, None] - axis).argmin(axis=1)
     far = np.abs(values - axis[places]) > 0.5 * np.maximum(np.abs(axis[places]), 1e-12)
     if far.any():
-        raise InputError(f"measured values far from the nominal {what}", where="track",
-                         got=f"{values[far][0]:g} N", expected=f"near one of {axis.tolist()}",
-                         advice="check the unit (kN for N?) and the nominal axis")  # fmt: skip
+        raise InputError(
+            f"measured values far from the nominal {what}",
+            where="track",
+            got=f"{values[far][0]:g} N",
+            expected=f"near one of {axis.tolist()}",
+            advice="check the unit (kN for N?) and the nominal axis",
+        )
     return places, axis
 
 
@@ -147,8 +178,12 @@ def _constants(
         found = {i: sign * shape[j] for i, j, sign in match(dofs, reference.dofs)}
         if len(found) < len(dofs):
             missing = next(dof for i, dof in enumerate(dofs) if i not in found)
-            raise InputError("the reference lacks a DOF of the FRFs", where=where, got=str(missing),
-                             expected="the DOFs that were excited and measured")  # fmt: skip
+            raise InputError(
+                "the reference lacks a DOF of the FRFs",
+                where=where,
+                got=str(missing),
+                expected="the DOFs that were excited and measured",
+            )
         values.append(np.array([found[i] for i in range(len(dofs))]))
     return np.outer(values[0], values[1]), values[0]
 

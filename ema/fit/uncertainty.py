@@ -266,7 +266,9 @@ def shape_std(model: ModalModel) -> Complex[np.ndarray, "dof mode"]:
 def _known(model: ModalModel) -> ModalUncertainty:
     if model.uncertainty is None:
         raise InputError(
-            "the modal model states no uncertainty", where=model.name,
-            expected="a model of ema.fit.modes", advice="fit it again from its FRFs",
-        )  # fmt: skip
+            "the modal model states no uncertainty",
+            where=model.name,
+            expected="a model of ema.fit.modes",
+            advice="fit it again from its FRFs",
+        )
     return model.uncertainty

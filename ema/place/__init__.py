@@ -32,9 +32,20 @@ _NAMES = {
 }
 
 __all__ = [
-    "Objective", "Task", "check", "control_study", "distribute", "forecast", "grid", "model_at", "predict", "rank",
-    "recommended_forces", "search", "verify",
-]  # fmt: skip
+    "Objective",
+    "Task",
+    "check",
+    "control_study",
+    "distribute",
+    "forecast",
+    "grid",
+    "model_at",
+    "predict",
+    "rank",
+    "recommended_forces",
+    "search",
+    "verify",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -24,10 +24,17 @@ _NEAR = 0.05
 
 
 def forecast(
-    task: Task, candidates: Candidates, place: int, force_levels: Sequence[float] | Float[np.ndarray, "level"],
-    normal_forces: Sequence[float] | Float[np.ndarray, "force"], draws: int = 60, seed: int = 0,
-    method: Method = "measured", executor: Executor | None = None, progress: Progress = silent,
-) -> Forecast:  # fmt: skip
+    task: Task,
+    candidates: Candidates,
+    place: int,
+    force_levels: Sequence[float] | Float[np.ndarray, "level"],
+    normal_forces: Sequence[float] | Float[np.ndarray, "force"],
+    draws: int = 60,
+    seed: int = 0,
+    method: Method = "measured",
+    executor: Executor | None = None,
+    progress: Progress = silent,
+) -> Forecast:
     """Frequency and damping of the target modes with the beam at one place, all modes together, with 95 % bands.
 
     Every draw of what is uncertain (smoothed shapes, shape at the exciter, mu and k_T of all joints and their scatter
@@ -73,17 +80,42 @@ def forecast(
     scale = np.where(known, reach * np.nanstd(np.log(spread), axis=0, ddof=1), np.nan)[:, 1]
     beam = here.catalogue[int(here.beams[0])]
     holes = int(np.sum(~known[:, 1]))
-    findings = () if not holes else (
-        Finding("warning", "no-band", f"place {place}", f"{holes} of {known[:, 1].size} conditions have no single "
-                "resonance in a fifth of the draws.", float(holes), 0.0, "Their bands are left open."),)  # fmt: skip
+    findings = (
+        ()
+        if not holes
+        else (
+            Finding(
+                "warning",
+                "no-band",
+                f"place {place}",
+                f"{holes} of {known[:, 1].size} conditions have no single resonance in a fifth of the draws.",
+                float(holes),
+                0.0,
+                "Their bands are left open.",
+            ),
+        )
+    )
     bare = task.bare.poles[list(task.modes)]
     return Forecast(
-        (float(here.centres[0, 0]), float(here.centres[0, 1])), float(here.angles[0]), beam.name,
-        tuple(mode + 1 for mode in task.modes), np.abs(bare) / (2 * np.pi), -bare.real / np.abs(bare),
-        asked.force_levels, asked.normal_forces, middle[:, 0], middle[:, 0] - width, middle[:, 0] + width,
-        middle[:, 1], middle[:, 1] * np.exp(-scale), middle[:, 1] * np.exp(scale), draws, method, findings,
+        (float(here.centres[0, 0]), float(here.centres[0, 1])),
+        float(here.angles[0]),
+        beam.name,
+        tuple(mode + 1 for mode in task.modes),
+        np.abs(bare) / (2 * np.pi),
+        -bare.real / np.abs(bare),
+        asked.force_levels,
+        asked.normal_forces,
+        middle[:, 0],
+        middle[:, 0] - width,
+        middle[:, 0] + width,
+        middle[:, 1],
+        middle[:, 1] * np.exp(-scale),
+        middle[:, 1] * np.exp(scale),
+        draws,
+        method,
+        findings,
         Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
-    )  # fmt: skip
+    )
 
 
 def _uneven(asked: Question, scatter: float, rng: np.random.Generator) -> Question:
@@ -94,10 +126,11 @@ def _uneven(asked: Question, scatter: float, rng: np.random.Generator) -> Questi
     for joint in asked.model.joints:
         mu, stiffness = np.exp(scatter * rng.standard_normal(2))
         law = replace(
-            joint.law, friction_coefficient=float(mu * joint.law.friction_coefficient),
+            joint.law,
+            friction_coefficient=float(mu * joint.law.friction_coefficient),
             contact_stiffness=float(stiffness * joint.law.contact_stiffness),
             stiffness_cap=float(stiffness * joint.law.stiffness_cap),
-        )  # fmt: skip
+        )
         joints.append(replace(joint, law=law))
     return asked._replace(model=replace(asked.model, joints=tuple(joints)))
 
@@ -116,8 +149,12 @@ def check(told: Forecast, charts: Sequence[ModalMap]) -> ForecastCheck:
         middle = float(np.nanmedian(chart.frequency))
         mode = int(np.argmin(np.abs(told.bare_frequencies - middle)))
         if abs(told.bare_frequencies[mode] / middle - 1) > 2 * _NEAR:
-            raise InputError("the map is about no mode of the forecast", where=where, got=f"{middle:.1f} Hz",
-                             expected=", ".join(f"{one:.1f} Hz" for one in told.bare_frequencies))  # fmt: skip
+            raise InputError(
+                "the map is about no mode of the forecast",
+                where=where,
+                got=f"{middle:.1f} Hz",
+                expected=", ".join(f"{one:.1f} Hz" for one in told.bare_frequencies),
+            )
         if mode in used:
             raise InputError("two maps of one mode", where=where, got=used[mode], expected="one map per mode")
         used[mode] = where
@@ -126,10 +163,11 @@ def check(told: Forecast, charts: Sequence[ModalMap]) -> ForecastCheck:
         pairs = [(i, j, a, b) for i, a in enumerate(levels) for j, b in enumerate(forces) if a >= 0 and b >= 0]
         if not pairs:
             raise InputError(
-                "the map holds none of the conditions of the forecast", where=where,
+                "the map holds none of the conditions of the forecast",
+                where=where,
                 got=f"F_E {chart.force_levels.tolist()} N, F_N {chart.normal_forces.tolist()} N",
                 expected=f"F_E {told.force_levels.tolist()} N, F_N {told.normal_forces.tolist()} N",
-            )  # fmt: skip
+            )
         for i, j, a, b in pairs:
             measured[:, mode, i, j] = chart.frequency[a, b], chart.damping[a, b]
     return ForecastCheck(told, measured[0], measured[1], tuple(used[mode] for mode in sorted(used)))

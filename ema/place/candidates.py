@@ -35,12 +35,20 @@ def grid(
     InputError : no beam, no step, or no place is left.
     """
     if not catalogue or not step > 0:
-        raise InputError("nothing to place", where="placement", got=f"{len(catalogue)} beams, step {step} m",
-                         expected="one or more beams and a positive step")  # fmt: skip
+        raise InputError(
+            "nothing to place",
+            where="placement",
+            got=f"{len(catalogue)} beams, step {step} m",
+            expected="one or more beams and a positive step",
+        )
     low, high = surface.extent[:, 0] + margin, surface.extent[:, 1] - margin
     if np.any(high < low):
-        raise InputError("the margin leaves no surface", where="placement", got=f"{margin} m",
-                         expected=f"below {(surface.extent[:, 1] - surface.extent[:, 0]).min() / 2:.3g} m")  # fmt: skip
+        raise InputError(
+            "the margin leaves no surface",
+            where="placement",
+            got=f"{margin} m",
+            expected=f"below {(surface.extent[:, 1] - surface.extent[:, 0]).min() / 2:.3g} m",
+        )
     axes = [np.linspace(a, b, max(int((b - a) / step) + 1, 1)) if b > a else np.array([a]) for a, b in zip(low, high)]
     points = np.stack([part.ravel() for part in np.meshgrid(*axes, indexing="ij")], axis=1)
     centres, turned, kinds = [], [], []
@@ -60,17 +68,25 @@ def grid(
     if not len(found):
         sides = surface.extent[:, 1] - surface.extent[:, 0]
         lengths = ", ".join(f"{beam.length:.3g} m" for beam in catalogue)
-        raise InputError("no place for the beam", where="placement", got=f"beams of {lengths}",
-                         expected=f"beams that fit on {sides[0]:.3g} m x {sides[1]:.3g} m beside what is kept out",
-                         advice="shorter beams, smaller keep-out areas, or a finer step")  # fmt: skip
+        raise InputError(
+            "no place for the beam",
+            where="placement",
+            got=f"beams of {lengths}",
+            expected=f"beams that fit on {sides[0]:.3g} m x {sides[1]:.3g} m beside what is kept out",
+            advice="shorter beams, smaller keep-out areas, or a finer step",
+        )
     return found
 
 
 def _inside(points: Float[np.ndarray, "p 2"], corners: Float[np.ndarray, "corner 2"]) -> Bool[np.ndarray, "p"]:
     """Whether points lie inside a polygon (crossings of a ray) or on its edge."""
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
-        raise InputError("not a keep-out area", where="placement", got=f"shape {corners.shape}",
-                         expected="three or more corners (x, y) in m")  # fmt: skip
+        raise InputError(
+            "not a keep-out area",
+            where="placement",
+            got=f"shape {corners.shape}",
+            expected="three or more corners (x, y) in m",
+        )
     inside, edge = np.zeros(len(points), bool), np.zeros(len(points), bool)
     for (x1, y1), (x2, y2) in zip(corners, np.roll(corners, -1, axis=0)):
         crosses = (y1 > points[:, 1]) != (y2 > points[:, 1])

@@ -25,9 +25,16 @@ FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 def control_study(
-    task: Task, candidates: Candidates, place: int, normal_force: float, load: float, mode: int | None = None,
-    lag: float | None = None, objective: Objective | None = None, progress: Progress = silent,
-) -> ControlStudy:  # fmt: skip
+    task: Task,
+    candidates: Candidates,
+    place: int,
+    normal_force: float,
+    load: float,
+    mode: int | None = None,
+    lag: float | None = None,
+    objective: Objective | None = None,
+    progress: Progress = silent,
+) -> ControlStudy:
     """Ring-downs of one place under constant, scheduled and pulsed normal force, and steady states under either.
 
     The structure is bent by ``load`` N at the excited DOF and let go. Every law is tried at six forces about
@@ -78,9 +85,15 @@ def control_study(
 
 
 def _released(
-    model: BeamModel, law: ControlLaw, load: float, at: Dof, period: float, actuator: Actuator, force: float,
+    model: BeamModel,
+    law: ControlLaw,
+    load: float,
+    at: Dof,
+    period: float,
+    actuator: Actuator,
+    force: float,
     periods: float = PERIODS,
-) -> Response:  # fmt: skip
+) -> Response:
     return controlled_snapback(
         model,
         law,

@@ -24,9 +24,13 @@ def secant_table(name: str, parameters: tuple[tuple[str, float], ...]) -> Comple
     InputError : the law depends on velocity, or is rigid.
     """
     if name == "lugre":
-        raise InputError("the predictor takes no law that depends on velocity", where=f"law {name}", got=name,
-                         expected="masing, parallel masing, iwan, regularised masing or dahl",
-                         advice="rank with Dahl, and check the shortlist with LuGre in ema.simulate")  # fmt: skip
+        raise InputError(
+            "the predictor takes no law that depends on velocity",
+            where=f"law {name}",
+            got=name,
+            expected="masing, parallel masing, iwan, regularised masing or dahl",
+            advice="rank with Dahl, and check the shortlist with LuGre in ema.simulate",
+        )
     amplitudes = np.exp(np.linspace(START, END, SIZE))
     from ema.contact.iwan import springs_of
     from ema.simulate.friction import PIECEWISE_LINEAR

@@ -59,16 +59,30 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
         ):
             nearest = float(frequencies[np.argmin(np.abs(frequencies - target))])
             if abs(nearest - target) <= NEAR * target:
-                found.append(Finding(
-                    "warning", code, where,
-                    f"{what} have a resonance at {nearest:.0f} Hz, within 30 % of mode {mode + 1} at {target:.0f} Hz.",
-                    nearest, target, "Two peaks or an absorber effect: check with all modes together.",
-                ))  # fmt: skip
+                found.append(
+                    Finding(
+                        "warning",
+                        code,
+                        where,
+                        f"{what} have a resonance at {nearest:.0f} Hz, within 30 % of mode {mode + 1} at "
+                        f"{target:.0f} Hz.",
+                        nearest,
+                        target,
+                        "Two peaks or an absorber effect: check with all modes together.",
+                    )
+                )
         if np.all(prediction.slip[candidate, m, :, force] < 1):
-            found.append(Finding(
-                "info", "no-slip", where, f"mode {mode + 1}: no joint slides at any force level.", None, None,
-                "The damping comes from the contact's loss factors alone; press less.",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    "info",
+                    "no-slip",
+                    where,
+                    f"mode {mode + 1}: no joint slides at any force level.",
+                    None,
+                    None,
+                    "The damping comes from the contact's loss factors alone; press less.",
+                )
+            )
     return tuple(found)
 
 
@@ -86,11 +100,17 @@ def about_points(task: Task) -> tuple[Finding, ...]:
         half_wave = np.pi * height / max(steepest, 1e-300)
         points = float(half_wave / spacing)
         if points < POINTS_PER_HALF_WAVE:
-            found.append(Finding(
-                "warning", "few-points", f"mode {mode + 1}",
-                f"{points:.1f} measured points per half wave of {half_wave:.2g} m.", points, POINTS_PER_HALF_WAVE,
-                "Measure a finer grid: slopes and curvatures of this mode are uncertain.",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    "warning",
+                    "few-points",
+                    f"mode {mode + 1}",
+                    f"{points:.1f} measured points per half wave of {half_wave:.2g} m.",
+                    points,
+                    POINTS_PER_HALF_WAVE,
+                    "Measure a finer grid: slopes and curvatures of this mode are uncertain.",
+                )
+            )
     return tuple(found)
 
 
@@ -99,5 +119,14 @@ def about_holes(prediction: Prediction) -> tuple[Finding, ...]:
     share = float(np.mean(np.isnan(prediction.damping)))
     if share == 0:
         return ()
-    return (Finding("warning", "holes", "placement", f"{share:.1%} of the points have no single resonance.", share, 0.0,
-                    "They count as unsuitable; check such places with all modes together."),)  # fmt: skip
+    return (
+        Finding(
+            "warning",
+            "holes",
+            "placement",
+            f"{share:.1%} of the points have no single resonance.",
+            share,
+            0.0,
+            "They count as unsuitable; check such places with all modes together.",
+        ),
+    )

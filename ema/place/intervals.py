@@ -40,16 +40,19 @@ def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
         mu = law.friction_coefficient * np.exp(task.joint.friction_std * rng.standard_normal())
         factor = np.exp(task.joint.stiffness_std * rng.standard_normal())
         changed = replace(
-            law, friction_coefficient=mu, contact_stiffness=law.contact_stiffness * factor,
+            law,
+            friction_coefficient=mu,
+            contact_stiffness=law.contact_stiffness * factor,
             stiffness_cap=law.stiffness_cap * factor,
-        )  # fmt: skip
+        )
         shapes = task.bare.shapes.copy()
         shapes[rows] += surface.noise * rng.standard_normal((len(rows), len(surface.noise)))
         scale = 1 + task.scale_std * rng.standard_normal() if task.scale_std > 0 else 1.0
         yield task._replace(
-            bare=replace(task.bare, shapes=scale * shapes), joint=replace(task.joint, law=changed),
+            bare=replace(task.bare, shapes=scale * shapes),
+            joint=replace(task.joint, law=changed),
             surface=replace(surface, coefficients=scale * (surface.coefficients + shift)),
-        )  # fmt: skip
+        )
 
 
 def _rows(task: Task, dof: Dof | str) -> list[int]:

@@ -24,10 +24,16 @@ _FAR = 0.05
 
 
 def place(
-    recipe: PlaceRecipe, bare: ModalModel, geometry: Geometry, verdict: Verdict | None = None, anyway: bool = False,
-    executor: Executor | None = None, folder: str | Path | None = None, resume: bool = False,
+    recipe: PlaceRecipe,
+    bare: ModalModel,
+    geometry: Geometry,
+    verdict: Verdict | None = None,
+    anyway: bool = False,
+    executor: Executor | None = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
     progress: Progress = silent,
-) -> Placement:  # fmt: skip
+) -> Placement:
     """Answer a recipe for a structure of which ``bare`` are the modes without the beam.
 
     Parameters
@@ -43,47 +49,90 @@ def place(
     """
     where = bare.name or "bare structure"
     if verdict is not None and not verdict.agrees and not anyway:
-        raise InputError("the joint model does not agree with the measurement", where=where,
-                         got=" ".join(verdict.sentences), expected="a model that agrees",
-                         advice="update the model, or place with --anyway")  # fmt: skip
+        raise InputError(
+            "the joint model does not agree with the measurement",
+            where=where,
+            got=" ".join(verdict.sentences),
+            expected="a model that agrees",
+            advice="update the model, or place with --anyway",
+        )
     if bare.condition.joints:
         names = ", ".join(joint.joint for joint in bare.condition.joints)
-        raise InputError("these modes were measured with a friction beam", where=where, got=f"joints {names}",
-                         expected="the structure without the beam", advice="choose the bare run")  # fmt: skip
+        raise InputError(
+            "these modes were measured with a friction beam",
+            where=where,
+            got=f"joints {names}",
+            expected="the structure without the beam",
+            advice="choose the bare run",
+        )
     bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
     modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
     if len(set(modes)) < len(modes):
         raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
     surface = smooth(bare, geometry)
     task = Task(
-        bare, surface, recipe.bolted_joint(), recipe.at, np.array(recipe.force), np.unique(recipe.normal_force), modes,
+        bare,
+        surface,
+        recipe.bolted_joint(),
+        recipe.at,
+        np.array(recipe.force),
+        np.unique(recipe.normal_force),
+        modes,
         recipe.output,
-    )  # fmt: skip
+    )
     effort, wanted = recipe.search, recipe.wanted()
     candidates = grid(
         surface, recipe.catalogue(), effort.step, np.radians(effort.angles).tolist(), recipe.keep_out(), effort.margin
     )
     ranking = search(
-        task, candidates, wanted, effort.shortlist, effort.keep, effort.draws, effort.seed, executor, folder, resume,
+        task,
+        candidates,
+        wanted,
+        effort.shortlist,
+        effort.keep,
+        effort.draws,
+        effort.seed,
+        executor,
+        folder,
+        resume,
         progress,
-    )  # fmt: skip
+    )
     if not ranking.places:
-        raise InputError("no place was found", where=where, got=f"{len(candidates)} candidates without a resonance",
-                         advice="other normal forces, or another beam")  # fmt: skip
+        raise InputError(
+            "no place was found",
+            where=where,
+            got=f"{len(candidates)} candidates without a resonance",
+            advice="other normal forces, or another beam",
+        )
     study = None
     if recipe.control is not None:
         best = ranking.best
         study = control_study(
-            task, candidates, best.candidate, best.normal_force, recipe.control.load, lag=recipe.control.lag,
-            objective=wanted, progress=progress,
-        )  # fmt: skip
+            task,
+            candidates,
+            best.candidate,
+            best.normal_force,
+            recipe.control.load,
+            lag=recipe.control.lag,
+            objective=wanted,
+            progress=progress,
+        )
     told, beyond = _told(recipe, task, candidates, ranking.best.candidate, executor, progress)
     return Placement(
-        recipe.title or f"Friction beam on {where}", ranking, surface.origin, surface.axes, surface.extent,
-        surface.points, recipe.keep_out(), _warning(verdict), study,
+        recipe.title or f"Friction beam on {where}",
+        ranking,
+        surface.origin,
+        surface.axes,
+        surface.extent,
+        surface.points,
+        recipe.keep_out(),
+        _warning(verdict),
+        study,
         (*ranking.findings, *hung, *beyond, *_about_verdict(verdict)),
-        Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)), geometry, told,
-    )  # fmt: skip
+        Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
+        geometry,
+        told,
+    )
 
 
 def _told(
@@ -98,9 +147,17 @@ def _told(
         bare, surface, beyond = with_plate(bare, surface)
     task = task._replace(bare=bare, surface=surface, scale_std=0.5 * asked.calibration_std)
     return forecast(
-        task, candidates, best, asked.force or recipe.force, asked.normal_force, asked.draws, asked.seed, asked.method,
-        executor, progress,
-    ), beyond  # fmt: skip
+        task,
+        candidates,
+        best,
+        asked.force or recipe.force,
+        asked.normal_force,
+        asked.draws,
+        asked.seed,
+        asked.method,
+        executor,
+        progress,
+    ), beyond
 
 
 def _elastic(bare: ModalModel) -> ModalModel:
@@ -115,8 +172,12 @@ def _near(bare: ModalModel, frequency: float, where: str) -> int:
     known = bare.natural_frequencies
     row = int(np.argmin(np.abs(known - frequency)))
     if abs(known[row] - frequency) > _FAR * frequency:
-        raise InputError("no mode near this frequency", where=where, got=f"{frequency:g} Hz",
-                         expected="one of " + ", ".join(f"{one:.1f}" for one in known) + " Hz")  # fmt: skip
+        raise InputError(
+            "no mode near this frequency",
+            where=where,
+            got=f"{frequency:g} Hz",
+            expected="one of " + ", ".join(f"{one:.1f}" for one in known) + " Hz",
+        )
     return row
 
 
@@ -131,5 +192,14 @@ def _warning(verdict: Verdict | None) -> str:
 def _about_verdict(verdict: Verdict | None) -> tuple[Finding, ...]:
     if verdict is not None:
         return ()
-    return (Finding("info", "not-compared", "joint", "the joint model was not held against a measurement.", None, None,
-                    "Compare it with a measured map, and name the result as agreement."),)  # fmt: skip
+    return (
+        Finding(
+            "info",
+            "not-compared",
+            "joint",
+            "the joint model was not held against a measurement.",
+            None,
+            None,
+            "Compare it with a measured map, and name the result as agreement.",
+        ),
+    )

@@ -17,9 +17,13 @@ FIRST_NODE = 900_001
 
 
 def model_at(
-    bare: ModalModel, surface: Surface, candidates: Candidates, place: int, joint: BoltedJoint,
+    bare: ModalModel,
+    surface: Surface,
+    candidates: Candidates,
+    place: int,
+    joint: BoltedJoint,
     normal_force: float | Sequence[float] | Float[np.ndarray, "joint"],
-) -> BeamModel:  # fmt: skip
+) -> BeamModel:
     """A measured host with the beam of one candidate, pressed with ``normal_force`` N (of every joint, or of each).
 
     The host keeps its measured DOFs; the joints are nodes 900001, 900002, ... with axes along the beam, whose shapes
@@ -35,9 +39,15 @@ def model_at(
         dofs += [Dof(node, "+X"), Dof(node, "+Z"), Dof(node, "-RY")]
     shapes = np.concatenate(rows).astype(complex)
     host = ModalModel(
-        bare.poles, shapes, tuple(dofs), shapes / (2j * bare.poles.imag), tuple(dofs), scaling="unit modal mass",
-        condition=bare.condition, name=bare.name,
-    )  # fmt: skip
+        bare.poles,
+        shapes,
+        tuple(dofs),
+        shapes / (2j * bare.poles.imag),
+        tuple(dofs),
+        scaling="unit modal mass",
+        condition=bare.condition,
+        name=bare.name,
+    )
     mass, stiffness, *_ = beam_matrices(beam)
     count = len(mass) // 3
     beam_dofs = tuple(Dof(node, direction, PART) for node in range(count) for direction in ("+X", "+Z", "-RY"))
@@ -45,12 +55,18 @@ def model_at(
     forces = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), (beam.joints,))
     joints = tuple(
         Joint(
-            f"J{number + 1}", ((FIRST_NODE + number, first + number * ELEMENTS),),
-            (joint.surface_height, 0.5 * beam.height), joint.law, float(force), joint.normal_stiffness,
-            tangential_loss=joint.tangential_loss, normal_loss=joint.normal_loss, normal_exponent=joint.normal_exponent,
+            f"J{number + 1}",
+            ((FIRST_NODE + number, first + number * ELEMENTS),),
+            (joint.surface_height, 0.5 * beam.height),
+            joint.law,
+            float(force),
+            joint.normal_stiffness,
+            tangential_loss=joint.tangential_loss,
+            normal_loss=joint.normal_loss,
+            normal_exponent=joint.normal_exponent,
         )
         for number, force in enumerate(forces)
-    )  # fmt: skip
+    )
     return BeamModel(
         host, Matrices(mass, stiffness, beam_dofs), joints, Damping(), name=f"place {place}", pair_spacing=None
     )

@@ -51,8 +51,7 @@ def scores(prediction: Prediction, objective: Objective) -> Float[np.ndarray, "c
     elif objective.aim in ("peak reduction", "chatter"):
         joined = _decibels(prediction, objective.aim == "chatter")
     else:
-        raise InputError("not an aim of a placement", where="objective", got=objective.aim,
-                         expected=", ".join(AIMS))  # fmt: skip
+        raise InputError("not an aim of a placement", where="objective", got=objective.aim, expected=", ".join(AIMS))
     over = joined.min(axis=1) if objective.over_levels == "least" else joined.mean(axis=1)
     return np.where(np.isfinite(over), over, -np.inf)
 
@@ -77,19 +76,26 @@ def of_rows(prediction: Prediction, rows: Sequence[int] | Int[np.ndarray, "row"]
     picked, held = np.asarray(rows, dtype=np.int64), prediction.candidates
     few = replace(held, centres=held.centres[picked], angles=held.angles[picked], beams=held.beams[picked])
     return replace(
-        prediction, candidates=few, frequency=prediction.frequency[picked], damping=prediction.damping[picked],
-        stiffness=prediction.stiffness[picked], slip=prediction.slip[picked],
-    )  # fmt: skip
+        prediction,
+        candidates=few,
+        frequency=prediction.frequency[picked],
+        damping=prediction.damping[picked],
+        stiffness=prediction.stiffness[picked],
+        slip=prediction.slip[picked],
+    )
 
 
 def at_level(prediction: Prediction, row: int) -> Prediction:
     """The prediction at one force level."""
     part = slice(row, row + 1)
     return replace(
-        prediction, force_levels=prediction.force_levels[part], frequency=prediction.frequency[:, :, part],
-        damping=prediction.damping[:, :, part], stiffness=prediction.stiffness[:, :, part],
+        prediction,
+        force_levels=prediction.force_levels[part],
+        frequency=prediction.frequency[:, :, part],
+        damping=prediction.damping[:, :, part],
+        stiffness=prediction.stiffness[:, :, part],
         slip=prediction.slip[:, :, part],
-    )  # fmt: skip
+    )
 
 
 def recommended_forces(prediction: Prediction, objective: Objective, candidate: int) -> Float[np.ndarray, "level"]:
@@ -120,6 +126,10 @@ def _weights(objective: Objective, modes: int) -> Float[np.ndarray, "mode"]:
     given: Sequence[float] = objective.mode_weights if objective.mode_weights is not None else np.ones(modes).tolist()
     weights = np.asarray(given, dtype=np.float64)
     if weights.shape != (modes,) or np.any(weights < 0) or not weights.sum() > 0:
-        raise InputError("weights do not fit the modes", where="objective", got=list(given),
-                         expected=f"{modes} numbers of 0 or more, not all 0")  # fmt: skip
+        raise InputError(
+            "weights do not fit the modes",
+            where="objective",
+            got=list(given),
+            expected=f"{modes} numbers of 0 or more, not all 0",
+        )
     return np.asarray(weights / weights.sum())

@@ -66,41 +66,82 @@ def predict(
     beams = _free(candidates.catalogue, float(omega.max()))
     count = len(candidates.catalogue[0].places)
     result = kernels.all_places(
-        omega, zeta, np.abs(driver), levels[order], phi, lever, candidates.beams,
-        normal_stiffness(joint, forces) * (1 + 1j * joint.normal_loss), *beams,
-        contact_stiffness(joint, forces), joint.law.friction_coefficient * forces, joint.tangential_loss,
+        omega,
+        zeta,
+        np.abs(driver),
+        levels[order],
+        phi,
+        lever,
+        candidates.beams,
+        normal_stiffness(joint, forces) * (1 + 1j * joint.normal_loss),
+        *beams,
+        contact_stiffness(joint, forces),
+        joint.law.friction_coefficient * forces,
+        joint.tangential_loss,
         secant_table(joint.law.name, joint.law.parameters),
-    )  # fmt: skip
+    )
     back = np.argsort(order)
     result = result[:, :, :, back, :]
     return Prediction(
-        candidates, tuple(int(mode) for mode in chosen), omega / (2 * np.pi), zeta, levels, forces,
-        result[:, :, 0], result[:, :, 1], result[:, :, 3], result[:, :, 2], driver, seen,
+        candidates,
+        tuple(int(mode) for mode in chosen),
+        omega / (2 * np.pi),
+        zeta,
+        levels,
+        forces,
+        result[:, :, 0],
+        result[:, :, 1],
+        result[:, :, 3],
+        result[:, :, 2],
+        driver,
+        seen,
         provenance=Provenance(steps=("place.predict",), options=(("joints", str(count)), ("law", joint.law.name))),
-    )  # fmt: skip
+    )
 
 
 def _check(
-    bare: ModalModel, surface: Surface, candidates: Candidates, levels: np.ndarray, forces: np.ndarray,
+    bare: ModalModel,
+    surface: Surface,
+    candidates: Candidates,
+    levels: np.ndarray,
+    forces: np.ndarray,
     modes: Sequence[int],
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     where = bare.name or "bare structure"
     if bare.scaling != "unit modal mass":
-        raise InputError("placement needs scaled shapes", where=where, got=bare.scaling, expected="unit modal mass",
-                         advice="measure the force and a drive point of the bare structure")  # fmt: skip
+        raise InputError(
+            "placement needs scaled shapes",
+            where=where,
+            got=bare.scaling,
+            expected="unit modal mass",
+            advice="measure the force and a drive point of the bare structure",
+        )
     if surface.coefficients.shape[1] != len(bare.poles):
-        raise InputError("the surface has other modes", where=where, got=f"{surface.coefficients.shape[1]} modes",
-                         expected=f"{len(bare.poles)}")  # fmt: skip
+        raise InputError(
+            "the surface has other modes",
+            where=where,
+            got=f"{surface.coefficients.shape[1]} modes",
+            expected=f"{len(bare.poles)}",
+        )
     for name, values in (("force levels", levels), ("normal forces", forces)):
         if values.ndim != 1 or not len(values) or not np.all(np.isfinite(values)) or np.any(values <= 0):
             raise InputError(f"not {name}", where=where, got=values.tolist(), expected="positive numbers in N")
     if not len(candidates):
-        raise InputError("no place for the beam", where=where, got="0 candidates", expected="one or more",
-                         advice="shorter beams, smaller keep-out areas, or a finer grid")  # fmt: skip
+        raise InputError(
+            "no place for the beam",
+            where=where,
+            got="0 candidates",
+            expected="one or more",
+            advice="shorter beams, smaller keep-out areas, or a finer grid",
+        )
     if len({beam.joints for beam in candidates.catalogue}) > 1:
-        raise InputError("beams with different numbers of joints", where=where,
-                         got=sorted({beam.joints for beam in candidates.catalogue}), expected="one number",
-                         advice="predict each kind on its own")  # fmt: skip
+        raise InputError(
+            "beams with different numbers of joints",
+            where=where,
+            got=sorted({beam.joints for beam in candidates.catalogue}),
+            expected="one number",
+            advice="predict each kind on its own",
+        )
     chosen = np.asarray(modes, dtype=np.int64)
     if not len(chosen) or chosen.min() < 0 or chosen.max() >= len(bare.poles):
         raise InputError("no such mode", where=where, got=chosen.tolist(), expected=f"0 to {len(bare.poles) - 1}")
@@ -117,8 +158,12 @@ def shapes_at(bare: ModalModel, at: Dof | str) -> Float[np.ndarray, "mode"]:
     wanted = Dof.parse(at)
     found = match([wanted], bare.dofs)
     if not found:
-        raise InputError("the DOF was not measured", where=bare.name, got=str(wanted),
-                         expected=f"one of {len(bare.dofs)} DOFs such as {bare.dofs[0]}")  # fmt: skip
+        raise InputError(
+            "the DOF was not measured",
+            where=bare.name,
+            got=str(wanted),
+            expected=f"one of {len(bare.dofs)} DOFs such as {bare.dofs[0]}",
+        )
     return np.asarray(np.real(bare.shapes[found[0][1]]) * found[0][2])
 
 
@@ -179,11 +224,20 @@ def _rotary(length: float, beam: FrictionBeam) -> Float[np.ndarray, "6 6"]:
     """Mass of an element by the rotation of its sections (Rayleigh)."""
     bending, result = np.array([1, 2, 4, 5]), np.zeros((6, 6))
     result[np.ix_(bending, bending)] = (
-        beam.density * beam.width * beam.height**3 / 12 / (30 * length) * np.array(
-            [[36, 3 * length, -36, 3 * length], [3 * length, 4 * length**2, -3 * length, -(length**2)],
-             [-36, -3 * length, 36, -3 * length], [3 * length, -(length**2), -3 * length, 4 * length**2]]
+        beam.density
+        * beam.width
+        * beam.height**3
+        / 12
+        / (30 * length)
+        * np.array(
+            [
+                [36, 3 * length, -36, 3 * length],
+                [3 * length, 4 * length**2, -3 * length, -(length**2)],
+                [-36, -3 * length, 36, -3 * length],
+                [3 * length, -(length**2), -3 * length, 4 * length**2],
+            ]
         )
-    )  # fmt: skip
+    )
     return result
 
 

@@ -336,9 +336,13 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
     result = np.full((4, len(levels)), np.nan)
     heights = np.empty(size)
     scan = (
-        COARSE * (np.arange(size) - WIDEST), heights, np.zeros(size, np.bool_), np.empty(size, np.complex128),
-        np.empty((size, n), np.complex128), np.empty((size, n, n), np.complex128),
-    )  # fmt: skip
+        COARSE * (np.arange(size) - WIDEST),
+        heights,
+        np.zeros(size, np.bool_),
+        np.empty(size, np.complex128),
+        np.empty((size, n), np.complex128),
+        np.empty((size, n, n), np.complex128),
+    )
     mode = (omega0, zeta0)
     carried = linear_part(omega0, beam, z, m, a).real / omega0**2
     shift = 0.5 * math.log(min(max(1 + carried, 0.5), 2.0))
@@ -405,9 +409,14 @@ def all_places(
                 continue
             for f in range(forces):
                 beam = (
-                    phi[c, :, mode].copy(), lever[c, :, mode].copy(), k_n[f], squares[one], tangential[one],
-                    normal[one], rest[one],
-                )  # fmt: skip
+                    phi[c, :, mode].copy(),
+                    lever[c, :, mode].copy(),
+                    k_n[f],
+                    squares[one],
+                    tangential[one],
+                    normal[one],
+                    rest[one],
+                )
                 contact = (k_t[f], limits[f], loss, table)
                 result[c, mode, :, :, f] = one_mode(omega0[mode], zeta0[mode], driver[mode], levels, beam, contact)
     return result

@@ -17,9 +17,14 @@ from ema.progress import Progress, advance, silent
 
 
 def rank(
-    task: Task, candidates: Candidates, objective: Objective | None = None, keep: int = 10, draws: int = 200,
-    seed: int = 0, progress: Progress = silent,
-) -> Ranking:  # fmt: skip
+    task: Task,
+    candidates: Candidates,
+    objective: Objective | None = None,
+    keep: int = 10,
+    draws: int = 200,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Ranking:
     """The best places for a friction beam by the one-mode predictor, with normal forces and 95 % intervals.
 
     The intervals carry the uncertainty of the smoothed shapes and of mu and k_T (``BoltedJoint``); they do not carry
@@ -44,10 +49,18 @@ def rank(
 
 
 def search(
-    task: Task, candidates: Candidates, objective: Objective | None = None, shortlist: int = 20, keep: int = 10,
-    draws: int = 200, seed: int = 0, executor: Executor | None = None, folder: str | Path | None = None,
-    resume: bool = False, progress: Progress = silent,
-) -> Ranking:  # fmt: skip
+    task: Task,
+    candidates: Candidates,
+    objective: Objective | None = None,
+    shortlist: int = 20,
+    keep: int = 10,
+    draws: int = 200,
+    seed: int = 0,
+    executor: Executor | None = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> Ranking:
     """The best places in two stages: all candidates by the predictor, the shortlist with all modes together.
 
     The shortlist holds the best by the predictor, and half as many with the largest difference of the rotations of
@@ -75,9 +88,14 @@ def search(
     order = _best(scores(checked, wanted).max(axis=1), keep)
     places = _described(task, prediction, wanted, rows[order], of_rows(checked, order), draws, seed, progress)
     return Ranking(
-        str(wanted), prediction, total, places,
-        (*about_points(task), *about_holes(prediction), *checked.findings), tuple(int(row) for row in rows), checked,
-    )  # fmt: skip
+        str(wanted),
+        prediction,
+        total,
+        places,
+        (*about_points(task), *about_holes(prediction), *checked.findings),
+        tuple(int(row) for row in rows),
+        checked,
+    )
 
 
 def _best(values: Float[np.ndarray, "candidate"], count: int) -> np.ndarray:
@@ -94,15 +112,22 @@ def _bending(task: Task, candidates: Candidates) -> Float[np.ndarray, "candidate
 
 
 def _described(
-    task: Task, prediction: Prediction, objective: Objective, rows: np.ndarray, checked: Prediction | None, draws: int,
-    seed: int, progress: Progress,
-) -> tuple[Place, ...]:  # fmt: skip
+    task: Task,
+    prediction: Prediction,
+    objective: Objective,
+    rows: np.ndarray,
+    checked: Prediction | None,
+    draws: int,
+    seed: int,
+    progress: Progress,
+) -> tuple[Place, ...]:
     """The places of some rows of the prediction, with the numbers of ``checked`` where they were checked."""
     few = of_rows(prediction, rows)
     drawn = (
         samples(task, only(prediction.candidates, rows), draws, np.random.default_rng(seed), progress)
-        if draws and len(rows) else ()
-    )  # fmt: skip
+        if draws and len(rows)
+        else ()
+    )
     decisive = few if checked is None else checked
     by_force = scores(decisive, objective)
     return tuple(
@@ -112,9 +137,15 @@ def _described(
 
 
 def _place(
-    task: Task, objective: Objective, row: int, number: int, few: Prediction, decisive: Prediction, force: int,
+    task: Task,
+    objective: Objective,
+    row: int,
+    number: int,
+    few: Prediction,
+    decisive: Prediction,
+    force: int,
     drawn: tuple[Prediction, ...],
-) -> Place:  # fmt: skip
+) -> Place:
     damping, alone = decisive.damping[number, :, :, force], few.damping[number, :, :, force]
     score = float(scores(decisive, objective)[number, force])
     low, high, score_low, score_high = np.full_like(damping, np.nan), np.full_like(damping, np.nan), np.nan, np.nan
@@ -130,9 +161,22 @@ def _place(
     normal_force = float(few.normal_forces[force])
     mass, stiffness = shifts(task, held, number, normal_force)
     return Place(
-        row, (float(held.centres[number, 0]), float(held.centres[number, 1])), float(held.angles[number]),
-        held.catalogue[kind].name or f"beam {kind + 1}", score, float(score_low), float(score_high), normal_force,
-        recommended_forces(decisive, objective, number), decisive.frequency[number, :, :, force], damping, low, high,
-        mass, stiffness, flags(task, few, number, force), decisive.method,
+        row,
+        (float(held.centres[number, 0]), float(held.centres[number, 1])),
+        float(held.angles[number]),
+        held.catalogue[kind].name or f"beam {kind + 1}",
+        score,
+        float(score_low),
+        float(score_high),
+        normal_force,
+        recommended_forces(decisive, objective, number),
+        decisive.frequency[number, :, :, force],
+        damping,
+        low,
+        high,
+        mass,
+        stiffness,
+        flags(task, few, number, force),
+        decisive.method,
         None if decisive is few else alone,
-    )  # fmt: skip
+    )

@@ -162,18 +162,33 @@ class PlaceRecipe(Table):
         """The joint as a noun."""
         table = self.joint
         return BoltedJoint(
-            law_of(table.law), table.normal_stiffness, table.surface_height,
-            table.normal_exponent, table.tangential_loss, table.normal_loss, table.friction_std, table.stiffness_std,
+            law_of(table.law),
+            table.normal_stiffness,
+            table.surface_height,
+            table.normal_exponent,
+            table.tangential_loss,
+            table.normal_loss,
+            table.friction_std,
+            table.stiffness_std,
             table.scatter,
-        )  # fmt: skip
+        )
 
     def catalogue(self) -> tuple[FrictionBeam, ...]:
         """The beams as nouns."""
         return tuple(
-            FrictionBeam(one.spacing, one.width, one.height, one.youngs_modulus, one.density, one.overhang, one.joints,
-                         one.name or f"beam {number}", one.rotary)
+            FrictionBeam(
+                one.spacing,
+                one.width,
+                one.height,
+                one.youngs_modulus,
+                one.density,
+                one.overhang,
+                one.joints,
+                one.name or f"beam {number}",
+                one.rotary,
+            )
             for number, one in enumerate(self.beams, 1)
-        )  # fmt: skip
+        )
 
     def keep_out(self) -> tuple[np.ndarray, ...]:
         """Corners of the areas kept free."""
@@ -188,10 +203,16 @@ class PlaceRecipe(Table):
 LAWS = ("masing", "iwan", "regularised masing", "dahl")
 """Laws with a describing function whose parameters are plain numbers."""
 TABLES: dict[str, type[BaseModel]] = {
-    "": PlaceRecipe, "objective": ObjectiveTable, "beams": BeamTable, "joint": PlacedJointTable, "joint.law": LawTable,
-    "search": SearchTable, "control": ControlTable,
-    "forecast": ForecastTable, "expect": PlaceExpectTable,
-}  # fmt: skip
+    "": PlaceRecipe,
+    "objective": ObjectiveTable,
+    "beams": BeamTable,
+    "joint": PlacedJointTable,
+    "joint.law": LawTable,
+    "search": SearchTable,
+    "control": ControlTable,
+    "forecast": ForecastTable,
+    "expect": PlaceExpectTable,
+}
 
 
 def load(path: Path) -> PlaceRecipe:
@@ -202,6 +223,7 @@ def load(path: Path) -> PlaceRecipe:
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
     if not path.is_file():
-        raise InputError("there is no such recipe", where=str(path), expected="a TOML file",
-                         advice="docs/placement.md shows one")  # fmt: skip
+        raise InputError(
+            "there is no such recipe", where=str(path), expected="a TOML file", advice="docs/placement.md shows one"
+        )
     return validated(PlaceRecipe, read_text(path), str(path), TABLES)

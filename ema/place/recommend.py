@@ -56,9 +56,11 @@ def distribute(
     equal = least(start)
     simplex = np.vstack([start, *(0.7 * row for row in np.eye(joints - 1))])
     found = minimize(
-        lambda logits: -least(logits), start, method="Nelder-Mead",
+        lambda logits: -least(logits),
+        start,
+        method="Nelder-Mead",
         options={"initial_simplex": simplex, "maxfev": evaluations, "xatol": 0.02, "fatol": 1e-3 * equal},
-    )  # fmt: skip
+    )
     return Distribution(total * _shares(found.x), max(float(-found.fun), equal), equal)
 
 

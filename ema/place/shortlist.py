@@ -75,9 +75,14 @@ def _chart(question: Question, band: tuple[float, float]) -> ModalMap:
 
 
 def verify(
-    task: Task, prediction: Prediction, rows: Sequence[int] | np.ndarray, executor: Executor | None = None,
-    folder: str | Path | None = None, resume: bool = False, progress: Progress = silent,
-) -> Prediction:  # fmt: skip
+    task: Task,
+    prediction: Prediction,
+    rows: Sequence[int] | np.ndarray,
+    executor: Executor | None = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> Prediction:
     """Some places of a prediction with all modes together, ``method`` "all modes", in the order of ``rows``.
 
     Parameters
@@ -118,15 +123,30 @@ def _joined(few: Prediction, rows: np.ndarray, answers: dict[int, np.ndarray]) -
     drive = few.driver[:, None, None] ** 2 * few.force_levels[:, None]
     lost = [int(row) for row, value in zip(rows, values, strict=True) if np.isnan(value).any()]
     findings = (
-        (Finding("warning", "unsolved", "shortlist", f"{len(lost)} of {len(rows)} places have no steady state for a "
-                 f"mode within {_WIDER:.0%} of its predicted frequencies.", float(len(lost)), 0.0,
-                 "They count as unsuitable."),)
-        if lost else ()
-    )  # fmt: skip
+        (
+            Finding(
+                "warning",
+                "unsolved",
+                "shortlist",
+                f"{len(lost)} of {len(rows)} places have no steady state for a "
+                f"mode within {_WIDER:.0%} of its predicted frequencies.",
+                float(len(lost)),
+                0.0,
+                "They count as unsuitable.",
+            ),
+        )
+        if lost
+        else ()
+    )
     return replace(
-        few, frequency=values[:, :, 0], damping=values[:, :, 1], stiffness=drive / values[:, :, 2],
-        slip=np.full(few.slip.shape, np.nan), method="all modes", findings=findings,
-    )  # fmt: skip
+        few,
+        frequency=values[:, :, 0],
+        damping=values[:, :, 1],
+        stiffness=drive / values[:, :, 2],
+        slip=np.full(few.slip.shape, np.nan),
+        method="all modes",
+        findings=findings,
+    )
 
 
 def question(task: Task, prediction: Prediction, row: int, fitted: bool = False) -> Question:
@@ -140,15 +160,22 @@ def question(task: Task, prediction: Prediction, row: int, fitted: bool = False)
         task.bare, task.surface, prediction.candidates, row, task.joint, float(prediction.normal_forces[0])
     )
     return Question(
-        model, Dof.parse(task.at), np.asarray(prediction.force_levels), np.asarray(prediction.normal_forces),
-        tuple(bands), fitted, None if task.output is None else Dof.parse(task.output),
-    )  # fmt: skip
+        model,
+        Dof.parse(task.at),
+        np.asarray(prediction.force_levels),
+        np.asarray(prediction.normal_forces),
+        tuple(bands),
+        fitted,
+        None if task.output is None else Dof.parse(task.output),
+    )
 
 
 def verify_all(
-    questions: Sequence[Question], executor: Executor | None = None, wanted: Sequence[int] | None = None,
+    questions: Sequence[Question],
+    executor: Executor | None = None,
+    wanted: Sequence[int] | None = None,
     kept: Path | None = None,
-) -> Iterator[tuple[int, Float[np.ndarray, "mode 3 level force"]]]:  # fmt: skip
+) -> Iterator[tuple[int, Float[np.ndarray, "mode 3 level force"]]]:
     """Number and answer of every wanted question as they come, with few under way at a time.
 
     Raises
@@ -174,9 +201,10 @@ def verify_all(
     except Exception as error:
         where = "what is finished is lost" if kept is None else f"what is finished is kept in {kept}"
         raise FailureError(
-            "a worker failed", got=f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}",
+            "a worker failed",
+            got=f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}",
             advice=f"{where}; look after the workers and start again",
-        ) from error  # fmt: skip
+        ) from error
     finally:
         for future in running:
             future.cancel()
@@ -260,8 +288,9 @@ class KeptPlaces:
             for former in self._former(question):
                 former.unlink(missing_ok=True)
         except OSError as error:
-            raise FailureError("the finished places cannot be kept", where=str(self.folder),
-                               got=error.strerror or str(error)) from error  # fmt: skip
+            raise FailureError(
+                "the finished places cannot be kept", where=str(self.folder), got=error.strerror or str(error)
+            ) from error
 
     def _former(self, question: str) -> list[Path]:
         """Files of the answer by other code."""

@@ -55,13 +55,19 @@ def _plate(told: model_file.ModelFile, path: Path) -> tuple[np.ndarray, np.ndarr
     """Coordinates of the nodes of the plate, node i * (ny + 1) + j at (x_i, y_j)."""
     structure = told.structure
     if structure.kind != "plate" or structure.length is None or structure.width is None:
-        raise InputError("no points are known of this structure", where=str(path), got=f"a {structure.kind}",
-                         expected="a plate", advice="give a campaign or a file with modes and geometry")  # fmt: skip
+        raise InputError(
+            "no points are known of this structure",
+            where=str(path),
+            got=f"a {structure.kind}",
+            expected="a plate",
+            advice="give a campaign or a file with modes and geometry",
+        )
     assert isinstance(structure.elements, list)
     parts = np.meshgrid(
         np.linspace(0, structure.length, structure.elements[0] + 1),
-        np.linspace(0, structure.width, structure.elements[1] + 1), indexing="ij",
-    )  # fmt: skip
+        np.linspace(0, structure.width, structure.elements[1] + 1),
+        indexing="ij",
+    )
     return parts[0].ravel(), parts[1].ravel()
 
 
@@ -80,8 +86,12 @@ def verdict_of(recipe: PlaceRecipe, origin: Path) -> Verdict | None:
         found = noun if isinstance(noun, Verdict) else getattr(noun, "verdict", None)
         if isinstance(found, Verdict):
             return found
-    raise InputError("the file holds no verdict", where=str(path), got=type(held).__name__,
-                     expected="a comparison of the joint model with a measurement")  # fmt: skip
+    raise InputError(
+        "the file holds no verdict",
+        where=str(path),
+        got=type(held).__name__,
+        expected="a comparison of the joint model with a measurement",
+    )
 
 
 def recipe_of_model(path: Path) -> PlaceRecipe:
@@ -96,32 +106,48 @@ def recipe_of_model(path: Path) -> PlaceRecipe:
     x, y = _plate(told, where)
     beam, chart, joint = told.beam, told.map, told.joints[0]
     if beam is None or beam.length is None or beam.width is None or beam.height is None or chart is None:
-        raise InputError("the model says too little for a placement", where=str(where),
-                         expected="a uniform [beam] and a [map] with force levels, normal forces and a band",
-                         advice="add them, or give a recipe with --recipe")  # fmt: skip
+        raise InputError(
+            "the model says too little for a placement",
+            where=str(where),
+            expected="a uniform [beam] and a [map] with force levels, normal forces and a band",
+            advice="add them, or give a recipe with --recipe",
+        )
     nodes = [(one.pairs[0] if one.pairs else [(one.host_nodes or [0])[0]])[0] for one in told.joints]
     spread = float(np.hypot(*(np.ptp(axis[nodes]) for axis in (x, y))))
     law = joint.law or told.law
     assert law is not None and told.structure.height is not None
     height = joint.half_heights[0] if joint.half_heights is not None else told.structure.height / 2
     mass = _hung_mass(where)
-    return PlaceRecipe.model_validate({
-        "title": f"{told.model.name}: placement", "mass": None if mass is None else f"{mass!r} kg",
-        "near": [f"{_nearest(where, chart.band)!r} Hz"],
-        "at": Dof(chart.at.node, "+Z"), "force": _texts(chart.force, "N"),
-        "normal_force": _texts([force for force in chart.normal_force if force > 0], "N"),
-        "beams": [{
-            "name": beam.part or "beam", "joints": len(told.joints), "spacing": f"{spread!r} m",
-            "width": f"{beam.width!r} m", "height": f"{beam.height!r} m",
-            "overhang": f"{max(0.5 * (beam.length - spread), 0.0)!r} m",
-            "youngs_modulus": f"{beam.youngs_modulus!r} Pa", "density": f"{beam.density!r} kg/m^3",
-        }],
-        "joint": {
-            "law": law, "surface_height": f"{height!r} m", "normal_stiffness": f"{joint.normal_stiffness or 1e9!r} N/m",
-            "normal_exponent": joint.normal_exponent, "tangential_loss": joint.tangential_loss,
-            "normal_loss": joint.normal_loss,
-        },
-    })  # fmt: skip
+    return PlaceRecipe.model_validate(
+        {
+            "title": f"{told.model.name}: placement",
+            "mass": None if mass is None else f"{mass!r} kg",
+            "near": [f"{_nearest(where, chart.band)!r} Hz"],
+            "at": Dof(chart.at.node, "+Z"),
+            "force": _texts(chart.force, "N"),
+            "normal_force": _texts([force for force in chart.normal_force if force > 0], "N"),
+            "beams": [
+                {
+                    "name": beam.part or "beam",
+                    "joints": len(told.joints),
+                    "spacing": f"{spread!r} m",
+                    "width": f"{beam.width!r} m",
+                    "height": f"{beam.height!r} m",
+                    "overhang": f"{max(0.5 * (beam.length - spread), 0.0)!r} m",
+                    "youngs_modulus": f"{beam.youngs_modulus!r} Pa",
+                    "density": f"{beam.density!r} kg/m^3",
+                }
+            ],
+            "joint": {
+                "law": law,
+                "surface_height": f"{height!r} m",
+                "normal_stiffness": f"{joint.normal_stiffness or 1e9!r} N/m",
+                "normal_exponent": joint.normal_exponent,
+                "tangential_loss": joint.tangential_loss,
+                "normal_loss": joint.normal_loss,
+            },
+        }
+    )
 
 
 def _hung_mass(path: Path) -> float | None:

@@ -38,9 +38,16 @@ class Task(NamedTuple):
 def predicted(task: Task, candidates: Candidates) -> Prediction:
     """The one-mode prediction of a task (``ema.place.predict``)."""
     return predict(
-        task.bare, task.surface, candidates, task.joint, task.at, task.force_levels, task.normal_forces, task.modes,
+        task.bare,
+        task.surface,
+        candidates,
+        task.joint,
+        task.at,
+        task.force_levels,
+        task.normal_forces,
+        task.modes,
         task.output,
-    )  # fmt: skip
+    )
 
 
 def without_suspension(task: Task) -> Task:
@@ -50,16 +57,24 @@ def without_suspension(task: Task) -> Task:
     bare, surface = task.bare, task.surface
     return task._replace(
         bare=replace(
-            bare, poles=bare.poles[keep], shapes=bare.shapes[:, keep], participation=bare.participation[:, keep],
-            covariance=None if bare.covariance is None else bare.covariance[keep], confidence=None, uncertainty=None,
-            groups=(), candidates=(),
+            bare,
+            poles=bare.poles[keep],
+            shapes=bare.shapes[:, keep],
+            participation=bare.participation[:, keep],
+            covariance=None if bare.covariance is None else bare.covariance[keep],
+            confidence=None,
+            uncertainty=None,
+            groups=(),
+            candidates=(),
         ),
         surface=replace(
-            surface, coefficients=surface.coefficients[:, keep], covariance=surface.covariance[keep],
+            surface,
+            coefficients=surface.coefficients[:, keep],
+            covariance=surface.covariance[keep],
             noise=surface.noise[keep],
         ),
         modes=tuple(int(np.flatnonzero(keep == mode)[0]) for mode in task.modes),
-    )  # fmt: skip
+    )
 
 
 def only(candidates: Candidates, rows: Sequence[int] | np.ndarray) -> Candidates:

@@ -62,9 +62,13 @@ def _of_placement(placement: Placement, book: Book) -> Document:
     found = _worries(findings, book)
     chapter = Chapter("The place in detail", "placement-detail", sections=placement_sections(placement, book))
     return _document(
-        placement.title, facts, answers(placement), [Section("Where the beam goes", "placement", blocks)], found,
+        placement.title,
+        facts,
+        answers(placement),
+        [Section("Where the beam goes", "placement", blocks)],
+        found,
         [chapter],
-    )  # fmt: skip
+    )
 
 
 def _of_nouns(nouns: Mapping[str, Any], book: Book) -> Document:
@@ -82,8 +86,11 @@ def _of_nouns(nouns: Mapping[str, Any], book: Book) -> Document:
         findings += [one for noun in found.values() for one in getattr(noun, "findings", ())]
     if not sections:
         names = ", ".join(type(noun).__name__ for noun in nouns.values()) or "nothing"
-        raise InputError("there is nothing to report", got=names,
-                         expected="a study, a placement, a comparison, maps, or what `ema simulate` wrote")  # fmt: skip
+        raise InputError(
+            "there is nothing to report",
+            got=names,
+            expected="a study, a placement, a comparison, maps, or what `ema simulate` wrote",
+        )
     title = f"{model}: {sections[0].title}" if model else sections[0].title
     facts = [("Model", model)] if model else []
     return _document(title, facts, summary, sections, _worries(list(dict.fromkeys(findings)), book), [])
@@ -95,14 +102,26 @@ def _worries(findings: list[Finding], book: Book) -> tuple[Any, Any]:
 
 
 def _document(
-    title: str, facts: list[tuple[str, str]], summary: list[str], sections: list[Section], found: tuple[Any, Any],
+    title: str,
+    facts: list[tuple[str, str]],
+    summary: list[str],
+    sections: list[Section],
+    found: tuple[Any, Any],
     chapters: list[Chapter],
-) -> Document:  # fmt: skip
+) -> Document:
     worries, table = found
     return Document(
-        title=title, facts=facts, comment="", photos=[], summary=[*summary, counted(worries)], answers=sections,
-        worries=worries, findings=table, expectations=None, chapters=chapters,
-    )  # fmt: skip
+        title=title,
+        facts=facts,
+        comment="",
+        photos=[],
+        summary=[*summary, counted(worries)],
+        answers=sections,
+        worries=worries,
+        findings=table,
+        expectations=None,
+        chapters=chapters,
+    )
 
 
 def _mode_comparisons(found: Mapping[str, ModeComparison], book: Book) -> Group:
@@ -111,10 +130,14 @@ def _mode_comparisons(found: Mapping[str, ModeComparison], book: Book) -> Group:
     for name, one in found.items():
         summary.append(str(one.verdict))
         frame = one.table()
-        blocks.append(book.table(
-            name or "modes", "Modes of the measurement paired with those of the model.",
-            tuple(str(column) for column in frame.columns), list(_cells(frame.itertuples(index=False))),
-        ))  # fmt: skip
+        blocks.append(
+            book.table(
+                name or "modes",
+                "Modes of the measurement paired with those of the model.",
+                tuple(str(column) for column in frame.columns),
+                list(_cells(frame.itertuples(index=False))),
+            )
+        )
         alone = [", ".join(str(mode + 1) for mode in modes) or "none" for modes in one.unpaired]
         blocks.append(Text(f"Without a partner: measured {alone[0]}; of the model {alone[1]}."))
     return summary, blocks
@@ -126,11 +149,13 @@ def _map_comparisons(found: Mapping[str, MapComparison], book: Book) -> Group:
     for one in found.values():
         summary.append(str(one.verdict))
         measured = one.measured
-        blocks.append(book.picture(
-            show.map_comparison(one),
-            f"Damping and frequency over the normal force, measured and simulated. {one.verdict}",
-            "Markers with 95 % bars are measured, lines are the model.",
-        ))  # fmt: skip
+        blocks.append(
+            book.picture(
+                show.map_comparison(one),
+                f"Damping and frequency over the normal force, measured and simulated. {one.verdict}",
+                "Markers with 95 % bars are measured, lines are the model.",
+            )
+        )
         rows: list[tuple[Cell, ...]] = [
             (plain(float(level), 3), plain(float(ridge[0]), 4), plain(float(ridge[1]), 4))
             for level, ridge in zip(measured.force_levels, one.ridge, strict=True)
@@ -144,12 +169,17 @@ def _map_comparisons(found: Mapping[str, MapComparison], book: Book) -> Group:
 def _points(one: MapComparison, book: Book) -> Block:
     rows: list[tuple[Cell, ...]] = [
         (
-            plain(float(level), 3), plain(float(force), 4), fixed(float(one.measured.frequency[i, j]), 2),
-            fixed(float(one.simulated.frequency[i, j]), 2), fixed(100 * float(one.measured.damping[i, j]), 3),
-            fixed(100 * float(one.simulated.damping[i, j]), 3), fixed(float(one.damping_ratio[i, j]), 2),
+            plain(float(level), 3),
+            plain(float(force), 4),
+            fixed(float(one.measured.frequency[i, j]), 2),
+            fixed(float(one.simulated.frequency[i, j]), 2),
+            fixed(100 * float(one.measured.damping[i, j]), 3),
+            fixed(100 * float(one.simulated.damping[i, j]), 3),
+            fixed(float(one.damping_ratio[i, j]), 2),
         )
-        for i, level in enumerate(one.measured.force_levels) for j, force in enumerate(one.measured.normal_forces)
-    ]  # fmt: skip
+        for i, level in enumerate(one.measured.force_levels)
+        for j, force in enumerate(one.measured.normal_forces)
+    ]
     columns = ("F_E [N]", "F_N [N]", "f [Hz]", "f model [Hz]", "ζ [%]", "ζ model [%]", "ζ model over measured")
     return book.table("points", "Every condition, measured and simulated.", columns, rows)
 
@@ -161,16 +191,24 @@ def _updates(found: Mapping[str, ModelUpdate], book: Book) -> Group:
         frame = one.table()
         rows = list(_cells(frame.itertuples(index=False)))
         summary.append("Identified: " + ", ".join(f"{name} {value:.4g}" for name, value in zip(one.names, one.values)))
-        blocks.append(book.table(
-            "parameters", "Parameters of the joint that fit the measured map, with 95 % intervals.",
-            tuple(str(column) for column in frame.columns), rows,
-        ))  # fmt: skip
+        blocks.append(
+            book.table(
+                "parameters",
+                "Parameters of the joint that fit the measured map, with 95 % intervals.",
+                tuple(str(column) for column in frame.columns),
+                rows,
+            )
+        )
         if len(one.names) > 1:
             correlation = np.asarray(one.correlation)
-            blocks.append(book.table(
-                "correlation", "Correlation between the estimates.", ("Parameter", *one.names),
-                [(name, *(fixed(float(x), 3) for x in row)) for name, row in zip(one.names, correlation)],
-            ))  # fmt: skip
+            blocks.append(
+                book.table(
+                    "correlation",
+                    "Correlation between the estimates.",
+                    ("Parameter", *one.names),
+                    [(name, *(fixed(float(x), 3) for x in row)) for name, row in zip(one.names, correlation)],
+                )
+            )
     return [f"{line}." for line in summary], blocks
 
 
@@ -214,19 +252,28 @@ def _short(name: str) -> str:
 
 def _motions(found: Mapping[str, Response], book: Book) -> Group:
     names = [_short(name) for name in found]
-    blocks: list[Block] = [book.picture(
-        show.motion(list(found.values()), names), f"Motion over time of {', '.join(names)}, and the energy left.",
-        "Displacement over time, and the mechanical and contact energy over that at the start.",
-    )]  # fmt: skip
+    blocks: list[Block] = [
+        book.picture(
+            show.motion(list(found.values()), names),
+            f"Motion over time of {', '.join(names)}, and the energy left.",
+            "Displacement over time, and the mechanical and contact energy over that at the start.",
+        )
+    ]
     for name, one in zip(names, found.values(), strict=True):
         if len(one.slips):
             caption = f"Contacts at {name}: friction force over relative displacement, and the energy that each took."
             blocks.append(book.picture(show.contact_loops(one), caption, caption))
     rows: list[tuple[Cell, ...]] = [
-        (name, plain(1e3 * float(np.max(np.abs(one.displacements[0]))), 4), plain(float(one.energy.friction[-1]), 4),
-         plain(one.energy.error, 2), plain(one.error_estimate, 2))
-        for name, one in zip(names, found.values(), strict=True) if len(one.dofs)
-    ]  # fmt: skip
+        (
+            name,
+            plain(1e3 * float(np.max(np.abs(one.displacements[0]))), 4),
+            plain(float(one.energy.friction[-1]), 4),
+            plain(one.energy.error, 2),
+            plain(one.error_estimate, 2),
+        )
+        for name, one in zip(names, found.values(), strict=True)
+        if len(one.dofs)
+    ]
     columns = ("State", "Largest displacement [mm]", "Energy by friction [J]", "Energy balance", "Error estimate")
     return [], [*blocks, book.table("motions", "What each motion did.", columns, rows)]
 
@@ -239,10 +286,15 @@ def _steady(found: Mapping[str, HarmonicResponse], book: Book) -> Group:
     for name, one in zip(names, found.values(), strict=True):
         size = np.abs(one.values[:, 0, list(one.orders).index(1)])
         top = int(np.nanargmax(size)) if np.isfinite(size).any() else 0
-        rows.append((
-            name, plain(one.force, 3), fixed(float(one.frequencies[top]), 2), plain(1e6 * float(size[top]), 4),
-            f"{int(one.converged.sum())} of {len(one.converged)}",
-        ))  # fmt: skip
+        rows.append(
+            (
+                name,
+                plain(one.force, 3),
+                fixed(float(one.frequencies[top]), 2),
+                plain(1e6 * float(size[top]), 4),
+                f"{int(one.converged.sum())} of {len(one.converged)}",
+            )
+        )
     columns = ("State", "F_E [N]", "f of the peak [Hz]", "Peak [µm]", "Solved")
     table = book.table("steady_states", "The highest response of each state.", columns, rows)
     return [], [book.picture(figure, f"Steady states: {', '.join(names)}.", caption), table]

@@ -109,9 +109,13 @@ class Book:
     ) -> Table:
         """A numbered table whose CSV file carries ``name``, made unique and free of odd characters."""
         table = Table(
-            len(self.tables) + 1, self._unique(name), caption, tuple(columns), tuple(tuple(row) for row in rows),
+            len(self.tables) + 1,
+            self._unique(name),
+            caption,
+            tuple(columns),
+            tuple(tuple(row) for row in rows),
             len(columns) if shown is None else shown,
-        )  # fmt: skip
+        )
         self.tables.append(table)
         return table
 

@@ -41,20 +41,26 @@ def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
     if alike:
         told = f"{count(len(alike), 'pair')} with a MAC from {fixed(min(alike), 2)} to {fixed(max(alike), 2)}"
     figure = show.mac_matrix(
-        np.asarray(found.mac), names[0], [label.split(":")[0] for label in names[1]],
-        row_label=f"Mode of {base.run.id}", column_label=f"Mode of {other.run.id}",
-    )  # fmt: skip
+        np.asarray(found.mac),
+        names[0],
+        [label.split(":")[0] for label in names[1]],
+        row_label=f"Mode of {base.run.id}",
+        column_label=f"Mode of {other.run.id}",
+    )
     return [
         book.picture(
-            figure, f"MAC between modes of {base.run.id} and {other.run.id}: {told}.",
+            figure,
+            f"MAC between modes of {base.run.id} and {other.run.id}: {told}.",
             f"MAC of {base.run.id} (rows) against {other.run.id} (columns) over {len(found.dofs)} DOFs: {told}.",
         ),
         book.table(
-            f"mac_{base.run.id}_{other.run.id}", f"MAC of {base.run.id} (rows) against {other.run.id} (columns).",
+            f"mac_{base.run.id}_{other.run.id}",
+            f"MAC of {base.run.id} (rows) against {other.run.id} (columns).",
             (f"Mode of {base.run.id}", *(str(mode + 1) for mode in range(found.mac.shape[1]))),
-            [(row + 1, *(plain(float(value), 4) for value in values)) for row, values in enumerate(found.mac)], 0,
+            [(row + 1, *(plain(float(value), 4) for value in values)) for row, values in enumerate(found.mac)],
+            0,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _labels(run: RunResult) -> list[str]:
@@ -104,9 +110,13 @@ def _band(runs: list[RunResult]) -> tuple[float, float] | None:
 def _common(sets: list[FrfSet]) -> tuple[bool, list[tuple[int, int]]] | None:
     """Whether it is a drive point, and the position in each set, of the strongest FRF that all sets have."""
     known = [
-        {(output.positive, input_.positive): (o, i) for o, output in enumerate(one.outputs)
-         for i, input_ in enumerate(one.inputs)} for one in sets
-    ]  # fmt: skip
+        {
+            (output.positive, input_.positive): (o, i)
+            for o, output in enumerate(one.outputs)
+            for i, input_ in enumerate(one.inputs)
+        }
+        for one in sets
+    ]
     shared = [pair for pair in known[0] if all(pair in other for other in known[1:])]
     driven = [pair for pair in shared if pair[0] == pair[1]]
     if not shared:

@@ -73,9 +73,16 @@ def _sentence(base: RunResult, other: RunResult, found: Comparison) -> str:
 
 def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> Block:
     columns = [
-        "Mode", f"Mode in {other.run.id}", "f [Hz]", f"f in {other.run.id} [Hz]", "Change of f [%]", "ζ [%]",
-        f"ζ in {other.run.id} [%]", "ζ ratio [-]", "MAC [-]",
-    ]  # fmt: skip
+        "Mode",
+        f"Mode in {other.run.id}",
+        "f [Hz]",
+        f"f in {other.run.id} [Hz]",
+        "Change of f [%]",
+        "ζ [%]",
+        f"ζ in {other.run.id} [%]",
+        "ζ ratio [-]",
+        "MAC [-]",
+    ]
     partners = dict(found.pairs)
     rivals = dict(zip(partners, found.rivals, strict=True))
     deviations = [standard_deviations(run.modes) for run in (base, other)]
@@ -90,12 +97,19 @@ def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> 
             continue
         f_j, z_j = float(other.modes.natural_frequencies[j]), 100 * float(other.modes.damping_ratios[j])
         partner = f"{j + 1}, or {', '.join(str(k + 1) for k in rivals[i])}" if rivals[i] else j + 1
-        rows.append([
-            i + 1, partner, left[0], interval(f_j, deviations[1][0][j], 6),
-            Value(change := 100 * (f_j / f_i - 1), f"{change:+.2f}"),
-            left[1], interval(z_j, deviations[1][1][j], 3), fixed(z_j / z_i if z_i else None, 2),
-            fixed(float(found.mac[i, j]), 3),
-        ])  # fmt: skip
+        rows.append(
+            [
+                i + 1,
+                partner,
+                left[0],
+                interval(f_j, deviations[1][0][j], 6),
+                Value(change := 100 * (f_j / f_i - 1), f"{change:+.2f}"),
+                left[1],
+                interval(z_j, deviations[1][1][j], 3),
+                fixed(z_j / z_i if z_i else None, 2),
+                fixed(float(found.mac[i, j]), 3),
+            ]
+        )
     alone = sorted(set(range(len(other.modes.poles))) - set(partners.values()))
     rest = f" Modes of {other.run.id} without a partner: {', '.join(str(j + 1) for j in alone)}." if alone else ""
     doubt = (

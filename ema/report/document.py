@@ -64,9 +64,11 @@ def compose(result: StudyResult, book: Book) -> Document:
     if result.loops:
         front.append(Section("Hysteresis", "hysteresis", loops(result.loops, book)))
     facts = {
-        "Structure": campaign.structure, "Campaign": campaign.name, "Operator": campaign.operator,
+        "Structure": campaign.structure,
+        "Campaign": campaign.name,
+        "Operator": campaign.operator,
         "Date": campaign.date,
-    }  # fmt: skip
+    }
     findings, expectations = finding_table(worries, book), expectation_table(result, book)
     return Document(
         title=result.title or campaign.name,
@@ -76,13 +78,21 @@ def compose(result: StudyResult, book: Book) -> Document:
         summary=[
             *([] if placement is None else answers(placement)),
             *([] if result.forecast_check is None else [verdict(result.forecast_check)]),
-            *([run_sentence(run) for run in runs] or ["No run was analysed."]), *told, *map_lines(result),
-            *statement_lines(result), *ring_down_sentences(result.decays), counted(worries),
+            *([run_sentence(run) for run in runs] or ["No run was analysed."]),
+            *told,
+            *map_lines(result),
+            *statement_lines(result),
+            *ring_down_sentences(result.decays),
+            counted(worries),
             *counted_expectations(result),
         ],
-        answers=front, worries=worries, findings=findings, expectations=expectations,
-        chapters=_chapters(result, book), logo=logo(campaign),
-    )  # fmt: skip
+        answers=front,
+        worries=worries,
+        findings=findings,
+        expectations=expectations,
+        chapters=_chapters(result, book),
+        logo=logo(campaign),
+    )
 
 
 def _chapters(result: StudyResult, book: Book) -> list[Chapter]:

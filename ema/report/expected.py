@@ -19,11 +19,14 @@ def expectation_table(result: StudyResult, book: Book) -> Table | None:
         return None
     rows = [
         (
-            e.what, _held(e.expected, e.tolerance), plain(e.tolerance, 2), _held(e.found, e.tolerance),
+            e.what,
+            _held(e.expected, e.tolerance),
+            plain(e.tolerance, 2),
+            _held(e.found, e.tolerance),
             "met" if e.met else "missed",
         )
         for e in sorted(result.expectations, key=lambda e: e.met)
-    ]  # fmt: skip
+    ]
     columns = ("What", "Expected", "Tolerance", "Found", "Result")
     return book.table("expectations", "Numbers that the recipe expects.", columns, rows)
 

@@ -23,9 +23,10 @@ def write_bytes(path: Path, content: bytes, what: str = "the report") -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FailureError(
-            f"{what} cannot be written: {error.strerror or error}", where=str(path),
+            f"{what} cannot be written: {error.strerror or error}",
+            where=str(path),
             advice="choose a folder that can be written and has space",
-        ) from error  # fmt: skip
+        ) from error
     try:
         with replacing(path) as temporary:
             temporary.write_bytes(content)

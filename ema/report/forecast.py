@@ -26,15 +26,18 @@ def forecast_blocks(told: Forecast | ForecastCheck, book: Book) -> list[Block]:
     return [
         *lead,
         book.picture(
-            show.forecast_bands(told), f"Predicted frequency and damping with {where}, with 95 % bands.{note}",
+            show.forecast_bands(told),
+            f"Predicted frequency and damping with {where}, with 95 % bands.{note}",
             f"Frequency and damping with {where}: prediction (dash) and 95 % band from {forecast.draws} draws of "
             f"shapes, friction and contact stiffness.{note}",
         ),
         book.table(
-            "forecast", "Predicted values with their 95 % bands" + ("." if check is None else ", and measured ones."),
-            _columns(check), _rows(forecast, check),
+            "forecast",
+            "Predicted values with their 95 % bands" + ("." if check is None else ", and measured ones."),
+            _columns(check),
+            _rows(forecast, check),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _columns(check: ForecastCheck | None) -> list[str]:

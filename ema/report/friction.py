@@ -41,38 +41,66 @@ def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
     """Frequency and damping over the amplitude, and a table of the phases."""
     rows: list[tuple[Cell, ...]] = [
         (
-            _named(decay, number), phase.kind, fixed(phase.start, 3), fixed(phase.stop, 3), plain(phase.cycles, 3),
-            fixed(phase.frequency, 2), fixed(100 * phase.damping, 3), fixed(phase.misfit_ratio, 2),
+            _named(decay, number),
+            phase.kind,
+            fixed(phase.start, 3),
+            fixed(phase.stop, 3),
+            plain(phase.cycles, 3),
+            fixed(phase.frequency, 2),
+            fixed(100 * phase.damping, 3),
+            fixed(phase.misfit_ratio, 2),
             fixed(decay.knee, 3) if isfinite(decay.knee) else MISSING,
         )
-        for number, decay in enumerate(decays, 1) for phase in phases(decay)
-    ]  # fmt: skip
+        for number, decay in enumerate(decays, 1)
+        for phase in phases(decay)
+    ]
     blocks: list[Block] = []
     for start in range(0, len(decays), _TOGETHER):
         held = decays[start : start + _TOGETHER]
         names = [_named(decay, number) for number, decay in enumerate(held, start + 1)]
-        blocks.append(book.picture(
-            show.ring_down(held, names), f"Ring-down of {', '.join(names)}: amplitude over time, frequency and damping "
-            "over amplitude.",
-            "Amplitude over time, and frequency and damping over the amplitude; what lies within a period of the knee "
-            "is left out.",
-        ))  # fmt: skip
+        blocks.append(
+            book.picture(
+                show.ring_down(held, names),
+                f"Ring-down of {', '.join(names)}: amplitude over time, frequency and damping over amplitude.",
+                "Amplitude over time, and frequency and damping over the amplitude; what lies within a "
+                "period of the knee "
+                "is left out.",
+            )
+        )
     columns = (
-        "Ring-down", "Phase", "From [s]", "To [s]", "Cycles", "f [Hz]", "ζ [%]",
-        "Exponential over straight", "Knee [s]",
-    )  # fmt: skip
-    blocks.append(book.table(
-        "ring_downs", "Phases of the ring-downs, medians over each; the misfit of an exponential envelope over that of "
-        "a straight line is above 1 where friction makes the decay, below 1 where viscous damping does.", columns, rows,
-    ))  # fmt: skip
+        "Ring-down",
+        "Phase",
+        "From [s]",
+        "To [s]",
+        "Cycles",
+        "f [Hz]",
+        "ζ [%]",
+        "Exponential over straight",
+        "Knee [s]",
+    )
+    blocks.append(
+        book.table(
+            "ring_downs",
+            "Phases of the ring-downs, medians over each; the misfit of an exponential envelope over that of "
+            "a straight line is above 1 where friction makes the decay, below 1 where viscous damping does.",
+            columns,
+            rows,
+        )
+    )
     curves: list[tuple[Cell, ...]] = [
         (_named(decay, number), *(plain(float(value), 6) for value in point))
-        for number, decay in enumerate(decays, 1) for point in _curve(decay)
-    ]  # fmt: skip
-    blocks.append(book.table(
-        "ring_down_curves", "Frequency and damping over the amplitude, in the unit of the signal.",
-        ("Ring-down", "Time [s]", "Amplitude", "f [Hz]", "ζ [%]"), curves, 0,
-    ))  # fmt: skip
+        for number, decay in enumerate(decays, 1)
+        for point in _curve(decay)
+    ]
+    blocks.append(
+        book.table(
+            "ring_down_curves",
+            "Frequency and damping over the amplitude, in the unit of the signal.",
+            ("Ring-down", "Time [s]", "Amplitude", "f [Hz]", "ζ [%]"),
+            curves,
+            0,
+        )
+    )
     return blocks
 
 
@@ -88,10 +116,14 @@ def loops(held: Sequence[Loop], book: Book) -> list[Block]:
     blocks: list[Block] = []
     for start in range(0, len(held), _TOGETHER):
         few, told = held[start : start + _TOGETHER], names[start : start + _TOGETHER]
-        blocks.append(book.picture(
-            show.hysteresis(few, told), f"Hysteresis loops of {', '.join(told)}: force over relative displacement.",
-            "Force over relative displacement; the enclosed area is the energy that the joint dissipates in a cycle.",
-        ))  # fmt: skip
+        blocks.append(
+            book.picture(
+                show.hysteresis(few, told),
+                f"Hysteresis loops of {', '.join(told)}: force over relative displacement.",
+                "Force over relative displacement; the enclosed area is the energy that the joint "
+                "dissipates in a cycle.",
+            )
+        )
     columns = (
         "Loop",
         "F_N [N]",
@@ -103,12 +135,16 @@ def loops(held: Sequence[Loop], book: Book) -> list[Block]:
     )
     rows: list[tuple[Cell, ...]] = [
         (
-            name, plain(loop.normal_force, 4), plain(1e6 * loop.amplitude, 4), plain(top := _top(loop), 4),
+            name,
+            plain(loop.normal_force, 4),
+            plain(1e6 * loop.amplitude, 4),
+            plain(top := _top(loop), 4),
             plain(1e3 * loop.area, 4),
-            plain(loop.area / (np.pi * loop.amplitude * top) if loop.amplitude * top > 0 else None, 3), loop.cycles,
+            plain(loop.area / (np.pi * loop.amplitude * top) if loop.amplitude * top > 0 else None, 3),
+            loop.cycles,
         )
         for name, loop in zip(names, held, strict=True)
-    ]  # fmt: skip
+    ]
     caption = "Hysteresis loops; the loss factor is the energy per cycle over π times amplitude times largest force."
     return [*blocks, book.table("loops", caption, columns, rows)]
 

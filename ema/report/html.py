@@ -34,15 +34,23 @@ def page(document: Document, tables: str, printed: bool = False) -> str:
     from markupsafe import Markup
 
     environment = Environment(
-        loader=PackageLoader("ema.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, finalize=_finished,
-    )  # fmt: skip
+        loader=PackageLoader("ema.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finished,
+    )
     environment.filters["json_block"] = lambda text: Markup(text.replace("<", "\\u003c"))
     script = f"{motion_script()}{_START}" if not printed and _has_motion(document) else ""
     return environment.get_template("report.html").render(
-        document=document, tables=tables, printed=printed, policy=_policy(script), script=Markup(script),
+        document=document,
+        tables=tables,
+        printed=printed,
+        policy=_policy(script),
+        script=Markup(script),
         style=Markup(_template("report.css")),
-    )  # fmt: skip
+    )
 
 
 def _finished(value: Any) -> Any:
@@ -52,8 +60,10 @@ def _finished(value: Any) -> Any:
 def _has_motion(document: Document) -> bool:
     return any(
         isinstance(block, Animation)
-        for chapter in document.chapters for section in chapter.sections for block in section.blocks
-    )  # fmt: skip
+        for chapter in document.chapters
+        for section in chapter.sections
+        for block in section.blocks
+    )
 
 
 def _template(name: str) -> str:

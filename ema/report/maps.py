@@ -88,15 +88,22 @@ def map_blocks(one: MapResult, book: Book) -> list[Block]:
     told = map_sentence(one)
     blocks: list[Block] = [
         Text(told),
-        book.picture(show.damping_map(chart), f"Damping of {name} over F_E and F_N. {told}",
-                     f"Damping ratio of {name} by the linear fit of each condition; the line joins the best F_N."),
-        book.picture(show.frequency_map(chart), f"Natural frequency of {name} over F_E and F_N.",
-                     f"Natural frequency of {name}."),
-        book.picture(show.damping_curves(chart), f"Damping of {name} over the excitation at every normal force.",
-                     f"Damping of {name} at every normal force, with 95 % bars of the fit: over the force at resonance "
-                     "(left) and over the modal amplitude (right), where different drivers agree. Dashed: by the "
-                     "height of the peak."),
-    ]  # fmt: skip
+        book.picture(
+            show.damping_map(chart),
+            f"Damping of {name} over F_E and F_N. {told}",
+            f"Damping ratio of {name} by the linear fit of each condition; the line joins the best F_N.",
+        ),
+        book.picture(
+            show.frequency_map(chart), f"Natural frequency of {name} over F_E and F_N.", f"Natural frequency of {name}."
+        ),
+        book.picture(
+            show.damping_curves(chart),
+            f"Damping of {name} over the excitation at every normal force.",
+            f"Damping of {name} at every normal force, with 95 % bars of the fit: over the force at resonance "
+            "(left) and over the modal amplitude (right), where different drivers agree. Dashed: by the "
+            "height of the peak.",
+        ),
+    ]
     if len(one.homogeneity):
         rows: list[tuple[Cell, ...]] = [
             (plain(force, 4), plain(low, 3), plain(high, 3), fixed(index, 3), fixed(ratio, 3), _side(index, ratio))
@@ -113,21 +120,42 @@ def map_blocks(one: MapResult, book: Book) -> list[Block]:
 def _table(one: MapResult, book: Book) -> Block:
     chart = one.chart
     columns = [
-        "F_E [N]", "F_N [N]", "f [Hz]", "ζ fit [%]", "ζ height [%]", "Misfit", "F at resonance [N]", "Drop-out",
-        "Amplitude [µm √kg]", "std f [Hz]", "std ζ [%]", *(f"F_N {joint} [N]" for joint in chart.joints),
-    ]  # fmt: skip
+        "F_E [N]",
+        "F_N [N]",
+        "f [Hz]",
+        "ζ fit [%]",
+        "ζ height [%]",
+        "Misfit",
+        "F at resonance [N]",
+        "Drop-out",
+        "Amplitude [µm √kg]",
+        "std f [Hz]",
+        "std ζ [%]",
+        *(f"F_N {joint} [N]" for joint in chart.joints),
+    ]
     rows: list[list[Cell]] = []
     for i, level in enumerate(chart.force_levels):
         for j, force in enumerate(chart.normal_forces):
-            rows.append([
-                plain(float(level), 3), plain(float(force), 4), fixed(_at(chart.frequency, i, j), 2),
-                fixed(100 * _at(chart.damping, i, j), 3), fixed(100 * _at(chart.quadrature_damping, i, j), 3),
-                fixed(_at(chart.misfit, i, j), 3), fixed(_at(chart.force_at_resonance, i, j), 2),
-                fixed(_at(one.dropout, i, j), 2), plain(1e6 * _at(chart.modal_amplitude, i, j), 3),
-                plain(_at(chart.frequency_std, i, j), 2), plain(100 * _at(chart.damping_std, i, j), 2),
-                *(plain(float(chart.joint_forces[i, j, k]), 4) for k in range(len(chart.joints))
-                  if chart.joint_forces is not None),
-            ])  # fmt: skip
+            rows.append(
+                [
+                    plain(float(level), 3),
+                    plain(float(force), 4),
+                    fixed(_at(chart.frequency, i, j), 2),
+                    fixed(100 * _at(chart.damping, i, j), 3),
+                    fixed(100 * _at(chart.quadrature_damping, i, j), 3),
+                    fixed(_at(chart.misfit, i, j), 3),
+                    fixed(_at(chart.force_at_resonance, i, j), 2),
+                    fixed(_at(one.dropout, i, j), 2),
+                    plain(1e6 * _at(chart.modal_amplitude, i, j), 3),
+                    plain(_at(chart.frequency_std, i, j), 2),
+                    plain(100 * _at(chart.damping_std, i, j), 2),
+                    *(
+                        plain(float(chart.joint_forces[i, j, k]), 4)
+                        for k in range(len(chart.joints))
+                        if chart.joint_forces is not None
+                    ),
+                ]
+            )
     caption = f"Every condition of {one.name}: frequency, damping by the fit and by the height of the peak."
     return book.table(f"map_{one.name}", caption, columns, rows, 9)
 

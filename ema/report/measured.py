@@ -49,11 +49,17 @@ def _normal_force(run: RunResult, book: Book) -> list[Block]:
     columns = ("Joint", "F_N [N]", "std [N]", "drift [N]", "Torque [N m]", "Loading", "Run-in", "Calibration")
     rows: list[tuple[Cell, ...]] = [
         (
-            j.joint, joint_force(j.mean, j.std), plain(j.std, 2), plain(j.drift, 2), plain(j.torque, 3), j.sequence,
-            MISSING if j.run_in is None else j.run_in, j.calibration or "not stated",
+            j.joint,
+            joint_force(j.mean, j.std),
+            plain(j.std, 2),
+            plain(j.drift, 2),
+            plain(j.torque, 3),
+            j.sequence,
+            MISSING if j.run_in is None else j.run_in,
+            j.calibration or "not stated",
         )
         for j in joints
-    ]  # fmt: skip
+    ]
     caption = f"Normal force of run {name} (± one standard deviation over the run)."
     told = ", ".join(f"{joint.joint} {joint_force(joint.mean, joint.std)} N" for joint in joints[:8])
     figure = show.normal_force(run.run.condition)
@@ -95,10 +101,11 @@ def overview(run: RunResult, book: Book) -> list[Block]:
     where = f"{short(frfs.frequencies[0])} to {short(frfs.frequencies[-1])} Hz"
     blocks: list[Block] = [
         book.picture(
-            show.frf_overview(frfs, run.modes), f"Magnitude of the {number} FRFs of run {name} from {where}.",
+            show.frf_overview(frfs, run.modes),
+            f"Magnitude of the {number} FRFs of run {name} from {where}.",
             f"All {number} FRFs with their quadratic mean; dashed lines mark the modes.",
         )
-    ]  # fmt: skip
+    ]
     if frfs.coherence is None:
         text = "No coherence came with these FRFs, so their noise cannot be judged from it."
         return [*blocks, Text(text, missing=True)]

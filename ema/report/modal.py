@@ -55,8 +55,9 @@ def rebuilt(run: RunResult, book: Book) -> list[Block]:
     columns = ("Response", "Force", "Error [%]")
     rows = [
         (str(output), str(input_), plain(100 * float(error[o, i]), 3))
-        for o, output in enumerate(frfs.outputs) for i, input_ in enumerate(frfs.inputs)
-    ]  # fmt: skip
+        for o, output in enumerate(frfs.outputs)
+        for i, input_ in enumerate(frfs.inputs)
+    ]
     return [
         book.picture(
             show.reconstruction(frfs, run.reconstruction, places, titles, run.modes),
@@ -145,9 +146,10 @@ def complexity(run: RunResult, book: Book) -> list[Block]:
     """How far the shapes are from moving in phase."""
     return [
         book.picture(
-            show.complexity(run.modes, page), f"Complexity plots of run {run.run.id}, {_named(page)}.",
+            show.complexity(run.modes, page),
+            f"Complexity plots of run {run.run.id}, {_named(page)}.",
             f"Complexity of {_named(page)}: every DOF is a line from the origin; a real mode lies on one line, whose "
             "direction the dots mark.",
         )
         for page in _pages(len(run.modes.poles), _COMPLEXITY_PANELS)
-    ]  # fmt: skip
+    ]

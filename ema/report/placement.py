@@ -38,7 +38,7 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
             f"modes together; hatched: kept free. Recommended: {where}.",
         ),
         _table(placement, book),
-    ]  # fmt: skip
+    ]
 
 
 def placement_sections(placement: Placement, book: Book, check: ForecastCheck | None = None) -> list[Section]:
@@ -69,15 +69,18 @@ def _force(placement: Placement, book: Book) -> list[Block]:
         rows.append(row)
     return [
         book.picture(
-            show.recommended_force(placement), "Recommended normal force over excitation force, and damping.",
+            show.recommended_force(placement),
+            "Recommended normal force over excitation force, and damping.",
             "Recommended normal force of every joint at the best place, and the damping it brings.",
         ),
         book.table(
-            "recommended_force", "The best place over the excitation: the normal force that is best at each level; "
+            "recommended_force",
+            "The best place over the excitation: the normal force that is best at each level; "
             f"frequency and damping with its 95 % interval under {best.normal_force:.3g} N at all levels.",
-            columns, rows,
+            columns,
+            rows,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _predicted(placement: Placement, book: Book) -> list[Block]:
@@ -99,7 +102,7 @@ def _predicted(placement: Placement, book: Book) -> list[Block]:
             f"FRF from the excited point to the one that counts, of the target modes alone: {', '.join(names)}; "
             f"F_N {best.normal_force:.3g} N. Shapes are taken as those of the bare structure.",
         )
-    ]  # fmt: skip
+    ]
 
 
 def _of_modes(placement: Placement, frequencies: np.ndarray, damping: np.ndarray, lines: np.ndarray) -> FrfSet:
@@ -126,19 +129,26 @@ def _control(placement: Placement, book: Book) -> list[Block]:
     return [
         Text(study.verdict),
         book.picture(
-            show.control_gain(study), "Energy over time after a release under constant and controlled force.",
+            show.control_gain(study),
+            "Energy over time after a release under constant and controlled force.",
             f"Left: release from {short(study.load)} N at the excited point. Right: steady vibration over the "
             "excitation force, one normal force for all levels or one for each.",
         ),
         book.table(
-            "control", "Ring-downs: J is the integral of the energy over that at the start; t to stay below 5 % "
-            "and 2 % of the amplitude.", tuple(str(name) for name in frame.columns), rows,
+            "control",
+            "Ring-downs: J is the integral of the energy over that at the start; t to stay below 5 % "
+            "and 2 % of the amplitude.",
+            tuple(str(name) for name in frame.columns),
+            rows,
         ),
         book.table(
-            "control_steady", "Steady vibration: least damping of the modes under one normal force for all levels, and "
-            "under one for each.", ("F_E [N]", "ζ, one for all [%]", "ζ, one for each [%]"), levels,
+            "control_steady",
+            "Steady vibration: least damping of the modes under one normal force for all levels, and "
+            "under one for each.",
+            ("F_E [N]", "ζ, one for all [%]", "ζ, one for each [%]"),
+            levels,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def answer(placement: Placement) -> str:
@@ -151,17 +161,20 @@ def answer(placement: Placement) -> str:
         row = int(np.nanargmin(best.damping[m]))
         bounds = (
             f" [{100 * best.damping_low[m, row]:.2f}, {100 * best.damping_high[m, row]:.2f}] %"
-            if np.isfinite(best.damping_low[m, row]) else " %"
-        )  # fmt: skip
+            if np.isfinite(best.damping_low[m, row])
+            else " %"
+        )
         told.append(
             f"Mode {mode + 1}: {100 * ranking.prediction.bare_damping[m]:.2f} -> at least "
             f"{100 * best.damping[m, row]:.2f}{bounds} damping at {ranking.prediction.force_levels.min():g} to "
             f"{ranking.prediction.force_levels.max():g} N, "
             + _shifts(
-                float(ranking.prediction.bare_frequencies[m]), float(best.frequency[m, row]),
-                float(best.mass_shift[m]), float(best.stiffness_shift[m]),
+                float(ranking.prediction.bare_frequencies[m]),
+                float(best.frequency[m, row]),
+                float(best.mass_shift[m]),
+                float(best.stiffness_shift[m]),
             )
-        )  # fmt: skip
+        )
     return " ".join(told)
 
 
@@ -194,9 +207,14 @@ def _table(placement: Placement, book: Book) -> Block:
 
 def _row(number: int, place: Place, scale: float) -> list[Cell]:
     cells: list[Cell] = [
-        number, plain(place.centre[0], 3), plain(place.centre[1], 3), plain(float(np.degrees(place.angle)), 3),
-        place.beam, plain(scale * place.score, 3), plain(place.normal_force, 3),
-    ]  # fmt: skip
+        number,
+        plain(place.centre[0], 3),
+        plain(place.centre[1], 3),
+        plain(float(np.degrees(place.angle)), 3),
+        place.beam,
+        plain(scale * place.score, 3),
+        plain(place.normal_force, 3),
+    ]
     for m in range(len(place.damping)):
         row = int(np.nanargmin(place.damping[m]))
         low, high = 100 * place.damping_low[m, row], 100 * place.damping_high[m, row]
@@ -204,5 +222,5 @@ def _row(number: int, place: Place, scale: float) -> list[Cell]:
             plain(100 * float(place.damping[m, row]), 3),
             f"{low:.2f} ... {high:.2f}" if np.isfinite(low) else "–",
             plain(float(place.frequency[m, row]), 4),
-        ]  # fmt: skip
+        ]
     return [*cells, ", ".join(sorted({finding.code for finding in place.findings})) or "none"]

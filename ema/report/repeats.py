@@ -48,8 +48,10 @@ def _cells(one: VarianceComponents, mode: int, scale: float, digits: int) -> lis
         told = Value(between, f"{told} ({plain(float(low), 2)} to {plain(float(high), 2)})")
     return [
         with_uncertainty(scale * float(one.mean[mode]), half, digits),
-        plain(scale * float(one.noise[mode]), 2), plain(scale * float(one.takes[mode]), 2), told,
-    ]  # fmt: skip
+        plain(scale * float(one.noise[mode]), 2),
+        plain(scale * float(one.takes[mode]), 2),
+        told,
+    ]
 
 
 def _difference(found: ConditionDifference, groups: tuple[RepeatGroup, ...], book: Book) -> Block:

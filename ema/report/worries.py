@@ -62,7 +62,8 @@ def finding_table(groups: list[Group], book: Book) -> Table | None:
         return None
     rows = [
         (f.severity, f.code, f.where, f.message, plain(f.value, 4), plain(f.limit, 4), f.advice)
-        for group in groups for f in group.findings
-    ]  # fmt: skip
+        for group in groups
+        for f in group.findings
+    ]
     columns = ("Severity", "Kind", "Where", "Message", "Value", "Limit", "Advice")
     return book.table("findings", "All findings, with their values and limits.", columns, rows, shown=0)

@@ -15,7 +15,23 @@ from ema.shapes.rigid import with_rigid_body
 from ema.shapes.surface import Surface, smooth
 
 __all__ = [
-    "Comparison", "Expansion", "MacUncertainty", "Surface", "auto_mac", "co_mac", "compare", "expand", "frac", "mac",
-    "mac_uncertainty", "mean_phase", "mean_phase_deviation", "modal_phase_collinearity", "quality", "realise", "smooth",
-    "with_plate", "with_rigid_body",
-]  # fmt: skip
+    "Comparison",
+    "Expansion",
+    "MacUncertainty",
+    "Surface",
+    "auto_mac",
+    "co_mac",
+    "compare",
+    "expand",
+    "frac",
+    "mac",
+    "mac_uncertainty",
+    "mean_phase",
+    "mean_phase_deviation",
+    "modal_phase_collinearity",
+    "quality",
+    "realise",
+    "smooth",
+    "with_plate",
+    "with_rigid_body",
+]

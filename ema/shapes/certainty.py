@@ -50,8 +50,9 @@ def mac_uncertainty(a: ModalModel, b: ModalModel, pairs: Sequence[tuple[int, int
     if a.uncertainty is None and b.uncertainty is None:
         raise InputError("neither model states an uncertainty", where=where, expected="a model of ema.fit.modes")
     if any(not (0 <= i < len(a.poles) and 0 <= j < len(b.poles)) for i, j in pairs):
-        raise InputError("no such mode", where=where, got=str(list(pairs)),
-                         expected=f"modes below {len(a.poles)} and {len(b.poles)}")  # fmt: skip
+        raise InputError(
+            "no such mode", where=where, got=str(list(pairs)), expected=f"modes below {len(a.poles)} and {len(b.poles)}"
+        )
     rows, places, signs = (np.array(column) for column in zip(*common, strict=True))
     found = [_moments(*_shape(a, i, rows), *_shape(b, j, places, signs)) for i, j in pairs]
     mac, std, lowered = np.array(found, dtype=np.float64).reshape(-1, 3).T
@@ -78,9 +79,11 @@ def _shape(
 
 
 def _moments(
-    a: Complex[np.ndarray, "row"], covariance_a: Float[np.ndarray, "component component"],
-    b: Complex[np.ndarray, "row"], covariance_b: Float[np.ndarray, "component component"],
-) -> tuple[float, float, float]:  # fmt: skip
+    a: Complex[np.ndarray, "row"],
+    covariance_a: Float[np.ndarray, "component component"],
+    b: Complex[np.ndarray, "row"],
+    covariance_b: Float[np.ndarray, "component component"],
+) -> tuple[float, float, float]:
     """MAC, its standard deviation and its mean loss, from the Taylor series to second order and Gaussian errors."""
     inner = np.vdot(b, a)
     mac = float(abs(inner) ** 2)

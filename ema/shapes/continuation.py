@@ -52,8 +52,12 @@ def with_plate(
     """
     where = model.name or "modal model"
     if surface.coefficients.shape[1] != len(model.poles):
-        raise InputError("the surface has other modes", where=where, got=f"{surface.coefficients.shape[1]} modes",
-                         expected=f"{len(model.poles)}")  # fmt: skip
+        raise InputError(
+            "the surface has other modes",
+            where=where,
+            got=f"{surface.coefficients.shape[1]} modes",
+            expected=f"{len(model.poles)}",
+        )
     most = int(surface.powers.sum(axis=1).max())
     if degree < most:
         raise InputError("the degree is below that of the surface", where=where, got=degree, expected=f"{most} or more")
@@ -67,9 +71,14 @@ def with_plate(
     if error > _AGREES:
         return model, surface, (_without(where, f"the nearest plate misses a measured frequency by {error:.0%}."),)
     told = Finding(
-        "info", "plate", where, f"modes above the measured ones are those of a plate of {plate.mass:.3g} kg/m^2, whose "
-        f"frequencies differ from the measured ones by at most {error:.1%}.", error, _AGREES,
-    )  # fmt: skip
+        "info",
+        "plate",
+        where,
+        f"modes above the measured ones are those of a plate of {plate.mass:.3g} kg/m^2, whose "
+        f"frequencies differ from the measured ones by at most {error:.1%}.",
+        error,
+        _AGREES,
+    )
     return *_continued(model, surface, plate, 3 + len(elastic)), (told,)
 
 
@@ -80,8 +89,13 @@ def _plate(surface: Surface, omega: np.ndarray, elastic: np.ndarray, degree: int
 
     powers = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)], dtype=np.int64)
     count = len(powers)
-    fine = replace(surface, powers=powers, coefficients=np.zeros((count, 0)), covariance=np.zeros((0, count, count)),
-                   noise=np.zeros(0))  # fmt: skip
+    fine = replace(
+        surface,
+        powers=powers,
+        coefficients=np.zeros((count, 0)),
+        covariance=np.zeros((0, count, count)),
+        noise=np.zeros(0),
+    )
     inertia, bending = _energies(fine, degree)
     measured = _embedded(surface, powers)[:, elastic]
     seen = measured.T @ inertia @ measured
@@ -106,8 +120,11 @@ def _energies(surface: Surface, degree: int) -> tuple[Float[np.ndarray, "term te
     twist = slanted - 0.5 * (along + across)
     coupled = along.T @ (weight * across)
     bending = [
-        along.T @ (weight * along), across.T @ (weight * across), coupled + coupled.T, 4 * twist.T @ (weight * twist)
-    ]  # fmt: skip
+        along.T @ (weight * along),
+        across.T @ (weight * across),
+        coupled + coupled.T,
+        4 * twist.T @ (weight * twist),
+    ]
     return flat.T @ (weight * flat), np.stack(bending)
 
 
@@ -130,10 +147,17 @@ def _continued(model: ModalModel, surface: Surface, plate: Plate, first: int) ->
     poles = np.concatenate([model.poles, poles_from(plate.frequencies[first:], np.full(count, damping))])
     still = [np.zeros((len(rows), count)) for rows in (model.shapes, model.participation)]
     longer = ModalModel(
-        poles, np.hstack([model.shapes, still[0]]), model.dofs, np.hstack([model.participation, still[1]]),
-        model.inputs, scaling=model.scaling, condition=model.condition, provenance=model.provenance,
-        findings=model.findings, name=model.name,
-    )  # fmt: skip
+        poles,
+        np.hstack([model.shapes, still[0]]),
+        model.dofs,
+        np.hstack([model.participation, still[1]]),
+        model.inputs,
+        scaling=model.scaling,
+        condition=model.condition,
+        provenance=model.provenance,
+        findings=model.findings,
+        name=model.name,
+    )
     rows = _rows(surface, plate.powers)
     covariance = np.zeros((len(poles), terms, terms))
     covariance[np.ix_(range(len(model.poles)), rows, rows)] = surface.covariance
@@ -143,5 +167,12 @@ def _continued(model: ModalModel, surface: Surface, plate: Plate, first: int) ->
 
 
 def _without(where: str, why: str) -> Finding:
-    return Finding("warning", "no-plate", where, f"nothing is known above the measured modes: {why}", None, None,
-                   "The structure yields more around the joints than is predicted.")  # fmt: skip
+    return Finding(
+        "warning",
+        "no-plate",
+        where,
+        f"nothing is known above the measured modes: {why}",
+        None,
+        None,
+        "The structure yields more around the joints than is predicted.",
+    )

@@ -139,9 +139,10 @@ def compare(a: ModalModel, b: ModalModel, threshold: float = 0.5) -> Comparison:
     common = match(a.dofs, b.dofs)
     if not common:
         raise InputError(
-            "the models have no DOF in common", got=f"{len(a.dofs)} and {len(b.dofs)} DOFs",
+            "the models have no DOF in common",
+            got=f"{len(a.dofs)} and {len(b.dofs)} DOFs",
             advice="compare runs measured on the same points, or rename the nodes of one of them",
-        )  # fmt: skip
+        )
     rows, places, signs = (np.array(column) for column in zip(*common, strict=True))
     table = mac(a.shapes[rows], b.shapes[places] * signs[:, None])
     left, right = linear_sum_assignment(np.nan_to_num(table), maximize=True)

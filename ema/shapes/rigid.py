@@ -59,8 +59,9 @@ def with_rigid_body(
     if mass is not None and not (np.isfinite(mass) and mass > 0):
         raise InputError("not a mass", where=where, got=f"{mass} kg", expected="above 0 kg")
     if model.scaling != "unit modal mass":
-        raise InputError("rigid-body modes need scaled shapes", where=where, got=model.scaling,
-                         expected="unit modal mass")  # fmt: skip
+        raise InputError(
+            "rigid-body modes need scaled shapes", where=where, got=model.scaling, expected="unit modal mass"
+        )
     place = plane(model, geometry)
     low, high = place.points.min(axis=0), place.points.max(axis=0)
     if _measured(model, place):
@@ -71,18 +72,27 @@ def with_rigid_body(
         return _extended(model, geometry, place, body), (told,)
     found = _from_mass_lines(model, geometry, place)
     if found is None:
-        return model, (Finding(
-            "warning", "no-rigid-body", where,
-            "rigid-body motion of the structure is unknown: its mass lines were not measured or are not those of a "
-            "rigid body.", None, None,
-            "Name the mass, if the structure hangs freely; leave it if the structure is fixed.",
-        ),)  # fmt: skip
+        return model, (
+            Finding(
+                "warning",
+                "no-rigid-body",
+                where,
+                "rigid-body motion of the structure is unknown: its mass lines were not measured or are not those of a "
+                "rigid body.",
+                None,
+                None,
+                "Name the mass, if the structure hangs freely; leave it if the structure is fixed.",
+            ),
+        )
     body, explained = found
     told = Finding(
-        "info", "rigid-body", where,
+        "info",
+        "rigid-body",
+        where,
         f"rigid-body modes come from the mass lines, {explained:.0%} of which are those of {body.mass:.3g} kg.",
-        explained, _EXPLAINED,
-    )  # fmt: skip
+        explained,
+        _EXPLAINED,
+    )
     return _extended(model, geometry, place, body), (told,)
 
 
@@ -164,9 +174,14 @@ def _extended(model: ModalModel, geometry: Geometry, place: Plane, body: Body) -
     damped = omega * np.sqrt(1 - _DAMPING**2)
     residuals = model.residuals
     return replace(
-        model, poles=np.concatenate([model.poles, -_DAMPING * omega + 1j * damped]),
+        model,
+        poles=np.concatenate([model.poles, -_DAMPING * omega + 1j * damped]),
         shapes=np.hstack([model.shapes, moved.astype(complex)]),
         participation=np.hstack([model.participation, driven / (2j * damped)]),
         residuals=None if residuals is None else replace(residuals, lower=np.zeros_like(residuals.lower)),
-        covariance=None, confidence=None, uncertainty=None, groups=(), candidates=(),
-    )  # fmt: skip
+        covariance=None,
+        confidence=None,
+        uncertainty=None,
+        groups=(),
+        candidates=(),
+    )

@@ -117,8 +117,13 @@ def smooth(model: ModalModel, geometry: Geometry, degree: int | None = None) -> 
     shapes = np.asarray(model.shapes)[rows[:, 0].astype(int)] * rows[:, 1:]
     lost = float(np.linalg.norm(shapes.imag) / max(float(np.linalg.norm(shapes)), 1e-300))
     if lost > 0.5:
-        raise InputError("complex shapes have no surface", where=where, got=f"{lost:.0%} out of phase",
-                         expected="nearly real shapes", advice="make them real first (ema.shapes.realise)")  # fmt: skip
+        raise InputError(
+            "complex shapes have no surface",
+            where=where,
+            got=f"{lost:.0%} out of phase",
+            expected="nearly real shapes",
+            advice="make them real first (ema.shapes.realise)",
+        )
     low, high = points.min(axis=0), points.max(axis=0)
     if high[1] - low[1] < FLAT * (high[0] - low[0]):
         middle, half = 0.5 * (high[1] + low[1]), 0.5 * FLAT * (high[0] - low[0])
@@ -130,9 +135,15 @@ def smooth(model: ModalModel, geometry: Geometry, degree: int | None = None) -> 
     extent = np.stack([low, high], axis=1)
     count = shapes.shape[1]
     surface = Surface(
-        origin, axes, extent, powers, np.zeros((len(powers), count)), np.zeros((count, len(powers), len(powers))),
-        np.zeros(count), points,
-    )  # fmt: skip
+        origin,
+        axes,
+        extent,
+        powers,
+        np.zeros((len(powers), count)),
+        np.zeros((count, len(powers), len(powers))),
+        np.zeros(count),
+        points,
+    )
     fits = _fit(surface.rows(points), _roughness(powers, extent), shapes.real)
     return Surface(origin, axes, extent, powers, *fits, points)
 
@@ -156,16 +167,25 @@ def plane(model: ModalModel, geometry: Geometry) -> Plane:
     where = model.name or "modal model"
     usable = [(row, dof) for row, dof in enumerate(model.dofs) if dof.axis in ("X", "Y", "Z") and dof.node in geometry]
     if len(usable) < 6:
-        raise InputError("too few points for a surface", where=where, got=f"{len(usable)} translations on the geometry",
-                         expected="6 or more", advice="measure more points, or give the geometry")  # fmt: skip
+        raise InputError(
+            "too few points for a surface",
+            where=where,
+            got=f"{len(usable)} translations on the geometry",
+            expected="6 or more",
+            advice="measure more points, or give the geometry",
+        )
     xyz = np.array([geometry.xyz[geometry.place(dof.node)] for _, dof in usable])
     directions = np.array([geometry.direction(dof) for _, dof in usable])
     mean = xyz.mean(axis=0)
     _, spread, turned = np.linalg.svd(xyz - mean)
     if spread[2] > 0.05 * spread[0]:
-        raise InputError("the measured points lie in no plane", where=where,
-                         got=f"{spread[2] / np.sqrt(len(xyz)):.3g} m rms off the best plane",
-                         expected="points of one plane face", advice="select the points of the face")  # fmt: skip
+        raise InputError(
+            "the measured points lie in no plane",
+            where=where,
+            got=f"{spread[2] / np.sqrt(len(xyz)):.3g} m rms off the best plane",
+            expected="points of one plane face",
+            advice="select the points of the face",
+        )
     normal = turned[2] if spread[1] > FLAT * spread[0] else _common(directions, turned[0], where)
     normal = normal * (1.0 if normal[np.abs(normal).argmax()] > 0 else -1.0)
     first = np.eye(3)[0] - normal[0] * normal
@@ -177,8 +197,9 @@ def plane(model: ModalModel, geometry: Geometry) -> Plane:
     cosines = directions @ normal
     keep = np.abs(cosines) > 0.9
     if keep.sum() < 6:
-        raise InputError("too few measurements normal to the surface", where=where, got=int(keep.sum()),
-                         expected="6 or more")  # fmt: skip
+        raise InputError(
+            "too few measurements normal to the surface", where=where, got=int(keep.sum()), expected="6 or more"
+        )
     origin = mean - axes[:2].T @ (axes[:2] @ mean)
     rows = np.array([[row, 1 / cosine] for (row, _), cosine in zip(usable, cosines, strict=True)])
     return Plane(origin, axes, rows[keep], ((xyz - origin) @ axes[:2].T)[keep])
@@ -202,8 +223,12 @@ def _powers(points: int, degree: int | None, line: bool) -> Int[np.ndarray, "ter
     fitting = [d for d in range(2, _DEGREE + 1) if terms(d) <= _SHARE * points]
     wanted = degree if degree is not None else max(fitting, default=1)
     if wanted < 1 or terms(wanted) > points:
-        raise InputError("the degree does not suit the points", where="smoothing of shapes", got=wanted,
-                         expected=f"at least 1 and at most {points} terms")  # fmt: skip
+        raise InputError(
+            "the degree does not suit the points",
+            where="smoothing of shapes",
+            got=wanted,
+            expected=f"at least 1 and at most {points} terms",
+        )
     pairs = [(i, j) for i in range(wanted + 1) for j in range(wanted + 1 - i) if not (line and j)]
     return np.array(pairs, dtype=np.int64)
 
@@ -222,9 +247,10 @@ def _roughness(powers: Int[np.ndarray, "term 2"], extent: Float[np.ndarray, "2 2
 
 
 def _fit(
-    design: Float[np.ndarray, "point term"], roughness: Float[np.ndarray, "term term"],
+    design: Float[np.ndarray, "point term"],
+    roughness: Float[np.ndarray, "term term"],
     values: Float[np.ndarray, "point mode"],
-) -> tuple[Float[np.ndarray, "term mode"], Float[np.ndarray, "mode term term"], Float[np.ndarray, "mode"]]:  # fmt: skip
+) -> tuple[Float[np.ndarray, "term mode"], Float[np.ndarray, "mode term term"], Float[np.ndarray, "mode"]]:
     """Coefficients, their covariance and the noise of every mode."""
     size, turned = np.linalg.eigh(roughness)
     free = size < 1e-9 * size[-1] if size[-1] > 0 else np.ones(len(size), bool)

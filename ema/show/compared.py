@@ -17,17 +17,24 @@ def map_comparison(found: MapComparison) -> Figure:
     levels = len(measured.force_levels)
     colours = colormaps[COLOUR_MAP](np.linspace(0, 0.88, levels))
     parts = (
-        (panels[0], 100.0, "damping", "Damping ratio [%]"), (panels[1], 1.0, "frequency", "Natural frequency [Hz]"),
-    )  # fmt: skip
+        (panels[0], 100.0, "damping", "Damping ratio [%]"),
+        (panels[1], 1.0, "frequency", "Natural frequency [Hz]"),
+    )
     for axes, unit, name, label in parts:
         std = getattr(measured, f"{name}_std")
         for row in range(levels):
             bars = None if std is None else 1.96 * unit * np.nan_to_num(std[row])
             axes.errorbar(
-                measured.normal_forces, unit * getattr(measured, name)[row], bars, fmt=SERIES[row % len(SERIES)][2],
-                ms=4.5, color=colours[row], elinewidth=0.8, capsize=2,
+                measured.normal_forces,
+                unit * getattr(measured, name)[row],
+                bars,
+                fmt=SERIES[row % len(SERIES)][2],
+                ms=4.5,
+                color=colours[row],
+                elinewidth=0.8,
+                capsize=2,
                 label=f"{measured.force_levels[row]:.4g} N" if name == "damping" else None,
-            )  # fmt: skip
+            )
             axes.plot(simulated.normal_forces, unit * getattr(simulated, name)[row], color=colours[row], lw=1.2)
         axes.set_xscale("log")
         axes.set_xlabel("Normal force F_N [N]")

@@ -42,9 +42,7 @@ def _panel(axes: Axes, forecast: Forecast, what: str, mode: int, scale: float) -
     levels = np.asarray(forecast.force_levels)
     for force, normal in enumerate(forecast.normal_forces):
         colour = SERIES[force % len(SERIES)][0]
-        low, high, middle = (
-            scale * getattr(forecast, what + end)[mode, :, force] for end in ("_low", "_high", "")
-        )  # fmt: skip
+        low, high, middle = (scale * getattr(forecast, what + end)[mode, :, force] for end in ("_low", "_high", ""))
         at = _shifted(levels, force, len(forecast.normal_forces))
         axes.vlines(at, low, high, color=colour, lw=5, alpha=0.35)
         axes.plot(at, middle, ls="none", marker="_", ms=9, color=colour, label=f"F_N = {normal:g} N")

@@ -22,7 +22,7 @@ from ema.show.style import (
     new_figure,
     styled,
     thin_labels,
-)  # fmt: skip
+)
 
 _MOST_COLUMNS = 1500
 
@@ -81,9 +81,7 @@ def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     panels = figure.subplots(2 if many else 1, 1, squeeze=False, sharex=True)[:, 0]
     axes = panels[0]
     low, middle, high = np.percentile(values, [10, 50, 90], axis=1)
-    axes.fill_between(
-        frfs.frequencies, low, high, color=BLUE, alpha=0.25, lw=0, label="middle 80 %", rasterized=True
-    )  # fmt: skip
+    axes.fill_between(frfs.frequencies, low, high, color=BLUE, alpha=0.25, lw=0, label="middle 80 %", rasterized=True)
     axes.plot(frfs.frequencies, middle, color=BLUE, lw=1.2, label="median")
     _frequency_axis(axes, frfs.frequencies, label=not many)
     axes.set_ylim(0, 1.02)
@@ -113,9 +111,11 @@ def _coherence_rows(figure: Figure, axes: Axes, frfs: FrfSet, values: Float[np.n
 
 @styled
 def indicator(
-    frequencies: Float[np.ndarray, "freq"], values: Float[np.ndarray, "freq k"], modes: ModalModel | None = None,
+    frequencies: Float[np.ndarray, "freq"],
+    values: Float[np.ndarray, "freq k"],
+    modes: ModalModel | None = None,
     label: str = "CMIF",
-) -> Figure:  # fmt: skip
+) -> Figure:
     """Complex mode indicator functions (singular values of the FRFs, largest first) over frequency in Hz."""
     figure = new_figure(3.2)
     axes = figure.subplots()
@@ -152,7 +152,7 @@ def reconstruction(
         return figure
     panels = figure.subplots(
         2 * rows, min(2, len(places)), squeeze=False, sharex=True, gridspec_kw={"height_ratios": [3, 1.1] * rows}
-    )  # fmt: skip
+    )
     for panel, (output, input_) in enumerate(places):
         row, column = 2 * (panel // 2), panel % 2
         title = measured.label(output, input_) + (f"  ({titles[panel]})" if panel < len(titles) else "")
@@ -181,9 +181,7 @@ def _one_reconstruction(
     for label, whole, colour, style, width in styles:
         frfs = whole.lines((whole.frequencies >= low) & (whole.frequencies <= high))
         values = frfs.values[:, output, input_]
-        magnitude.semilogy(
-            frfs.frequencies, _positive(np.abs(values)), color=colour, ls=style, lw=width, label=label
-        )  # fmt: skip
+        magnitude.semilogy(frfs.frequencies, _positive(np.abs(values)), color=colour, ls=style, lw=width, label=label)
         angles = np.degrees(np.angle(values))
         jumps = np.abs(np.diff(angles, prepend=angles[:1])) > 180
         phase.plot(frfs.frequencies, np.where(jumps, np.nan, angles), color=colour, ls=style, lw=0.9)

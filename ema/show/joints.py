@@ -23,9 +23,14 @@ def normal_force(condition: Condition) -> Figure:
     for place, joint in zip(places, joints, strict=True):
         if not joint.known:
             panels[0].annotate(
-                "unknown", (place, 0.5), xycoords=("data", "axes fraction"), rotation=90, ha="center", va="center",
+                "unknown",
+                (place, 0.5),
+                xycoords=("data", "axes fraction"),
+                rotation=90,
+                ha="center",
+                va="center",
                 color=GREY,
-            )  # fmt: skip
+            )
     panels[0].set_xticks(places, [joint.joint for joint in joints], rotation=90 if len(joints) > 5 else 0)
     panels[0].set_xlim(-0.6, len(joints) - 0.4)
     panels[0].set_ylabel("Normal force [N]")

@@ -110,12 +110,19 @@ def damping_curves(chart: ModalMap) -> Figure:
         for column, force in enumerate(chart.normal_forces):
             style: dict[str, Any] = {"color": colours[column], "marker": SERIES[column % len(SERIES)][2], "ms": 4}
             axes.errorbar(
-                across[:, column], 100 * chart.damping[:, column], 196 * std[:, column], lw=1.3, elinewidth=0.8,
-                capsize=2, label=f"{force:.5g} N" if axes is panels[0] else None, **style,
-            )  # fmt: skip
+                across[:, column],
+                100 * chart.damping[:, column],
+                196 * std[:, column],
+                lw=1.3,
+                elinewidth=0.8,
+                capsize=2,
+                label=f"{force:.5g} N" if axes is panels[0] else None,
+                **style,
+            )
             if chart.quadrature_damping is not None:
-                axes.plot(across[:, column], 100 * chart.quadrature_damping[:, column], "--", lw=0.9,
-                          color=colours[column])  # fmt: skip
+                axes.plot(
+                    across[:, column], 100 * chart.quadrature_damping[:, column], "--", lw=0.9, color=colours[column]
+                )
         axes.set_xlabel(label)
         axes.set_ylim(bottom=0)
     panels[0].set_ylabel("Damping ratio [%]")

@@ -14,9 +14,13 @@ _MOST_NUMBERED = 24
 
 @styled
 def mac_matrix(
-    values: Float[np.ndarray, "row column"], rows: Sequence[str] = (), columns: Sequence[str] = (), title: str = "",
-    row_label: str = "Mode", column_label: str = "Mode",
-) -> Figure:  # fmt: skip
+    values: Float[np.ndarray, "row column"],
+    rows: Sequence[str] = (),
+    columns: Sequence[str] = (),
+    title: str = "",
+    row_label: str = "Mode",
+    column_label: str = "Mode",
+) -> Figure:
     """MAC as a coloured matrix, with its numbers for up to 24 modes (values below 0.05 are left to the colour).
 
     Parameters
@@ -48,9 +52,14 @@ def mac_matrix(
         for (row, column), value in np.ndenumerate(values):
             if value >= 0.05:
                 axes.text(
-                    column, row, f"{value:.2f}", ha="center", va="center", fontsize=font,
+                    column,
+                    row,
+                    f"{value:.2f}",
+                    ha="center",
+                    va="center",
+                    fontsize=font,
                     color="black" if value > 0.5 else "white",
-                )  # fmt: skip
+                )
     bar = figure.colorbar(image, ax=axes, shrink=0.8, label="MAC [-]")
     bar.outline.set_visible(False)
     return figure

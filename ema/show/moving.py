@@ -40,7 +40,7 @@ def moving_shapes(model: ModalModel, geometry: Geometry) -> dict[str, Any]:
             for mode in range(shown)
         ],
         "shapes": [_encoded(displacement[:, :, mode]) for mode in range(shown)],
-    }  # fmt: skip
+    }
 
 
 def script() -> str:

@@ -14,9 +14,11 @@ _BARE = "#1a1a1a"
 
 @styled
 def frf_overlay(
-    sets: Sequence[FrfSet], places: Sequence[tuple[int, int]], labels: Sequence[str],
+    sets: Sequence[FrfSet],
+    places: Sequence[tuple[int, int]],
+    labels: Sequence[str],
     band: tuple[float, float] | None = None,
-) -> Figure:  # fmt: skip
+) -> Figure:
     """Magnitude and phase of one FRF in several states, the first of them in black.
 
     Parameters
@@ -38,8 +40,9 @@ def frf_overlay(
         inside = (one.frequencies >= low) & (one.frequencies <= high)
         values = _turned(one, place)[inside]
         size = np.abs(values)
-        magnitude.semilogy(one.frequencies[inside], np.where(size > 0, size, np.nan), color=colour, ls=style, lw=1.2,
-                           label=label)  # fmt: skip
+        magnitude.semilogy(
+            one.frequencies[inside], np.where(size > 0, size, np.nan), color=colour, ls=style, lw=1.2, label=label
+        )
         phase.plot(one.frequencies[inside], _broken(np.degrees(np.angle(values))), color=colour, ls=style, lw=0.9)
     magnitude.set_ylabel(frf_label(sets[0].quantity, sets[0].unit))
     magnitude.set_xlim(low, high if high > low else low + 1)

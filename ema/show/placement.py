@@ -34,9 +34,14 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
         size = float(np.clip(3000 / max(int(here.sum()), 1), 22, 110))
         _ground(axes, placement)
         mesh = axes.scatter(
-            *candidates.centres[here & finite].T, c=scale * ranking.scores[here & finite], cmap=COLOUR_MAP, s=size,
-            vmin=limits[0], vmax=limits[1], edgecolors="none",
-        )  # fmt: skip
+            *candidates.centres[here & finite].T,
+            c=scale * ranking.scores[here & finite],
+            cmap=COLOUR_MAP,
+            s=size,
+            vmin=limits[0],
+            vmax=limits[1],
+            edgecolors="none",
+        )
         axes.scatter(*candidates.centres[here & ~finite].T, marker="x", color=GREY, s=16, lw=0.8)
         for number, place in enumerate(ranking.places[:shown], 1):
             if np.isclose(place.angle, angle, atol=1e-5):
@@ -71,8 +76,9 @@ def seen_edges(placement: Placement) -> Float[np.ndarray, "edge 2 2"]:
     pairs = {
         (min(a, b), max(a, b))
         for chain in (*geometry.lines, *((*face, face[0]) for face in geometry.faces))
-        for a, b in pairwise(chain) if a in geometry and b in geometry and a != b
-    }  # fmt: skip
+        for a, b in pairwise(chain)
+        if a in geometry and b in geometry and a != b
+    }
     flat = (geometry.xyz - placement.origin) @ placement.axes[:2].T
     rows = np.array([[geometry.place(a), geometry.place(b)] for a, b in sorted(pairs)], int).reshape(-1, 2)
     return np.asarray(flat[rows])
@@ -82,10 +88,25 @@ def _beam(axes: Axes, placement: Placement, place: Place, number: int) -> None:
     """Axis of the beam with its joints, and the rank."""
     joints = placement.ranking.prediction.candidates.joints(place.candidate)
     first = number == 1
-    axes.plot(*joints.T, color=VERMILION if first else BLACK, lw=3 if first else 1.2, marker="o", ms=6 if first else 4,
-              mfc="white", zorder=5 if first else 4)  # fmt: skip
-    axes.annotate(str(number), joints[-1], xytext=(5, 4), textcoords="offset points", fontsize=8, zorder=6,
-                  color=VERMILION if first else BLACK, fontweight="bold" if first else "normal")  # fmt: skip
+    axes.plot(
+        *joints.T,
+        color=VERMILION if first else BLACK,
+        lw=3 if first else 1.2,
+        marker="o",
+        ms=6 if first else 4,
+        mfc="white",
+        zorder=5 if first else 4,
+    )
+    axes.annotate(
+        str(number),
+        joints[-1],
+        xytext=(5, 4),
+        textcoords="offset points",
+        fontsize=8,
+        zorder=6,
+        color=VERMILION if first else BLACK,
+        fontweight="bold" if first else "normal",
+    )
 
 
 @styled
@@ -103,11 +124,18 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
     left.set_title("Recommended normal force")
     for m, mode in enumerate(prediction.modes):
         colour, line, marker = SERIES[m % len(SERIES)]
-        right.plot(levels[order], 100 * place.damping[m, order], color=colour, ls=line, marker=marker,
-                   label=f"mode {mode + 1}")  # fmt: skip
+        right.plot(
+            levels[order], 100 * place.damping[m, order], color=colour, ls=line, marker=marker, label=f"mode {mode + 1}"
+        )
         if np.isfinite(place.damping_low[m]).all():
-            right.fill_between(levels[order], 100 * place.damping_low[m, order], 100 * place.damping_high[m, order],
-                               color=colour, alpha=0.2, lw=0)  # fmt: skip
+            right.fill_between(
+                levels[order],
+                100 * place.damping_low[m, order],
+                100 * place.damping_high[m, order],
+                color=colour,
+                alpha=0.2,
+                lw=0,
+            )
         right.axhline(100 * prediction.bare_damping[m], color=colour, ls=":", lw=0.9)
     right.set(xlabel="Excitation force F_E [N]", ylabel="Damping ratio [%]", xlim=(0, None), ylim=(0, None))
     right.set_title(f"Damping at F_N = {place.normal_force:.3g} N (dotted: bare; band: 95 %)")
@@ -122,15 +150,21 @@ def control_gain(study: ControlStudy) -> Figure:
     left, right = figure.subplots(1, 2, width_ratios=(1.4, 1))
     for number, line in enumerate(study.lines):
         colour, style, _ = SERIES[number % len(SERIES)]
-        left.semilogy(1e3 * line.times, np.maximum(line.energies, 1e-12), color=colour, ls=style,
-                      label=f"{line.law}, {line.force:.3g} N")  # fmt: skip
+        left.semilogy(
+            1e3 * line.times,
+            np.maximum(line.energies, 1e-12),
+            color=colour,
+            ls=style,
+            label=f"{line.law}, {line.force:.3g} N",
+        )
     left.set(xlabel="Time after the release [ms]", ylabel="Energy over that at the start [-]", ylim=(1e-5, 1.5))
     left.legend(loc="lower left")
     left.set_title("Free vibration")
     order = np.argsort(study.force_levels)
     for values, label, (colour, style, marker) in (
-        (study.constant_damping, "one for all levels", SERIES[0]), (study.scheduled_damping, "one for each", SERIES[1]),
-    ):  # fmt: skip
+        (study.constant_damping, "one for all levels", SERIES[0]),
+        (study.scheduled_damping, "one for each", SERIES[1]),
+    ):
         right.plot(study.force_levels[order], 100 * values[order], color=colour, ls=style, marker=marker, label=label)
     right.set(
         xlabel="Excitation force F_E [N]", ylabel="Least damping of the modes [%]", xlim=(0, None), ylim=(0, None)

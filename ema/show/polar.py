@@ -51,8 +51,9 @@ def complexity(model: ModalModel, modes: Sequence[int] | None = None) -> Figure:
         axes.set_title(
             f"{mode + 1}: {model.natural_frequencies[mode]:.5g} Hz\nMPC {measures.modal_phase_collinearity[mode]:.3f}, "
             f"MPD {measures.mean_phase_deviation[mode]:.1f}°",
-            fontsize=7.5, loc="center",
-        )  # fmt: skip
+            fontsize=7.5,
+            loc="center",
+        )
     panels[0, 0].text(1.04, 0, "Re", fontsize=6.5, va="bottom", ha="right")
     panels[0, 0].text(0.04, 1.0, "Im", fontsize=6.5, va="top")
     return figure

@@ -57,17 +57,25 @@ def rendered_shape(model: ModalModel, geometry: Geometry, mode: int, amplitude: 
     size = float(np.linalg.norm(np.ptp(geometry.xyz, axis=0))) or 1.0
     cells = {
         name: np.hstack([[len(chain), *(geometry.place(node) for node in chain)] for chain in chains])
-        for name, chains in (("lines", geometry.lines), ("faces", geometry.faces)) if chains
-    }  # fmt: skip
+        for name, chains in (("lines", geometry.lines), ("faces", geometry.faces))
+        if chains
+    }
     plotter = pyvista.Plotter(off_screen=True, window_size=(1200, 900))
     plotter.set_background("white")
     plotter.add_mesh(pyvista.PolyData(geometry.xyz, **cells), color=FAINT, style="wireframe", line_width=1)
     moved = pyvista.PolyData(geometry.xyz + amplitude * size * motion, **cells)
     moved["displacement"] = np.linalg.norm(motion, axis=1)
     plotter.add_mesh(
-        moved, scalars="displacement", cmap=COLOUR_MAP, clim=(0, 1), show_edges=True, line_width=3,
-        point_size=9, render_points_as_spheres=True, show_scalar_bar=False,
-    )  # fmt: skip
+        moved,
+        scalars="displacement",
+        cmap=COLOUR_MAP,
+        clim=(0, 1),
+        show_edges=True,
+        line_width=3,
+        point_size=9,
+        render_points_as_spheres=True,
+        show_scalar_bar=False,
+    )
     plotter.camera_position = "iso"
     picture = plotter.screenshot(return_img=True)
     plotter.close()

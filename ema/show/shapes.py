@@ -127,7 +127,7 @@ def _panels(model: ModalModel, geometry: Geometry, expansion: Expansion, chosen:
     scale.set_clim(0, 1)
     figure.colorbar(
         scale, ax=figure.axes, location="bottom", shrink=0.35, aspect=40, pad=0.01, label="Displacement / largest [-]"
-    )  # fmt: skip
+    )
     return figure
 
 

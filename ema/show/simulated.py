@@ -35,8 +35,9 @@ def motion(responses: Sequence[Response] | Response, labels: Sequence[str] = ())
     for number, run in enumerate(runs):
         colour, style, _ = SERIES[number % len(SERIES)]
         name = labels[number] if number < len(labels) else run.name
-        upper.plot(run.times, run.displacements[0] / factor, color=colour, lw=1.0, label=name,
-                   rasterized=len(run.times) > 5000)  # fmt: skip
+        upper.plot(
+            run.times, run.displacements[0] / factor, color=colour, lw=1.0, label=name, rasterized=len(run.times) > 5000
+        )
         start = float(run.energy.total[0]) or float(np.max(run.energy.total)) or 1.0
         lower.plot(run.times, 100 * run.energy.total / start, color=colour, ls=style, label=name)
     upper.set_ylabel(f"Displacement of {runs[0].dofs[0]} [{unit}]")
@@ -61,8 +62,14 @@ def contact_loops(response: Response, most: int = 4) -> Figure:
     factor, unit = _scaled([np.asarray(response.slips[k]) for k in chosen], "m")
     for number, place in enumerate(chosen):
         colour = SERIES[number % len(SERIES)][0]
-        loops.plot(response.slips[place] / factor, response.forces[place], color=colour, lw=0.7, label=f"{place + 1}",
-                   rasterized=response.slips.shape[1] > 5000)  # fmt: skip
+        loops.plot(
+            response.slips[place] / factor,
+            response.forces[place],
+            color=colour,
+            lw=0.7,
+            label=f"{place + 1}",
+            rasterized=response.slips.shape[1] > 5000,
+        )
         shares.bar(place + 1, response.dissipated[place], color=colour, width=0.8, zorder=3)
     others = [place for place in range(count) if place not in chosen]
     shares.bar(np.array(others) + 1, response.dissipated[others], color=FAINT, width=0.8)
@@ -153,8 +160,15 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit:
         second.semilogx(decay.amplitudes, inside * decay.frequencies, color=colour, ls=style)
         third.loglog(decay.amplitudes, inside * 100 * decay.damping_ratios, color=colour, ls=style)
     if any(np.isfinite(decay.knee) for decay in held):
-        first.annotate("dotted: sliding gives way to sticking", (1, 1), xycoords="axes fraction", ha="right",
-                       va="bottom", fontsize=7.5, color=GREY)  # fmt: skip
+        first.annotate(
+            "dotted: sliding gives way to sticking",
+            (1, 1),
+            xycoords="axes fraction",
+            ha="right",
+            va="bottom",
+            fontsize=7.5,
+            color=GREY,
+        )
     first.set_xlabel("Time [s]")
     amplitude = f"Amplitude [{unit}]" if unit else "Amplitude"
     first.set_ylabel(amplitude)

@@ -55,9 +55,15 @@ def stabilisation(
         chosen = poles.letter == letter
         if np.any(chosen):
             axes.scatter(
-                poles.natural_frequencies[chosen], poles.order[chosen], marker=f"${letter}$", s=size, color=colour,
-                linewidths=0.2, label=meaning, zorder=2.5,
-            )  # fmt: skip
+                poles.natural_frequencies[chosen],
+                poles.order[chosen],
+                marker=f"${letter}$",
+                s=size,
+                color=colour,
+                linewidths=0.2,
+                label=meaning,
+                zorder=2.5,
+            )
     top = int(poles.order.max())
     axes.set_ylim(int(poles.order.min()) - 0.04 * top - 0.5, 1.03 * top + 0.5)
     if modes is not None:

@@ -19,20 +19,43 @@ R = TypeVar("R")
 BLACK, GREY, FAINT = "#1a1a1a", "#7a7a7a", "#c4c4c4"
 BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7"
 SERIES = (
-    (BLUE, "-", "o"), (VERMILION, "--", "s"), (GREEN, "-.", "^"), (PURPLE, ":", "D"), (ORANGE, "-", "v"),
+    (BLUE, "-", "o"),
+    (VERMILION, "--", "s"),
+    (GREEN, "-.", "^"),
+    (PURPLE, ":", "D"),
+    (ORANGE, "-", "v"),
     (BLACK, "--", "x"),
-)  # fmt: skip
+)
 """Colour, line style and marker of successive series: told apart without colour too."""
 COLOUR_MAP = "cividis"
 
 _STYLE: Any = {
-    "font.family": ["DejaVu Sans"], "font.size": 9, "axes.titlesize": 9.5, "axes.titleweight": "bold",
-    "axes.titlelocation": "left", "axes.labelsize": 9, "xtick.labelsize": 8, "ytick.labelsize": 8,
-    "legend.fontsize": 8, "legend.frameon": False, "axes.spines.top": False, "axes.spines.right": False,
-    "axes.edgecolor": GREY, "axes.linewidth": 0.8, "axes.grid": True, "grid.color": "#e3e3e3", "grid.linewidth": 0.6,
-    "axes.axisbelow": True, "lines.linewidth": 1.3, "figure.facecolor": "white", "axes.facecolor": "white",
-    "axes.formatter.useoffset": False, "image.cmap": COLOUR_MAP, "savefig.facecolor": "white", "text.usetex": False,
-}  # fmt: skip
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.3,
+    "figure.facecolor": "white",
+    "axes.facecolor": "white",
+    "axes.formatter.useoffset": False,
+    "image.cmap": COLOUR_MAP,
+    "savefig.facecolor": "white",
+    "text.usetex": False,
+}
 _UNIT_TEXT = {"m/N": "m/N", "(m/s)/N": "(m/s)/N", "(m/s^2)/N": "(m/s²)/N", UNSTATED: "unit unstated"}
 WIDTH = 9.0
 """Width of a figure in inches: the text width of a report."""
@@ -114,9 +137,16 @@ def mark_modes(axes: Axes, frequencies: np.ndarray, rows: int = 3) -> None:
         if row is not None:
             ends[row] = place
             axes.annotate(
-                str(number), (frequency, 1), xycoords=("data", "axes fraction"), xytext=(0, 2 + 8 * row),
-                textcoords="offset points", ha="center", va="bottom", fontsize=7, color=VERMILION,
-            )  # fmt: skip
+                str(number),
+                (frequency, 1),
+                xycoords=("data", "axes fraction"),
+                xytext=(0, 2 + 8 * row),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                fontsize=7,
+                color=VERMILION,
+            )
 
 
 def empty_note(axes: Axes, text: str) -> None:

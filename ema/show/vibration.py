@@ -17,8 +17,9 @@ def _row(run: Response, dof: Dof | str | None) -> int:
         return 0
     found = match([Dof.parse(dof)], run.dofs)
     if not found:
-        raise InputError("no such DOF in the response", where=run.name, got=str(dof),
-                         expected=", ".join(str(d) for d in run.dofs))  # fmt: skip
+        raise InputError(
+            "no such DOF in the response", where=run.name, got=str(dof), expected=", ".join(str(d) for d in run.dofs)
+        )
     return found[0][1]
 
 
@@ -39,8 +40,11 @@ def free_vibration(
     InputError : no run, a run without that DOF, a contact number that does not exist.
     """
     if not runs or len(labels) != len(runs):
-        raise InputError("nothing to draw", got=f"{len(runs)} runs, {len(labels)} labels",
-                         expected="one run or more, and one label for each")  # fmt: skip
+        raise InputError(
+            "nothing to draw",
+            got=f"{len(runs)} runs, {len(labels)} labels",
+            expected="one run or more, and one label for each",
+        )
     least = min(len(run.forces) for run in runs)
     numbers = list(dict.fromkeys([0, least // 2, least - 1])) if contacts is None else list(contacts)
     if any(not 0 <= number < least for number in numbers):
@@ -67,9 +71,13 @@ def free_vibration(
 
 @styled
 def velocity_comparison(
-    measured: Response, computed: Response, band: tuple[float, float],
-    labels: tuple[str, str] = ("measured", "computed"), dof: Dof | str | None = None, zoom: float | None = None,
-) -> Figure:  # fmt: skip
+    measured: Response,
+    computed: Response,
+    band: tuple[float, float],
+    labels: tuple[str, str] = ("measured", "computed"),
+    dof: Dof | str | None = None,
+    zoom: float | None = None,
+) -> Figure:
     """Two velocities over time, at the start and as a whole, and their spectra in ``band`` Hz.
 
     ``zoom`` s is how much of the start is drawn large; a tenth of the record by default. Samples of a simulation have

@@ -62,9 +62,13 @@ def fits_memory(where: str, samples: int, numbers_each: int) -> None:
     needed, there = 8.0 * samples * numbers_each, _SHARE * memory()
     if needed > there:
         got = f"{samples:.2g} samples, {needed / 2**30:.3g} GiB"
-        raise InputError("the run does not fit the memory", where=where, got=got,
-                         expected=f"up to {there / 2**30:.3g} GiB",
-                         advice="shorten it, lower the sampling rate, or keep fewer modes")  # fmt: skip
+        raise InputError(
+            "the run does not fit the memory",
+            where=where,
+            got=got,
+            expected=f"up to {there / 2**30:.3g} GiB",
+            advice="shorten it, lower the sampling rate, or keep fewer modes",
+        )
 
 
 def memory() -> float:

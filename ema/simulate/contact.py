@@ -47,8 +47,12 @@ def ContactCurve(penetrations: Sequence[float], forces: Sequence[float]) -> Norm
     InputError : fewer than two points, not ascending, a force at the first point.
     """
     if len(penetrations) != len(forces):
-        raise InputError("a curve needs pairs of numbers", where="normal contact",
-                         got=f"{len(penetrations)} and {len(forces)}", expected="equally many")  # fmt: skip
+        raise InputError(
+            "a curve needs pairs of numbers",
+            where="normal contact",
+            got=f"{len(penetrations)} and {len(forces)}",
+            expected="equally many",
+        )
     contact = NormalContact("curve", points=tuple((float(x), float(f)) for x, f in zip(penetrations, forces)))
     check_normal_contact(contact, "normal contact")
     return contact
@@ -77,18 +81,31 @@ def check_normal_contact(contact: NormalContact, where: str) -> None:
     InputError : as said.
     """
     if contact.name not in _NAMES:
-        raise InputError("unknown normal contact", where=where, got=contact.name, expected=", ".join(_NAMES),
-                         advice="a law of your own: ema.simulate.own_contact")  # fmt: skip
+        raise InputError(
+            "unknown normal contact",
+            where=where,
+            got=contact.name,
+            expected=", ".join(_NAMES),
+            advice="a law of your own: ema.simulate.own_contact",
+        )
     if contact.name == "power" and not (np.isfinite(contact.exponent) and contact.exponent >= 1):
-        raise InputError("not an exponent of the normal contact", where=where, got=contact.exponent,
-                         expected="1 (a spring) or more, e.g. 2")  # fmt: skip
+        raise InputError(
+            "not an exponent of the normal contact",
+            where=where,
+            got=contact.exponent,
+            expected="1 (a spring) or more, e.g. 2",
+        )
     if contact.name == "power" and not (np.isfinite(contact.reference_force) and contact.reference_force > 0):
         raise InputError("not a reference force", where=where, got=f"{contact.reference_force} N", expected="above 0 N")
     if contact.name == "curve":
         points = np.array(contact.points, dtype=np.float64).reshape(-1, 2)
         if len(points) < 2 or not np.all(np.isfinite(points)) or np.any(np.diff(points, axis=0) <= 0) or points[0, 1]:
-            raise InputError("not a curve of normal contact", where=where, got=f"{len(points)} points",
-                             expected="two or more, penetration and force ascending, the first force 0 N")  # fmt: skip
+            raise InputError(
+                "not a curve of normal contact",
+                where=where,
+                got=f"{len(points)} points",
+                expected="two or more, penetration and force ascending, the first force 0 N",
+            )
 
 
 @dataclass(frozen=True)
@@ -125,9 +142,11 @@ def growth(joint: Joint, forces: float | Float[np.ndarray, "pair"]) -> Any:
 
 
 def normal_pairs(
-    joints: Sequence[Joint], gaps: Float[np.ndarray, "pair n"], areas: Float[np.ndarray, "pair"],
+    joints: Sequence[Joint],
+    gaps: Float[np.ndarray, "pair n"],
+    areas: Float[np.ndarray, "pair"],
     preloads: Float[np.ndarray, "pair"],
-) -> NormalPairs:  # fmt: skip
+) -> NormalPairs:
     """Tables of the normal contacts of all joints, not yet pressed; ``areas`` are shares of each joint."""
     from ema.simulate import normal_kernels as columns
 
@@ -159,9 +178,17 @@ def normal_pairs(
         row += len(joint.pairs)
     pairs = tuple(pair for joint in joints for pair in joint.pairs)
     return NormalPairs(
-        gaps, table, np.ascontiguousarray(np.hstack(curves)), preloads, preloads.copy(), stiffness, elastic, sizes,
-        tuple(names), pairs,
-    )  # fmt: skip
+        gaps,
+        table,
+        np.ascontiguousarray(np.hstack(curves)),
+        preloads,
+        preloads.copy(),
+        stiffness,
+        elastic,
+        sizes,
+        tuple(names),
+        pairs,
+    )
 
 
 def press(
@@ -207,9 +234,14 @@ def _compliance(rows: np.ndarray, springs: np.ndarray, mass: np.ndarray, stiffne
 
 
 def _pressed_depths(
-    rows: np.ndarray, table: np.ndarray, curve: np.ndarray, preloads: np.ndarray, mass: np.ndarray,
-    stiffness: np.ndarray, where: str,
-) -> Float[np.ndarray, "pair"]:  # fmt: skip
+    rows: np.ndarray,
+    table: np.ndarray,
+    curve: np.ndarray,
+    preloads: np.ndarray,
+    mass: np.ndarray,
+    stiffness: np.ndarray,
+    where: str,
+) -> Float[np.ndarray, "pair"]:
     """Penetrations in m; negative where a pair is open."""
     from ema.simulate import normal_kernels as kernels
 
@@ -243,9 +275,12 @@ def _pressed_depths(
         load, level = load + length * step, trial
     if np.abs(missing).max() <= 1e-9 * preloads.sum():
         return np.asarray(-opening)
-    raise FailureError("the preload finds no equilibrium", where=where,
-                       got=f"{np.abs(missing).max():.1e} N missing after 200 steps",
-                       advice="lower the normal stiffness or the exponent")  # fmt: skip
+    raise FailureError(
+        "the preload finds no equilibrium",
+        where=where,
+        got=f"{np.abs(missing).max():.1e} N missing after 200 steps",
+        advice="lower the normal stiffness or the exponent",
+    )
 
 
 def _secant(table: np.ndarray, curve: np.ndarray, preloads: np.ndarray) -> Float[np.ndarray, "pair"]:
@@ -269,9 +304,18 @@ def resting(pairs: NormalPairs, where: str) -> ContactPressure:
     """Pressure at rest, with a finding where pairs are open."""
     closed = pairs.forces > _OPEN * float(pairs.forces.max())
     return ContactPressure(
-        pairs.joints, pairs.pairs, pairs.forces, pairs.preloads, pairs.areas, pairs.forces, pairs.forces,
-        np.where(closed, 0.0, 1.0), np.where(closed, np.nan, 0.0), _rest_gaps(pairs), tuple(_open_at_rest(pairs, where))
-    )  # fmt: skip
+        pairs.joints,
+        pairs.pairs,
+        pairs.forces,
+        pairs.preloads,
+        pairs.areas,
+        pairs.forces,
+        pairs.forces,
+        np.where(closed, 0.0, 1.0),
+        np.where(closed, np.nan, 0.0),
+        _rest_gaps(pairs),
+        tuple(_open_at_rest(pairs, where)),
+    )
 
 
 def _rest_gaps(pairs: NormalPairs) -> Float[np.ndarray, "pair"]:
@@ -287,9 +331,17 @@ def _open_at_rest(pairs: NormalPairs, where: str) -> list[Finding]:
         return []
     gap = float(_rest_gaps(pairs).max())
     names = ", ".join(f"{pairs.joints[i]} {pairs.pairs[i]}" for i in out[:5]) + (" ..." if len(out) > 5 else "")
-    return [Finding("warning", "lift-off", where,
-                    f"{len(out)} of {len(pairs.forces)} pairs are open under the preload, up to {gap:.1e} m: {names}.",
-                    gap, 0.0, "Spread the normal force, or leave these pairs out.")]  # fmt: skip
+    return [
+        Finding(
+            "warning",
+            "lift-off",
+            where,
+            f"{len(out)} of {len(pairs.forces)} pairs are open under the preload, up to {gap:.1e} m: {names}.",
+            gap,
+            0.0,
+            "Spread the normal force, or leave these pairs out.",
+        )
+    ]
 
 
 def preload(model: BeamModel) -> ContactPressure:

@@ -68,8 +68,12 @@ class Actuator:
         if not (np.isfinite(self.lag) and self.lag >= 0):
             raise InputError("a lag is not negative", where="actuator", got=f"{self.lag} s", expected="0 s or more")
         if not 0 <= self.limits[0] <= self.limits[1]:
-            raise InputError("not the limits of a normal force", where="actuator", got=f"{self.limits} N",
-                             expected="0 N or more, the smaller one first")  # fmt: skip
+            raise InputError(
+                "not the limits of a normal force",
+                where="actuator",
+                got=f"{self.limits} N",
+                expected="0 N or more, the smaller one first",
+            )
 
 
 def constant(force: float) -> ControlLaw:
@@ -155,10 +159,19 @@ class BangBang:
 
 
 def controlled_snapback(
-    model: BeamModel, law: ControlLaw, load: float, at: Dof | str, duration: float, actuator: Actuator | None = None,
-    sensor: Dof | str | None = None, step: float | None = None, start_force: float | None = None, check: bool = True,
-    progress: Progress = silent, tolerance: float = 1e-3,
-) -> Response:  # fmt: skip
+    model: BeamModel,
+    law: ControlLaw,
+    load: float,
+    at: Dof | str,
+    duration: float,
+    actuator: Actuator | None = None,
+    sensor: Dof | str | None = None,
+    step: float | None = None,
+    start_force: float | None = None,
+    check: bool = True,
+    progress: Progress = silent,
+    tolerance: float = 1e-3,
+) -> Response:
     """Snap-back with a controller for the normal forces.
 
     Parameters
@@ -182,11 +195,19 @@ def controlled_snapback(
     step = min(_FIRST_STEP, actuator.sampling_time) if step is None else step
     positive(model.name, duration=duration, step=step, tolerance=tolerance)
     if step > actuator.sampling_time:
-        raise InputError("the step is longer than the sampling time", where=model.name, got=f"step = {step:g} s",
-                         expected=f"up to {actuator.sampling_time:g} s, a small part of it")  # fmt: skip
+        raise InputError(
+            "the step is longer than the sampling time",
+            where=model.name,
+            got=f"step = {step:g} s",
+            expected=f"up to {actuator.sampling_time:g} s, a small part of it",
+        )
     if not callable(law):
-        raise InputError("not a control law", where=model.name, got=f"{law!r}",
-                         expected="a function of what is measured, such as control.constant(100.0)")  # fmt: skip
+        raise InputError(
+            "not a control law",
+            where=model.name,
+            got=f"{law!r}",
+            expected="a function of what is measured, such as control.constant(100.0)",
+        )
     seen = Dof.parse(sensor) if sensor is not None else dof
     problem = prepare(model, list(dict.fromkeys([dof, seen])))
     samples = max(round(duration / actuator.sampling_time), 1)
@@ -210,9 +231,17 @@ def controlled_snapback(
 
 
 def _run(
-    problem: Problem, ramped: Problem, state: _State, law: ControlLaw, actuator: Actuator, sensor: Dof, step: float,
-    duration: float, before: list[float], progress: Progress,
-) -> Response:  # fmt: skip
+    problem: Problem,
+    ramped: Problem,
+    state: _State,
+    law: ControlLaw,
+    actuator: Actuator,
+    sensor: Dof,
+    step: float,
+    duration: float,
+    before: list[float],
+    progress: Progress,
+) -> Response:
     every = max(round(actuator.sampling_time / step), 1)
     h = actuator.sampling_time / every
     stepper = Stepper(problem, state.copy(), h)
@@ -246,12 +275,21 @@ def _wanted(answer: Any, joints: int, actuator: Actuator, where: str, time: floa
     try:
         force = np.atleast_1d(np.asarray(answer, dtype=np.float64))
     except (TypeError, ValueError) as error:
-        raise InputError("the control law returns no number", where=where, got=f"{answer!r} at {time:g} s",
-                         expected="a normal force in N for every joint") from error  # fmt: skip
+        raise InputError(
+            "the control law returns no number",
+            where=where,
+            got=f"{answer!r} at {time:g} s",
+            expected="a normal force in N for every joint",
+        ) from error
     if not np.all(np.isfinite(force)):
-        raise InputError("the control law returns no number", where=where, got=f"{force} at {time:g} s",
-                         expected="a normal force in N for every joint")  # fmt: skip
+        raise InputError(
+            "the control law returns no number",
+            where=where,
+            got=f"{force} at {time:g} s",
+            expected="a normal force in N for every joint",
+        )
     if len(force) not in (1, joints):
-        raise InputError("the control law returns the wrong number of forces", where=where, got=len(force),
-                         expected=f"1 or {joints}")  # fmt: skip
+        raise InputError(
+            "the control law returns the wrong number of forces", where=where, got=len(force), expected=f"1 or {joints}"
+        )
     return np.clip(np.broadcast_to(force, (joints,)), *actuator.limits).astype(np.float64)

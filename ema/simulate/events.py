@@ -80,9 +80,12 @@ class _Reference:
         self.lost, self.slid_time = np.zeros(count), np.zeros(count)
         self.q, self.p = state.q[self.coupled].copy(), state.p[self.coupled].copy()
         self.samples = (
-            np.zeros((samples, modes)), np.zeros((samples, modes)), np.zeros((samples, springs)),
-            np.zeros((samples, count)), np.zeros((samples, 2)),
-        )  # fmt: skip
+            np.zeros((samples, modes)),
+            np.zeros((samples, modes)),
+            np.zeros((samples, springs)),
+            np.zeros((samples, count)),
+            np.zeros((samples, 2)),
+        )
         self.booked = np.zeros(2)
         self.samples[0][0], self.samples[1][0] = self.q, self.p
         slide, rest = self.springs.slide, self.springs.rest
@@ -90,9 +93,12 @@ class _Reference:
         self.samples[2][0] = np.where(slide == 0, stuck, slide * self.springs.limit)
         room = int(np.clip(_MEMORY / (8 * modes * (modes + count + 1)), 16, 4000))
         self.phases = (
-            np.empty((room, modes)), np.empty((room, modes, modes)), np.empty((room, count, modes)),
-            np.zeros((room, springs), np.bool_), np.full(4 * room, -1),
-        )  # fmt: skip
+            np.empty((room, modes)),
+            np.empty((room, modes, modes)),
+            np.empty((room, count, modes)),
+            np.zeros((room, springs), np.bool_),
+            np.full(4 * room, -1),
+        )
         self.used = np.zeros(1, np.int64)
         self.numbers = np.array([0.0, 1, 0, 0, -1, -1])
 
@@ -101,8 +107,9 @@ class _Reference:
         omega = np.sqrt(self.squares)
         size = np.abs(self.q) + np.abs(self.p) / omega + np.abs(self.load) / self.squares
         return (
-            1e-13 * float((np.abs(self.slip) @ size).max()), 1e-12 * float((np.abs(self.slip) @ (omega * size)).max())
-        )  # fmt: skip
+            1e-13 * float((np.abs(self.slip) @ size).max()),
+            1e-12 * float((np.abs(self.slip) @ (omega * size)).max()),
+        )
 
     def follow(self, times: np.ndarray, spacing: float, progress: Progress) -> int:
         """Go from event to event and keep a sample at each of ``times``; returns the number of events."""
@@ -117,13 +124,28 @@ class _Reference:
         for last in np.unique(np.linspace(1, count - 1, _CHUNKS).astype(np.int64)):
             advance(progress, "events", int(last), count - 1)
             ended = kernels.follow(
-                self.numbers, times, int(last), search, base, self.springs.arguments, (self.q, self.p),
-                (self.lost, self.slid_time, self.booked), 0.5 * self.mass_factor, harmonic, self.phases, self.used,
-                self.samples, _MOST_AT_ONCE * len(self.springs.contact),
-            )  # fmt: skip
+                self.numbers,
+                times,
+                int(last),
+                search,
+                base,
+                self.springs.arguments,
+                (self.q, self.p),
+                (self.lost, self.slid_time, self.booked),
+                0.5 * self.mass_factor,
+                harmonic,
+                self.phases,
+                self.used,
+                self.samples,
+                _MOST_AT_ONCE * len(self.springs.contact),
+            )
             if not ended:
-                raise FailureError("springs stick and slip without end", where=self.problem.system.name,
-                                   got=f"at {self.numbers[0]:g} s", advice="use the fast mode")  # fmt: skip
+                raise FailureError(
+                    "springs stick and slip without end",
+                    where=self.problem.system.name,
+                    got=f"at {self.numbers[0]:g} s",
+                    advice="use the fast mode",
+                )
         return int(self.numbers[2])
 
 
@@ -138,9 +160,16 @@ class Harmonic:
 
 
 def snapback_reference(
-    model: BeamModel, load: float, at: Dof | str, duration: float, outputs: Sequence[Dof | str] | None = None,
-    sampling_rate: float = 5000.0, spacing: float | None = None, check: bool = False, progress: Progress = silent,
-) -> Response:  # fmt: skip
+    model: BeamModel,
+    load: float,
+    at: Dof | str,
+    duration: float,
+    outputs: Sequence[Dof | str] | None = None,
+    sampling_rate: float = 5000.0,
+    spacing: float | None = None,
+    check: bool = False,
+    progress: Progress = silent,
+) -> Response:
     """The snap-back of ``ema.simulate.snapback``, exact between the events of Masing-type laws.
 
     ``spacing`` s of the instants at which an event is looked for; a sixth of the shortest period by default. With
@@ -163,9 +192,14 @@ def snapback_reference(
 
 
 def run_reference(
-    problem: Problem, state: Any, duration: float, sampling_rate: float, spacing: float | None,
-    harmonic: Harmonic | None, progress: Progress = silent,
-) -> Response:  # fmt: skip
+    problem: Problem,
+    state: Any,
+    duration: float,
+    sampling_rate: float,
+    spacing: float | None,
+    harmonic: Harmonic | None,
+    progress: Progress = silent,
+) -> Response:
     """Follow a prepared model from a state for ``duration`` s.
 
     Raises
@@ -186,9 +220,13 @@ def run_reference(
     if spacing is not None:
         positive(where, spacing=spacing)
         if spacing > 0.5 * shortest:
-            raise InputError("the spacing is too wide to see every event", where=where, got=f"{spacing:g} s",
-                             expected=f"up to half the shortest period, {0.5 * shortest:.2g} s",
-                             advice="leave it out: a sixth is chosen")  # fmt: skip
+            raise InputError(
+                "the spacing is too wide to see every event",
+                where=where,
+                got=f"{spacing:g} s",
+                expected=f"up to half the shortest period, {0.5 * shortest:.2g} s",
+                advice="leave it out: a sixth is chosen",
+            )
     spacing = spacing or shortest / 6
     events = reference.follow(times, spacing, progress)
     return _reference_response(problem, reference, state, times, spacing, events)
@@ -198,14 +236,23 @@ def _check(problem: Problem) -> None:
     where = problem.system.name
     wrong = sorted({law.name for law in problem.system.contacts.laws if law.name not in PIECEWISE_LINEAR})
     if wrong:
-        raise InputError("the reference mode takes Masing-type laws only", where=where, got=", ".join(wrong),
-                         expected=", ".join(PIECEWISE_LINEAR), advice="use the fast mode")  # fmt: skip
+        raise InputError(
+            "the reference mode takes Masing-type laws only",
+            where=where,
+            got=", ".join(wrong),
+            expected=", ".join(PIECEWISE_LINEAR),
+            advice="use the fast mode",
+        )
     settings, base = problem.system.damping, problem.base
     if settings.ratio > 0 or base.damping is not None or np.any(np.abs(base.decay - settings.mass_factor) > 1e-9):
         brought = "a measured host or joints with loss factors"
-        raise InputError("the reference mode takes mass-proportional damping only", where=where,
-                         got=f"ratio {settings.ratio}" if settings.ratio > 0 else f"the damping of {brought}",
-                         expected="Damping(mass_factor=...)", advice="use the fast mode")  # fmt: skip
+        raise InputError(
+            "the reference mode takes mass-proportional damping only",
+            where=where,
+            got=f"ratio {settings.ratio}" if settings.ratio > 0 else f"the damping of {brought}",
+            expected="Damping(mass_factor=...)",
+            advice="use the fast mode",
+        )
 
 
 def _reference_response(
@@ -230,10 +277,22 @@ def _reference_response(
     energy = EnergyBalance(mechanical, stored, friction, damping, np.zeros_like(friction), supplied)
     findings = list(problem.findings) + energy_findings(energy, system.name, 1e-6) + displacement_findings(system, u)
     return Response(
-        times, rows @ whole_q.T, rows @ whole_p.T, problem.outputs, u.T, forces.T, slid[-1],
-        np.minimum(reference.slid_time / times[-1], 1.0), energy, None, float("nan"), spacing,
-        f"reference, {events} events", tuple(findings), system.name,
-    )  # fmt: skip
+        times,
+        rows @ whole_q.T,
+        rows @ whole_p.T,
+        problem.outputs,
+        u.T,
+        forces.T,
+        slid[-1],
+        np.minimum(reference.slid_time / times[-1], 1.0),
+        energy,
+        None,
+        float("nan"),
+        spacing,
+        f"reference, {events} events",
+        tuple(findings),
+        system.name,
+    )
 
 
 def _free_modes(
@@ -258,8 +317,13 @@ def _free_modes(
     x, v = state.q[free] - tide.real, state.p[free] + pulse * tide.imag
     wave = x + 1j * (rates.real * x - v) / rates.imag
     waves, booked = np.zeros((12, len(free))), np.zeros((len(times), 2))
-    for row, values in ((kernels.RE, wave.real), (kernels.IM, wave.imag), (kernels.OMEGA, rates.imag),
-                        (kernels.TIDE_RE, tide.real), (kernels.TIDE_IM, tide.imag)):  # fmt: skip
+    for row, values in (
+        (kernels.RE, wave.real),
+        (kernels.IM, wave.imag),
+        (kernels.OMEGA, rates.imag),
+        (kernels.TIDE_RE, tide.real),
+        (kernels.TIDE_IM, tide.imag),
+    ):
         waves[row] = values
     kernels.books_over(waves, float(half.max(initial=0.0)), pulse, times, booked)
     moving, forced = wave * np.exp(rates * times[:, None]), tide * np.exp(1j * pulse * times[:, None])

@@ -56,9 +56,11 @@ def _loss(
 
 
 def _after(
-    frequencies: Float[np.ndarray, "mode"], decay: Float[np.ndarray, "mode"], h: float,
+    frequencies: Float[np.ndarray, "mode"],
+    decay: Float[np.ndarray, "mode"],
+    h: float,
     form: Float[np.ndarray, "mode 3 3"],
-) -> Float[np.ndarray, "mode 3 3"]:  # fmt: skip
+) -> Float[np.ndarray, "mode 3 3"]:
     """A form of the state after ``h`` as one of the state before."""
     whole = np.zeros((len(decay), 3, 3))
     whole[:, :2], whole[:, 2, 2] = _flow(frequencies, decay, h), 1.0

@@ -91,21 +91,29 @@ def ParallelMasing(
     """
     for name, shares in (("stiffness_shares", stiffness_shares), ("force_shares", force_shares)):
         if min(shares, default=-1) < 0 or abs(sum(shares) - 1) > 1e-9:
-            raise InputError("not shares", where="parallel Masing", got=f"{name} = {list(shares)}",
-                             expected="0 or more each, sum 1")  # fmt: skip
+            raise InputError(
+                "not shares", where="parallel Masing", got=f"{name} = {list(shares)}", expected="0 or more each, sum 1"
+            )
     if len(stiffness_shares) != len(force_shares) or min(stiffness_shares) == 0:
-        raise InputError("every spring needs a share of stiffness and of force", where="parallel Masing",
-                         got=f"{len(stiffness_shares)} and {len(force_shares)}",
-                         expected="equal lengths, stiffness above 0")  # fmt: skip
+        raise InputError(
+            "every spring needs a share of stiffness and of force",
+            where="parallel Masing",
+            got=f"{len(stiffness_shares)} and {len(force_shares)}",
+            expected="equal lengths, stiffness above 0",
+        )
     springs = [(f"stiffness share {n}", float(s)) for n, s in enumerate(stiffness_shares)]
     springs += [(f"force share {n}", float(s)) for n, s in enumerate(force_shares)]
     return FrictionLaw("parallel masing", friction_coefficient, contact_stiffness, tuple(springs), **options)
 
 
 def Iwan(
-    friction_coefficient: float, contact_stiffness: float, chi: float = -0.5, beta: float = 1.0, springs: int = 60,
+    friction_coefficient: float,
+    contact_stiffness: float,
+    chi: float = -0.5,
+    beta: float = 1.0,
+    springs: int = 60,
     **options: Any,
-) -> FrictionLaw:  # fmt: skip
+) -> FrictionLaw:
     """Four-parameter Iwan model (Segalman 2005): F_S = mu F_N, K_T, chi, beta, in ``springs`` Masing springs.
 
     Raises
@@ -113,16 +121,23 @@ def Iwan(
     InputError : chi outside (-1, 0], beta below 0, fewer than 2 springs.
     """
     if not -1 < chi <= 0 or not beta >= 0 or springs < 2:
-        raise InputError("not an Iwan model", got=f"chi {chi}, beta {beta}, {springs} springs",
-                         expected="-1 < chi <= 0, beta >= 0, 2 or more springs")  # fmt: skip
+        raise InputError(
+            "not an Iwan model",
+            got=f"chi {chi}, beta {beta}, {springs} springs",
+            expected="-1 < chi <= 0, beta >= 0, 2 or more springs",
+        )
     parameters = (("chi", float(chi)), ("beta", float(beta)), ("springs", float(springs)))
     return FrictionLaw("iwan", friction_coefficient, contact_stiffness, parameters, **options)
 
 
 def ModifiedIwan(
-    friction_coefficient: float, contact_stiffness: float, chi: float = 0.5, beta: float = 1.0, springs: int = 60,
+    friction_coefficient: float,
+    contact_stiffness: float,
+    chi: float = 0.5,
+    beta: float = 1.0,
+    springs: int = 60,
     **options: Any,
-) -> FrictionLaw:  # fmt: skip
+) -> FrictionLaw:
     """Iwan model with any power of the density of slip forces, so that the loss in microslip ~ amplitude^(3 + chi).
 
     The equations of Segalman (2005) hold for any chi above -1, where the stiffness is finite; he has chi up to 0, which
@@ -162,9 +177,14 @@ def Valanis(friction_coefficient: float, contact_stiffness: float, kappa: float 
 
 
 def LuGre(
-    friction_coefficient: float, contact_stiffness: float, bristle_damping: float = 0.0, viscous: float = 0.0,
-    static_ratio: float = 1.0, stribeck_velocity: float = 1e-3, **options: Any,
-) -> FrictionLaw:  # fmt: skip
+    friction_coefficient: float,
+    contact_stiffness: float,
+    bristle_damping: float = 0.0,
+    viscous: float = 0.0,
+    static_ratio: float = 1.0,
+    stribeck_velocity: float = 1e-3,
+    **options: Any,
+) -> FrictionLaw:
     """LuGre (Canudas de Wit et al. 1995) of the whole joint.
 
     ``bristle_damping`` and ``viscous`` in N s/m, ``static_ratio`` F_S/F_C, ``stribeck_velocity`` in m/s.
@@ -174,11 +194,17 @@ def LuGre(
     InputError : a negative damping, a static ratio below 1, a velocity that is not positive.
     """
     if min(bristle_damping, viscous) < 0 or static_ratio < 1 or not stribeck_velocity > 0:
-        raise InputError("not a LuGre model",
-                         got=f"{bristle_damping=}, {viscous=}, {static_ratio=}, {stribeck_velocity=}",
-                         expected="dampings of 0 or more, F_S/F_C of 1 or more, a positive velocity")  # fmt: skip
-    parameters = (("bristle damping", float(bristle_damping)), ("viscous", float(viscous)),
-                  ("static ratio", float(static_ratio)), ("stribeck velocity", float(stribeck_velocity)))  # fmt: skip
+        raise InputError(
+            "not a LuGre model",
+            got=f"{bristle_damping=}, {viscous=}, {static_ratio=}, {stribeck_velocity=}",
+            expected="dampings of 0 or more, F_S/F_C of 1 or more, a positive velocity",
+        )
+    parameters = (
+        ("bristle damping", float(bristle_damping)),
+        ("viscous", float(viscous)),
+        ("static ratio", float(static_ratio)),
+        ("stribeck velocity", float(stribeck_velocity)),
+    )
     return FrictionLaw("lugre", friction_coefficient, contact_stiffness, parameters, **options)
 
 
@@ -205,9 +231,13 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
         compiled = nb.cfunc(nb.float64(*[nb.float64] * 8))(function)
         trial = compiled.ctypes(0.0, 1e-9, 1e6, 1.0, 0.0, 0.0, 0.0, 0.0)
     except Exception as error:
-        raise InputError("the law cannot be compiled", where=f"law {name}", got=str(error).strip().splitlines()[0],
-                         expected="a function of eight numbers that returns a number",
-                         advice="use plain arithmetic, comparisons and the math module only") from error  # fmt: skip
+        raise InputError(
+            "the law cannot be compiled",
+            where=f"law {name}",
+            got=str(error).strip().splitlines()[0],
+            expected="a function of eight numbers that returns a number",
+            advice="use plain arithmetic, comparisons and the math module only",
+        ) from error
     if not np.isfinite(trial):
         raise InputError("the law returns no number", where=f"law {name}", got=trial, expected="a finite force")
     REGISTERED[name] = (function, compiled)
@@ -252,12 +282,13 @@ class PackedLaws:
 
         own = sorted({law.name for law in self.laws if law.name in REGISTERED})
         if len(own) > 1:
-            raise InputError("two laws of the user's own on contacts that hang together", got=" and ".join(own),
-                             expected="one, or contacts in one direction under normal forces that stay")  # fmt: skip
+            raise InputError(
+                "two laws of the user's own on contacts that hang together",
+                got=" and ".join(own),
+                expected="one, or contacts in one direction under normal forces that stay",
+            )
         user = REGISTERED[own[0]][1] if own else no_user_law()
-        return (
-            self.codes, self.parameters, self.stiffness_shares, self.force_shares, self.counts, self.tables, user
-        )  # fmt: skip
+        return (self.codes, self.parameters, self.stiffness_shares, self.force_shares, self.counts, self.tables, user)
 
 
 _ISOTROPIC = tuple(sorted(name for name in CATALOGUE if name not in ("bouc wen", "valanis")))
@@ -273,8 +304,12 @@ def check_isotropic(law: FrictionLaw, where: str) -> None:
     """
     if law.isotropic and law.name not in _ISOTROPIC:
         what = "a law of the user's own" if law.name in REGISTERED else "this law"
-        raise InputError(f"{what} has no isotropic form", where=where, got=f"{law.name}",
-                         expected="isotropic=False, or one of " + ", ".join(_ISOTROPIC))  # fmt: skip
+        raise InputError(
+            f"{what} has no isotropic form",
+            where=where,
+            got=f"{law.name}",
+            expected="isotropic=False, or one of " + ", ".join(_ISOTROPIC),
+        )
 
 
 def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedLaws:
@@ -313,4 +348,4 @@ def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedL
             parameters[row, : len(values)] = values
     return PackedLaws(
         codes, parameters, shares_k, shares_f, counts, tables(curves), tuple(laws), tuple(counts_of_joint)
-    )  # fmt: skip
+    )

@@ -58,8 +58,12 @@ class FrictionRig(Rig):
         names = [joint.name for joint in self.model.joints]
         for ring in self.rings:
             if ring.joint not in names:
-                raise InputError("no such joint", where=f"{self.name}, ring {ring.joint}", got=ring.joint,
-                                 expected="one of " + ", ".join(names))  # fmt: skip
+                raise InputError(
+                    "no such joint",
+                    where=f"{self.name}, ring {ring.joint}",
+                    got=ring.joint,
+                    expected="one of " + ", ".join(names),
+                )
 
     def signals(self, number: int, rng: np.random.Generator) -> Float[np.ndarray, "channel sample"]:
         """What the structure does in one record: forces, responses, ring cells."""
@@ -91,9 +95,15 @@ class FrictionRig(Rig):
             return np.asarray(run.displacements), np.asarray(run.velocities)
         before, count = round(self.drive.pre_trigger * rate), forces.shape[1]
         free = snapback(
-            self.model, self.drive.load, dofs[0], (count - before) / rate, self._outputs, rate, self.tolerance,
+            self.model,
+            self.drive.load,
+            dofs[0],
+            (count - before) / rate,
+            self._outputs,
+            rate,
+            self.tolerance,
             self._modes,
-        )  # fmt: skip
+        )
         still = np.repeat(free.displacements[:, :1], before, axis=1)
         both = (np.hstack([still, free.displacements]), np.hstack([0 * still, free.velocities]))
         return both[0][:, :count], both[1][:, :count]
@@ -167,8 +177,12 @@ class FrictionRig(Rig):
                 solved, held = force, condensed.at(force, condensed.limits)
                 point = held.solve(frequency, start)
                 if point is None:
-                    raise InputError("no steady state was found", where=self.name, got=f"{frequency:g} Hz",
-                                     advice="give settle, to find it in time")  # fmt: skip
+                    raise InputError(
+                        "no steady state was found",
+                        where=self.name,
+                        got=f"{frequency:g} Hz",
+                        advice="give settle, to find it in time",
+                    )
                 values, start = held.outputs(point, rows), point.amplitudes
                 if not taken:
                     break

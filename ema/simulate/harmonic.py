@@ -202,9 +202,13 @@ class Condensed:
         """
         count = amplitudes.shape[1] // 2
         result: tuple[np.ndarray, ...] = self.kernels.contact_forces(
-            np.ascontiguousarray(amplitudes), (self.orders(count), self.basis(count), self.odd, fine, omega),
-            (self.stiffness, level * self.limits, self.members), self.springs, self.smooth, derive,
-        )  # fmt: skip
+            np.ascontiguousarray(amplitudes),
+            (self.orders(count), self.basis(count), self.odd, fine, omega),
+            (self.stiffness, level * self.limits, self.members),
+            self.springs,
+            self.smooth,
+            derive,
+        )
         return result
 
     def gains(self, omega: float, count: int) -> Float[np.ndarray, "2 harmonic contact contact"]:
@@ -274,9 +278,14 @@ class Condensed:
         return -1, trial, forces, jacobian, lost, slips
 
     def _step(
-        self, omega: float, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray,
+        self,
+        omega: float,
+        gains: np.ndarray,
+        jacobian: np.ndarray,
+        slips: np.ndarray,
+        rest: np.ndarray,
         forcing: float = _FORCING,
-    ) -> Float[np.ndarray, "contact size"]:  # fmt: skip
+    ) -> Float[np.ndarray, "contact size"]:
         """Newton's step, (I + Z dG/dU) step = rest: by GMRES where many contacts slip, else by elimination."""
         if np.count_nonzero(slips) * rest.shape[1] > _DENSE:
             coarse = self.coarse(omega, gains)
@@ -541,10 +550,13 @@ def _yielding(
     seen: Float[np.ndarray, "2 order shape contact"], change: Float[np.ndarray, "row contact column"]
 ) -> Float[np.ndarray, "order 2 shape column"]:
     """Cos and sin amplitudes that forces (cos and sin of every order are rows) bring about, seen by shapes."""
-    return np.stack([
-        np.matmul(seen[0], change[::2]) + np.matmul(seen[1], change[1::2]),
-        np.matmul(seen[0], change[1::2]) - np.matmul(seen[1], change[::2]),
-    ], axis=1)  # fmt: skip
+    return np.stack(
+        [
+            np.matmul(seen[0], change[::2]) + np.matmul(seen[1], change[1::2]),
+            np.matmul(seen[0], change[1::2]) - np.matmul(seen[1], change[::2]),
+        ],
+        axis=1,
+    )
 
 
 def _norm(table: np.ndarray) -> float:
@@ -588,10 +600,17 @@ class Branch:
 
 
 def frf(
-    model: BeamModel, frequencies: Float[np.ndarray, "freq"], force: float, at: Dof | str, outputs: Sequence[Dof | str],
-    tolerance: float = 5e-3, modes: int | None = None, harmonics: int | None = None, progress: Progress = silent,
+    model: BeamModel,
+    frequencies: Float[np.ndarray, "freq"],
+    force: float,
+    at: Dof | str,
+    outputs: Sequence[Dof | str],
+    tolerance: float = 5e-3,
+    modes: int | None = None,
+    harmonics: int | None = None,
+    progress: Progress = silent,
     normal_forces: Float[np.ndarray, "joint phase"] | None = None,
-) -> HarmonicResponse:  # fmt: skip
+) -> HarmonicResponse:
     """Steady states over frequency at one force level, each with its error estimate.
 
     Parameters
@@ -611,8 +630,12 @@ def frf(
     condensed = condense(model, force, at, outputs, tolerance, modes, normal_forces)
     condensed.keep(harmonics)
     if not len(frequencies) or not np.all(np.isfinite(frequencies)) or np.min(frequencies) <= 0:
-        raise InputError("not frequencies of excitation", where=model.name, got=f"{len(frequencies)} values",
-                         expected="finite, above 0 Hz")  # fmt: skip
+        raise InputError(
+            "not frequencies of excitation",
+            where=model.name,
+            got=f"{len(frequencies)} values",
+            expected="finite, above 0 Hz",
+        )
     rows = np.array([condensed.problem.base.row(condensed.problem.system, dof) for dof in condensed.problem.outputs])
     points: list[_Point | None] = []
     branch = Branch(condensed.tolerance)
@@ -673,21 +696,56 @@ def _response(
     solved = np.isfinite(error)
     if not solved.all():
         lost = frequencies[~solved]
-        findings.append(Finding("error", "no-steady-state", where, f"no steady state found at {len(lost)} frequencies.",
-                                float(lost[0]), None,
-                                "Use the time solver, ema.simulate.respond, or a softer contact there."))  # fmt: skip
+        findings.append(
+            Finding(
+                "error",
+                "no-steady-state",
+                where,
+                f"no steady state found at {len(lost)} frequencies.",
+                float(lost[0]),
+                None,
+                "Use the time solver, ema.simulate.respond, or a softer contact there.",
+            )
+        )
     if solved.any() and np.nanmax(error) > condensed.tolerance:
         worst = int(np.nanargmax(error))
-        findings.append(Finding("warning", "harmonics", where,
-                                f"error estimate {error[worst]:.1e} at {frequencies[worst]:.5g} Hz.",
-                                float(error[worst]), condensed.tolerance, "Check it in time."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "harmonics",
+                where,
+                f"error estimate {error[worst]:.1e} at {frequencies[worst]:.5g} Hz.",
+                float(error[worst]),
+                condensed.tolerance,
+                "Check it in time.",
+            )
+        )
     response = HarmonicResponse(
-        frequencies, condensed.orders(most), values, condensed.problem.outputs, slips, condensed.force,
+        frequencies,
+        condensed.orders(most),
+        values,
+        condensed.problem.outputs,
+        slips,
+        condensed.force,
         condensed.driven,
-        powers[:, 0], powers[:, 1], powers[:, 2], error, solved, (), where,
-    )  # fmt: skip
+        powers[:, 0],
+        powers[:, 1],
+        powers[:, 2],
+        error,
+        solved,
+        (),
+        where,
+    )
     if solved.any() and response.power_error > 1e-4:
-        findings.append(Finding("warning", "power-balance", where,
-                                f"the power balance is off by {response.power_error:.1e}.",
-                                response.power_error, 1e-4, "Lower the tolerance."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "power-balance",
+                where,
+                f"the power balance is off by {response.power_error:.1e}.",
+                response.power_error,
+                1e-4,
+                "Lower the tolerance.",
+            )
+        )
     return HarmonicResponse(**{**response.__dict__, "findings": tuple(findings)})

@@ -44,21 +44,33 @@ class JoinedCondensed(Condensed):
         first, none = contacts.tangential, [-1] * contacts.normals
         if joined is None:
             self.ties: tuple[np.ndarray, ...] = (
-                np.full(first, -1), np.full(first, -1), np.zeros(first), np.zeros((0, 8)), np.zeros((3, 2))
-            )  # fmt: skip
+                np.full(first, -1),
+                np.full(first, -1),
+                np.zeros(first),
+                np.zeros((0, 8)),
+                np.zeros((3, 2)),
+            )
         else:
             self.ties = joined.arguments
         self.laws = self.problem.laws.arguments
         self.exact, self.odd = False, contacts.normals == 0 and _mirrored(self.pressing)
         frequencies = self.problem.base.frequencies
         if not self.odd and frequencies.min() <= 1e-6 * frequencies.max():
-            raise InputError("the structure is not held", where=self.problem.system.name, got="a rigid-body motion",
-                             expected="a support: normal forces that change bring a mean force",
-                             advice="clamp it, or use ema.simulate.respond")  # fmt: skip
+            raise InputError(
+                "the structure is not held",
+                where=self.problem.system.name,
+                got="a rigid-body motion",
+                expected="a support: normal forces that change bring a mean force",
+                advice="clamp it, or use ema.simulate.respond",
+            )
         pressed_by = [n if n < 0 else first + n for n in self.ties[1]]
-        self.members = np.array([
-            np.arange(len(self.limits)), [*self.ties[0], *none], [*pressed_by, *none],
-        ]).T.copy()  # fmt: skip
+        self.members = np.array(
+            [
+                np.arange(len(self.limits)),
+                [*self.ties[0], *none],
+                [*pressed_by, *none],
+            ]
+        ).T.copy()
         self.share = self.level = 1.0
         self._tables: dict[tuple[int, int], np.ndarray] = {}
 
@@ -87,9 +99,16 @@ class JoinedCondensed(Condensed):
         basis = self._samples(count, fine)
         partner, normal_of, friction, *tables = self.ties
         result: tuple[np.ndarray, ...] = self.periodic.joined_forces(
-            np.ascontiguousarray(amplitudes), self.orders(count), basis, _MOST_PERIODS, omega, self.stiffness,
-            self._tops(len(basis)), self.laws, (partner, normal_of, self.level * friction, *tables),
-        )  # fmt: skip
+            np.ascontiguousarray(amplitudes),
+            self.orders(count),
+            basis,
+            _MOST_PERIODS,
+            omega,
+            self.stiffness,
+            self._tops(len(basis)),
+            self.laws,
+            (partner, normal_of, self.level * friction, *tables),
+        )
         return result
 
     def contact_forces(
@@ -99,9 +118,14 @@ class JoinedCondensed(Condensed):
         return self._forces(amplitudes, omega, fine)[:4]
 
     def _step(
-        self, omega: float, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray,
+        self,
+        omega: float,
+        gains: np.ndarray,
+        jacobian: np.ndarray,
+        slips: np.ndarray,
+        rest: np.ndarray,
         forcing: float = 0.0,
-    ) -> Float[np.ndarray, "contact size"]:  # fmt: skip
+    ) -> Float[np.ndarray, "contact size"]:
         return self._dense_step(gains, jacobian, slips, rest)
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
@@ -163,13 +187,21 @@ class JoinedCondensed(Condensed):
             worst = max(parted, key=lambda place: float(pressed[place][:, 2].max()))
             longest = int(np.argmax(pressed[worst][:, 2]))
             open_share, pairs = float(pressed[worst][longest, 2]), int((pressed[worst][:, 2] > 0).sum())
-            findings.append(Finding(
-                "warning", "lift-off", response.name,
-                f"pairs part at {len(parted)} of {len(points)} frequencies; at {response.frequencies[worst]:.5g} Hz "
-                f"{pairs} of {contacts.normals}, {normals.pairs[normals.followed[longest]]} for {open_share:.0%} of "
-                "the time.",
-                open_share, 0.0, "Press harder there, or read the result as one of a rattling joint.",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "lift-off",
+                    response.name,
+                    f"pairs part at {len(parted)} of {len(points)} frequencies; at "
+                    f"{response.frequencies[worst]:.5g} Hz "
+                    f"{pairs} of {contacts.normals}, {normals.pairs[normals.followed[longest]]} for "
+                    f"{open_share:.0%} of "
+                    "the time.",
+                    open_share,
+                    0.0,
+                    "Press harder there, or read the result as one of a rattling joint.",
+                )
+            )
         return replace(response, slips=response.slips[:, : contacts.tangential], findings=tuple(findings))
 
 

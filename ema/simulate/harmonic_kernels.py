@@ -73,15 +73,37 @@ def contact_forces(amplitudes, period, contact, springs, smooth, derive):
         matvec(basis[1], amplitudes[i], bends)
         if masing:
             lost[i] = masing_period(
-                amplitudes[i], orders, rates, bends, odd, stiffness[i], limits[i], shares_k[i], shares_f[i],
-                counts[i], place, value, cosine, sine, forces[i], jacobian[at, 0], derive,
-            )  # fmt: skip
+                amplitudes[i],
+                orders,
+                rates,
+                bends,
+                odd,
+                stiffness[i],
+                limits[i],
+                shares_k[i],
+                shares_f[i],
+                counts[i],
+                place,
+                value,
+                cosine,
+                sine,
+                forces[i],
+                jacobian[at, 0],
+                derive,
+            )
             slips[i] = largest(forces[i]) > 0.0
         if smooth is not None and not masing:
             lost[i] = smooth_period(
-                i, smooth[0][i], smooth[1], amplitudes[i], (orders, odd, fine, omega),
-                (rates, bends, place, value, cosine, sine), forces[i], jacobian[at, 0], derive,
-            )  # fmt: skip
+                i,
+                smooth[0][i],
+                smooth[1],
+                amplitudes[i],
+                (orders, odd, fine, omega),
+                (rates, bends, place, value, cosine, sine),
+                forces[i],
+                jacobian[at, 0],
+                derive,
+            )
             slips[i] = largest(forces[i]) > 1e-12 * limits[i]
     return forces, jacobian, lost, slips
 

@@ -42,15 +42,28 @@ def measured_loop(
     """
     _check(times, displacements, forces, frequency, name)
     if cycles < 1 or np.shape(normal_forces) not in ((), times.shape):
-        raise InputError("not a loop", where=name, got=f"{cycles} cycles, normal forces {np.shape(normal_forces)}",
-                         expected=f"one cycle or more; one normal force, or {len(times)} of them")  # fmt: skip
+        raise InputError(
+            "not a loop",
+            where=name,
+            got=f"{cycles} cycles, normal forces {np.shape(normal_forces)}",
+            expected=f"one cycle or more; one normal force, or {len(times)} of them",
+        )
     findings = []
     end, begin = float(times[-1]), float(times[0])
     if steady:
         begin, end = _full_motion(times, displacements)
         if end < times[-1] - 0.25 / frequency:
-            findings.append(Finding("info", "run-down", name, f"the motion has full amplitude only until {end:.2f} s.",
-                                    end, float(times[-1]), "Later cycles are no steady loop."))  # fmt: skip
+            findings.append(
+                Finding(
+                    "info",
+                    "run-down",
+                    name,
+                    f"the motion has full amplitude only until {end:.2f} s.",
+                    end,
+                    float(times[-1]),
+                    "Later cycles are no steady loop.",
+                )
+            )
     step = float(np.median(np.diff(times)))
     count = max(min(cycles, int((end - begin + step) * frequency * (1 + 1e-9) + 1e-6)), 1)
     part = (times > end - count / frequency + 1e-6 * step) & (times <= end)
@@ -58,14 +71,31 @@ def measured_loop(
     area = enclosed_area(x, f) / count
     if area < 0:
         area, f = -area, -f
-        findings.append(Finding("warning", "force-sign", name, "the loop runs backwards: the force was reversed.",
-                                None, None, "State the direction of the force sensor."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "force-sign",
+                name,
+                "the loop runs backwards: the force was reversed.",
+                None,
+                None,
+                "State the direction of the force sensor.",
+            )
+        )
     amplitude = float(0.5 * np.ptp(x))
     play = free_travel(x, f)
     if play > _PLAY * 2 * amplitude:
-        findings.append(Finding("warning", "backlash", name, f"{play:.2g} m of travel at constant force between the "
-                                "directions: the joint has play.", play / (2 * amplitude), _PLAY,
-                                "Fit it (identify), or k_T is too low."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "backlash",
+                name,
+                f"{play:.2g} m of travel at constant force between the directions: the joint has play.",
+                play / (2 * amplitude),
+                _PLAY,
+                "Fit it (identify), or k_T is too low.",
+            )
+        )
     normal = np.broadcast_to(np.asarray(normal_forces, dtype=float), times.shape)[part]
     findings += _normal_force_findings(normal, f, name)
     middle = 0.5 * (x.max() + x.min())
@@ -76,16 +106,28 @@ def _check(times: np.ndarray, x: np.ndarray, f: np.ndarray, frequency: float, na
     if not (np.isfinite(frequency) and frequency > 0):
         raise InputError("not a frequency", where=name, got=f"{frequency} Hz", expected="above 0")
     if len(times) < 8 or not len(times) == len(x) == len(f):
-        raise InputError("not a loop", where=name, got=f"{len(times)}, {len(x)} and {len(f)} samples",
-                         expected="equal numbers of times, displacements and forces, 8 or more")  # fmt: skip
+        raise InputError(
+            "not a loop",
+            where=name,
+            got=f"{len(times)}, {len(x)} and {len(f)} samples",
+            expected="equal numbers of times, displacements and forces, 8 or more",
+        )
     if not (np.all(np.isfinite(times)) and np.all(np.isfinite(x)) and np.all(np.isfinite(f))):
         raise InputError("not a loop", where=name, got="NaN or infinite samples", expected="numbers")
     if np.any(np.diff(times) <= 0):
-        raise InputError("the times do not rise", where=name, got=f"a step of {np.diff(times).min():g} s",
-                         expected="every sample later than the one before")  # fmt: skip
+        raise InputError(
+            "the times do not rise",
+            where=name,
+            got=f"a step of {np.diff(times).min():g} s",
+            expected="every sample later than the one before",
+        )
     if (times[-1] - times[0]) * frequency * (1 + 1e-9) + 1e-3 < 1 - frequency * float(np.median(np.diff(times))):
-        raise InputError("less than one cycle", where=name, got=f"{times[-1] - times[0]:g} s at {frequency:g} Hz",
-                         expected=f"{1 / frequency:g} s or more")  # fmt: skip
+        raise InputError(
+            "less than one cycle",
+            where=name,
+            got=f"{times[-1] - times[0]:g} s at {frequency:g} Hz",
+            expected=f"{1 / frequency:g} s or more",
+        )
     if np.ptp(x) == 0 or np.ptp(f) == 0:
         raise InputError("not a loop", where=name, got="a constant displacement or force", expected="a motion")
 
@@ -145,15 +187,32 @@ def _normal_force_findings(normal: np.ndarray, f: np.ndarray, name: str) -> list
     swing = float(normal.std() / abs(normal.mean()))
     if swing <= _SWING:
         return []
-    findings = [Finding("warning", "normal-force-swings", name, f"F_N swings by {swing:.0%} (rms) in a cycle.",
-                        swing, _SWING, "mu and k_T here are not those of a constant F_N.")]  # fmt: skip
+    findings = [
+        Finding(
+            "warning",
+            "normal-force-swings",
+            name,
+            f"F_N swings by {swing:.0%} (rms) in a cycle.",
+            swing,
+            _SWING,
+            "mu and k_T here are not those of a constant F_N.",
+        )
+    ]
     together = float(np.corrcoef(normal, np.abs(f))[0, 1])
     if together > _IN_STEP:
-        findings.append(Finding(
-            "warning", "no-normal-force", name, f"F_N follows the size of the friction force (correlation "
-            f"{together:.2f}): it is a consequence of friction, such as the tension of a band, and no normal force.",
-            together, _IN_STEP, "Do not divide the friction force by it: measure the force that presses the faces.",
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "no-normal-force",
+                name,
+                f"F_N follows the size of the friction force (correlation "
+                f"{together:.2f}): it is a consequence of friction, such as the tension of a band, and no "
+                "normal force.",
+                together,
+                _IN_STEP,
+                "Do not divide the friction force by it: measure the force that presses the faces.",
+            )
+        )
     return findings
 
 

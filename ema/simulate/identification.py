@@ -76,8 +76,13 @@ def identify(loops: Sequence[Loop], reference_force: float = 1000.0) -> JointPar
         raise InputError("no loop to identify a joint from", expected="one for each normal force")
     for loop in loops:
         if not (np.isfinite(loop.normal_force) and loop.normal_force > 0):
-            raise InputError("a loop without normal force", where=loop.name, got=loop.normal_force, expected="F_N > 0",
-                             advice="measure F_N with the loop")  # fmt: skip
+            raise InputError(
+                "a loop without normal force",
+                where=loop.name,
+                got=loop.normal_force,
+                expected="F_N > 0",
+                advice="measure F_N with the loop",
+            )
     fits, findings = [], []
     for number, loop in enumerate(loops):
         fit, found = _fit(replace(loop, name=loop.name or f"loop {number}"))
@@ -148,8 +153,12 @@ def _phases(loop: Loop) -> Float[np.ndarray, "sample"]:
     x = np.asarray(loop.displacements, dtype=float)
     t = np.arange(len(x), dtype=float) if loop.times is None else np.asarray(loop.times)
     if np.any(np.diff(t) <= 0):
-        raise InputError("the times of a loop do not rise", where=loop.name, got=f"a step of {np.diff(t).min():g} s",
-                         expected="every sample later than the one before")  # fmt: skip
+        raise InputError(
+            "the times of a loop do not rise",
+            where=loop.name,
+            got=f"a step of {np.diff(t).min():g} s",
+            expected="every sample later than the one before",
+        )
     span = t[-1] - t[0]
     opened, closed = (loop.cycles * (t - t[0]) / length for length in (span + float(np.median(np.diff(t))), span))
     noise = [_smooth_motion(phase, x, loop.cycles, limit=2).noise for phase in (opened, closed)]
@@ -178,9 +187,15 @@ class _Residual:
         slope = np.log(self.height / self.amplitude)
         low_force, high_force = np.log([0.3 * self.height, 50 * self.height])
         self.bounds = np.array(
-            [(slope - 7, slope + 7), (low_force, high_force), (-2.3, 5.0), (-1, 1), *[(-1, 1)] * (self.plain - 4),
-             (0.0, 1.9 * self.amplitude)]
-        ).T  # fmt: skip
+            [
+                (slope - 7, slope + 7),
+                (low_force, high_force),
+                (-2.3, 5.0),
+                (-1, 1),
+                *[(-1, 1)] * (self.plain - 4),
+                (0.0, 1.9 * self.amplitude),
+            ]
+        ).T
         self.scale = np.array([0.1, 0.1, 0.3, *[0.1] * (self.plain - 3), 0.05 * self.amplitude])
 
     def __call__(self, p: np.ndarray, way: tuple[Any, Any, float] | None = None) -> np.ndarray:
@@ -198,12 +213,14 @@ class _Residual:
         tail = np.zeros(self.plain - 3)
         return [
             min(
-                (np.concatenate([np.log([self.height / (elastic * self.amplitude), 1.001 * self.height, m]), tail])
-                 for m in (1.0, 3.0, 8.0)),
+                (
+                    np.concatenate([np.log([self.height / (elastic * self.amplitude), 1.001 * self.height, m]), tail])
+                    for m in (1.0, 3.0, 8.0)
+                ),
                 key=self.cost,
             )
             for elastic in (0.1, 0.25, 0.5, 1.0)
-        ]  # fmt: skip
+        ]
 
     def solve(self, p: np.ndarray) -> Any:
         from scipy.optimize import least_squares
@@ -222,17 +239,43 @@ def _fit(loop: Loop) -> tuple[LoopFit, list[Finding]]:
     k, top, m = (float(v) for v in np.exp(best.x[:3]))
     findings = []
     if rest.backwards:
-        findings.append(Finding("warning", "force-sign", loop.name, "the loop runs backwards: the force was reversed.",
-                                None, None, "State the direction of the force sensor."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "force-sign",
+                loop.name,
+                "the loop runs backwards: the force was reversed.",
+                None,
+                None,
+                "State the direction of the force sensor.",
+            )
+        )
     if play:
-        findings.append(Finding("warning", "backlash", loop.name, f"the joint has {play:.2g} m of play.",
-                                play / (2 * rest.amplitude), None,
-                                "k_T and F_C are those of the closed joint."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "backlash",
+                loop.name,
+                f"the joint has {play:.2g} m of play.",
+                play / (2 * rest.amplitude),
+                None,
+                "k_T and F_C are those of the closed joint.",
+            )
+        )
     reach = (rest.amplitude - 0.5 * play) * k
     slides = reach >= _SLIDES * top and std[1] < 0.1
     if not slides:
-        findings.append(Finding("warning", "no-slip", loop.name, "the loop hardly slides.", reach / top, _SLIDES,
-                                "It tells k_T only: raise the amplitude."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "no-slip",
+                loop.name,
+                "the loop hardly slides.",
+                reach / top,
+                _SLIDES,
+                "It tells k_T only: raise the amplitude.",
+            )
+        )
         top = rest.height
     misfit = float(np.sqrt(2 * best.cost / len(f))) * rest.height / top
     return LoopFit(loop.normal_force, k, top, m, std, misfit, play, bool(slides)), findings
@@ -257,13 +300,18 @@ def _best(rest: _Residual) -> tuple[Any, np.ndarray, float]:
 def _check(loop: Loop) -> None:
     samples = len(loop.forces)
     if samples != len(loop.displacements) or loop.cycles < 1 or samples < 24 * loop.cycles:
-        raise InputError("a loop has too few samples", where=loop.name, got=f"{samples} in {loop.cycles} cycles",
-                         expected="24 or more per cycle")  # fmt: skip
+        raise InputError(
+            "a loop has too few samples",
+            where=loop.name,
+            got=f"{samples} in {loop.cycles} cycles",
+            expected="24 or more per cycle",
+        )
     if not (np.all(np.isfinite(loop.displacements)) and np.all(np.isfinite(loop.forces))):
         raise InputError("a loop holds NaN", where=loop.name, got="NaN or infinite samples", expected="numbers")
     if np.ptp(loop.displacements) == 0 or np.ptp(loop.forces) == 0:
-        raise InputError("a loop does not move", where=loop.name, got="a constant displacement or force",
-                         expected="a motion")  # fmt: skip
+        raise InputError(
+            "a loop does not move", where=loop.name, got="a constant displacement or force", expected="a motion"
+        )
 
 
 def _motion_columns(rest: _Residual, best: Any) -> Float[np.ndarray, "sample term"]:
@@ -300,8 +348,9 @@ def _combine(fits: list[LoopFit], findings: list[Finding], reference: float) -> 
     nothing, open_interval = float("nan"), (float("-inf"), float("inf"))
 
     def unknown(what: str, why: str, advice: str) -> None:
-        findings.append(Finding("warning", "not-identifiable", "joint", f"{what} is not identifiable: {why}.",
-                                None, None, advice))  # fmt: skip
+        findings.append(
+            Finding("warning", "not-identifiable", "joint", f"{what} is not identifiable: {why}.", None, None, advice)
+        )
 
     normal = np.array([fit.normal_force for fit in fits])
     design = np.column_stack([np.ones(len(fits)), np.log(normal / reference)])
@@ -330,9 +379,18 @@ def _combine(fits: list[LoopFit], findings: list[Finding], reference: float) -> 
         unknown("the exponent m", "no loop slides", "raise the amplitude")
     stiffness = _exp(line[0])
     return JointParameters(
-        friction[0], friction[1:], stiffness[0], stiffness[1:], alpha, alpha_interval, smooth[0], smooth[1:],
-        reference, tuple(fits), tuple(findings),
-    )  # fmt: skip
+        friction[0],
+        friction[1:],
+        stiffness[0],
+        stiffness[1:],
+        alpha,
+        alpha_interval,
+        smooth[0],
+        smooth[1:],
+        reference,
+        tuple(fits),
+        tuple(findings),
+    )
 
 
 def _exp(row: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -108,9 +108,12 @@ class RovingHammer:
         positive("roving hammer", hits=self.hits, contact_time=self.contact_time, spacing=self.spacing)
         finite("roving hammer", peak=self.peak)
         not_negative(
-            "roving hammer", scatter=self.scatter, contact_scatter=self.contact_scatter, pre_trigger=self.pre_trigger,
+            "roving hammer",
+            scatter=self.scatter,
+            contact_scatter=self.contact_scatter,
+            pre_trigger=self.pre_trigger,
             jitter=self.jitter,
-        )  # fmt: skip
+        )
 
     @property
     def takes(self) -> int:
@@ -183,8 +186,12 @@ class RandomShakers(Waveform):
         _points("random shakers", self.points)
         positive("random shakers", level=self.level, duration=self.duration, takes=self.takes)
         if not 0 <= self.band[0] < self.band[1] < np.inf:
-            raise InputError("not a band", where="random shakers", got=f"{self.band[0]} to {self.band[1]} Hz",
-                             expected="0 <= low < high")  # fmt: skip
+            raise InputError(
+                "not a band",
+                where="random shakers",
+                got=f"{self.band[0]} to {self.band[1]} Hz",
+                expected="0 <= low < high",
+            )
 
     @property
     def excitation(self) -> Excitation:
@@ -230,9 +237,15 @@ class SweptShaker(Waveform):
 
     def __post_init__(self) -> None:
         positive(
-            "swept shaker", level=self.level, start_frequency=self.band[0], end_frequency=self.band[1],
-            sweep_time=self.sweep_time, duration=self.duration, takes=self.takes, sweeps=self.sweeps,
-        )  # fmt: skip
+            "swept shaker",
+            level=self.level,
+            start_frequency=self.band[0],
+            end_frequency=self.band[1],
+            sweep_time=self.sweep_time,
+            duration=self.duration,
+            takes=self.takes,
+            sweeps=self.sweeps,
+        )
 
     @property
     def excitation(self) -> Excitation:
@@ -297,8 +310,9 @@ class SteppedSine:
 
     def __post_init__(self) -> None:
         if not len(self.frequencies):
-            raise InputError("no frequency to stay at", where="stepped sine", got="0 frequencies",
-                             expected="one or more, in Hz")  # fmt: skip
+            raise InputError(
+                "no frequency to stay at", where="stepped sine", got="0 frequencies", expected="one or more, in Hz"
+            )
         positive("stepped sine", level=self.level, duration=self.duration)
         for frequency in self.frequencies:
             positive("stepped sine", frequency=frequency)
@@ -337,9 +351,12 @@ class RecordedForces(Waveform):
             raise InputError("no recorded force", got="0 recordings", expected="one or more")
         for recording in self.recordings:
             if any(recording.channels[row].dof is None for row in self._rows(recording)) or not self._rows(recording):
-                raise InputError("no force with a DOF in a recording", where=recording.name,
-                                 got=", ".join(channel.name for channel in recording.channels),
-                                 expected="a reference channel with a DOF")  # fmt: skip
+                raise InputError(
+                    "no force with a DOF in a recording",
+                    where=recording.name,
+                    got=", ".join(channel.name for channel in recording.channels),
+                    expected="a reference channel with a DOF",
+                )
 
     @staticmethod
     def _rows(recording: Recording) -> list[int]:

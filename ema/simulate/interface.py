@@ -22,10 +22,12 @@ def _entry(
             row[offset + place] += value * wanted * dof.sign
             return
     raise InputError(
-        "a DOF that the joint needs is missing", where=f"joint {joint}", got=f"node {node} without {direction}",
+        "a DOF that the joint needs is missing",
+        where=f"joint {joint}",
+        got=f"node {node} without {direction}",
         expected="translations and rotations at both nodes of every pair",
         advice="measured shapes: expand them to rotations first (ema.shapes.expand)",
-    )  # fmt: skip
+    )
 
 
 def tangential_rows(

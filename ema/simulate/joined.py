@@ -35,9 +35,12 @@ def joined(system: System) -> Joined | None:
     friction = np.array([law.friction_coefficient for law in contacts.laws[:count]])
     curve = system.normals.curve if system.normals.curve.size else np.zeros((3, 2))
     return Joined(
-        np.array(contacts.partner[:count]), np.array(contacts.normal_of[:count]), friction,
-        np.ascontiguousarray(system.normals.table[system.normals.followed]), curve,
-    )  # fmt: skip
+        np.array(contacts.partner[:count]),
+        np.array(contacts.normal_of[:count]),
+        friction,
+        np.ascontiguousarray(system.normals.table[system.normals.followed]),
+        curve,
+    )
 
 
 def refuse_joined(system: System, plane: bool, normal: bool) -> None:
@@ -49,13 +52,21 @@ def refuse_joined(system: System, plane: bool, normal: bool) -> None:
     InputError : as said.
     """
     if system.contacts.normals and not normal:
-        raise InputError("this solver does not follow normal contact that parts or stiffens", where=system.name,
-                         got=f"{system.contacts.normals} such pairs", expected="linear normal contact",
-                         advice="use ema.simulate.snapback, or respond without normal_forces")  # fmt: skip
+        raise InputError(
+            "this solver does not follow normal contact that parts or stiffens",
+            where=system.name,
+            got=f"{system.contacts.normals} such pairs",
+            expected="linear normal contact",
+            advice="use ema.simulate.snapback, or respond without normal_forces",
+        )
     if max(system.contacts.partner) >= 0 and not plane:
-        raise InputError("this solver has no isotropic friction in two directions", where=system.name,
-                         got="directions X and Y", expected="one direction, or a law with isotropic=False",
-                         advice="use ema.simulate.snapback or respond")  # fmt: skip
+        raise InputError(
+            "this solver has no isotropic friction in two directions",
+            where=system.name,
+            got="directions X and Y",
+            expected="one direction, or a law with isotropic=False",
+            advice="use ema.simulate.snapback or respond",
+        )
 
 
 def kept_at_rest(system: System) -> Float[np.ndarray, "normal 5"]:
@@ -65,9 +76,12 @@ def kept_at_rest(system: System) -> Float[np.ndarray, "normal 5"]:
 
 
 def pressure(
-    system: System, kept: Float[np.ndarray, "normal 5"], steps: int, step: float,
+    system: System,
+    kept: Float[np.ndarray, "normal 5"],
+    steps: int,
+    step: float,
     openings: Float[np.ndarray, "sample pair"],
-) -> ContactPressure:  # fmt: skip
+) -> ContactPressure:
     """Normal forces over a motion, with a finding where pairs parted.
 
     ``kept`` as the kernel gathers it over ``steps`` steps of ``step`` s; ``openings`` of all gaps in m.
@@ -93,13 +107,21 @@ def _parting(moved: ContactPressure, where: str) -> list[Finding]:
     if not len(out):
         return []
     longest, first = out[np.argmax(moved.open_time[out])], float(moved.first_opening[out].min())
-    return [Finding(
-        "warning", "lift-off", where,
-        f"{len(out)} of {len(moved.pairs)} pairs part ({_names(moved, out)}), first at {first:.3g} s; the gap reaches "
-        f"{moved.widest_gap[out].max():.1e} m, and {moved.pairs[longest]} is open for {moved.open_time[longest]:.0%} "
-        "of the time.",
-        float(moved.widest_gap[out].max()), 0.0, "Press harder there, or read the result as one of a rattling joint.",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "warning",
+            "lift-off",
+            where,
+            f"{len(out)} of {len(moved.pairs)} pairs part ({_names(moved, out)}), first at {first:.3g} "
+            "s; the gap reaches "
+            f"{moved.widest_gap[out].max():.1e} m, and {moved.pairs[longest]} is open for "
+            f"{moved.open_time[longest]:.0%} "
+            "of the time.",
+            float(moved.widest_gap[out].max()),
+            0.0,
+            "Press harder there, or read the result as one of a rattling joint.",
+        )
+    ]
 
 
 def _tension(moved: ContactPressure, bound: np.ndarray, where: str) -> list[Finding]:
@@ -108,9 +130,15 @@ def _tension(moved: ContactPressure, bound: np.ndarray, where: str) -> list[Find
     if not len(out):
         return []
     worst = out[np.argmin(moved.least[out] / moved.preloads[out])]
-    return [Finding(
-        "info", "tension", where,
-        f"{len(out)} of {len(moved.pairs)} linear normal springs pull at times, {moved.pairs[worst]} by up to "
-        f"{-moved.least[worst]:.3g} N where {moved.preloads[worst]:.3g} N press.",
-        float(moved.least[worst]), 0.0, "There the joint would part: compare with ema.simulate.Unilateral().",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "info",
+            "tension",
+            where,
+            f"{len(out)} of {len(moved.pairs)} linear normal springs pull at times, {moved.pairs[worst]} by up to "
+            f"{-moved.least[worst]:.3g} N where {moved.preloads[worst]:.3g} N press.",
+            float(moved.least[worst]),
+            0.0,
+            "There the joint would part: compare with ema.simulate.Unilateral().",
+        )
+    ]

@@ -34,9 +34,26 @@ MOST, SHORTEST = 80, 1e-3
 
 @compiled()
 def forces_joined(
-    stiffness, limits, laws, ties,
-    mean, u0, f0, h, z0, z1, a, b, a2, b2, u1, f1, own, cross, pressed,
-):  # fmt: skip
+    stiffness,
+    limits,
+    laws,
+    ties,
+    mean,
+    u0,
+    f0,
+    h,
+    z0,
+    z1,
+    a,
+    b,
+    a2,
+    b2,
+    u1,
+    f1,
+    own,
+    cross,
+    pressed,
+):
     """Forces at given displacements, with slopes by the ``own`` displacement, by the partner's, and by the gap."""
     codes, par, shares_k, shares_f, counts, tables, user = laws
     partner, normal_of, friction, pairs, curve = ties
@@ -62,34 +79,117 @@ def forces_joined(
             limits[j] = limits[i]
             if n >= 0:
                 px, py, _, _, _, _ = plane_step(
-                    codes[i], i, j, k, limits[i] + more, par, shares_k, shares_f, counts[i], tables, u0[i], u0[j],
-                    u1[i], u1[j], h, z0, z1, a2, b2,
-                )  # fmt: skip
+                    codes[i],
+                    i,
+                    j,
+                    k,
+                    limits[i] + more,
+                    par,
+                    shares_k,
+                    shares_f,
+                    counts[i],
+                    tables,
+                    u0[i],
+                    u0[j],
+                    u1[i],
+                    u1[j],
+                    h,
+                    z0,
+                    z1,
+                    a2,
+                    b2,
+                )
             f1[i], f1[j], own[i], cross[i], cross[j], own[j] = plane_step(
-                codes[i], i, j, k, limits[i], par, shares_k, shares_f, counts[i], tables, u0[i], u0[j],
-                u1[i], u1[j], h, z0, z1, a2, b2,
-            )  # fmt: skip
+                codes[i],
+                i,
+                j,
+                k,
+                limits[i],
+                par,
+                shares_k,
+                shares_f,
+                counts[i],
+                tables,
+                u0[i],
+                u0[j],
+                u1[i],
+                u1[j],
+                h,
+                z0,
+                z1,
+                a2,
+                b2,
+            )
             if n >= 0:
                 gain = -friction[i] * slopes[n] / more
                 pressed[i], pressed[j] = (px - f1[i]) * gain, (py - f1[j]) * gain
         else:
             if n >= 0:
                 px, _ = step(
-                    codes[i], i, k, limits[i] + more, par, shares_k, shares_f, counts[i], tables, user, u0[i], u1[i],
-                    h, z0, z1, a, b,
-                )  # fmt: skip
+                    codes[i],
+                    i,
+                    k,
+                    limits[i] + more,
+                    par,
+                    shares_k,
+                    shares_f,
+                    counts[i],
+                    tables,
+                    user,
+                    u0[i],
+                    u1[i],
+                    h,
+                    z0,
+                    z1,
+                    a,
+                    b,
+                )
             f1[i], own[i] = step(
-                codes[i], i, k, limits[i], par, shares_k, shares_f, counts[i], tables, user, u0[i], u1[i], h,
-                z0, z1, a, b,
-            )  # fmt: skip
+                codes[i],
+                i,
+                k,
+                limits[i],
+                par,
+                shares_k,
+                shares_f,
+                counts[i],
+                tables,
+                user,
+                u0[i],
+                u1[i],
+                h,
+                z0,
+                z1,
+                a,
+                b,
+            )
             if n >= 0:
                 pressed[i] = -(px - f1[i]) * friction[i] * slopes[n] / more
 
 
 @compiled()
 def solve_joined(
-    gains, free, stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, tolerance, u1, f1, change,
-):  # fmt: skip
+    gains,
+    free,
+    stiffness,
+    limits,
+    laws,
+    ties,
+    mean,
+    u0,
+    f0,
+    h,
+    z0,
+    z1,
+    a,
+    b,
+    a2,
+    b2,
+    tolerance,
+    u1,
+    f1,
+    change,
+):
     """All contacts at once by Newton's method, halved where it must be; ``limits`` follow the normal forces.
 
     ``change`` is the start and returns g1 - g0, g = f - k u. ``mean``: the forces of the normal contacts are those
@@ -114,8 +214,26 @@ def solve_joined(
         norm, length = np.inf, 1.0
         for _ in range(MOST):
             forces_joined(
-                stiffness, limits, laws, ties, mean, u0, f0, h, z0, z1, a, b, a2, b2, trial, f1, own, cross, pressed,
-            )  # fmt: skip
+                stiffness,
+                limits,
+                laws,
+                ties,
+                mean,
+                u0,
+                f0,
+                h,
+                z0,
+                z1,
+                a,
+                b,
+                a2,
+                b2,
+                trial,
+                f1,
+                own,
+                cross,
+                pressed,
+            )
             for i in range(rows):
                 change[i] = f1[i] - stiffness[i] * trial[i] - start[i]
             matvec(gains, change, rest)
@@ -149,8 +267,16 @@ def solve_joined(
 
 @compiled()
 def relax_joined(
-    gains, free, stiffness, limits, laws, ties, u, f, z,
-):  # fmt: skip
+    gains,
+    free,
+    stiffness,
+    limits,
+    laws,
+    ties,
+    u,
+    f,
+    z,
+):
     """Static equilibrium, u + gains (f - k u) = free, from u, f, z; ``limits`` are updated. Returns the residual."""
     rows, width = z.shape
     z1, a, b = np.zeros_like(z), np.zeros_like(z), np.zeros_like(z)
@@ -158,9 +284,27 @@ def relax_joined(
     u1, f1, change, ahead = u.copy(), f.copy(), np.zeros(rows), np.empty(rows)
     matvec(gains, f - stiffness * u, ahead)
     _, residual = solve_joined(
-        gains, free - ahead, stiffness, limits, laws, ties, False, u, f, np.inf, z, z1, a, b, a2, b2, 1e-13, u1, f1,
+        gains,
+        free - ahead,
+        stiffness,
+        limits,
+        laws,
+        ties,
+        False,
+        u,
+        f,
+        np.inf,
+        z,
+        z1,
+        a,
+        b,
+        a2,
+        b2,
+        1e-13,
+        u1,
+        f1,
         change,
-    )  # fmt: skip
+    )
     u[:], f[:], z[:] = u1, f1, z1
     return residual
 
@@ -261,9 +405,24 @@ def book_joined(n, stiffness, laws, ties, u, f, z, u1, f1, z1, b, b2, sums, kept
 
 @compiled()
 def advance_joined(
-    steps, every, h, modal, joints, limits, loads, load_rows, laws, ties, state, sums, last_limits, kept, done, places,
+    steps,
+    every,
+    h,
+    modal,
+    joints,
+    limits,
+    loads,
+    load_rows,
+    laws,
+    ties,
+    state,
+    sums,
+    last_limits,
+    kept,
+    done,
+    places,
     samples,
-):  # fmt: skip
+):
     """As ``transient_kernels.advance``, for contacts that hang together.
 
     ``kept`` (normal contact, 5) gathers extremes, counted on from step ``done``.

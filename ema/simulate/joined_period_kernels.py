@@ -107,8 +107,25 @@ def line_period(i, motion, basis, weights, h, periods, k, limit, fall, laws, z, 
             top = (1.0 - g) * limit[n] + g * limit[ago]
             if fall[n] != 0.0 or fall[ago] != 0.0:
                 more = _NUDGE * max(top, 1e-12 * k)
-                step(codes[i], i, k, top + more, par, shares_k, shares_f, counts[i], tables, user, before, u, h, z, z2,
-                     a, b)  # fmt: skip
+                step(
+                    codes[i],
+                    i,
+                    k,
+                    top + more,
+                    par,
+                    shares_k,
+                    shares_f,
+                    counts[i],
+                    tables,
+                    user,
+                    before,
+                    u,
+                    h,
+                    z,
+                    z2,
+                    a,
+                    b,
+                )
             new, slope = step(
                 codes[i], i, k, top, par, shares_k, shares_f, counts[i], tables, user, before, u, h, z, z1, a, b
             )
@@ -144,7 +161,7 @@ def line_period(i, motion, basis, weights, h, periods, k, limit, fall, laws, z, 
 @compiled()
 def plane_period(
     i, j, motion_x, motion_y, basis, weights, h, periods, k, limit, fall, laws, z, z1, z2, a, b, forces, jacobian
-):  # fmt: skip
+):
     """One isotropic contact; ``jacobian`` (contact, 3, 2 H, 2 H): by own motion, that of the partner, and the gap."""
     codes, par, shares_k, shares_f, counts, tables, _ = laws
     samples, size = basis.shape
@@ -166,8 +183,27 @@ def plane_period(
             top = (1.0 - g) * limit[n] + g * limit[ago]
             if fall[n] != 0.0 or fall[ago] != 0.0:
                 more = _NUDGE * max(top, 1e-12 * k)
-                plane_step(codes[i], i, j, k, top + more, par, shares_k, shares_f, counts[i], tables, x0, y0, x, y, h,
-                           z, z2, a, b)  # fmt: skip
+                plane_step(
+                    codes[i],
+                    i,
+                    j,
+                    k,
+                    top + more,
+                    par,
+                    shares_k,
+                    shares_f,
+                    counts[i],
+                    tables,
+                    x0,
+                    y0,
+                    x,
+                    y,
+                    h,
+                    z,
+                    z2,
+                    a,
+                    b,
+                )
             fx, fy, sxx, sxy, syx, syy = plane_step(
                 codes[i], i, j, k, top, par, shares_k, shares_f, counts[i], tables, x0, y0, x, y, h, z, z1, a, b
             )
@@ -247,9 +283,7 @@ def joined_forces(amplitudes, orders, basis, periods, omega, stiffness, limits, 
     depth = np.empty((len(pairs), 2, samples))
     for n in range(len(pairs)):
         i = first + n
-        normal_period(
-            pairs[n], curve, stiffness[i], motion[i], basis, weights, forces[i], jacobian[i, 0], depth[n]
-        )  # fmt: skip
+        normal_period(pairs[n], curve, stiffness[i], motion[i], basis, weights, forces[i], jacobian[i, 0], depth[n])
         pressing = depth[n, 0]
         extremes[n, 0], extremes[n, 1], extremes[n, 3] = pressing.min(), pressing.max(), motion[i].max()
         extremes[n, 2] = (pressing <= 0.0).sum() / samples
@@ -264,13 +298,47 @@ def joined_forces(amplitudes, orders, basis, periods, omega, stiffness, limits, 
             top, fall = friction[i] * depth[n, 0], friction[i] * depth[n, 1]
         if j >= 0:
             lost[i] = plane_period(
-                i, j, motion[i], motion[j], basis, weights, h, periods, stiffness[i], top, fall, laws, z, z1, z2, a2,
-                b2, forces, jacobian,
-            )  # fmt: skip
+                i,
+                j,
+                motion[i],
+                motion[j],
+                basis,
+                weights,
+                h,
+                periods,
+                stiffness[i],
+                top,
+                fall,
+                laws,
+                z,
+                z1,
+                z2,
+                a2,
+                b2,
+                forces,
+                jacobian,
+            )
         else:
             both[:] = 0.0
-            lost[i] = line_period(i, motion[i], basis, weights, h, periods, stiffness[i], top, fall, laws, z, z1, z2,
-                                  a, b, forces[i], both)  # fmt: skip
+            lost[i] = line_period(
+                i,
+                motion[i],
+                basis,
+                weights,
+                h,
+                periods,
+                stiffness[i],
+                top,
+                fall,
+                laws,
+                z,
+                z1,
+                z2,
+                a,
+                b,
+                forces[i],
+                both,
+            )
             jacobian[i, 0], jacobian[i, 2] = both[0], both[1]
     deviates = np.zeros(contacts, np.bool_)
     for i in range(contacts):

@@ -43,8 +43,13 @@ def _prepared(
     if not np.all(np.isfinite(force)) or force.min() < 0:
         raise InputError("not a normal force", where=f"law {law.name}", got=f"{force.min()} N", expected="0 N or more")
     if not np.isfinite(law.contact_stiffness):
-        raise InputError("a rigid law has no loop of its own", where=f"law {law.name}", got="infinite stick stiffness",
-                         expected="a stiffness", advice="Coulomb(mu, stick_stiffness=...)")  # fmt: skip
+        raise InputError(
+            "a rigid law has no loop of its own",
+            where=f"law {law.name}",
+            got="infinite stick stiffness",
+            expected="a stiffness",
+            advice="Coulomb(mu, stick_stiffness=...)",
+        )
     where = f"law {law.name}"
     not_negative(where, friction_coefficient=law.friction_coefficient)
     positive(where, contact_stiffness=law.contact_stiffness)
@@ -82,10 +87,20 @@ def drive_plane(
     x, y = (np.ascontiguousarray(row, dtype=np.float64) for row in displacements)
     return np.asarray(
         kernels.drive_plane(
-            packed.codes[0], stiffness, limits, packed.parameters, packed.stiffness_shares, packed.force_shares,
-            packed.counts[0], packed.tables, x, y, interval, state,
+            packed.codes[0],
+            stiffness,
+            limits,
+            packed.parameters,
+            packed.stiffness_shares,
+            packed.force_shares,
+            packed.counts[0],
+            packed.tables,
+            x,
+            y,
+            interval,
+            state,
         )
-    )  # fmt: skip
+    )
 
 
 def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int = 4096, frequency: float = 1.0) -> Loop:
@@ -107,9 +122,15 @@ def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int =
     turns = amplitude * np.resize([1.0, -1.0], 100_000) if law.name != "lugre" else np.tile(fine[:-1], 20)
     forces = drive(law, np.concatenate([[0.0], turns, fine]), normal_force, 1 / (frequency * samples))[-len(fine) :]
     return Loop(
-        fine, forces, enclosed_area(fine, forces), amplitude, 1, normal_force,
-        np.arange(samples + 1) / (frequency * samples), name=law.name,
-    )  # fmt: skip
+        fine,
+        forces,
+        enclosed_area(fine, forces),
+        amplitude,
+        1,
+        normal_force,
+        np.arange(samples + 1) / (frequency * samples),
+        name=law.name,
+    )
 
 
 def enclosed_area(displacements: Float[np.ndarray, "sample"], forces: Float[np.ndarray, "sample"]) -> float:

@@ -41,9 +41,15 @@ class Resonance:
 
 
 def resonance(
-    model: BeamModel, force: float, at: Dof | str, output: Dof | str, band: tuple[float, float],
-    tolerance: float = 5e-3, modes: int | None = None, coarse: int = 40,
-) -> Resonance:  # fmt: skip
+    model: BeamModel,
+    force: float,
+    at: Dof | str,
+    output: Dof | str,
+    band: tuple[float, float],
+    tolerance: float = 5e-3,
+    modes: int | None = None,
+    coarse: int = 40,
+) -> Resonance:
     """Frequency and height of the largest response of ``output`` in a band at one force level.
 
     Parameters
@@ -100,9 +106,10 @@ def _peak(
     heights = _heights(condensed, points)
     places = sorted(points)
     summits = [
-        n for n, f in enumerate(places)
+        n
+        for n, f in enumerate(places)
         if heights[f] >= max(_RIVAL * max(heights.values()), *(heights[g] for g in places[max(n - 1, 0) : n + 2]))
-    ]  # fmt: skip
+    ]
     best: Resonance | None = None
     for n in sorted(summits, key=lambda n: -heights[places[n]])[:_MOST_SUMMITS]:
         near = {f: points[f] for f in places[max(n - 1, 0) : n + 2]}
@@ -110,8 +117,12 @@ def _peak(
         if found is not None and (best is None or abs(found.amplitude) > abs(best.amplitude)):
             best = found
     if best is None:
-        raise InputError("no steady state in the band", where=condensed.problem.system.name, got=f"{band} Hz",
-                         advice="use the time solver")  # fmt: skip
+        raise InputError(
+            "no steady state in the band",
+            where=condensed.problem.system.name,
+            got=f"{band} Hz",
+            advice="use the time solver",
+        )
     return best
 
 
@@ -192,9 +203,14 @@ def _height(condensed: Condensed, point: _Point) -> float:
 
 
 def _climbed(
-    condensed: Condensed, known: dict[float, _Point], around: list[float],
-    limits: tuple[float, float], hints: dict[float, _Point], count: int, closest: float = _CLOSEST,
-) -> dict[float, _Point]:  # fmt: skip
+    condensed: Condensed,
+    known: dict[float, _Point],
+    around: list[float],
+    limits: tuple[float, float],
+    hints: dict[float, _Point],
+    count: int,
+    closest: float = _CLOSEST,
+) -> dict[float, _Point]:
     """Solutions with ``count`` harmonics up to the summit, by parabolas through 1/height^2, nearly one there.
 
     ``known`` are those made before, ``around`` the frequencies to begin with; each solution starts from the nearest
@@ -266,10 +282,15 @@ def _resonance(condensed: Condensed, frequency: float, point: _Point) -> Resonan
 
 
 def backbone(
-    model: BeamModel, forces: Sequence[float] | Float[np.ndarray, "level"], at: Dof | str, output: Dof | str,
+    model: BeamModel,
+    forces: Sequence[float] | Float[np.ndarray, "level"],
+    at: Dof | str,
+    output: Dof | str,
     band: tuple[float, float],
-    tolerance: float = 5e-3, modes: int | None = None, progress: Progress = silent,
-) -> tuple[Resonance, ...]:  # fmt: skip
+    tolerance: float = 5e-3,
+    modes: int | None = None,
+    progress: Progress = silent,
+) -> tuple[Resonance, ...]:
     """Resonance at every force level of ``forces`` (N): how frequency and damping depend on amplitude.
 
     Raises
@@ -299,10 +320,16 @@ def homogeneous(model: BeamModel) -> bool:
 
 
 def damping_map(
-    model: BeamModel, force_levels: Sequence[float] | Float[np.ndarray, "level"],
-    normal_forces: Sequence[float] | Float[np.ndarray, "normal"], at: Dof | str, output: Dof | str,
-    band: tuple[float, float], tolerance: float = 1e-2, modes: int | None = None, progress: Progress = silent,
-) -> ModalMap:  # fmt: skip
+    model: BeamModel,
+    force_levels: Sequence[float] | Float[np.ndarray, "level"],
+    normal_forces: Sequence[float] | Float[np.ndarray, "normal"],
+    at: Dof | str,
+    output: Dof | str,
+    band: tuple[float, float],
+    tolerance: float = 1e-2,
+    modes: int | None = None,
+    progress: Progress = silent,
+) -> ModalMap:
     """Resonance frequency and equivalent damping over (F_E, F_N): ``ModalMap`` of the kind ``frozen``.
 
     ``normal_forces`` N are given to every joint. Where the model is homogeneous the map is one curve over F_N/F_E, else
@@ -343,23 +370,40 @@ def damping_map(
             table[:, :, column] = interpolated(wanted, curves[-1].at, tolerances, first=_FIRST_LEVELS)[back].T
     findings, error = [], max(found.error_estimate for curve in curves for found in curve.known.values())
     if error > tolerance:
-        findings.append(Finding("warning", "harmonics", model.name, f"error estimate of a peak {error:.1e}.", error,
-                                tolerance, "Check it in time."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "harmonics",
+                model.name,
+                f"error estimate of a peak {error:.1e}.",
+                error,
+                tolerance,
+                "Check it in time.",
+            )
+        )
     shape = table.shape[1:]
     joints = np.broadcast_to(normals[None, :, None], (*shape, len(model.joints)))
     return ModalMap(
-        levels, normals, table[0], table[1], force_at_resonance=np.broadcast_to(levels[:, None], shape),
-        modal_amplitude=table[2], joint_forces=joints, joints=tuple(joint.name for joint in model.joints),
-        method="frozen", name=model.name,
+        levels,
+        normals,
+        table[0],
+        table[1],
+        force_at_resonance=np.broadcast_to(levels[:, None], shape),
+        modal_amplitude=table[2],
+        joint_forces=joints,
+        joints=tuple(joint.name for joint in model.joints),
+        method="frozen",
+        name=model.name,
         provenance=Provenance(
             options=(
-                ("tolerance", str(tolerance)), ("homogeneity", str(homogeneous(model))),
+                ("tolerance", str(tolerance)),
+                ("homogeneity", str(homogeneous(model))),
                 ("largest error estimate of a peak", f"{error:.2g}"),
             ),
             steps=("damping_map",),
         ),
         findings=tuple(findings),
-    )  # fmt: skip
+    )
 
 
 @dataclass
@@ -382,9 +426,12 @@ class _Curve:
 
 
 def interpolated(
-    wanted: Float[np.ndarray, "place"], compute: Callable[[float], np.ndarray],
-    tolerance: Float[np.ndarray, "number"], progress: Progress = silent, first: int = _FIRST,
-) -> Float[np.ndarray, "place number"]:  # fmt: skip
+    wanted: Float[np.ndarray, "place"],
+    compute: Callable[[float], np.ndarray],
+    tolerance: Float[np.ndarray, "number"],
+    progress: Progress = silent,
+    first: int = _FIRST,
+) -> Float[np.ndarray, "place number"]:
     """Positive numbers at ascending places of 0 or more, computed at some and interpolated at the others.
 
     ``first`` places are computed whatever the tolerance. A stretch is interpolated when the place in its middle was

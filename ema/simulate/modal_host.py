@@ -39,17 +39,32 @@ def modal_coordinates(model: ModalModel) -> ModalCoordinates:
     """
     where = model.name or "modal host"
     if model.scaling != "unit modal mass":
-        raise InputError("a host needs scaled shapes", where=where, got=model.scaling, expected="unit modal mass",
-                         advice="measure the force and a drive point")  # fmt: skip
+        raise InputError(
+            "a host needs scaled shapes",
+            where=where,
+            got=model.scaling,
+            expected="unit modal mass",
+            advice="measure the force and a drive point",
+        )
     if np.any(model.damping_ratios < 0):
-        raise InputError("a mode with negative damping", where=where, got=f"{model.damping_ratios.min():.2e}",
-                         expected="0 or more")  # fmt: skip
+        raise InputError(
+            "a mode with negative damping", where=where, got=f"{model.damping_ratios.min():.2e}", expected="0 or more"
+        )
     findings = []
     shapes = np.real(model.shapes)
     lost = float(np.linalg.norm(np.imag(model.shapes))) / max(float(np.linalg.norm(model.shapes)), 1e-300)
     if lost > 0.1:
-        findings.append(Finding("warning", "complex-host", where, f"{lost:.0%} of the shapes is out of phase.",
-                                lost, 0.1, "Make the shapes real first (ema.shapes.realise)."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "complex-host",
+                where,
+                f"{lost:.0%} of the shapes is out of phase.",
+                lost,
+                0.1,
+                "Make the shapes real first (ema.shapes.realise).",
+            )
+        )
     omega = np.abs(model.poles)
     squares, decay, columns = list(omega**2), list(-2 * np.real(model.poles)), [shapes]
     rest = model.residuals
@@ -60,8 +75,17 @@ def modal_coordinates(model: ModalModel) -> ModalCoordinates:
         squares += [0.0] * rigid.shape[1] + [top**2] * flexible.shape[1]
         decay += [0.0] * (rigid.shape[1] + flexible.shape[1])
     elif rest is not None:
-        findings.append(Finding("warning", "no-residuals", where, "the residual terms are left out.", None, None,
-                                "They are needed between all DOFs: the host is too stiff."))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "no-residuals",
+                where,
+                "the residual terms are left out.",
+                None,
+                None,
+                "They are needed between all DOFs: the host is too stiff.",
+            )
+        )
     return ModalCoordinates(
         np.eye(len(squares)), np.diag(squares), np.array(decay), np.hstack(columns), model.dofs, tuple(findings)
     )

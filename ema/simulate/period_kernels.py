@@ -205,9 +205,24 @@ def _add_memory(memory, turns, orders, cosine, sine, jacobian):
 
 @compiled(error_model="numpy")
 def masing_period(
-    amplitudes, orders, rates, bends, odd, stiffness, limit, shares_k, shares_f, count, place, value, cosine, sine,
-    forces, jacobian, derive,
-):  # fmt: skip
+    amplitudes,
+    orders,
+    rates,
+    bends,
+    odd,
+    stiffness,
+    limit,
+    shares_k,
+    shares_f,
+    count,
+    place,
+    value,
+    cosine,
+    sine,
+    forces,
+    jacobian,
+    derive,
+):
     """Fourier coefficients ``forces`` (2 H,) of f - k u of parallel Masing springs, their Jacobian; returns the loss.
 
     Without ``derive`` the Jacobian is not made: its place is then workspace.

@@ -136,9 +136,17 @@ def smooth_step(k, limit, m, span, dux, duy, fx, fy):
         by_start = by_start + h / 6.0 * (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3])
         by_e = by_e + h / 6.0 * (by_es[0] + 2.0 * by_es[1] + 2.0 * by_es[2] + by_es[3])
     return (
-        limit * y[0], limit * y[1], by_start[0, 0], by_start[0, 1], by_start[1, 0], by_start[1, 1],
-        k * by_e[0, 0], k * by_e[0, 1], k * by_e[1, 0], k * by_e[1, 1],
-    )  # fmt: skip
+        limit * y[0],
+        limit * y[1],
+        by_start[0, 0],
+        by_start[0, 1],
+        by_start[1, 0],
+        by_start[1, 1],
+        k * by_e[0, 0],
+        k * by_e[0, 1],
+        k * by_e[1, 0],
+        k * by_e[1, 1],
+    )
 
 
 @compiled()
@@ -218,12 +226,17 @@ def _one_step(code, i, k, limit, par, tables, dux, duy, fx, fy):
         across = full[2] * dy * dy - (full[3] + full[4]) * dx * dy + full[5] * dx * dx
         turn = full[6] * dy * dy - (full[7] + full[8]) * dx * dy + full[9] * dx * dx
         return (
-            force * dx, force * dy,
-            a * dx * dx + across * dy * dy, (a - across) * dx * dy, (a - across) * dx * dy,
+            force * dx,
+            force * dy,
+            a * dx * dx + across * dy * dy,
+            (a - across) * dx * dy,
+            (a - across) * dx * dy,
             a * dy * dy + across * dx * dx,
-            slope * dx * dx + turn * dy * dy, (slope - turn) * dx * dy, (slope - turn) * dx * dy,
+            slope * dx * dx + turn * dy * dy,
+            (slope - turn) * dx * dy,
+            (slope - turn) * dx * dy,
             slope * dy * dy + turn * dx * dx,
-        )  # fmt: skip
+        )
     return smooth_step(k, limit, par[i, 0], par[i, 3], dux, duy, fx, fy)
 
 

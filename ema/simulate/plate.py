@@ -35,9 +35,15 @@ class PlateModes:
 
 
 def free_plate(
-    length: float, width: float, mass: float, stiffness: float, stiffness_ratio: float = 1.0, twist: float = 1.0,
-    poisson: float = 0.3, modes: int = 12,
-) -> PlateModes:  # fmt: skip
+    length: float,
+    width: float,
+    mass: float,
+    stiffness: float,
+    stiffness_ratio: float = 1.0,
+    twist: float = 1.0,
+    poisson: float = 0.3,
+    modes: int = 12,
+) -> PlateModes:
     """Modes of a free rectangular orthotropic Kirchhoff plate, with 9 x 9 Legendre products (Ritz).
 
     Parameters

@@ -65,9 +65,11 @@ def natural_modes(
 
 
 def modal_base(
-    system: System, stiffness: Float[np.ndarray, "contact"] | None = None, modes: int | None = None,
+    system: System,
+    stiffness: Float[np.ndarray, "contact"] | None = None,
+    modes: int | None = None,
     loads: Sequence[Dof | str] = (),
-) -> ModalBase:  # fmt: skip
+) -> ModalBase:
     """Modes with contact springs ``stiffness`` (N/m; those of the laws by default).
 
     ``modes`` keeps that many of the lowest and adds one static correction for every contact and every load, so that
@@ -87,8 +89,13 @@ def modal_base(
         matrix, mass = transform.T @ matrix @ transform, transform.T @ mass @ transform
     squares, shapes = natural_modes(matrix, mass)
     if squares[0] < -1e-6 * squares[-1] or not np.all(np.isfinite(squares)):
-        raise InputError("the structure is unstable", where=system.name, got=f"lowest eigenvalue {squares[0]:g}",
-                         expected="no negative stiffness", advice="check the stiffness matrix")  # fmt: skip
+        raise InputError(
+            "the structure is unstable",
+            where=system.name,
+            got=f"lowest eigenvalue {squares[0]:g}",
+            expected="no negative stiffness",
+            advice="check the stiffness matrix",
+        )
     rigid = squares < 1e-12 * squares[-1]
     frequencies = np.sqrt(np.where(rigid, 0.0, np.maximum(squares, 0.0)))
     shapes = shapes if transform is None else transform @ shapes

@@ -92,14 +92,22 @@ class Rig(ABC):
         if not (np.isfinite(self.sampling_rate) and self.sampling_rate > 0):
             raise InputError("not a sampling rate", where=self.name, got=self.sampling_rate, expected="above 0 Hz")
         not_negative(self.name, **{f"noise of {quantity}": rms for quantity, rms in self.noise.items()})
-        positive(self.name, **{name: value for name, value in (("bits", self.bits), ("force_range", self.force_range))
-                               if value is not None})  # fmt: skip
+        positive(
+            self.name,
+            **{
+                name: value
+                for name, value in (("bits", self.bits), ("force_range", self.force_range))
+                if value is not None
+            },
+        )
         for channel in self.responses:
             if channel.quantity not in DERIVATIVES or channel.dof is None:
                 raise InputError(
-                    "a response needs a DOF and a motion", where=f"{self.name}, channel {channel.name}",
-                    got=channel.quantity, expected=" or ".join(DERIVATIVES),
-                )  # fmt: skip
+                    "a response needs a DOF and a motion",
+                    where=f"{self.name}, channel {channel.name}",
+                    got=channel.quantity,
+                    expected=" or ".join(DERIVATIVES),
+                )
         unknown = set(self.reversed_sensors) - {channel.name for channel in self.responses}
         if unknown:
             raise InputError("no such response channel", where=self.name, got=", ".join(sorted(unknown)))
@@ -149,9 +157,13 @@ class Rig(ABC):
             signals[row], overloads[row] = self._front_end(signals[row], channel, rng)
         pause = timedelta(seconds=number * (self.drive.duration + 15))
         return Recording(
-            signals, self.sampling_rate, channels, start=None if self.start is None else self.start + pause,
-            overloads=overloads, name=f"{self.name} {' '.join(map(str, self.drive.dofs(number)))}",
-        )  # fmt: skip
+            signals,
+            self.sampling_rate,
+            channels,
+            start=None if self.start is None else self.start + pause,
+            overloads=overloads,
+            name=f"{self.name} {' '.join(map(str, self.drive.dofs(number)))}",
+        )
 
     @abstractmethod
     def signals(self, number: int, rng: np.random.Generator) -> Float[np.ndarray, "channel sample"]:

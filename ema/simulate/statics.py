@@ -29,9 +29,13 @@ class StaticState:
 
 
 def ramp(
-    system: System, laws: PackedLaws, load: Float[np.ndarray, "n"], increments: int = 40,
-    limits: Float[np.ndarray, "contact"] | None = None, joined: Joined | None = None,
-) -> StaticState:  # fmt: skip
+    system: System,
+    laws: PackedLaws,
+    load: Float[np.ndarray, "n"],
+    increments: int = 40,
+    limits: Float[np.ndarray, "contact"] | None = None,
+    joined: Joined | None = None,
+) -> StaticState:
     """State after the load (n,) has been raised slowly from zero, from unstressed contacts.
 
     Raises
@@ -44,9 +48,13 @@ def ramp(
     # what friction alone keeps from moving away, as a beam that only lies on its host, is held
     values = np.linalg.eigvalsh(matrix)
     if values[0] < 1e-12 * values[-1]:
-        raise InputError("the structure is not held", where=system.name, got="a rigid-body motion",
-                         expected="a support that carries the static load",
-                         advice="clamp it, or excite it with a pulse instead of a snap-back")  # fmt: skip
+        raise InputError(
+            "the structure is not held",
+            where=system.name,
+            got="a rigid-body motion",
+            expected="a support that carries the static load",
+            advice="clamp it, or excite it with a pulse instead of a snap-back",
+        )
     solved = np.linalg.solve(matrix, np.column_stack([load, slip.T]))
     gains, reach = slip @ solved[:, 1:], slip @ solved[:, 0]
     # A beam that friction alone holds is free when all its contacts slide: 1/k - gains is then singular, and rounding
@@ -83,9 +91,14 @@ def _raise_alone(
 
 
 def _raise_joined(
-    laws: PackedLaws, joined: Joined, gains: np.ndarray, reach: Float[np.ndarray, "level contact"],
-    stiffness: np.ndarray, limits: np.ndarray, where: str,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    laws: PackedLaws,
+    joined: Joined,
+    gains: np.ndarray,
+    reach: Float[np.ndarray, "level contact"],
+    stiffness: np.ndarray,
+    limits: np.ndarray,
+    where: str,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The same of contacts that hang together; ``limits`` follow the normal forces."""
     from ema.simulate import friction_kernels, joined_kernels
 

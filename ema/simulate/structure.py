@@ -82,9 +82,11 @@ class System:
         found = match([wanted], self.dofs)
         if not found:
             raise InputError(
-                "the structure has no such DOF", where=self.name, got=str(wanted),
+                "the structure has no such DOF",
+                where=self.name,
+                got=str(wanted),
                 expected=f"one of its {len(self.dofs)} DOFs such as {self.dofs[0]} or {self.dofs[-1]}",
-            )  # fmt: skip
+            )
         row = np.zeros(len(self.dofs))
         row[found[0][1]] = found[0][2]
         return row if self.reach is None else row @ self.reach
@@ -123,22 +125,38 @@ def _check_joint(joint: Joint) -> None:
         return InputError(what, where=where, got=got, expected=expected, advice=advice)
 
     if not joint.pairs:
-        raise wrong("a joint without contact pairs", "0 pairs", "at least one (host node, beam node)",
-                    "list the node pairs, or leave the joint out for a structure without friction")  # fmt: skip
+        raise wrong(
+            "a joint without contact pairs",
+            "0 pairs",
+            "at least one (host node, beam node)",
+            "list the node pairs, or leave the joint out for a structure without friction",
+        )
     if not (np.isfinite(joint.normal_force) and joint.normal_force >= 0):
-        raise wrong("not a normal force", f"{joint.normal_force} N", "0 N or more",
-                    "pressing is positive; a joint that is open has 0 N")  # fmt: skip
+        raise wrong(
+            "not a normal force",
+            f"{joint.normal_force} N",
+            "0 N or more",
+            "pressing is positive; a joint that is open has 0 N",
+        )
     if not (np.isfinite(joint.normal_stiffness) and joint.normal_stiffness > 0):
         raise wrong("not a normal stiffness", f"{joint.normal_stiffness} N/m", "a positive number")
     for name in ("tangential_loss", "normal_loss"):
         if not 0 <= getattr(joint, name) < 1:
             raise wrong("not a loss factor", f"{name} = {getattr(joint, name)}", "0 or more, below 1")
     if not (np.isfinite(law.friction_coefficient) and law.friction_coefficient >= 0):
-        raise wrong("not a friction coefficient", law.friction_coefficient, "mu of 0 or more",
-                    "the direction of friction follows from the motion, mu has no sign")  # fmt: skip
+        raise wrong(
+            "not a friction coefficient",
+            law.friction_coefficient,
+            "mu of 0 or more",
+            "the direction of friction follows from the motion, mu has no sign",
+        )
     if not law.contact_stiffness > 0 or (np.isinf(law.contact_stiffness) and law.name != "coulomb"):
-        raise wrong("not a tangential contact stiffness", f"{law.contact_stiffness} N/m", "a positive finite number",
-                    "for rigid contact use ema.simulate.Coulomb")  # fmt: skip
+        raise wrong(
+            "not a tangential contact stiffness",
+            f"{law.contact_stiffness} N/m",
+            "a positive finite number",
+            "for rigid contact use ema.simulate.Coulomb",
+        )
     if not (np.isfinite(law.stiffness_exponent) and law.stiffness_exponent >= 0):
         raise wrong("not an exponent of k_T(F_N)", law.stiffness_exponent, "0 (constant) or more, usually 0.3 to 0.9")
     if not (np.isfinite(law.reference_force) and law.reference_force > 0):
@@ -167,23 +185,40 @@ def check_matrices(matrices: Matrices, where: str) -> None:
     """
     for name, matrix in (("mass", matrices.mass), ("stiffness", matrices.stiffness)):
         if matrix.shape != (len(matrices.dofs),) * 2:
-            raise InputError(f"the {name} matrix does not fit its DOFs", where=where, got=matrix.shape,
-                             expected=f"{len(matrices.dofs)} rows and columns")  # fmt: skip
+            raise InputError(
+                f"the {name} matrix does not fit its DOFs",
+                where=where,
+                got=matrix.shape,
+                expected=f"{len(matrices.dofs)} rows and columns",
+            )
         if not np.all(np.isfinite(matrix)):
-            raise InputError(f"the {name} matrix holds NaN or infinity", where=where,
-                             got=f"{np.sum(~np.isfinite(matrix))} such entries", expected="numbers",
-                             advice="export it again")  # fmt: skip
+            raise InputError(
+                f"the {name} matrix holds NaN or infinity",
+                where=where,
+                got=f"{np.sum(~np.isfinite(matrix))} such entries",
+                expected="numbers",
+                advice="export it again",
+            )
         unequal = np.abs(matrix - matrix.T).max()
         if unequal > 1e-9 * np.abs(matrix).max():
-            raise InputError(f"the {name} matrix is not symmetric", where=where, got=f"difference {unequal:g}",
-                             expected="equal to its transpose", advice="export the full matrix")  # fmt: skip
+            raise InputError(
+                f"the {name} matrix is not symmetric",
+                where=where,
+                got=f"difference {unequal:g}",
+                expected="equal to its transpose",
+                advice="export the full matrix",
+            )
         if _surely_positive(matrix, 0.0 if name == "mass" else 1e-9 * float(np.diag(matrix).max())):
             continue
         lowest = np.linalg.eigvalsh(matrix)[[0, -1]]
         if lowest[0] < -1e-9 * lowest[1] or (name == "mass" and lowest[0] <= 0):
-            raise InputError(f"the {name} matrix is not positive", where=where, got=f"lowest eigenvalue {lowest[0]:g}",
-                             expected="a positive definite mass and a stiffness without negative eigenvalues",
-                             advice="check the units and the sign of the exported matrices")  # fmt: skip
+            raise InputError(
+                f"the {name} matrix is not positive",
+                where=where,
+                got=f"lowest eigenvalue {lowest[0]:g}",
+                expected="a positive definite mass and a stiffness without negative eigenvalues",
+                advice="check the units and the sign of the exported matrices",
+            )
 
 
 def _surely_positive(matrix: np.ndarray, shift: float) -> bool:
@@ -232,10 +267,19 @@ def assemble(model: BeamModel) -> System:
     held, findings = _rigid_contacts(contacts, mass, stiffness, model.name)
     findings_of_host = () if isinstance(host, Matrices) else host.findings
     return System(
-        mass, stiffness, dofs, held, model.damping, normals, _spacing(model),
-        (*findings, *findings_of_host, *resting(normals, model.name).findings), model.name, reach, decay,
+        mass,
+        stiffness,
+        dofs,
+        held,
+        model.damping,
+        normals,
+        _spacing(model),
+        (*findings, *findings_of_host, *resting(normals, model.name).findings),
+        model.name,
+        reach,
+        decay,
         _loss(model, held, normals),
-    )  # fmt: skip
+    )
 
 
 _Parts = tuple[tuple[Dof, ...], tuple[Dof, ...], int, int]
@@ -244,9 +288,7 @@ _Parts = tuple[tuple[Dof, ...], tuple[Dof, ...], int, int]
 
 def _normals(model: BeamModel, parts: _Parts, reach: np.ndarray | None) -> NormalPairs:
     gaps = np.vstack([normal_rows(joint, *parts) for joint in model.joints])
-    areas, preloads = (
-        np.concatenate([share(joint) for joint in model.joints]) for share in (pair_areas, pair_forces)
-    )  # fmt: skip
+    areas, preloads = (np.concatenate([share(joint) for joint in model.joints]) for share in (pair_areas, pair_forces))
     return normal_pairs(model.joints, gaps if reach is None else gaps @ reach, areas, preloads)
 
 
@@ -285,11 +327,16 @@ def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals
     count = len(followed)
     owner = np.repeat(np.arange(len(model.joints)), [len(joint.pairs) for joint in model.joints])
     return Contacts(
-        np.vstack([slip, normals.rows[followed]]), np.append(springs, normals.stiffness[followed]),
-        np.append(limits, np.full(count, np.inf)), (*joints, *owner[followed].tolist()), (*partners, *[-1] * count),
-        (*laws, *[_SPRING] * count), np.append(shares, np.full(count, np.inf)), count,
+        np.vstack([slip, normals.rows[followed]]),
+        np.append(springs, normals.stiffness[followed]),
+        np.append(limits, np.full(count, np.inf)),
+        (*joints, *owner[followed].tolist()),
+        (*partners, *[-1] * count),
+        (*laws, *[_SPRING] * count),
+        np.append(shares, np.full(count, np.inf)),
+        count,
         (*map(int, pressed_by), *[-1] * count),
-    )  # fmt: skip
+    )
 
 
 def _loss(model: BeamModel, contacts: Contacts, normals: NormalPairs) -> Float[np.ndarray, "n n"] | None:
@@ -322,9 +369,14 @@ def _rigid_contacts(
     own = 1 / np.diag(slip @ np.linalg.solve(stiffness + shift * mass, slip.T))
     chosen = RIGID_FACTOR * float(own.max())
     finding = Finding(
-        "info", "rigid-friction", where, f"rigid friction is computed with {chosen:.2e} N/m per contact.",
-        chosen, None, "Give stick_stiffness to choose another.",
-    )  # fmt: skip
+        "info",
+        "rigid-friction",
+        where,
+        f"rigid friction is computed with {chosen:.2e} N/m per contact.",
+        chosen,
+        None,
+        "Give stick_stiffness to choose another.",
+    )
     return replace(contacts, stiffness=np.where(rigid, chosen, contacts.stiffness)), (finding,)
 
 

@@ -74,9 +74,13 @@ class Problem:
 
 
 def prepare(
-    model: BeamModel, outputs: Sequence[Dof | str], modes: int | None = None, loads: Sequence[Dof | str] = (),
-    plane: bool = False, normal: bool = False,
-) -> Problem:  # fmt: skip
+    model: BeamModel,
+    outputs: Sequence[Dof | str],
+    modes: int | None = None,
+    loads: Sequence[Dof | str] = (),
+    plane: bool = False,
+    normal: bool = False,
+) -> Problem:
     """Assemble a model, find its modes and pack its laws.
 
     ``plane`` and ``normal`` say whether the caller follows isotropic friction in two directions, and normal contact
@@ -134,9 +138,13 @@ class Stepper:
         self.kept, self.done = kept_at_rest(problem.system), 0
 
     def run(
-        self, steps: int, every: int, limits: Float[np.ndarray, "row contact"], loads: Float[np.ndarray, "end load"],
+        self,
+        steps: int,
+        every: int,
+        limits: Float[np.ndarray, "row contact"],
+        loads: Float[np.ndarray, "end load"],
         into: dict[str, np.ndarray] | None = None,
-    ) -> dict[str, np.ndarray]:  # fmt: skip
+    ) -> dict[str, np.ndarray]:
         """Take ``steps`` steps and return samples of q, p (mode), u, f (contact) and energies (6)."""
         from ema.simulate import transient_kernels
 
@@ -154,9 +162,21 @@ class Stepper:
         else:
             (flow, loss), steps, every = self._leap(every), steps // every, 1
         kernels.advance_linear(
-            steps, every, flow, loss, self.squares[1], loads, self.rows[1], self.q[1], self.p[1], self.energies[1],
-            self.free, q, p, energy,
-        )  # fmt: skip
+            steps,
+            every,
+            flow,
+            loss,
+            self.squares[1],
+            loads,
+            self.rows[1],
+            self.q[1],
+            self.p[1],
+            self.energies[1],
+            self.free,
+            q,
+            p,
+            energy,
+        )
         return run
 
     def _advance(
@@ -174,10 +194,15 @@ class Stepper:
         strides = self._strides(every if len(limits) == 1 else 1)
         reach = np.zeros((len(strides[2]), len(self.u))), np.zeros(1, np.int64)
         most, worst = kernels.advance(
-            (steps, every, 1 / self.h), (self.flow[0], self.loss[0], self.squares[0]), contact,
-            (limits, loads, self.rows[0]), laws.arguments(), state, books,
+            (steps, every, 1 / self.h),
+            (self.flow[0], self.loss[0], self.squares[0]),
+            contact,
+            (limits, loads, self.rows[0]),
+            laws.arguments(),
+            state,
+            books,
             (*strides, _quiet(loads), (*self.room, *reach)),
-        )  # fmt: skip
+        )
         return int(most), float(worst)
 
     def _advance_joined(
@@ -189,11 +214,24 @@ class Stepper:
         kernels: Any = joined_kernels
         assert self.problem.joined is not None
         most, worst = kernels.advance_joined(
-            steps, every, self.h, (self.flow[0], self.loss[0], self.squares[0]),
-            (self.slip, self.gains, self.problem.system.contacts.stiffness), limits, loads, self.rows[0],
-            self.problem.laws.arguments, self.problem.joined.arguments, state,
-            (self.energies[0], self.dissipated, self.sliding), self.limits, self.kept, self.done, self.coupled, samples,
-        )  # fmt: skip
+            steps,
+            every,
+            self.h,
+            (self.flow[0], self.loss[0], self.squares[0]),
+            (self.slip, self.gains, self.problem.system.contacts.stiffness),
+            limits,
+            loads,
+            self.rows[0],
+            self.problem.laws.arguments,
+            self.problem.joined.arguments,
+            state,
+            (self.energies[0], self.dissipated, self.sliding),
+            self.limits,
+            self.kept,
+            self.done,
+            self.coupled,
+            samples,
+        )
         self.done += steps
         return int(most), float(worst)
 
@@ -256,9 +294,14 @@ def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
 
 
 def integrate(
-    problem: Problem, state: _State, h: float, every: int, samples: int, drive: "Drive",
+    problem: Problem,
+    state: _State,
+    h: float,
+    every: int,
+    samples: int,
+    drive: "Drive",
     tick: Callable[[], None] = lambda: None,
-) -> tuple[dict[str, np.ndarray], Stepper]:  # fmt: skip
+) -> tuple[dict[str, np.ndarray], Stepper]:
     """One run with one step length: samples at 0 and after every ``every`` steps, ``samples`` intervals.
 
     The forces of every step are made block by block, so that fine steps of long runs take no memory; ``tick`` is called
@@ -310,9 +353,15 @@ class Drive:
 
 
 def solve(
-    problem: Problem, state: _State, drive: Drive, duration: float, sampling_rate: float, tolerance: float,
-    progress: Progress = silent, halvings: int = 9,
-) -> Response:  # fmt: skip
+    problem: Problem,
+    state: _State,
+    drive: Drive,
+    duration: float,
+    sampling_rate: float,
+    tolerance: float,
+    progress: Progress = silent,
+    halvings: int = 9,
+) -> Response:
     """Halve the step until two runs agree within ``tolerance`` of the largest displacement.
 
     Raises
@@ -361,9 +410,14 @@ def refined(
 
 
 def _response(
-    problem: Problem, drive: Drive, run: dict[str, np.ndarray], stepper: Stepper, interval: float, error: float,
+    problem: Problem,
+    drive: Drive,
+    run: dict[str, np.ndarray],
+    stepper: Stepper,
+    interval: float,
+    error: float,
     tolerance: float,
-) -> Response:  # fmt: skip
+) -> Response:
     rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
     names = ("friction", "damping", "projection", "supplied", "contact", "mechanical")
     energy = EnergyBalance(**dict(zip(names, run["energy"].T, strict=True)))
@@ -380,26 +434,57 @@ def _response(
     pressed = pressure(problem.system, stepper.kept, stepper.done, stepper.h, openings)
     findings += pressed.findings
     return Response(
-        times, rows @ run["q"].T, rows @ run["p"].T, problem.outputs, run["u"].T[friction], run["f"].T[friction],
-        stepper.dissipated[friction], (stepper.sliding / steps)[friction], energy, forces, error, stepper.h, "fast",
-        tuple(findings), problem.system.name, pressure=pressed,
-    )  # fmt: skip
+        times,
+        rows @ run["q"].T,
+        rows @ run["p"].T,
+        problem.outputs,
+        run["u"].T[friction],
+        run["f"].T[friction],
+        stepper.dissipated[friction],
+        (stepper.sliding / steps)[friction],
+        energy,
+        forces,
+        error,
+        stepper.h,
+        "fast",
+        tuple(findings),
+        problem.system.name,
+        pressure=pressed,
+    )
 
 
 def step_findings(error: float, where: str, tolerance: float, advice: str) -> list[Finding]:
     """A finding when the steps could not be made short enough."""
     if not error > tolerance:
         return []
-    return [Finding("warning", "step-error", where, f"two runs differ by {error:.1e} of the largest value.", error,
-                    tolerance, advice)]  # fmt: skip
+    return [
+        Finding(
+            "warning",
+            "step-error",
+            where,
+            f"two runs differ by {error:.1e} of the largest value.",
+            error,
+            tolerance,
+            advice,
+        )
+    ]
 
 
 def energy_findings(energy: EnergyBalance, where: str, limit: float) -> list[Finding]:
     """A finding when the energy balance of a run is off by more than ``limit``."""
     if energy.error <= limit:
         return []
-    return [Finding("error", "energy-balance", where, f"the energy balance is off by {energy.error:.1e}.", energy.error,
-                    limit, "Do not use this run; report it with the model.")]  # fmt: skip
+    return [
+        Finding(
+            "error",
+            "energy-balance",
+            where,
+            f"the energy balance is off by {energy.error:.1e}.",
+            energy.error,
+            limit,
+            "Do not use this run; report it with the model.",
+        )
+    ]
 
 
 def displacement_findings(system: System, slips: Float[np.ndarray, "sample contact"]) -> list[Finding]:
@@ -407,15 +492,31 @@ def displacement_findings(system: System, slips: Float[np.ndarray, "sample conta
     largest, limit = float(np.abs(slips).max()), 0.05 * system.spacing
     if largest <= limit:
         return []
-    return [Finding("warning", "large-slip", system.name, f"node pairs slide {largest:.2e} m.", largest,
-                    limit, "The pairing is fixed: lower the load, or do not trust the contact positions.")]  # fmt: skip
+    return [
+        Finding(
+            "warning",
+            "large-slip",
+            system.name,
+            f"node pairs slide {largest:.2e} m.",
+            largest,
+            limit,
+            "The pairing is fixed: lower the load, or do not trust the contact positions.",
+        )
+    ]
 
 
 def snapback(
-    model: BeamModel, load: float, at: Dof | str, duration: float, outputs: Sequence[Dof | str] | None = None,
-    sampling_rate: float = 5000.0, tolerance: float = 1e-3, modes: int | None = None, progress: Progress = silent,
+    model: BeamModel,
+    load: float,
+    at: Dof | str,
+    duration: float,
+    outputs: Sequence[Dof | str] | None = None,
+    sampling_rate: float = 5000.0,
+    tolerance: float = 1e-3,
+    modes: int | None = None,
+    progress: Progress = silent,
     normal_forces: NormalForces | None = None,
-) -> Response:  # fmt: skip
+) -> Response:
     """Raise a load slowly at one DOF, let go, and follow the free vibration (Gaul, Roseira and Becker 2008, Sec. 1).
 
     Parameters
@@ -461,10 +562,16 @@ def released(problem: Problem, load: float, dof: Dof, limits: Float[np.ndarray, 
 
 
 def respond(
-    model: BeamModel, forces: Float[np.ndarray, "load sample"], at: Sequence[Dof | str], sampling_rate: float,
-    outputs: Sequence[Dof | str], normal_forces: NormalForces | None = None,
-    tolerance: float = 1e-3, modes: int | None = None, progress: Progress = silent,
-) -> Response:  # fmt: skip
+    model: BeamModel,
+    forces: Float[np.ndarray, "load sample"],
+    at: Sequence[Dof | str],
+    sampling_rate: float,
+    outputs: Sequence[Dof | str],
+    normal_forces: NormalForces | None = None,
+    tolerance: float = 1e-3,
+    modes: int | None = None,
+    progress: Progress = silent,
+) -> Response:
     """Motion from rest under arbitrary forces, linear between their samples.
 
     Parameters
@@ -494,8 +601,12 @@ def _forces(where: str, forces: Any, count: int) -> Float[np.ndarray, "load samp
     if not fits or not np.all(np.isfinite(table)):
         kind = "" if table.dtype.kind in "iuf" else f" of {table.dtype}"
         got = f"{table.shape}{kind} for {count} DOFs" if not fits else "NaN or infinity among them"
-        raise InputError("the forces do not fit", where=where, got=got,
-                         expected="one finite row of two or more samples for every DOF")  # fmt: skip
+        raise InputError(
+            "the forces do not fit",
+            where=where,
+            got=got,
+            expected="one finite row of two or more samples for every DOF",
+        )
     return table.astype(np.float64)
 
 
@@ -515,11 +626,19 @@ def sampled_normal_forces(
         else:
             table = np.asarray(forces, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InputError("the normal forces do not fit", where=model.name, got=str(error),
-                         expected=f"one number, or {joints} of them, at every time") from error  # fmt: skip
+        raise InputError(
+            "the normal forces do not fit",
+            where=model.name,
+            got=str(error),
+            expected=f"one number, or {joints} of them, at every time",
+        ) from error
     if table.shape != (joints, len(times)):
-        raise InputError("the normal forces do not fit", where=model.name, got=table.shape,
-                         expected=f"({joints} joints, {len(times)} samples)")  # fmt: skip
+        raise InputError(
+            "the normal forces do not fit",
+            where=model.name,
+            got=table.shape,
+            expected=f"({joints} joints, {len(times)} samples)",
+        )
     wrong = table[~(np.isfinite(table) & (table >= 0))]
     if wrong.size:
         raise InputError("not a normal force", where=model.name, got=f"{wrong[0]} N", expected="0 N or more, no NaN")

@@ -37,9 +37,10 @@ class VirtualRig(Rig):
         residuals = self.model.residuals
         if residuals is not None and np.any(residuals.lower):
             raise InputError(
-                "a virtual rig cannot hold a body that is free in space", where=self.name,
+                "a virtual rig cannot hold a body that is free in space",
+                where=self.name,
                 advice="give the suspension modes instead of a lower residual",
-            )  # fmt: skip
+            )
         super().__post_init__()
 
     def signals(self, number: int, rng: np.random.Generator) -> Float[np.ndarray, "channel sample"]:

@@ -57,9 +57,11 @@ def swept_sine(
 
 
 def stepped_sine(
-    times: Float[np.ndarray, "sample"], level: float, frequencies: Sequence[float] | Float[np.ndarray, "step"],
+    times: Float[np.ndarray, "sample"],
+    level: float,
+    frequencies: Sequence[float] | Float[np.ndarray, "step"],
     dwell: float,
-) -> Float[np.ndarray, "sample"]:  # fmt: skip
+) -> Float[np.ndarray, "sample"]:
     """Sine of amplitude ``level`` N that stays at each of ``frequencies`` Hz for ``dwell`` s, without a jump of phase.
 
     Raises

@@ -14,9 +14,14 @@ if TYPE_CHECKING:
     from ema.store.writing import Writer, save
 
 _HOMES = {
-    "save": "writing", "Writer": "writing", "load": "reading", "blocks": "reading", "describe": "reading",
-    "is_store": "reading", "replacing": "atomic",
-}  # fmt: skip
+    "save": "writing",
+    "Writer": "writing",
+    "load": "reading",
+    "blocks": "reading",
+    "describe": "reading",
+    "is_store": "reading",
+    "replacing": "atomic",
+}
 
 __all__ = ["Writer", "blocks", "describe", "is_store", "load", "replacing", "save"]
 

@@ -121,9 +121,10 @@ def _build(name: str, members: dict[str, Any]) -> Any:
     strange = sorted(set(members) - known)
     if strange:
         raise InputError(
-            f"{name} holds fields that this version does not know", got=", ".join(strange),
+            f"{name} holds fields that this version does not know",
+            got=", ".join(strange),
             advice="it was written by a newer friction-ema: update with pip install -U friction-ema",
-        )  # fmt: skip
+        )
     try:
         return noun(**members)
     except EmaError:

@@ -168,15 +168,19 @@ def _contents(file: h5py.File, path: Path) -> tuple[str, list[str]]:
     version = int(file.attrs["schema_version"])
     if version > SCHEMA_VERSION:
         raise InputError(
-            "written by a newer friction-ema", where=str(path), got=f"schema version {version}",
-            expected=f"at most {SCHEMA_VERSION}", advice="update with: pip install -U friction-ema",
-        )  # fmt: skip
+            "written by a newer friction-ema",
+            where=str(path),
+            got=f"schema version {version}",
+            expected=f"at most {SCHEMA_VERSION}",
+            advice="update with: pip install -U friction-ema",
+        )
     contents = json.loads(_document(file, CONTENTS))
     names = [str(name) for name in contents["names"]]
     there = len(file[ITEMS]) if ITEMS in file else 0
     if len(names) != there:
-        raise InputError("holds another number of items than it announces", got=there, expected=len(names),
-                         advice=_DAMAGED)  # fmt: skip
+        raise InputError(
+            "holds another number of items than it announces", got=there, expected=len(names), advice=_DAMAGED
+        )
     return str(contents["kind"]), names
 
 
@@ -222,8 +226,12 @@ def _check_sequences(file: h5py.File, group: str, tree: Any) -> None:
         if isinstance(part, dict) and "$items" in part:
             there = len(untrusted.member(file, f"{group}/{part['$items']}")) if part["count"] else 0
             if part["count"] != there:
-                raise InputError("holds another number of items than it announces", got=there,
-                                 expected=part["count"], advice=_DAMAGED)  # fmt: skip
+                raise InputError(
+                    "holds another number of items than it announces",
+                    got=there,
+                    expected=part["count"],
+                    advice=_DAMAGED,
+                )
         elif isinstance(part, (dict, list)):
             waiting.extend(part.values() if isinstance(part, dict) else part)
 

@@ -148,9 +148,10 @@ def _check_chunks(dataset: h5py.Dataset, path: str, used: list[int]) -> None:
     dataset.id.chunk_iter(count)
     if len(places) != wanted:
         raise InputError(
-            "holds an array of which a part was never written", got=f"{path}: {len(places)} of {wanted} chunks",
+            "holds an array of which a part was never written",
+            got=f"{path}: {len(places)} of {wanted} chunks",
             advice="measure or export again",
-        )  # fmt: skip
+        )
     if unchecked:
         raise InputError("holds an array whose checksum is switched off in places", got=path)
 

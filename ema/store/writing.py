@@ -95,9 +95,10 @@ class Writer(AbstractContextManager["Writer"]):
             if error is None:
                 # texts of fixed length lie beside their names, others in a heap of their own
                 self._file.attrs.update(
-                    format=np.bytes_(FORMAT), schema_version=SCHEMA_VERSION,
+                    format=np.bytes_(FORMAT),
+                    schema_version=SCHEMA_VERSION,
                     written_by=np.bytes_(f"friction-ema {__version__}"),
-                )  # fmt: skip
+                )
                 _write_text(self._file, CONTENTS, json.dumps({"kind": self.kind, "names": self._names}))
             self._file.close()
             self._sink.close()
@@ -156,9 +157,11 @@ class BlockWriter:
         channels, before = self._signals.shape
         if block.shape[0] != channels:
             raise InputError(
-                "a block with another number of channels", where=str(self._writer.path), got=block.shape[0],
+                "a block with another number of channels",
+                where=str(self._writer.path),
+                got=block.shape[0],
                 expected=channels,
-            )  # fmt: skip
+            )
         with deferred():
             self._signals.resize(before + block.shape[1], axis=1)
             self._signals[:, before:] = block
@@ -187,8 +190,9 @@ def _write_text(group: h5py.Group, name: str, text: str) -> None:
     """As one fixed-length string in a chunk of its own: the checksum then covers it."""
     data = np.array([text.encode("utf-8")])
     kind = h5py.string_dtype("utf-8", data.dtype.itemsize)
-    group.create_dataset(name, data=data.astype(kind), dtype=kind, chunks=(1,), compression="gzip",
-                         compression_opts=1, fletcher32=True)  # fmt: skip
+    group.create_dataset(
+        name, data=data.astype(kind), dtype=kind, chunks=(1,), compression="gzip", compression_opts=1, fletcher32=True
+    )
 
 
 def _write_array(group: h5py.Group, path: str, array: np.ndarray, what: Meaning, layout: dict[str, Any]) -> None:

@@ -56,10 +56,11 @@ def ensure(folder: Path, generator: str, progress: Progress = silent) -> bool:
             os.replace(target, folder / RAW)
     except OSError as error:
         raise FailureError(
-            "the signals of the built-in campaign cannot be written", where=str(folder),
+            "the signals of the built-in campaign cannot be written",
+            where=str(folder),
             got=error.strerror or str(error),
             advice="copy the campaign's folder to a place with room and write access, and run it there",
-        ) from error  # fmt: skip
+        ) from error
     return True
 
 
@@ -157,9 +158,18 @@ def _rig(run: str, model: ModalModel, fault: Fault, reversed_sensors: tuple[str,
         for number, (dof, full_scale) in enumerate(zip(table.ACCELEROMETERS, _FULL_SCALES, strict=True), 1)
     )
     return VirtualRig(
-        model, drive, sensors, _SAMPLING_RATE, force_range=2500.0, noise={"acceleration": 0.05, "force": 0.05}, bits=24,
-        reversed_sensors=reversed_sensors, seed=seed, start=_START.replace(hour=8 + 2 * seed), name=run,
-    )  # fmt: skip
+        model,
+        drive,
+        sensors,
+        _SAMPLING_RATE,
+        force_range=2500.0,
+        noise={"acceleration": 0.05, "force": 0.05},
+        bits=24,
+        reversed_sensors=reversed_sensors,
+        seed=seed,
+        start=_START.replace(hour=8 + 2 * seed),
+        name=run,
+    )
 
 
 def _write_rings(path: Path, duration: float) -> None:

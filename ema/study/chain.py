@@ -36,10 +36,17 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
     reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=alive.unit)
     findings = unique(run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
     return RunResult(
-        run=run, frfs=_like(frfs, alive), poles=poles, modes=modes, quality=shapes.quality(modes.shapes),
-        reconstruction=reconstruction, reconstruction_error=relative_error(alive, reconstruction),
-        auto_mac=shapes.auto_mac(modes.shapes), hits=hits, findings=findings,
-    )  # fmt: skip
+        run=run,
+        frfs=_like(frfs, alive),
+        poles=poles,
+        modes=modes,
+        quality=shapes.quality(modes.shapes),
+        reconstruction=reconstruction,
+        reconstruction_error=relative_error(alive, reconstruction),
+        auto_mac=shapes.auto_mac(modes.shapes),
+        hits=hits,
+        findings=findings,
+    )
 
 
 def _like(frfs: FrfSet, chosen: FrfSet) -> FrfSet:

@@ -20,9 +20,11 @@ def check(tables: list[ExpectTable], runs: tuple[RunResult, ...]) -> tuple[Expec
     for table in tables:
         if table.run not in results:
             raise InputError(
-                "an expectation is about a run that is not in the study", where="[[expect]]", got=table.run,
+                "an expectation is about a run that is not in the study",
+                where="[[expect]]",
+                got=table.run,
                 expected="one of " + ", ".join(results),
-            )  # fmt: skip
+            )
         compared += _frequencies(table, results[table.run])
         compared += _others(table, results[table.run])
         compared += _findings(table, results[table.run])
@@ -86,9 +88,15 @@ def of_placement(
         result.append(_compare("best place: F_N [N]", told.normal_force, tolerance, best.normal_force))
     if told.inside is not None:
         found = 0 if checked is None else checked.inside
-        result.append(Expectation(
-            "measured values inside their bands (at least)", float(told.inside), 0.0, float(found), found >= told.inside
-        ))  # fmt: skip
+        result.append(
+            Expectation(
+                "measured values inside their bands (at least)",
+                float(told.inside),
+                0.0,
+                float(found),
+                found >= told.inside,
+            )
+        )
     return tuple(result)
 
 

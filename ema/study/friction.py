@@ -51,16 +51,23 @@ def hysteresis_loops(campaign: Campaign, tables: Sequence[LoopTable]) -> tuple[L
 
 def _records(run: Run) -> list[tuple[str, Recording]]:
     if not len(run.recordings):
-        raise InputError("the run has no time records", where=f"run {run.id}", got="finished FRFs",
-                         expected="records of the motion")  # fmt: skip
+        raise InputError(
+            "the run has no time records", where=f"run {run.id}", got="finished FRFs", expected="records of the motion"
+        )
     several = len(run.recordings) > 1
     return [(f"{run.id}, record {n}" if several else run.id, record) for n, record in enumerate(run.recordings, 1)]
 
 
 def placed(
-    asked: str | PlaceRecipe, source: Path, campaign: Campaign, runs: Sequence[RunResult], folder: Path, resume: bool,
-    executor: Executor | None, progress: Progress,
-) -> Placement:  # fmt: skip
+    asked: str | PlaceRecipe,
+    source: Path,
+    campaign: Campaign,
+    runs: Sequence[RunResult],
+    folder: Path,
+    resume: bool,
+    executor: Executor | None,
+    progress: Progress,
+) -> Placement:
     """Answer a placement recipe, or the one in a file beside ``source``, with the modes of this study's bare run.
 
     Raises
@@ -74,20 +81,39 @@ def placed(
     path = source.parent / asked if isinstance(asked, str) else source
     told = recipes.load(path) if isinstance(asked, str) else asked
     if told.campaign or told.modes:
-        raise InputError("the placement recipe names a structure of its own", where=str(path),
-                         got=told.campaign or told.modes, expected="neither campaign nor modes",
-                         advice="the study's own modes are used; or run `ema place` on the recipe")  # fmt: skip
+        raise InputError(
+            "the placement recipe names a structure of its own",
+            where=str(path),
+            got=told.campaign or told.modes,
+            expected="neither campaign nor modes",
+            advice="the study's own modes are used; or run `ema place` on the recipe",
+        )
     bare = [one for one in runs if one.run.id == told.run or (not told.run and not one.run.condition.joints)]
     if not bare:
-        raise InputError("the study has no run without the friction beam", where=str(path),
-                         got=", ".join(one.run.id for one in runs) or "no run", expected=told.run or "a bare run",
-                         advice="add the bare run to the study")  # fmt: skip
+        raise InputError(
+            "the study has no run without the friction beam",
+            where=str(path),
+            got=", ".join(one.run.id for one in runs) or "no run",
+            expected=told.run or "a bare run",
+            advice="add the bare run to the study",
+        )
     if campaign.geometry is None:
-        raise InputError("the campaign has no geometry", where=campaign.name,
-                         advice="add [geometry] to campaign.toml: places come from it")  # fmt: skip
+        raise InputError(
+            "the campaign has no geometry",
+            where=campaign.name,
+            advice="add [geometry] to campaign.toml: places come from it",
+        )
     modes = replace(bare[0].modes, name=bare[0].modes.name or f"run {bare[0].run.id}")
-    found = place(told, modes, campaign.geometry, verdict_of(told, path.parent), executor=executor,
-                  folder=folder, resume=resume, progress=progress)  # fmt: skip
+    found = place(
+        told,
+        modes,
+        campaign.geometry,
+        verdict_of(told, path.parent),
+        executor=executor,
+        folder=folder,
+        resume=resume,
+        progress=progress,
+    )
     return replace(found, geometry=campaign.geometry)
 
 
@@ -108,6 +134,10 @@ def forecast_check(
     known = {one.name: one.chart for one in maps}
     for name in told.maps:
         if name not in known:
-            raise InputError("the forecast is to be held against a map that is not there", where="placement.forecast",
-                             got=name, expected="one of " + (", ".join(known) or "no map"))  # fmt: skip
+            raise InputError(
+                "the forecast is to be held against a map that is not there",
+                where="placement.forecast",
+                got=name,
+                expected="one of " + (", ".join(known) or "no map"),
+            )
     return check(placement.forecast, [known[name] for name in told.maps])

@@ -41,8 +41,9 @@ def changes(before: Provenance, now: Provenance) -> str:
     names = dict.fromkeys([*old, *new])
     found += [
         f"{name} was {old.get(name, 'not known')} and is {new.get(name, 'not known')}"
-        for name in names if old.get(name) != new.get(name)
-    ]  # fmt: skip
+        for name in names
+        if old.get(name) != new.get(name)
+    ]
     old, new = dict(before.versions), dict(now.versions)
     if old.get(fingerprint.CODE) != new.get(fingerprint.CODE):
         found.append("the code of friction-ema has changed")

@@ -65,9 +65,15 @@ def mapped(campaign: Campaign, table: MapTable, estimate: EstimateTable, progres
     for place, point in zip(order, up, strict=True):
         dropout[place] = point.dropout
     return MapResult(
-        table.title, replace(chart, name=table.title, findings=()), pairs, index, ratio, dropout,
-        tuple(run.id for run in runs), tuple(dict.fromkeys(findings)),
-    )  # fmt: skip
+        table.title,
+        replace(chart, name=table.title, findings=()),
+        pairs,
+        index,
+        ratio,
+        dropout,
+        tuple(run.id for run in runs),
+        tuple(dict.fromkeys(findings)),
+    )
 
 
 def chosen(campaign: Campaign, table: MapTable) -> tuple[Run, ...]:
@@ -79,15 +85,18 @@ def chosen(campaign: Campaign, table: MapTable) -> tuple[Run, ...]:
     """
     patterns = table.runs or ["*"]
     runs = tuple(
-        run for run in campaign.runs
+        run
+        for run in campaign.runs
         if run.kind in KINDS and run.condition.joints and any(fnmatch(run.id, one) for one in patterns)
-    )  # fmt: skip
+    )
     if not runs:
         raise InputError(
-            "no run to make a map of", where=f"campaign {campaign.name}, {table.title}",
-            got=", ".join(patterns), expected="stepped sines or sweeps with a normal force",
+            "no run to make a map of",
+            where=f"campaign {campaign.name}, {table.title}",
+            got=", ".join(patterns),
+            expected="stepped sines or sweeps with a normal force",
             advice="hammer tests have no force level of their own: see `ema run`",
-        )  # fmt: skip
+        )
     return runs
 
 
@@ -195,13 +204,28 @@ def _stated_level(run: Run) -> tuple[float, float, tuple[Finding, ...]]:
     """
     level = run.condition.excitation.level
     if not np.isfinite(level):
-        raise InputError("the force level of a run of FRFs is not known", where=f"run {run.id}",
-                         got="FRFs without time signals, and no level", expected="the amplitude of the force in N",
-                         advice='state it in the table of the run in campaign.toml: level = "20 N"')  # fmt: skip
-    return level, float("nan"), (
-        Finding("info", "stated-level", f"run {run.id}",
+        raise InputError(
+            "the force level of a run of FRFs is not known",
+            where=f"run {run.id}",
+            got="FRFs without time signals, and no level",
+            expected="the amplitude of the force in N",
+            advice='state it in the table of the run in campaign.toml: level = "20 N"',
+        )
+    return (
+        level,
+        float("nan"),
+        (
+            Finding(
+                "info",
+                "stated-level",
+                f"run {run.id}",
                 f"the run holds FRFs and no time signals: its force at resonance is taken as the {level:.4g} N stated.",
-                level, None, "Add the time signals where the force drops at resonance."),)  # fmt: skip
+                level,
+                None,
+                "Add the time signals where the force drops at resonance.",
+            ),
+        ),
+    )
 
 
 def _share(frfs: FrfSet, frequency: float, mass: float) -> float:
@@ -227,7 +251,7 @@ def _tracked(points: Sequence[_Point], table: MapTable, reference: ModalModel | 
         levels = sorted({round(point.nominal, 6) for point in points})
     return fit.track(
         [point.frfs for point in points], table.near, reference, levels, table.normal_forces, table.bandwidths
-    )  # fmt: skip
+    )
 
 
 def _places(chart: ModalMap, points: Sequence[_Point]) -> list[tuple[int, int]]:
@@ -269,27 +293,50 @@ def _gate(
 def _about_map(chart: ModalMap, where: str) -> list[Finding]:
     findings = []
     for values, what, other in (
-        (chart.force_levels, "force level", "the force"), (chart.normal_forces, "normal force", "the normal force")
-    ):  # fmt: skip
+        (chart.force_levels, "force level", "the force"),
+        (chart.normal_forces, "normal force", "the normal force"),
+    ):
         if len(values) == 1:
-            findings.append(Finding(
-                "warning", "map-with-one-" + what.split()[-1], where, f"the map has one {what}, {values[0]:.4g} N: how "
-                f"the mode depends on {other} cannot be told.", 1.0, 2.0, f"Measure at more than one {what}.",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "warning",
+                    "map-with-one-" + what.split()[-1],
+                    where,
+                    f"the map has one {what}, {values[0]:.4g} N: how the mode depends on {other} cannot be told.",
+                    1.0,
+                    2.0,
+                    f"Measure at more than one {what}.",
+                )
+            )
     holes = int(np.sum(~np.isfinite(chart.damping)))
     if holes:
-        findings.append(Finding(
-            "info", "holes", where, f"{holes} of {chart.damping.size} conditions show no mode or were not measured.",
-            holes, 0.0,
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "info",
+                "holes",
+                where,
+                f"{holes} of {chart.damping.size} conditions show no mode or were not measured.",
+                holes,
+                0.0,
+            )
+        )
     assert chart.misfit is not None
     bent = np.asarray(chart.misfit)[np.isfinite(chart.misfit)]
     if len(bent) and bent.max() > _GATE:
-        findings.append(Finding(
-            "warning", "misfit", where, f"a linear mode leaves up to {100 * bent.max():.0f} % of the FRFs unexplained, "
-            f"more than {100 * _GATE:.0f} % in {int(np.sum(bent > _GATE))} of {len(bent)} conditions: damping by the "
-            "fit is biased there.", float(bent.max()), _GATE, "Read the damping by height beside it.",
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "warning",
+                "misfit",
+                where,
+                f"a linear mode leaves up to {100 * bent.max():.0f} % of the FRFs unexplained, "
+                f"more than {100 * _GATE:.0f} % in {int(np.sum(bent > _GATE))} of {len(bent)} conditions: "
+                "damping by the "
+                "fit is biased there.",
+                float(bent.max()),
+                _GATE,
+                "Read the damping by height beside it.",
+            )
+        )
     return findings
 
 
@@ -311,12 +358,19 @@ def _about_levels(pairs: np.ndarray, index: np.ndarray, ratio: np.ndarray, where
             else:
                 sides.append(f"{force:.4g} N lies about the most damping")
     worst = int(index.argmax())
-    return [Finding(
-        "warning", "not-homogeneous", where, f"FRFs differ by up to {index[worst]:.0%} between levels (at "
-        f"F_N {pairs[worst, 0]:.4g} N from {pairs[worst, 1]:.3g} to {pairs[worst, 2]:.3g} N): every condition is "
-        f"fitted on its own, and its values hold for its amplitude. {'; '.join(sides)}.", float(index[worst]),
-        NONLINEAR, "Compare conditions at equal modal amplitude.",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "warning",
+            "not-homogeneous",
+            where,
+            f"FRFs differ by up to {index[worst]:.0%} between levels (at "
+            f"F_N {pairs[worst, 0]:.4g} N from {pairs[worst, 1]:.3g} to {pairs[worst, 2]:.3g} N): every condition is "
+            f"fitted on its own, and its values hold for its amplitude. {'; '.join(sides)}.",
+            float(index[worst]),
+            NONLINEAR,
+            "Compare conditions at equal modal amplitude.",
+        )
+    ]
 
 
 def _about_sequence(
@@ -332,10 +386,18 @@ def _about_sequence(
         c = int(np.abs(chart.normal_forces - again.normal_forces[column]).argmin())
         up, after = float(chart.damping[r, c]), float(again.damping[row, column])
         rise = float(again.frequency[row, column] - chart.frequency[r, c])
-        findings.append(Finding(
-            "info", "sequence", f"{table.title}, {point.frfs.name}",
-            f"on the way down of the normal force the damping is {100 * after:.2f} % and was {100 * up:.2f} % on the "
-            f"way up, at F_E {again.force_levels[row]:.3g} N and F_N {again.normal_forces[column]:.4g} N; the "
-            f"frequency changed by {rise:+.1f} Hz.", after - up, None, "State the sequence with every result.",
-        ))  # fmt: skip
+        findings.append(
+            Finding(
+                "info",
+                "sequence",
+                f"{table.title}, {point.frfs.name}",
+                f"on the way down of the normal force the damping is {100 * after:.2f} % and was "
+                f"{100 * up:.2f} % on the "
+                f"way up, at F_E {again.force_levels[row]:.3g} N and F_N {again.normal_forces[column]:.4g} N; the "
+                f"frequency changed by {rise:+.1f} Hz.",
+                after - up,
+                None,
+                "State the sequence with every result.",
+            )
+        )
     return findings

@@ -38,10 +38,12 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
         raise InputError("the run holds neither records nor FRFs", where=f"run {run.id}")
     if run.kind not in _OPTIONS:
         raise InputError(
-            "nothing is known to be done with this excitation", where=f"run {run.id}", got=run.kind,
+            "nothing is known to be done with this excitation",
+            where=f"run {run.id}",
+            got=run.kind,
             expected="hammer, random, sweep or stepped sine",
             advice='state kind = "hammer" (or another) of the run in campaign.toml',
-        )  # fmt: skip
+        )
     given = settings.given()
     options = {name: given[name] for name in _OPTIONS[run.kind] if name in given}
     setups = _setups(run)
@@ -100,6 +102,7 @@ def _joined(galleries: Sequence[HitGallery | None]) -> HitGallery | None:
         return None
     bands = [gallery.usable_band for gallery in present]
     return replace(
-        present[0], hits=tuple(hit for gallery in present for hit in gallery.hits),
+        present[0],
+        hits=tuple(hit for gallery in present for hit in gallery.hits),
         usable_band=(min(low for low, _ in bands), min(high for _, high in bands)),
-    )  # fmt: skip
+    )

@@ -28,21 +28,33 @@ def summary(result: StudyResult) -> dict[str, Any]:
         "differences": [_difference(one) for one in result.differences],
         "expectations": [
             {
-                "what": one.what, "expected": one.expected, "tolerance": one.tolerance, "found": number(one.found),
+                "what": one.what,
+                "expected": one.expected,
+                "tolerance": one.tolerance,
+                "found": number(one.found),
                 "met": one.met,
-            } for one in result.expectations
+            }
+            for one in result.expectations
         ],
         "maps": [chart(one) for one in result.maps],
         "statements": [
             {
-                "sentence": one.sentence, "text": one.text, "source": one.source, "quantity": one.quantity,
-                "low": number(one.low), "high": number(one.high), "value": number(one.value),
-                "interval": [number(one.lower), number(one.upper)], "verdict": one.verdict, "reason": one.reason,
-            } for one in result.statements
+                "sentence": one.sentence,
+                "text": one.text,
+                "source": one.source,
+                "quantity": one.quantity,
+                "low": number(one.low),
+                "high": number(one.high),
+                "value": number(one.value),
+                "interval": [number(one.lower), number(one.upper)],
+                "verdict": one.verdict,
+                "reason": one.reason,
+            }
+            for one in result.statements
         ],
         "repairs": [vars(repair) for repair in result.repairs],
         "findings": [finding(one) for one in result.findings],
-    }  # fmt: skip
+    }
 
 
 def _run(result: RunResult) -> dict[str, Any]:
@@ -59,16 +71,20 @@ def _condition(group: RepeatGroup) -> dict[str, Any]:
     parts = {"natural_frequency": group.frequency, "damping_ratio": group.damping}
     names = ("mean", "half", "noise", "takes", "between")
     return {
-        "condition": group.label, "runs": list(group.runs), "repeats": group.count, "basis": group.basis,
+        "condition": group.label,
+        "runs": list(group.runs),
+        "repeats": group.count,
+        "basis": group.basis,
         "modes": [
             {
                 name: {part: number(getattr(own, part)[mode]) for part in names}
                 | {"between_interval": [number(limit) for limit in own.between_interval[mode]]}
                 for name, own in parts.items()
-            } | {"repeats": int(group.frequency.assemblies[mode])}
+            }
+            | {"repeats": int(group.frequency.assemblies[mode])}
             for mode in range(len(group.frequency.mean))
         ],
-    }  # fmt: skip
+    }
 
 
 def _difference(found: ConditionDifference) -> dict[str, Any]:
@@ -78,16 +94,24 @@ def _difference(found: ConditionDifference) -> dict[str, Any]:
         "damping_ratio": (found.damping, found.damping_half, found.damping_noise, found.words("damping")),
     }
     return {
-        "first": found.first, "second": found.second, "verdict": list(found.sentences),
+        "first": found.first,
+        "second": found.second,
+        "verdict": list(found.sentences),
         "modes": [
-            {"mode": i + 1, "second_mode": j + 1, "mac": number(found.mac[pair])} | {
+            {"mode": i + 1, "second_mode": j + 1, "mac": number(found.mac[pair])}
+            | {
                 name: {
-                    "first": number(values[pair, 0]), "second": number(values[pair, 1]),
-                    "half": number(half[pair]), "half_by_noise": number(noise[pair]), "verdict": words[pair],
-                } for name, (values, half, noise, words) in parts.items()
-            } for pair, (i, j) in enumerate(found.pairs)
+                    "first": number(values[pair, 0]),
+                    "second": number(values[pair, 1]),
+                    "half": number(half[pair]),
+                    "half_by_noise": number(noise[pair]),
+                    "verdict": words[pair],
+                }
+                for name, (values, half, noise, words) in parts.items()
+            }
+            for pair, (i, j) in enumerate(found.pairs)
         ],
-    }  # fmt: skip
+    }
 
 
 def chart(result: MapResult) -> dict[str, Any]:
@@ -100,11 +124,16 @@ def points(result: MapResult) -> list[dict[str, float]]:
     """One row per condition: nominal and measured forces in N, frequency in Hz, damping ratios and their deviations."""
     held = result.chart
     names = {
-        "force_at_resonance": held.force_at_resonance, "frequency": held.frequency,
-        "frequency_std": held.frequency_std, "damping": held.damping, "damping_std": held.damping_std,
-        "quadrature_damping": held.quadrature_damping, "misfit": held.misfit, "modal_amplitude": held.modal_amplitude,
+        "force_at_resonance": held.force_at_resonance,
+        "frequency": held.frequency,
+        "frequency_std": held.frequency_std,
+        "damping": held.damping,
+        "damping_std": held.damping_std,
+        "quadrature_damping": held.quadrature_damping,
+        "misfit": held.misfit,
+        "modal_amplitude": held.modal_amplitude,
         "dropout": result.dropout,
-    }  # fmt: skip
+    }
     rows = []
     for i, level in enumerate(held.force_levels):
         for j, force in enumerate(held.normal_forces):
@@ -139,12 +168,17 @@ def opinion(found: SecondOpinion) -> dict[str, Any]:
     table = found.table()
     rows = [
         {
-            "natural_frequency": number(row["f [Hz]"]), "second_natural_frequency": number(row["f second [Hz]"]),
-            "frequency_difference": number(row["df / s"]), "damping_ratio": number(row["zeta [%]"] / 100),
+            "natural_frequency": number(row["f [Hz]"]),
+            "second_natural_frequency": number(row["f second [Hz]"]),
+            "frequency_difference": number(row["df / s"]),
+            "damping_ratio": number(row["zeta [%]"] / 100),
             "second_damping_ratio": number(row["zeta second [%]"] / 100),
-            "damping_difference": number(row["dzeta / s"]), "mac": number(row["MAC"]), "agrees": bool(row["agrees"]),
-        } for _, row in table.iterrows()
-    ]  # fmt: skip
+            "damping_difference": number(row["dzeta / s"]),
+            "mac": number(row["MAC"]),
+            "agrees": bool(row["agrees"]),
+        }
+        for _, row in table.iterrows()
+    ]
     return {"limit": found.limit, "modes": rows, "findings": [finding(one) for one in found.findings]}
 
 
@@ -156,9 +190,14 @@ def joint(one: JointForce) -> dict[str, Any]:
 def finding(one: Finding) -> dict[str, Any]:
     """A finding as a mapping."""
     return {
-        "severity": one.severity, "code": one.code, "where": one.where, "message": one.message,
-        "value": number(one.value), "limit": number(one.limit), "advice": one.advice,
-    }  # fmt: skip
+        "severity": one.severity,
+        "code": one.code,
+        "where": one.where,
+        "message": one.message,
+        "value": number(one.value),
+        "limit": number(one.limit),
+        "advice": one.advice,
+    }
 
 
 def number(value: "float | None") -> "float | None":

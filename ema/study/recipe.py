@@ -141,10 +141,23 @@ class LoopTable(Table):
 
 
 Quantity = Literal[
-    "damping", "frequency", "highest damping", "ridge", "peak level", "rise of ridge", "rise of damping",
-    "fall of damping", "peak of damping", "dip of frequency", "ridge over that of map", "spread over levels",
-    "run frequency", "run damping", "run misfit", "run damping over run",
-]  # fmt: skip
+    "damping",
+    "frequency",
+    "highest damping",
+    "ridge",
+    "peak level",
+    "rise of ridge",
+    "rise of damping",
+    "fall of damping",
+    "peak of damping",
+    "dip of frequency",
+    "ridge over that of map",
+    "spread over levels",
+    "run frequency",
+    "run damping",
+    "run misfit",
+    "run damping over run",
+]
 
 
 class StatementTable(Table):
@@ -212,10 +225,16 @@ class Recipe(Table):
 
 
 _TABLES: dict[str, type[BaseModel]] = {
-    "": Recipe, "estimate": EstimateTable, "fit": FitTable, "expect": ExpectTable, "map": MapTable,
-    "statements": StatementTable, "ring_down": RingDownTable, "loop": LoopTable,
+    "": Recipe,
+    "estimate": EstimateTable,
+    "fit": FitTable,
+    "expect": ExpectTable,
+    "map": MapTable,
+    "statements": StatementTable,
+    "ring_down": RingDownTable,
+    "loop": LoopTable,
     **{f"placement.{name}".rstrip("."): table for name, table in PLACEMENT.items()},
-}  # fmt: skip
+}
 
 
 _MARKS = ("tuple[", "list[", _FILE, _TABLE)

@@ -44,9 +44,13 @@ def _of_file(path: Path, salvage: bool) -> Campaign:
         raise InputError("the file holds no FRFs", where=str(path), got=held, advice=advice)
     run = Run(path.stem, Condition(Excitation()), frfs=contents.frfs)
     return Campaign(
-        name=path.name, runs=(run,), geometry=contents.geometry, folder=str(path.parent), findings=contents.findings,
+        name=path.name,
+        runs=(run,),
+        geometry=contents.geometry,
+        folder=str(path.parent),
+        findings=contents.findings,
         inputs=((path.name, of_files([path])),),
-    )  # fmt: skip
+    )
 
 
 def _stored(path: Path) -> acquisition.Contents:

@@ -32,11 +32,22 @@ def judge(
         matched = verdict == "matched"
         missing = f"It would take {measure.missing}." if measure.missing else ""
         parts = (table.implausible if matched else "", table.reason, missing)
-        judged.append(Statement(
-            table.text, table.source, _quantity(table), table.low, table.high, measure.value,
-            "matched with an implausible parameter" if matched and table.implausible else verdict, table.verdict,
-            " ".join(part for part in parts if part), table.sentence, measure.lower, measure.upper,
-        ))  # fmt: skip
+        judged.append(
+            Statement(
+                table.text,
+                table.source,
+                _quantity(table),
+                table.low,
+                table.high,
+                measure.value,
+                "matched with an implausible parameter" if matched and table.implausible else verdict,
+                table.verdict,
+                " ".join(part for part in parts if part),
+                table.sentence,
+                measure.lower,
+                measure.upper,
+            )
+        )
     return tuple(judged)
 
 
@@ -106,8 +117,13 @@ def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> list[Meas
             return _ridges_over(table, lines.map, _named(charts, table.other, "map").chart)
         case "spread over levels":
             return [features.spread(one) for one in lines.columns("damping")]
-    raise InputError("this quantity is about a run", where=f"[[statements]] {table.text}", got=table.quantity,
-                     expected="a quantity of a map", advice="name a run instead of a map")  # fmt: skip
+    raise InputError(
+        "this quantity is about a run",
+        where=f"[[statements]] {table.text}",
+        got=table.quantity,
+        expected="a quantity of a map",
+        advice="name a run instead of a map",
+    )
 
 
 def _ridges_over(table: StatementTable, over: ModalMap, under: ModalMap) -> list[Measure]:
@@ -122,8 +138,9 @@ def _ridges_over(table: StatementTable, over: ModalMap, under: ModalMap) -> list
 
 
 def _unplaced(table: StatementTable, expected: str) -> InputError:
-    return InputError("the statement does not say where", where=f"[[statements]] {table.text}", got=table.quantity,
-                      expected=expected)  # fmt: skip
+    return InputError(
+        "the statement does not say where", where=f"[[statements]] {table.text}", got=table.quantity, expected=expected
+    )
 
 
 def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:
@@ -142,8 +159,13 @@ def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:
             other = local_fit(_named(results, table.other, "run").frfs, table.near)
             both = mode.damping_ratio / other.damping_ratio
             return features.estimate(both, both * float(np.hypot(_relative(mode), _relative(other))))
-    raise InputError("this quantity is about a map", where=f"[[statements]] {table.text}", got=table.quantity,
-                     expected="a quantity of a run", advice="name a map instead of a run")  # fmt: skip
+    raise InputError(
+        "this quantity is about a map",
+        where=f"[[statements]] {table.text}",
+        got=table.quantity,
+        expected="a quantity of a run",
+        advice="name a map instead of a run",
+    )
 
 
 def _relative(mode: SingleMode) -> float:
@@ -152,8 +174,12 @@ def _relative(mode: SingleMode) -> float:
 
 def _named(known: Mapping[str, "MapResult"] | Mapping[str, "RunResult"], name: str, what: str):  # type: ignore[no-untyped-def]
     if name not in known:
-        raise InputError(f"a statement is about a {what} that is not in the study", where="[[statements]]",
-                         got=name or "none", expected="one of " + ", ".join(known))  # fmt: skip
+        raise InputError(
+            f"a statement is about a {what} that is not in the study",
+            where="[[statements]]",
+            got=name or "none",
+            expected="one of " + ", ".join(known),
+        )
     return known[name]
 
 

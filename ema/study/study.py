@@ -49,9 +49,10 @@ class Study:
         path = Path(path)
         if not path.exists():
             raise InputError(
-                "there is no such file or folder", where=str(path),
+                "there is no such file or folder",
+                where=str(path),
                 expected="a recipe, a campaign's folder or a file with measurements",
-            )  # fmt: skip
+            )
         if path.is_file() and path.suffix.lower() == ".toml" and path.name != "campaign.toml":
             read = recipe.load(path)
             campaign = path.parent / read.campaign
@@ -155,9 +156,13 @@ class Study:
         return tuple(run for run in campaign.runs if run.id not in mapped)
 
     def _friction(
-        self, campaign: Campaign, runs: Sequence[RunResult], progress: Progress, resume: bool,
+        self,
+        campaign: Campaign,
+        runs: Sequence[RunResult],
+        progress: Progress,
+        resume: bool,
         executor: Executor | None,
-    ) -> tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None]:  # fmt: skip
+    ) -> tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None]:
         """Ring-downs, hysteresis loops and the placement that the recipe asks for."""
         told, placement = self.recipe, None
         if told.placement:
@@ -165,13 +170,19 @@ class Study:
                 told.placement, self.source, campaign, runs, self.kept / "placement", resume, executor, progress
             )
         return (
-            friction.ring_downs(campaign, told.ring_down), friction.hysteresis_loops(campaign, told.loop), placement,
-        )  # fmt: skip
+            friction.ring_downs(campaign, told.ring_down),
+            friction.hysteresis_loops(campaign, told.loop),
+            placement,
+        )
 
     def _map(
-        self, campaign: Campaign, table: MapTable, data: dict[str, tuple[tuple[str, str], ...]], progress: Progress,
+        self,
+        campaign: Campaign,
+        table: MapTable,
+        data: dict[str, tuple[tuple[str, str], ...]],
+        progress: Progress,
         resume: bool,
-    ) -> MapResult:  # fmt: skip
+    ) -> MapResult:
         """One map, computed or, where it was made in the same way before, taken from its file."""
         runs = mapping.chosen(campaign, table)
         reference = mapping.reference_run(campaign, table)
@@ -195,10 +206,14 @@ class Study:
         return result
 
     def _conclude(
-        self, campaign: Campaign, runs: tuple[RunResult, ...], maps: tuple[MapResult, ...],
-        beside: tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None], inputs: tuple[tuple[str, str], ...],
+        self,
+        campaign: Campaign,
+        runs: tuple[RunResult, ...],
+        maps: tuple[MapResult, ...],
+        beside: tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None],
+        inputs: tuple[tuple[str, str], ...],
         progress: Progress,
-    ) -> StudyResult:  # fmt: skip
+    ) -> StudyResult:
         """Expectations, result file and report."""
         from ema import compare, report
 
@@ -215,16 +230,26 @@ class Study:
         if self.recipe.logo:
             campaign = replace(campaign, logo=str((self.source.parent / self.recipe.logo).resolve()))
         result = StudyResult(
-            campaign=campaign, runs=runs, findings=findings, title=self.recipe.title or campaign.name,
+            campaign=campaign,
+            runs=runs,
+            findings=findings,
+            title=self.recipe.title or campaign.name,
             repairs=tuple(dict.fromkeys(repair for one in runs for repair in one.run.repairs)),
             expectations=(
-                *expectations.check(self.recipe.expect, runs), *expectations.of_verdicts(judged),
+                *expectations.check(self.recipe.expect, runs),
+                *expectations.of_verdicts(judged),
                 *expectations.of_placement(self.recipe.placement, placement, checked),
             ),
             provenance=replace(self._made(campaign, inputs), steps=("ema.study",), created=datetime.now(UTC)),
-            conditions=conditions, differences=differences, maps=maps, statements=judged, decays=decays, loops=loops,
-            placement=placement, forecast_check=checked,
-        )  # fmt: skip
+            conditions=conditions,
+            differences=differences,
+            maps=maps,
+            statements=judged,
+            decays=decays,
+            loops=loops,
+            placement=placement,
+            forecast_check=checked,
+        )
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))
         advance(progress, "writing the report", 1, 2)
@@ -262,9 +287,11 @@ def make_folder(folder: Path) -> None:
             pass
     except OSError as error:
         raise FailureError(
-            "the folder for the results cannot be used", where=str(folder), got=error.strerror,
+            "the folder for the results cannot be used",
+            where=str(folder),
+            got=error.strerror,
             advice="choose another one with --output",
-        ) from error  # fmt: skip
+        ) from error
 
 
 def _without_signals(run: Run) -> Run:

@@ -114,9 +114,14 @@ def _model(name: str, stiffness: float, damping: float, beam: bool) -> ModalMode
     shapes = _host().shapes @ vectors
     references = [dofs().index(dof) for dof in ACCELEROMETERS]
     return ModalModel(
-        poles=poles, shapes=shapes, dofs=dofs(), participation=shapes[references] / (2j * poles.imag),
-        inputs=ACCELEROMETERS, scaling="unit modal mass", name=name,
-    )  # fmt: skip
+        poles=poles,
+        shapes=shapes,
+        dofs=dofs(),
+        participation=shapes[references] / (2j * poles.imag),
+        inputs=ACCELEROMETERS,
+        scaling="unit modal mass",
+        name=name,
+    )
 
 
 @cache
@@ -146,13 +151,17 @@ def geometry() -> Geometry:
     feet = {node: 201 + place for place, node in enumerate(inner)}
     floor = top[[node - 1 for node in inner]] - [0, 0, LEG_HEIGHT]
     faces = [
-        (grid[i, j], grid[i, j + 1], grid[i + 1, j + 1], grid[i + 1, j]) for i in range(ROWS - 1)
+        (grid[i, j], grid[i, j + 1], grid[i + 1, j + 1], grid[i + 1, j])
+        for i in range(ROWS - 1)
         for j in range(COLUMNS - 1)
-    ]  # fmt: skip
+    ]
     ring = [int(node) for node in edge]
     faces += [(a, b, below[b], below[a]) for a, b in zip(ring, ring[1:] + ring[:1], strict=True)]
     lower = [below[node] for node in ring]
     return Geometry(
-        nodes=np.array([*range(1, len(top) + 1), *lower, *feet.values()]), xyz=np.vstack([top, skirt, floor]),
-        lines=tuple(feet.items()), faces=tuple(tuple(int(node) for node in face) for face in faces), name="work table",
-    )  # fmt: skip
+        nodes=np.array([*range(1, len(top) + 1), *lower, *feet.values()]),
+        xyz=np.vstack([top, skirt, floor]),
+        lines=tuple(feet.items()),
+        faces=tuple(tuple(int(node) for node in face) for face in faces),
+        name="work table",
+    )

@@ -65,33 +65,76 @@ class Setting:
 
 
 CENTRE = Setting(
-    "work table, beam at the centre", (0.45, 0.25), 0.24, 0.03, 0.08, 0.055, 0.06,
-    FrictionLaw("masing", 0.018, 7.1e8, (), 0.176, 1000.0), 1e9, 0.5, background=0.00133,
-)  # fmt: skip
+    "work table, beam at the centre",
+    (0.45, 0.25),
+    0.24,
+    0.03,
+    0.08,
+    0.055,
+    0.06,
+    FrictionLaw("masing", 0.018, 7.1e8, (), 0.176, 1000.0),
+    1e9,
+    0.5,
+    background=0.00133,
+)
 """Table 1 of the paper. The friction coefficient belongs to blows of 1 kN: only their ratio can be told."""
 
 ABSORBER = Setting(
-    "work table, sliding beam", (0.6455, 0.442), 0.220, 0.03010, 0.060, 0.0344, 0.0458,
-    FrictionLaw("masing", 0.325, 1.16e8, (), 0.65, 1000.0, 1.36e9), 3.83e9, 0.587, 0.030, 0.018,
-)  # fmt: skip
+    "work table, sliding beam",
+    (0.6455, 0.442),
+    0.220,
+    0.03010,
+    0.060,
+    0.0344,
+    0.0458,
+    FrictionLaw("masing", 0.325, 1.16e8, (), 0.65, 1000.0, 1.36e9),
+    3.83e9,
+    0.587,
+    0.030,
+    0.018,
+)
 """Fig. 8, first hypothesis: the beam slides as a rigid body on its contact springs, a damped absorber."""
 
 ROUGH = replace(
-    ABSORBER, name="work table, sliding beam on rough joints", tangential_loss=0.10, lever=0.056,
+    ABSORBER,
+    name="work table, sliding beam on rough joints",
+    tangential_loss=0.10,
+    lever=0.056,
     law=replace(ABSORBER.law, friction_coefficient=0.31, contact_stiffness=6.6e7, stiffness_exponent=0.45),
-)  # fmt: skip
+)
 """Fig. 9: the same beam with the contact stiffness that puts the ridge of mode 3 at kN."""
 
 BENDING = Setting(
-    "work table, bending slip", (0.68, 0.45), 0.30, 0.016, 0.030, 0.055, 0.080,
-    FrictionLaw("masing", 0.36, 4.0e8, (), 0.3, 1000.0), 2.0e9, 0.3, 0.0, 0.02, driver=(0.06, 0.06),
-)  # fmt: skip
+    "work table, bending slip",
+    (0.68, 0.45),
+    0.30,
+    0.016,
+    0.030,
+    0.055,
+    0.080,
+    FrictionLaw("masing", 0.36, 4.0e8, (), 0.3, 1000.0),
+    2.0e9,
+    0.3,
+    0.0,
+    0.02,
+    driver=(0.06, 0.06),
+)
 """Fig. 8, second hypothesis: a stiff beam across the curvature of the table slips at its joints."""
 
 PLACED = Setting(
-    "work table, placed beam", (0.69, 0.47), 0.30, 0.02, 0.040, 0.045, 0.045,
-    FrictionLaw("masing", 0.193, 4.3e8, (), 0.3, 1000.0), 2.0e9, 0.3, 0.02, 0.01,
-)  # fmt: skip
+    "work table, placed beam",
+    (0.69, 0.47),
+    0.30,
+    0.02,
+    0.040,
+    0.045,
+    0.045,
+    FrictionLaw("masing", 0.193, 4.3e8, (), 0.3, 1000.0),
+    2.0e9,
+    0.3,
+    0.02,
+    0.01,
+)
 """Where `reports/table_placement.toml` puts a beam; friction and stiffness are not quite those that it assumes."""
 
 SENSOR = (0.10, 0.44)
@@ -163,12 +206,18 @@ def with_beam(
     beam = stepped_beam([ends, middle, ends], (False, False), BEAM)
     joints = tuple(
         Joint(
-            f"J{number + 1}", ((node, 1 + number * _BEAM_ELEMENTS),), (setting.lever, setting.height / 2), setting.law,
-            normal_force, setting.normal_stiffness, tangential_loss=setting.tangential_loss,
-            normal_loss=setting.normal_loss, normal_exponent=setting.normal_exponent,
+            f"J{number + 1}",
+            ((node, 1 + number * _BEAM_ELEMENTS),),
+            (setting.lever, setting.height / 2),
+            setting.law,
+            normal_force,
+            setting.normal_stiffness,
+            tangential_loss=setting.tangential_loss,
+            normal_loss=setting.normal_loss,
+            normal_exponent=setting.normal_exponent,
         )
         for number, node in enumerate(JOINT_NODES)
-    )  # fmt: skip
+    )
     return BeamModel(host, beam, joints, Damping(setting.background), setting.name)
 
 

@@ -63,9 +63,13 @@ def _rig(name: str, force: float | None, peak: float = PEAK, points: tuple[int, 
     """The hammer test at one normal force, or of the bare table."""
     nodes = points or tuple(table.grid())
     drive = RovingHammer(
-        tuple(Dof(node, "-Z") for node in nodes), hits=HITS, peak=peak, scatter=0.1, contact_time=CONTACT_TIME,
+        tuple(Dof(node, "-Z") for node in nodes),
+        hits=HITS,
+        peak=peak,
+        scatter=0.1,
+        contact_time=CONTACT_TIME,
         spacing=SPACING,
-    )  # fmt: skip
+    )
     sensors = tuple(
         Channel(f"acc {number}", dof, quantity="acceleration", unit="m/s^2", range=500.0)
         for number, dof in enumerate(ACCELEROMETERS, 1)
@@ -74,11 +78,13 @@ def _rig(name: str, force: float | None, peak: float = PEAK, points: tuple[int, 
     noise = {"acceleration": 0.02, "force": 0.05}
     if force is None:
         model = table.bare(table.grid())
-        return VirtualRig(model, drive, sensors, SAMPLING_RATE, force_range=5000.0, noise=noise, bits=24, seed=seed,
-                          name=name)  # fmt: skip
+        return VirtualRig(
+            model, drive, sensors, SAMPLING_RATE, force_range=5000.0, noise=noise, bits=24, seed=seed, name=name
+        )
     truth = table.with_beam(table.CENTRE, force, table.grid())
-    return FrictionRig(truth, drive, sensors, SAMPLING_RATE, force_range=5000.0, noise=noise, bits=24, seed=seed,
-                       name=name)  # fmt: skip
+    return FrictionRig(
+        truth, drive, sensors, SAMPLING_RATE, force_range=5000.0, noise=noise, bits=24, seed=seed, name=name
+    )
 
 
 def _rings(path: Path, duration: float) -> None:

@@ -87,8 +87,11 @@ def generate(
 
     def swept(number: int) -> None:
         condition = listed[number]
-        _save(folder / f"{condition.run}.h5", _stepped(condition, 300 + number),
-              START + timedelta(seconds=condition.begins))  # fmt: skip
+        _save(
+            folder / f"{condition.run}.h5",
+            _stepped(condition, 300 + number),
+            START + timedelta(seconds=condition.begins),
+        )
 
     done = 0
     for work, count in ((struck, rig.drive.takes), (swept, len(listed))):
@@ -108,13 +111,24 @@ def generate(
 def _hammer() -> VirtualRig:
     """The hammer test of the bare table."""
     drive = RovingHammer(
-        tuple(Dof(node, "-Z") for node in points()), hits=HITS, peak=PEAK, scatter=0.1, contact_time=CONTACT_TIME,
+        tuple(Dof(node, "-Z") for node in points()),
+        hits=HITS,
+        peak=PEAK,
+        scatter=0.1,
+        contact_time=CONTACT_TIME,
         spacing=SPACING,
-    )  # fmt: skip
+    )
     return VirtualRig(
-        table.bare(points()), drive, _sensors(500.0), SAMPLING_RATE, force_range=2000.0,
-        noise={"acceleration": 0.05, "force": 0.05}, bits=24, seed=31, name="bare",
-    )  # fmt: skip
+        table.bare(points()),
+        drive,
+        _sensors(500.0),
+        SAMPLING_RATE,
+        force_range=2000.0,
+        noise={"acceleration": 0.05, "force": 0.05},
+        bits=24,
+        seed=31,
+        name="bare",
+    )
 
 
 def _sensors(full_scale: float) -> tuple[Channel, ...]:
@@ -130,8 +144,17 @@ def _stepped(condition: Condition, seed: int) -> Recording:
     middle = 0.5 * (condition.begins + condition.ends)
     model = table.with_beam(SETTING, condition.force).with_normal_force(pressed(condition, middle)[:, 0].tolist())
     drive = SteppedSine(Dof(table.DRIVE_NODE, "+Z"), condition.level, condition.lines, shaker.STAY)
-    rig = FrictionRig(model, drive, _sensors(200.0), shaker.SAMPLING_RATE, force_range=200.0,
-                      noise={"acceleration": 0.02, "force": 0.02}, bits=24, seed=seed, name=condition.run)  # fmt: skip
+    rig = FrictionRig(
+        model,
+        drive,
+        _sensors(200.0),
+        shaker.SAMPLING_RATE,
+        force_range=200.0,
+        noise={"acceleration": 0.02, "force": 0.02},
+        bits=24,
+        seed=seed,
+        name=condition.run,
+    )
     takes = list(rig.takes())
     return replace(takes[0], signals=np.hstack([take.signals for take in takes]))
 

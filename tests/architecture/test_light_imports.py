@@ -7,13 +7,40 @@ import sys
 import pytest
 
 HEAVY = (
-    "pandas", "pyvista", "vtkmodules", "matplotlib", "numba", "scipy.signal", "scipy.optimize", "pint", "pydantic",
-    "pyuff", "h5py", "typer", "rich", "jinja2", "nptdms", "asammdf", "soundfile", "openpyxl",
-)  # fmt: skip
+    "pandas",
+    "pyvista",
+    "vtkmodules",
+    "matplotlib",
+    "numba",
+    "scipy.signal",
+    "scipy.optimize",
+    "pint",
+    "pydantic",
+    "pyuff",
+    "h5py",
+    "typer",
+    "rich",
+    "jinja2",
+    "nptdms",
+    "asammdf",
+    "soundfile",
+    "openpyxl",
+)
 ROOMS = (
-    "ema.data", "ema.store", "ema.synthesis", "ema.shapes", "ema.estimate", "ema.fit", "ema.simulate", "ema.show",
-    "ema.report", "ema.app", "ema.study", "ema.cli", "acquisition.files",
-)  # fmt: skip
+    "ema.data",
+    "ema.store",
+    "ema.synthesis",
+    "ema.shapes",
+    "ema.estimate",
+    "ema.fit",
+    "ema.simulate",
+    "ema.show",
+    "ema.report",
+    "ema.app",
+    "ema.study",
+    "ema.cli",
+    "acquisition.files",
+)
 
 PROBE = """
 import json, sys, warnings

@@ -10,9 +10,22 @@ from inspect import ismodule
 from pathlib import Path
 
 ROOMS = (
-    "ema", "ema.app", "ema.compare", "ema.data", "ema.elements", "ema.estimate", "ema.fit", "ema.place", "ema.report",
-    "ema.shapes", "ema.show", "ema.simulate", "ema.store", "ema.study", "acquisition",
-)  # fmt: skip
+    "ema",
+    "ema.app",
+    "ema.compare",
+    "ema.data",
+    "ema.elements",
+    "ema.estimate",
+    "ema.fit",
+    "ema.place",
+    "ema.report",
+    "ema.shapes",
+    "ema.show",
+    "ema.simulate",
+    "ema.store",
+    "ema.study",
+    "acquisition",
+)
 SNAPSHOT = Path(__file__).with_name("public_names.txt")
 
 

@@ -51,16 +51,25 @@ NOISES = (0.001, 0.01, 0.05)
 PEERS = ("sdypy_ema", "pyfbs", "pyyeti", "pyoma2", "pydvma")
 SECTIONS = ("case", "random", "small", "residues", "cost", "listed", "halves", "peers")
 JUDGES: dict[str, ModuleType] = {
-    "systems": systems, "invariance": invariance, "disturbed": disturbed, "roots": repeated_roots, "setups": set_ups,
+    "systems": systems,
+    "invariance": invariance,
+    "disturbed": disturbed,
+    "roots": repeated_roots,
+    "setups": set_ups,
     "time": cpu_time,
-}  # fmt: skip
+}
 """Benches of one form: ``COUNT`` and ``QUICK`` items, ``one(seed, number, quick)``, ``line``, ``summary``, ``report``."""
 RESTS: dict[str, tuple[str, ...]] = {
-    "case": ("tests.bench.draws",), "small": ("tests.bench.draws",), "random": ("tests.bench.fit", "tests.bench.ours"),
-    "residues": ("tests.bench.draws",), "cost": ("tests.bench.draws",), "listed": ("ema.study.chain",),
-    "halves": ("tests.bench.halves",), "peers": ("tests.bench.fit", "tests.bench.ours"),
+    "case": ("tests.bench.draws",),
+    "small": ("tests.bench.draws",),
+    "random": ("tests.bench.fit", "tests.bench.ours"),
+    "residues": ("tests.bench.draws",),
+    "cost": ("tests.bench.draws",),
+    "listed": ("ema.study.chain",),
+    "halves": ("tests.bench.halves",),
+    "peers": ("tests.bench.fit", "tests.bench.ours"),
     **{name: (module.__name__,) for name, module in JUDGES.items()},
-}  # fmt: skip
+}
 """The modules whose code, with all that it imports, makes the figures of a section."""
 RECIPES = (("freefree_beam", "02"), ("hammer_blows", "03"), ("steel_subframe", "05"))
 """Recipes about real measurements, and how their folder begins."""
@@ -220,10 +229,13 @@ def residues(kept: Kept, count: int, noise: float = 0.01) -> dict:
         error = score(case, model, bound).residue_error
         known, allowed = np.isfinite(error), residue_bound(case)
         return {
-            "median": float(np.nanmedian(error)), "largest": float(np.nanmax(error)), "missed": int(np.sum(~known)),
+            "median": float(np.nanmedian(error)),
+            "largest": float(np.nanmax(error)),
+            "missed": int(np.sum(~known)),
             "over bound": float(np.sqrt(np.mean((error[known] / allowed[known]) ** 2))),
-            "bound median": float(np.median(allowed)), "bound largest": float(allowed.max()),
-        }  # fmt: skip
+            "bound median": float(np.median(allowed)),
+            "bound largest": float(allowed.max()),
+        }
 
     done = kept.items("residues", count, make)
     result = {name: [one[name] for one in done] for name in done[0]}
@@ -332,10 +344,12 @@ def peers(
         key = f"peers {noise:g}"
         seed = kept.seed(key)
         row = replace(
-            ROWS[0], key=key, make=lambda one, noise=noise: case_160(1601, noise, one),
+            ROWS[0],
+            key=key,
+            make=lambda one, noise=noise: case_160(1601, noise, one),
             title=f"{100 * noise:g} % noise",
             peers={name: 99 if name != "pyoma2" else int(noise == 0.01) for name in names},
-        )  # fmt: skip
+        )
         found = kept.items(
             key, count, lambda number, row=row, seed=seed: compare(row, [seed + number], names, cache, timeout)["runs"]
         )

@@ -39,9 +39,14 @@ class Row:
 def goals(known: dict) -> str:
     """The table over all sections that have been measured, and below it the reasons of what falls short."""
     makers: dict[str, Callable[[dict], list[Row]]] = {
-        "case": case, "small": small, "random": selection, "residues": residues, "cost": cost, "listed": listed,
+        "case": case,
+        "small": small,
+        "random": selection,
+        "residues": residues,
+        "cost": cost,
+        "listed": listed,
         "halves": halves,
-    }  # fmt: skip
+    }
     from tests.bench import judged_goals  # it uses the rows of this module
 
     rows = judged_goals.rows(known)
@@ -60,13 +65,17 @@ def goals(known: dict) -> str:
 def unfinished(known: dict) -> list[str]:
     """A sentence on what has fewer draws than a full run."""
     counts = {
-        "case": lambda found: found[0]["draws"], "small": lambda found: found[0]["draws"],
-        "random": lambda found: len(found["runs"][OURS]), "residues": lambda found: found["systems"],
-    }  # fmt: skip
+        "case": lambda found: found[0]["draws"],
+        "small": lambda found: found[0]["draws"],
+        "random": lambda found: len(found["runs"][OURS]),
+        "residues": lambda found: found["systems"],
+    }
     titles = {
-        "case": "draws of the 160-FRF case", "small": "draws of the 16-FRF case", "random": "random systems",
+        "case": "draws of the 160-FRF case",
+        "small": "draws of the 16-FRF case",
+        "random": "random systems",
         "residues": "systems for the residues",
-    }  # fmt: skip
+    }
     done = {name: count(known[name]["found"]) if name in known else 0 for name, count in counts.items()}
     said = [f"{done[name]} of {wanted} {titles[name]}" for name, wanted in WANTED.items() if done[name] < wanted]
     said += [f"no {title}" for name, title in (("halves", "halves of real measurements"),) if name not in known]
@@ -104,14 +113,30 @@ def over_bound(row: dict, title: str, section: str) -> list[Row]:
     pooled = max(f["pooled"], z["pooled"])
     lost = f"{row['missed']} of {row['draws'] * row['modes']} missed, {row['false']} false"
     return [
-        Row(f"{key} pooled", f"{start}rms error of f and ζ over the bound, pooled", "≤ 1.05",
-            f"{f['pooled']:.3f} and {z['pooled']:.3f} {chance[0]}; {lost}", pooled <= 1.05,
-            pooled - spread[0] <= 1.05),
-        Row(f"{key} single", f"{start}single modes above the simultaneous 99 % band", "none",
-            f"{above} of {2 * row['modes']}, the largest {single:.2f} (band to {f['band'][1]:.2f})", not above),
-        Row(f"{key} bias", f"{start}pooled bias of f and ζ", "≤ 0.1 s",
-            f"{f['bias']:+.3f} and {z['bias']:+.3f} s {chance[1]}", bias <= 0.1, bias - spread[1] <= 0.1),
-    ]  # fmt: skip
+        Row(
+            f"{key} pooled",
+            f"{start}rms error of f and ζ over the bound, pooled",
+            "≤ 1.05",
+            f"{f['pooled']:.3f} and {z['pooled']:.3f} {chance[0]}; {lost}",
+            pooled <= 1.05,
+            pooled - spread[0] <= 1.05,
+        ),
+        Row(
+            f"{key} single",
+            f"{start}single modes above the simultaneous 99 % band",
+            "none",
+            f"{above} of {2 * row['modes']}, the largest {single:.2f} (band to {f['band'][1]:.2f})",
+            not above,
+        ),
+        Row(
+            f"{key} bias",
+            f"{start}pooled bias of f and ζ",
+            "≤ 0.1 s",
+            f"{f['bias']:+.3f} and {z['bias']:+.3f} s {chance[1]}",
+            bias <= 0.1,
+            bias - spread[1] <= 0.1,
+        ),
+    ]
 
 
 def coverage(row: dict, title: str, section: str) -> list[Row]:
@@ -122,10 +147,15 @@ def coverage(row: dict, title: str, section: str) -> list[Row]:
     off = np.abs(np.array(parts) - 0.95) - [0.01, 0.01, 0.02]
     told = " / ".join(f"{100 * part:.1f} %" for part in parts) + f" (± {100 * chance:.1f} % by chance)"
     return [
-        Row(f"{section} {row['noise']:g} {row['knowledge']} coverage", f"{start}coverage of the 95 % intervals",
-            "94-96 % for f and ζ, 93-97 % for residues", told, bool((off <= 0).all()),
-            bool((off <= chance).all()))
-    ]  # fmt: skip
+        Row(
+            f"{section} {row['noise']:g} {row['knowledge']} coverage",
+            f"{start}coverage of the 95 % intervals",
+            "94-96 % for f and ζ, 93-97 % for residues",
+            told,
+            bool((off <= 0).all()),
+            bool((off <= chance).all()),
+        )
+    ]
 
 
 def selection(found: dict) -> list[Row]:
@@ -139,10 +169,14 @@ def selection(found: dict) -> list[Row]:
         least = 0.995 if noise <= 0.01 else 0.98
         title = f"{len(own)} random systems, {100 * noise:g} % noise"
         rows.append(
-            Row(f"random {noise:g}", f"{title}: recall of {wanted} identifiable modes / false modes per system",
-                f"≥ {100 * least:g} % / ≤ 0.1", f"{100 * recall:.2f} % / {false:.2f}",
-                recall >= least and false <= 0.1)
-        )  # fmt: skip
+            Row(
+                f"random {noise:g}",
+                f"{title}: recall of {wanted} identifiable modes / false modes per system",
+                f"≥ {100 * least:g} % / ≤ 0.1",
+                f"{100 * recall:.2f} % / {false:.2f}",
+                recall >= least and false <= 0.1,
+            )
+        )
     return rows
 
 
@@ -153,11 +187,15 @@ def residues(row: dict) -> list[Row]:
     allowed = f"{100 * np.median(row['bound median']):.2f} / {100 * np.max(row['bound largest']):.1f} %"
     title = f"{row['systems']} systems, mode 5 % beyond the band edge, {100 * row['noise']:g} % noise: residue error"
     return [
-        Row("residues", f"{title}, median / largest of all", "≤ 0.5 / 3 %",
+        Row(
+            "residues",
+            f"{title}, median / largest of all",
+            "≤ 0.5 / 3 %",
             f"{100 * middle:.2f} / {100 * largest:.1f} % (the bound allows {allowed})",
-            middle <= 0.005 and largest <= 0.03),
+            middle <= 0.005 and largest <= 0.03,
+        ),
         Row("residues over bound", f"{title} over the bound", "≤ 1.1", number(ratio), ratio <= 1.1),
-    ]  # fmt: skip
+    ]
 
 
 def cost(found: dict) -> list[Row]:
@@ -183,8 +221,12 @@ def listed(found: list[dict]) -> list[Row]:
 def halves(found: list[dict]) -> list[Row]:
     """Halves of real data against each other."""
     return [
-        Row(f"halves {row['key']}", f"{row['title']}: differences of f / ζ within 1.96 s", "≥ 90 %",
+        Row(
+            f"halves {row['key']}",
+            f"{row['title']}: differences of f / ζ within 1.96 s",
+            "≥ 90 %",
             f"{100 * row['frequency within']:.0f} / {100 * row['damping within']:.0f} % of {row['pairs']} modes",
-            min(row["frequency within"], row["damping within"]) >= 0.9)
+            min(row["frequency within"], row["damping within"]) >= 0.9,
+        )
         for row in found
-    ]  # fmt: skip
+    ]

@@ -60,9 +60,15 @@ def sections() -> list[str]:
     """What has been measured, in the order of the page."""
     known = json.loads(RESULT.read_text()) if RESULT.exists() else {}
     writers = {
-        "case": case, "small": small, "random": random_systems, "residues": residues, "cost": cost, "listed": listed,
-        "halves": halves, "peers": peers,
-    }  # fmt: skip
+        "case": case,
+        "small": small,
+        "random": random_systems,
+        "residues": residues,
+        "cost": cost,
+        "listed": listed,
+        "halves": halves,
+        "peers": peers,
+    }
     written = {section: write(known[section]) for section, write in writers.items() if section in known}
     compared = written.pop("peers", "")
     judged = judged_page.sections(known)
@@ -99,17 +105,34 @@ def over_bound(section: dict) -> list[str]:
     for row in section["found"]:
         start = [f"{100 * row['noise']:g} %", row["knowledge"], f"{row['draws']}"]
         f, z = row["frequency over bound"], row["damping over bound"]
-        errors.append([
-            *start, number(f["pooled"], 4), number(z["pooled"], 4), f"{f['smallest']:.2f}-{f['largest']:.2f}",
-            f"{z['smallest']:.2f}-{z['largest']:.2f}", f"{f['band'][0]:.2f}-{f['band'][1]:.2f}",
-            f"{len(f['above']) + len(z['above'])} of {2 * row['modes']}", f"{f['bias']:+.3f}", f"{z['bias']:+.3f}",
-            f"{row['missed']} of {row['draws'] * row['modes']}", f"{row['false']}",
-        ])  # fmt: skip
-        intervals.append([
-            *start, percent(row["frequency coverage"]), percent(row["damping coverage"]),
-            percent(row["residues coverage"]), percent(row["residue median"]), percent(row["residue largest"]),
-            number(row["residue over bound"]), number(row["residue over bound, worst mode"]), str(row["seed"]),
-        ])  # fmt: skip
+        errors.append(
+            [
+                *start,
+                number(f["pooled"], 4),
+                number(z["pooled"], 4),
+                f"{f['smallest']:.2f}-{f['largest']:.2f}",
+                f"{z['smallest']:.2f}-{z['largest']:.2f}",
+                f"{f['band'][0]:.2f}-{f['band'][1]:.2f}",
+                f"{len(f['above']) + len(z['above'])} of {2 * row['modes']}",
+                f"{f['bias']:+.3f}",
+                f"{z['bias']:+.3f}",
+                f"{row['missed']} of {row['draws'] * row['modes']}",
+                f"{row['false']}",
+            ]
+        )
+        intervals.append(
+            [
+                *start,
+                percent(row["frequency coverage"]),
+                percent(row["damping coverage"]),
+                percent(row["residues coverage"]),
+                percent(row["residue median"]),
+                percent(row["residue largest"]),
+                number(row["residue over bound"]),
+                number(row["residue over bound, worst mode"]),
+                str(row["seed"]),
+            ]
+        )
         for what, own in (("frequency", f), ("damping", z)):
             for mode in own["above"]:
                 hertz, zeta = row["truth"][mode]
@@ -122,18 +145,44 @@ def over_bound(section: dict) -> list[str]:
         "with the band in which all of an efficient estimator's lie together with 99 % probability; the bias is the mean "
         "error in standard deviations.",
         table(
-            ["noise", "noise level", "draws", "f pooled", "ζ pooled", "f single", "ζ single", "99 % band", "above",
-             "f bias", "ζ bias", "missed", "false"], errors,
+            [
+                "noise",
+                "noise level",
+                "draws",
+                "f pooled",
+                "ζ pooled",
+                "f single",
+                "ζ single",
+                "99 % band",
+                "above",
+                "f bias",
+                "ζ bias",
+                "missed",
+                "false",
+            ],
+            errors,
         ),
         "\n".join(["Single modes above the band:\n", *worst]) if worst else "No single mode is above the band.",
         "Coverage of the 95 % intervals (pooled over modes and draws; residues: real and imaginary parts), and the error of "
         "the residues:",
         table(
-            ["noise", "noise level", "draws", "f [%]", "ζ [%]", "residues [%]", "residue error median [%]", "largest [%]",
-             "residues over the bound", "worst mode", "seed"], intervals,
+            [
+                "noise",
+                "noise level",
+                "draws",
+                "f [%]",
+                "ζ [%]",
+                "residues [%]",
+                "residue error median [%]",
+                "largest [%]",
+                "residues over the bound",
+                "worst mode",
+                "seed",
+            ],
+            intervals,
         ),
         measured(section),
-    ]  # fmt: skip
+    ]
 
 
 def random_systems(section: dict) -> str:
@@ -144,24 +193,45 @@ def random_systems(section: dict) -> str:
 def residues(section: dict) -> str:
     """Residues with a mode 5 % outside the band."""
     row = section["found"]
-    lines = [[
-        f"{100 * row['noise']:g} %", f"{row['systems']}", percent(np.median(row["median"])),
-        percent(np.max(row["median"])), percent(np.median(row["largest"])), percent(np.max(row["largest"])),
-        number(float(np.sqrt(np.mean(np.square(row["over bound"]))))), percent(np.median(row["bound median"])),
-        percent(np.median(row["bound largest"])), percent(np.max(row["bound largest"])), f"{sum(row['missed'])}",
-    ]]  # fmt: skip
+    lines = [
+        [
+            f"{100 * row['noise']:g} %",
+            f"{row['systems']}",
+            percent(np.median(row["median"])),
+            percent(np.max(row["median"])),
+            percent(np.median(row["largest"])),
+            percent(np.max(row["largest"])),
+            number(float(np.sqrt(np.mean(np.square(row["over bound"]))))),
+            percent(np.median(row["bound median"])),
+            percent(np.median(row["bound largest"])),
+            percent(np.max(row["bound largest"])),
+            f"{sum(row['missed'])}",
+        ]
+    ]
     head = [
-        "noise", "systems", "median [%]", "largest median [%]", "largest, median over systems [%]", "largest of all [%]",
-        "rms over the bound", "bound: median [%]", "bound: largest, median over systems [%]", "bound: largest of all [%]",
+        "noise",
+        "systems",
+        "median [%]",
+        "largest median [%]",
+        "largest, median over systems [%]",
+        "largest of all [%]",
+        "rms over the bound",
+        "bound: median [%]",
+        "bound: largest, median over systems [%]",
+        "bound: largest of all [%]",
         "modes missed",
-    ]  # fmt: skip
+    ]
     text = (
         "One draw on each of several systems of the 160-FRF case; the first mode outside lies 5 % beyond the band edge."
     )
     return "\n\n".join(
-        ["## Residues with strong modes just outside the band", text, table(head, lines),
-         measured(section) + f" Seed: {row['seed']}."]
-    )  # fmt: skip
+        [
+            "## Residues with strong modes just outside the band",
+            text,
+            table(head, lines),
+            measured(section) + f" Seed: {row['seed']}.",
+        ]
+    )
 
 
 def cost(section: dict) -> str:
@@ -180,10 +250,17 @@ def cost(section: dict) -> str:
 def listed(section: dict) -> str:
     """Real data against what is listed with them."""
     lines = [
-        [own["title"], one["what"], f"{one['expected']:g}", f"{one['tolerance']:.2g}", number(one["found"], 6),
-         "met" if one["met"] else "missed"]
-        for own in section["found"] for one in own["numbers"]
-    ]  # fmt: skip
+        [
+            own["title"],
+            one["what"],
+            f"{one['expected']:g}",
+            f"{one['tolerance']:.2g}",
+            number(one["found"], 6),
+            "met" if one["met"] else "missed",
+        ]
+        for own in section["found"]
+        for one in own["numbers"]
+    ]
     text = (
         "The recipes in `reports/`, told the band and nothing else, against the values and tolerances that go with the "
         "data."
@@ -196,15 +273,29 @@ def halves(section: dict) -> str:
     """Real data."""
     lines = [
         [
-            row["title"], f"{row['splits']}", " + ".join(f"{a}/{b}" for a, b in row["modes"]), f"{row['pairs']}",
-            percent(row["frequency within"]), percent(row["damping within"]), number(row["frequency median"]),
-            number(row["damping median"]), f"{row['seed']}",
-        ] for row in section["found"]
-    ]  # fmt: skip
+            row["title"],
+            f"{row['splits']}",
+            " + ".join(f"{a}/{b}" for a, b in row["modes"]),
+            f"{row['pairs']}",
+            percent(row["frequency within"]),
+            percent(row["damping within"]),
+            number(row["frequency median"]),
+            number(row["damping median"]),
+            f"{row['seed']}",
+        ]
+        for row in section["found"]
+    ]
     head = [
-        "measurement", "splits", "modes in the halves", "pairs", "f within [%]", "ζ within [%]",
-        "f: median difference / s", "ζ: median difference / s", "seed",
-    ]  # fmt: skip
+        "measurement",
+        "splits",
+        "modes in the halves",
+        "pairs",
+        "f within [%]",
+        "ζ within [%]",
+        "f: median difference / s",
+        "ζ: median difference / s",
+        "seed",
+    ]
     text = (
         "Two halves of one real measurement, each fitted by itself, told nothing. *Within*: the difference is less than "
         "1.96 s with s = sqrt(s1² + s2²) of the two stated standard deviations; for intervals that hold all scatter it "
@@ -233,21 +324,40 @@ def peers(section: dict) -> str:
             def middle(key: str, runs: list[dict] = ended) -> float:
                 return float(np.median([run[key] for run in runs]))
 
-            lines.append([
-                name(system, own), TOLD[system], " + ".join(f"{run['found']}" for run in ended),
-                " + ".join(f"{len(run['false'])}" for run in ended), percent(middle("damping_error")),
-                percent(middle("damping_bias")), number(middle("frequency_ratio")), number(middle("damping_ratio")),
-                percent(middle("residue_error")), percent(middle("residue_error_largest")),
-                number(middle("time_poles") + middle("time_selection")),
-            ])  # fmt: skip
+            lines.append(
+                [
+                    name(system, own),
+                    TOLD[system],
+                    " + ".join(f"{run['found']}" for run in ended),
+                    " + ".join(f"{len(run['false'])}" for run in ended),
+                    percent(middle("damping_error")),
+                    percent(middle("damping_bias")),
+                    number(middle("frequency_ratio")),
+                    number(middle("damping_ratio")),
+                    percent(middle("residue_error")),
+                    percent(middle("residue_error_largest")),
+                    number(middle("time_poles") + middle("time_selection")),
+                ]
+            )
         head = [
-            "system", "told", "found of 20", "false", "ζ error, median [%]", "ζ error, mean [%]", "f over the bound",
-            "ζ over the bound", "residue error, median [%]", "largest [%]", "processor time [s]",
-        ]  # fmt: skip
+            "system",
+            "told",
+            "found of 20",
+            "false",
+            "ζ error, median [%]",
+            "ζ error, mean [%]",
+            "f over the bound",
+            "ζ over the bound",
+            "residue error, median [%]",
+            "largest [%]",
+            "processor time [s]",
+        ]
         failed = [
             f"- {NAMES.get(system, system)}: {run['error']}"
-            for system, own in row["runs"].items() for run in own if "error" in run
-        ]  # fmt: skip
+            for system, own in row["runs"].items()
+            for run in own
+            if "error" in run
+        ]
         parts += [f"### {row['title']}", table(head, lines), "\n".join(failed), misses({OURS: row["runs"][OURS]})]
         parts.append(f"Seeds: {', '.join(map(str, row['seeds']))}.")
     return "\n\n".join(filter(None, [*parts, measured(section)]))

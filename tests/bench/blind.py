@@ -68,9 +68,10 @@ def truth(folder: Path) -> None:
     asked = [dict(best, normal_forces=stored["normal_forces"])]
     asked += [dict(one, normal_forces=[one["normal_force"]]) for one in others]
     question |= {
-        "prediction": mark, "guess": float(np.mean(stored["frequency"])),
+        "prediction": mark,
+        "guess": float(np.mean(stored["frequency"])),
         "asked": [one | {"levels": stored["force_levels"]} for one in asked],
-    }  # fmt: skip
+    }
     told = by_opensees("swept", question)
     used = os.times()
     told |= {"prediction": mark, "cpu [s]": round(used.children_user + time.process_time() - started)}
@@ -123,8 +124,11 @@ def main() -> None:
         seed = chosen.seed if chosen.seed is not None or chosen.stored else int(time.time())
         if not chosen.stored and chosen.part not in (None, "hammer"):
             shutil.copytree(HERE, folder, dirs_exist_ok=True)
-        steps = {"hammer": lambda: hammer(folder, seed), "predict": lambda: predict(folder),
-                 "truth": lambda: truth(folder)}  # fmt: skip
+        steps = {
+            "hammer": lambda: hammer(folder, seed),
+            "predict": lambda: predict(folder),
+            "truth": lambda: truth(folder),
+        }
         for name, step in steps.items():
             if chosen.part in (None, name):
                 step()

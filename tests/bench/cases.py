@@ -127,9 +127,20 @@ def random_system(
         inside[gap + 1] = inside[gap] * (1 + rng.uniform(0.003, 0.01))
     damping = _log_uniform(rng, 0.0005, 0.1, modes)
     return _case(
-        "random", seed, noise, np.linspace(low, high, lines), rng, inside, damping, outputs, references,
-        beyond=float(rng.uniform(0.02, 0.2)), neighbours=int(rng.integers(1, 4)), local=0.1, strength=1.0,
-    )  # fmt: skip
+        "random",
+        seed,
+        noise,
+        np.linspace(low, high, lines),
+        rng,
+        inside,
+        damping,
+        outputs,
+        references,
+        beyond=float(rng.uniform(0.02, 0.2)),
+        neighbours=int(rng.integers(1, 4)),
+        local=0.1,
+        strength=1.0,
+    )
 
 
 def _case(
@@ -163,9 +174,15 @@ def _case(
     std = noise_std(clean, noise)
     values = clean + std * unit_noise(rng, clean.shape)
     frfs = FrfSet(
-        frequencies=frequencies, values=values, outputs=truth.dofs, inputs=truth.inputs, quantity="accelerance",
-        unit="m/s^2/N", estimator="synthetic", name=f"{name}, seed {seed}",
-    )  # fmt: skip
+        frequencies=frequencies,
+        values=values,
+        outputs=truth.dofs,
+        inputs=truth.inputs,
+        quantity="accelerance",
+        unit="m/s^2/N",
+        estimator="synthetic",
+        name=f"{name}, seed {seed}",
+    )
     return Case(name, seed, noise, frfs, clean, std, truth, rest)
 
 
@@ -239,9 +256,14 @@ def _complex_modes(
 def _model(poles: np.ndarray, shapes: np.ndarray, places: np.ndarray, name: str) -> ModalModel:
     dofs = tuple(Dof(node, "+Z") for node in range(1, len(shapes) + 1))
     return ModalModel(
-        poles=poles, shapes=shapes, dofs=dofs, participation=shapes[places] / (2j * poles.imag),
-        inputs=tuple(dofs[place] for place in places), scaling="unit modal mass", name=name,
-    )  # fmt: skip
+        poles=poles,
+        shapes=shapes,
+        dofs=dofs,
+        participation=shapes[places] / (2j * poles.imag),
+        inputs=tuple(dofs[place] for place in places),
+        scaling="unit modal mass",
+        name=name,
+    )
 
 
 def _accelerance(model: ModalModel, frequencies: np.ndarray) -> np.ndarray:

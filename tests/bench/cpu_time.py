@@ -115,15 +115,20 @@ def summary(rows: list[dict]) -> dict:
         peer = [row["peer"]["time_poles"] for row in own if "error" not in row.get("peer", {"error": ""})]
         wanted = sum(one["identifiable"] for one in ended)
         sizes[goal.row.key] = {
-            "title": goal.row.title, "runs": len(own), "ended": len(ended), "goal ratio": goal.ratio,
-            "goal seconds": goal.seconds, "median": _number(np.median(seconds)), "worst": _number(seconds.max()),
+            "title": goal.row.title,
+            "runs": len(own),
+            "ended": len(ended),
+            "goal ratio": goal.ratio,
+            "goal seconds": goal.seconds,
+            "median": _number(np.median(seconds)),
+            "worst": _number(seconds.max()),
             "worst over median": _number(seconds.max() / np.median(seconds)),
             "peer": float(np.median(peer)) if peer else None,
             "ratio": _number(np.median(seconds) / np.median(peer)) if peer else None,
             "recall": sum(one["found"] for one in ended) / wanted if wanted else None,
             "false": sum(len(one["false"]) for one in ended),
             "version": next((row["peer"]["version"] for row in own if "version" in row.get("peer", {})), ""),
-        }  # fmt: skip
+        }
     return {"sizes": sizes}
 
 

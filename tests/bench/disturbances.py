@@ -73,9 +73,15 @@ def structure(rng: np.random.Generator, lines: int = LINES, references: int = 1)
     clean = _accelerance(truth, frequencies) + _accelerance(rest, frequencies)
     std = noise_std(clean, NOISE)
     frfs = FrfSet(
-        frequencies=frequencies, values=clean, outputs=truth.dofs, inputs=truth.inputs, quantity="accelerance",
-        unit="m/s^2/N", estimator="synthetic", name="disturbed",
-    )  # fmt: skip
+        frequencies=frequencies,
+        values=clean,
+        outputs=truth.dofs,
+        inputs=truth.inputs,
+        quantity="accelerance",
+        unit="m/s^2/N",
+        estimator="synthetic",
+        name="disturbed",
+    )
     return Case("disturbed", 0, NOISE, frfs, clean, std, truth, rest)
 
 
@@ -90,9 +96,11 @@ def measured(rng: np.random.Generator, case: Case, clean: np.ndarray, std: np.nd
         variance = std**2 * rng.chisquare(freedom, std.shape) / freedom
         power = np.abs(frfs.values) ** 2
         frfs = replace(
-            frfs, variance=variance, coherence=power / (power + AVERAGES * variance),
+            frfs,
+            variance=variance,
+            coherence=power / (power + AVERAGES * variance),
             averages=np.full(std.shape[1:], float(AVERAGES)),
-        )  # fmt: skip
+        )
     return replace(case, frfs=frfs, clean=clean, noise_std=std)
 
 
@@ -139,7 +147,7 @@ def _redamped(case: Case, factor: float) -> Case:
     frequencies = case.frfs.frequencies
     return replace(
         case, truth=truth, outside=outside, clean=_accelerance(truth, frequencies) + _accelerance(outside, frequencies)
-    )  # fmt: skip
+    )
 
 
 def delay(rng: np.random.Generator, strength: float) -> Disturbed:
@@ -167,9 +175,7 @@ def edge(rng: np.random.Generator, strength: float) -> Disturbed:
     frequency, zeta = case.truth.natural_frequencies[-1], case.truth.damping_ratios[-1]
     last = min(frequency * (1 + 2 * zeta * distance), HIGH) if np.isfinite(distance) else HIGH
     keep = case.frfs.frequencies <= last + 0.5 * case.frfs.frequency_step
-    cut = replace(
-        case, frfs=case.frfs.lines(keep), clean=case.clean[keep], noise_std=case.noise_std[keep]
-    )  # fmt: skip
+    cut = replace(case, frfs=case.frfs.lines(keep), clean=case.clean[keep], noise_std=case.noise_std[keep])
     return Disturbed(noisy(rng, cut, cut.clean))
 
 
@@ -191,9 +197,13 @@ def rigid(rng: np.random.Generator, strength: float) -> Disturbed:
     truth, outside = _moved(case, body, inside)
     std = noise_std(clean, NOISE)
     made = replace(
-        case, frfs=replace(case.frfs, frequencies=frequencies, values=clean), clean=clean, noise_std=std, truth=truth,
+        case,
+        frfs=replace(case.frfs, frequencies=frequencies, values=clean),
+        clean=clean,
+        noise_std=std,
+        truth=truth,
         outside=outside,
-    )  # fmt: skip
+    )
     return Disturbed(noisy(rng, made, clean))
 
 
@@ -204,10 +214,11 @@ def _moved(case: Case, body: ModalModel, inside: np.ndarray) -> tuple[ModalModel
         poles = np.concatenate([model.poles[keep] for model, keep in models])
         order = np.argsort(np.abs(poles))
         return replace(
-            case.truth, poles=poles[order],
+            case.truth,
+            poles=poles[order],
             shapes=np.concatenate([model.shapes[:, keep] for model, keep in models], axis=1)[:, order],
             participation=np.concatenate([model.participation[:, keep] for model, keep in models], axis=1)[:, order],
-        )  # fmt: skip
+        )
 
     every = np.ones(len(case.truth.poles), bool)
     return (
@@ -251,9 +262,12 @@ def zero_padding(rng: np.random.Generator, strength: float) -> Disturbed:
 
 
 WINDOWS = (
-    (1.0,), (-0.23, 0.54, -0.23), (-0.25, 0.5, -0.25), (0.04, -0.25, 0.42, -0.25, 0.04),
+    (1.0,),
+    (-0.23, 0.54, -0.23),
+    (-0.25, 0.5, -0.25),
+    (0.04, -0.25, 0.42, -0.25, 0.04),
     (0.0032, -0.0403, 0.139, -0.2078, 0.1079 * 2, -0.2078, 0.139, -0.0403, 0.0032),
-)  # fmt: skip
+)
 """Spectral lines of the rectangular, Hamming, Hann, Blackman and flat-top window (ISO 18431-2, rounded)."""
 
 
@@ -300,21 +314,51 @@ def roll_off(rng: np.random.Generator, strength: float) -> Disturbed:
 
 
 ROWS = (
-    Row("truncated records", "exp(-s T) of the slowest mode at the end of the record", (0.0, 0.003, 0.03, 0.1, 0.3),
-        truncated, ("truncated-record", "leakage")),
+    Row(
+        "truncated records",
+        "exp(-s T) of the slowest mode at the end of the record",
+        (0.0, 0.003, 0.03, 0.1, 0.3),
+        truncated,
+        ("truncated-record", "leakage"),
+    ),
     Row("delay", "microseconds on half of the channels", (0.0, 3.0, 10.0, 40.0, 120.0), delay, ("channel-delay",)),
     Row("common noise", "relative noise that all FRFs share", (0.0, 0.003, 0.01, 0.03, 0.1), common, ("common-noise",)),
     Row("band edge", "1 / (1 + distance of the edge in bandwidths)", (0.0, 0.2, 0.33, 0.5, 1.0), edge, ("band-edge",)),
-    Row("rigid bodies", "rms over that of the elastic modes", (0.0, 0.3, 1.0, 3.0, 10.0), rigid,
-        ("rigid-body", "band-edge")),
-    Row("mains", "amplitude of the tones over the rms of an FRF", (0.0, 0.1, 0.5, 2.0, 10.0), mains,
-        ("mains", "tones", "harmonics")),
-    Row("zero padding", "density of the lines over the resolution", (1.0, 1.5, 2.0, 4.0, 8.0), zero_padding,
-        ("dependent-lines",)),
-    Row("window", "rectangular, Hamming, Hann, Blackman, flat-top", (0.0, 1.0, 2.0, 3.0, 4.0), window,
-        ("dependent-lines",)),
+    Row(
+        "rigid bodies",
+        "rms over that of the elastic modes",
+        (0.0, 0.3, 1.0, 3.0, 10.0),
+        rigid,
+        ("rigid-body", "band-edge"),
+    ),
+    Row(
+        "mains",
+        "amplitude of the tones over the rms of an FRF",
+        (0.0, 0.1, 0.5, 2.0, 10.0),
+        mains,
+        ("mains", "tones", "harmonics"),
+    ),
+    Row(
+        "zero padding",
+        "density of the lines over the resolution",
+        (1.0, 1.5, 2.0, 4.0, 8.0),
+        zero_padding,
+        ("dependent-lines",),
+    ),
+    Row(
+        "window",
+        "rectangular, Hamming, Hann, Blackman, flat-top",
+        (0.0, 1.0, 2.0, 3.0, 4.0),
+        window,
+        ("dependent-lines",),
+    ),
     Row("smoothing", "lines averaged", (1.0, 3.0, 5.0, 9.0, 15.0), smoothing, ("dependent-lines", "smoothed-lines")),
-    Row("force roll-off", "fall of the force towards the end of the band in dB", (0.0, 15.0, 30.0, 45.0, 60.0), roll_off,
-        ("usable-band", "low-coherence", "noisy-frfs")),
-)  # fmt: skip
+    Row(
+        "force roll-off",
+        "fall of the force towards the end of the band in dB",
+        (0.0, 15.0, 30.0, 45.0, 60.0),
+        roll_off,
+        ("usable-band", "low-coherence", "noisy-frfs"),
+    ),
+)
 """The disturbances of FRFs. The first strength of each is none."""

@@ -55,10 +55,12 @@ def friction(rng: np.random.Generator, strength: float, lines: int = LINES) -> D
 
     def poles_at(k: complex) -> np.ndarray:
         count = len(omega)
-        upper = np.block([
-            [np.zeros((count, count)), np.eye(count)],
-            [-np.diag(omega**2) - k * np.outer(phi, phi), -np.diag(2 * zeta * omega)],
-        ])  # fmt: skip
+        upper = np.block(
+            [
+                [np.zeros((count, count)), np.eye(count)],
+                [-np.diag(omega**2) - k * np.outer(phi, phi), -np.diag(2 * zeta * omega)],
+            ]
+        )
         found = np.linalg.eigvals(upper)
         found = found[np.argsort(-found.imag)][:count]
         return found[np.argsort(found.imag)]
@@ -95,15 +97,19 @@ def friction(rng: np.random.Generator, strength: float, lines: int = LINES) -> D
     matched = ratio[:, order][:, inside]
     stuck_shapes = _shapes_at(omega, phi, shapes, stiffness)[:, inside]
     truth = replace(
-        case.truth, poles=over[0][order][inside], shapes=stuck_shapes.astype(complex),
+        case.truth,
+        poles=over[0][order][inside],
+        shapes=stuck_shapes.astype(complex),
         participation=stuck_shapes[[row]] / (2j * over[0][order][inside].imag),
-    )  # fmt: skip
+    )
     frequency = frequency[:, inside]
     made = replace(case, truth=truth)
     return Disturbed(
-        noisy(rng, made, clean), np.array([frequency.min(axis=0), frequency.max(axis=0)]).T,
-        np.array([matched.min(axis=0), matched.max(axis=0)]).T, residues=False,
-    )  # fmt: skip
+        noisy(rng, made, clean),
+        np.array([frequency.min(axis=0), frequency.max(axis=0)]).T,
+        np.array([matched.min(axis=0), matched.max(axis=0)]).T,
+        residues=False,
+    )
 
 
 def jenkins(amplitude: float) -> complex:
@@ -121,11 +127,26 @@ def _shapes_at(omega: np.ndarray, phi: np.ndarray, shapes: np.ndarray, stiffness
 
 
 ROWS = (
-    Row("amplitude dependence", "fall of one frequency in half-power bandwidths", (0.0, 0.1, 0.3, 1.0, 3.0), curved,
-        ("leaning-peak", "amplitude-dependence", "not-linear")),
-    Row("dependence, force drops", "the same, force 20 dB down at resonance", (0.0, 0.1, 0.3, 1.0, 3.0),
-        partial(curved, drop=10.0), ("leaning-peak", "amplitude-dependence", "not-linear")),
-    Row("friction", "largest joint amplitude over the slip limit", (0.5, 1.3, 2.0, 4.0, 10.0), friction,
-        ("leaning-peak", "amplitude-dependence", "not-linear")),
-)  # fmt: skip
+    Row(
+        "amplitude dependence",
+        "fall of one frequency in half-power bandwidths",
+        (0.0, 0.1, 0.3, 1.0, 3.0),
+        curved,
+        ("leaning-peak", "amplitude-dependence", "not-linear"),
+    ),
+    Row(
+        "dependence, force drops",
+        "the same, force 20 dB down at resonance",
+        (0.0, 0.1, 0.3, 1.0, 3.0),
+        partial(curved, drop=10.0),
+        ("leaning-peak", "amplitude-dependence", "not-linear"),
+    ),
+    Row(
+        "friction",
+        "largest joint amplitude over the slip limit",
+        (0.5, 1.3, 2.0, 4.0, 10.0),
+        friction,
+        ("leaning-peak", "amplitude-dependence", "not-linear"),
+    ),
+)
 """The disturbances by structures that are not linear. The first strength of each is none."""

@@ -132,13 +132,33 @@ def overlapping(rng: np.random.Generator, strength: float) -> Disturbed:
 
 
 ROWS = (
-    Row("force noise", "noise of the force channel over its rms, force notched by 20 dB", (0.0, 0.003, 0.01, 0.03, 0.1),
-        force_noise, ("force-noise",)),
-    Row("shaker interaction", "unmeasured force over the generator's", (0.0, 0.01, 0.03, 0.1, 0.3), interaction,
-        ("shaker-interaction", "force-noise")),
-    Row("short blocks", "samples of a Hann block at 1280 Hz", (16384.0, 8192.0, 4096.0, 2048.0, 1024.0), short_blocks,
-        ("leakage", "truncated-record")),
-    Row("overlap", "overlap of Hann blocks", (0.0, 0.5, 0.75, 0.875, 0.9375), overlapping,
-        ("dependent-lines", "dependent-averages")),
-)  # fmt: skip
+    Row(
+        "force noise",
+        "noise of the force channel over its rms, force notched by 20 dB",
+        (0.0, 0.003, 0.01, 0.03, 0.1),
+        force_noise,
+        ("force-noise",),
+    ),
+    Row(
+        "shaker interaction",
+        "unmeasured force over the generator's",
+        (0.0, 0.01, 0.03, 0.1, 0.3),
+        interaction,
+        ("shaker-interaction", "force-noise"),
+    ),
+    Row(
+        "short blocks",
+        "samples of a Hann block at 1280 Hz",
+        (16384.0, 8192.0, 4096.0, 2048.0, 1024.0),
+        short_blocks,
+        ("leakage", "truncated-record"),
+    ),
+    Row(
+        "overlap",
+        "overlap of Hann blocks",
+        (0.0, 0.5, 0.75, 0.875, 0.9375),
+        overlapping,
+        ("dependent-lines", "dependent-averages"),
+    ),
+)
 """The disturbances of shaker signals. The first strength of each is none."""

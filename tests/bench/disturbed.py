@@ -41,13 +41,18 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
     identifiable = _identifiable(drawn)
     hit = found.match >= 0
     return about | {
-        "modes": int(identifiable.sum()), "found": int(np.sum(hit & identifiable)), "false": len(found.false),
+        "modes": int(identifiable.sum()),
+        "found": int(np.sum(hit & identifiable)),
+        "false": len(found.false),
         "false hertz": finite(stated.frequencies[list(found.false)], 2),
-        "frequency": finite(found.frequency[hit]), "damping": finite(found.damping[hit]),
+        "frequency": finite(found.frequency[hit]),
+        "damping": finite(found.damping[hit]),
         "residues": finite(found.inside[hit]) if drawn.residues else [],
-        "wrong": wrong(found, drawn.residues), "codes": [code for code in stated.findings if code in NAMES],
-        "candidates": stated.candidates, "seconds": round(stated.seconds, 3),
-    }  # fmt: skip
+        "wrong": wrong(found, drawn.residues),
+        "codes": [code for code in stated.findings if code in NAMES],
+        "candidates": stated.candidates,
+        "seconds": round(stated.seconds, 3),
+    }
 
 
 def nearest_truth(drawn: Disturbed, stated: Stated) -> ModalModel:
@@ -104,9 +109,8 @@ def summary(rows: list[dict]) -> dict:
     names = {}
     for code in NAMES:
         others = [
-            one for one in rows
-            if "error" not in one and (code not in _causes(one["row"]) or one["strength"] == 0)
-        ]  # fmt: skip
+            one for one in rows if "error" not in one and (code not in _causes(one["row"]) or one["strength"] == 0)
+        ]
         named = sum(code in one["codes"] for one in others)
         names[code] = {"draws": len(others), "named": named}
     return {"cells": cells, "names": names, "draws": len(rows)}
@@ -121,16 +125,20 @@ def _cell(own: list[dict], causes: tuple[str, ...]) -> dict:
     wrong_ones = [one for one in ended if one["wrong"]]
     clean = sum(one["false"] == 0 for one in ended)
     return {
-        "draws": len(own), "failed": len(own) - len(ended),
-        "accepted": sum(one["found"] for one in ended), "modes": sum(one["modes"] for one in ended),
+        "draws": len(own),
+        "failed": len(own) - len(ended),
+        "accepted": sum(one["found"] for one in ended),
+        "modes": sum(one["modes"] for one in ended),
         "frequency": _share([abs(v) <= REACH for one in ended for v in one["frequency"]]),
         "damping": _share([abs(v) <= REACH for one in ended for v in one["damping"]]),
         "residues": _share([v for one in ended for v in one["residues"]]),
-        "false": sum(one["false"] for one in ended), "runs without false": clean,
+        "false": sum(one["false"] for one in ended),
+        "runs without false": clean,
         "runs without false, least": least_share(clean, len(ended)) if ended else 0.0,
-        "wrong": len(wrong_ones), "wrong and named": sum(bool(set(one["codes"]) & set(causes)) for one in wrong_ones),
+        "wrong": len(wrong_ones),
+        "wrong and named": sum(bool(set(one["codes"]) & set(causes)) for one in wrong_ones),
         "named": sum(bool(set(one["codes"]) & set(causes)) for one in ended),
-    }  # fmt: skip
+    }
 
 
 def _share(values: list) -> float | None:

@@ -63,10 +63,14 @@ def one(case: Case, bound: Bound, knowledge: Knowledge, seed: list[int]) -> dict
     for mode in np.flatnonzero(hit):
         inside[mode] = residues_inside(case, model, int(mode), int(match[mode]))
     return {
-        "frequency": _plain(scored.frequency_ratio), "damping": _plain(scored.damping_ratio),
-        "own frequency": _plain(own_frequency), "own damping": _plain(own_damping),
-        "residue": _plain(scored.residue_error), "residues inside": _plain(inside), "false": len(scored.false),
-    }  # fmt: skip
+        "frequency": _plain(scored.frequency_ratio),
+        "damping": _plain(scored.damping_ratio),
+        "own frequency": _plain(own_frequency),
+        "own damping": _plain(own_damping),
+        "residue": _plain(scored.residue_error),
+        "residues inside": _plain(inside),
+        "false": len(scored.false),
+    }
 
 
 def residues_inside(case: Case, model: ModalModel, mode: int, place: int) -> float:
@@ -129,10 +133,15 @@ def _against_bound(errors: np.ndarray) -> dict:
     single = np.sqrt(np.nanmean(errors**2, axis=0))
     bias = np.nanmean(errors, axis=0)
     return {
-        "pooled": _rms(errors), "bias": _mean(errors), "band": [low, high], "largest": float(single.max()),
-        "smallest": float(single.min()), "above": [int(mode) for mode in np.flatnonzero(single > high)],
-        "single": [round(float(value), 4) for value in single], "single bias": [round(float(v), 4) for v in bias],
-    }  # fmt: skip
+        "pooled": _rms(errors),
+        "bias": _mean(errors),
+        "band": [low, high],
+        "largest": float(single.max()),
+        "smallest": float(single.min()),
+        "above": [int(mode) for mode in np.flatnonzero(single > high)],
+        "single": [round(float(value), 4) for value in single],
+        "single bias": [round(float(v), 4) for v in bias],
+    }
 
 
 def _coverage(errors: np.ndarray) -> float:

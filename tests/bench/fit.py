@@ -25,9 +25,13 @@ from tests.bench.scoring import Bound, cramer_rao, modes_of_poles, score
 OURS = "friction-ema"
 RESULT = Path(__file__).parent / "results" / "fit.json"
 ONE_THREAD = {
-    "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1",
-    "QT_QPA_PLATFORM": "offscreen", "MPLBACKEND": "Agg",
-}  # fmt: skip
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+    "QT_QPA_PLATFORM": "offscreen",
+    "MPLBACKEND": "Agg",
+}
 
 
 @dataclass(frozen=True)
@@ -43,18 +47,27 @@ class Row:
 
 ROWS = (
     Row(
-        "160x1601", "80 outputs x 2 references x 1601 lines, 20 modes, 1 % noise, orders to 60",
-        lambda seed: case_160(1601, seed=seed), 60, {"sdypy_ema": 99, "pyfbs": 99, "pyyeti": 99, "pyoma2": 1},
+        "160x1601",
+        "80 outputs x 2 references x 1601 lines, 20 modes, 1 % noise, orders to 60",
+        lambda seed: case_160(1601, seed=seed),
+        60,
+        {"sdypy_ema": 99, "pyfbs": 99, "pyyeti": 99, "pyoma2": 1},
     ),
     Row(
-        "160x6401", "80 outputs x 2 references x 6401 lines, 20 modes, 1 % noise, orders to 60",
-        lambda seed: case_160(6401, seed=seed), 60, {"sdypy_ema": 99, "pyfbs": 99, "pyyeti": 99},
+        "160x6401",
+        "80 outputs x 2 references x 6401 lines, 20 modes, 1 % noise, orders to 60",
+        lambda seed: case_160(6401, seed=seed),
+        60,
+        {"sdypy_ema": 99, "pyfbs": 99, "pyyeti": 99},
     ),
     Row(
-        "900x4096", "300 outputs x 3 references x 4096 lines, 60 modes, 1 % noise, orders to 100",
-        lambda seed: case_large(4096, seed=seed), 100, {"sdypy_ema": 99, "pyfbs": 2, "pyyeti": 99},
+        "900x4096",
+        "300 outputs x 3 references x 4096 lines, 60 modes, 1 % noise, orders to 100",
+        lambda seed: case_large(4096, seed=seed),
+        100,
+        {"sdypy_ema": 99, "pyfbs": 2, "pyyeti": 99},
     ),
-)  # fmt: skip
+)
 
 
 def run(python: Path, script: Path, warm_up: Path, case: Path, timeout: float) -> dict:
@@ -79,9 +92,13 @@ def save(case: Case, order: int, path: Path) -> Path:
     """The file that every system reads; ``told`` is for those that must be told the frequencies."""
     places = [case.truth.dofs.index(dof) for dof in case.truth.inputs]
     np.savez(
-        path, frequencies=case.frfs.frequencies, values=case.frfs.values, order=order, places=places,
+        path,
+        frequencies=case.frfs.frequencies,
+        values=case.frfs.values,
+        order=order,
+        places=places,
         told=case.truth.natural_frequencies,
-    )  # fmt: skip
+    )
     return path
 
 
@@ -92,9 +109,12 @@ def judge(case: Case, bound: Bound, outcome: dict) -> dict:
     poles = _complex(outcome.pop("poles"))
     if "shapes" in outcome:
         model = ModalModel(
-            poles=poles, shapes=_complex(outcome.pop("shapes")), dofs=case.truth.dofs, inputs=case.truth.inputs,
+            poles=poles,
+            shapes=_complex(outcome.pop("shapes")),
+            dofs=case.truth.dofs,
+            inputs=case.truth.inputs,
             participation=_complex(outcome.pop("participation")),
-        )  # fmt: skip
+        )
     else:
         model = modes_of_poles(case, poles)
     return {"seed": case.seed, **outcome, **scored(case, bound, model)}

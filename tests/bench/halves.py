@@ -72,18 +72,33 @@ def _estimated(run: Run, places: list[int]) -> FrfSet:
 
 MEASUREMENTS = (
     Measurement(
-        "beam", "free-free beam, random halves of the 9 hammer points", "freefree_beam", "beam",
-        "02_freefree_beam_roving_hammer", (50, 1000), of_points,
+        "beam",
+        "free-free beam, random halves of the 9 hammer points",
+        "freefree_beam",
+        "beam",
+        "02_freefree_beam_roving_hammer",
+        (50, 1000),
+        of_points,
     ),
     Measurement(
-        "blows", "one point, random halves of 5 blows", "hammer_blows", "blows", "03_raw_hammer_blows", (500, 6500),
+        "blows",
+        "one point, random halves of 5 blows",
+        "hammer_blows",
+        "blows",
+        "03_raw_hammer_blows",
+        (500, 6500),
         of_blows,
     ),
     Measurement(
-        "subframe", "two shakers, random halves of the 8 blocks of a record", "steel_subframe", "random",
-        "05_steel_subframe_mimo", (10, 490), of_blocks,
+        "subframe",
+        "two shakers, random halves of the 8 blocks of a record",
+        "steel_subframe",
+        "random",
+        "05_steel_subframe_mimo",
+        (10, 490),
+        of_blocks,
     ),
-)  # fmt: skip
+)
 
 
 def available() -> Iterator[Measurement]:
@@ -115,9 +130,10 @@ def paired(first: ModalModel, second: ModalModel) -> list[tuple[int, int]]:
     a, b = first.natural_frequencies, second.natural_frequencies
     distance = np.abs(a[:, None] - b[None, :]) / a[:, None]
     return [
-        (i, int(j)) for i, j in enumerate(distance.argmin(axis=1))
+        (i, int(j))
+        for i, j in enumerate(distance.argmin(axis=1))
         if distance[i, j] <= NEAR and distance[:, j].argmin() == i
-    ]  # fmt: skip
+    ]
 
 
 def differences(first: ModalModel, second: ModalModel, i: int, j: int) -> tuple[float, float]:

@@ -108,10 +108,11 @@ def hammer_tests(cases: int, seed: int) -> dict:
         clean = [_tested(draw(rng, records, second=False)) for _ in range(cases)]
         result[records] = {
             "clean": {
-                "cases": cases, "false alarms": sum(found for found, _ in clean),
+                "cases": cases,
+                "false alarms": sum(found for found, _ in clean),
                 "median error": float(np.median([error for _, error in clean])),
             }
-        }  # fmt: skip
+        }
         for delays in DELAYS:
             counts = {ratio: [0, 0] for ratio in RATIOS}
             errors = []
@@ -124,8 +125,9 @@ def hammer_tests(cases: int, seed: int) -> dict:
                 if not found:
                     print(f"  missed, {records}: {drawn.ratio:.0%}, {1e3 * drawn.delay:.1f} ms")
             result[records][f"{1e3 * delays[0]:.0f}-{1e3 * delays[1]:.0f} ms"] = {
-                "found": {f"{ratio:.0%}": counts[ratio] for ratio in RATIOS}, "median error": float(np.median(errors)),
-            }  # fmt: skip
+                "found": {f"{ratio:.0%}": counts[ratio] for ratio in RATIOS},
+                "median error": float(np.median(errors)),
+            }
         print(records, result[records])
     return result
 
@@ -183,9 +185,12 @@ def peer(signals: np.ndarray, python: str) -> dict:
         np.save(path, signals)
         script = Path(__file__).parent / "peers" / "sdypy_frf" / "run.py"
         done = subprocess.run(
-            [python, "-P", str(script), str(path), str(RATE), str(REPEATS)], capture_output=True, text=True, check=True,
+            [python, "-P", str(script), str(path), str(RATE), str(REPEATS)],
+            capture_output=True,
+            text=True,
+            check=True,
             env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        )  # fmt: skip
+        )
     return json.loads(done.stdout.splitlines()[-1])
 
 

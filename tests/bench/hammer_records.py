@@ -79,10 +79,12 @@ def draw(rng: np.random.Generator, records: str, *, second: bool, delays: tuple[
     recordings = []
     for number, clean in enumerate(forces):
         response = _response(clean, poles, residues, chain.rate)
-        signals = np.stack([
-            clean + noise * 100 * rng.standard_normal(len(clean)),
-            response + level * response.std() * rng.standard_normal(len(clean)),
-        ])  # fmt: skip
+        signals = np.stack(
+            [
+                clean + noise * 100 * rng.standard_normal(len(clean)),
+                response + level * response.std() * rng.standard_normal(len(clean)),
+            ]
+        )
         recordings.append(Recording(signals, chain.rate, channels, name=f"record {number + 1}"))
     return Drawn(Run("drawn", Condition(), tuple(recordings)), chosen, delay, ratio, contact, poles, residues)
 
@@ -99,9 +101,11 @@ def _structure(
 
 
 def _response(
-    signal: Float[np.ndarray, "sample"], poles: Complex[np.ndarray, "mode"], residues: Float[np.ndarray, "mode"],
+    signal: Float[np.ndarray, "sample"],
+    poles: Complex[np.ndarray, "mode"],
+    residues: Float[np.ndarray, "mode"],
     rate: float,
-) -> Float[np.ndarray, "sample"]:  # fmt: skip
+) -> Float[np.ndarray, "sample"]:
     """The response of the modes to a force, by the transform of a signal that is long enough to wrap nothing."""
     size = scipy.fft.next_fast_len(2 * len(signal), real=True)
     s = 2j * np.pi * scipy.fft.rfftfreq(size, 1 / rate)[:, None]

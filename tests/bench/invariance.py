@@ -235,10 +235,15 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
         flips += change.flipped or bool(change.findings)
         worst = [max(worst[0], change.value), max(worst[1], change.std)]
     return {
-        "number": number, "noise": made.noise, "shape": list(made.frfs.values.shape), "changes": rows,
-        "modes": len(original.model.poles), "rescaled": rescaled, "flips": flips,
+        "number": number,
+        "noise": made.noise,
+        "shape": list(made.frfs.values.shape),
+        "changes": rows,
+        "modes": len(original.model.poles),
+        "rescaled": rescaled,
+        "flips": flips,
         "rescaled, worst": finite(np.array(worst), 12),
-    }  # fmt: skip
+    }
 
 
 def _row(make: Callable[[], Change]) -> dict:
@@ -248,8 +253,12 @@ def _row(make: Callable[[], Change]) -> dict:
         return {"error": f"{type(error).__name__}: {error}"}
     value, std = (min(float(part), 1e9) for part in (change.value, change.std))
     return {
-        "value": value, "std": std, "flipped": change.flipped, "findings": list(change.findings), "model": change.model,
-    }  # fmt: skip
+        "value": value,
+        "std": std,
+        "flipped": change.flipped,
+        "findings": list(change.findings),
+        "model": change.model,
+    }
 
 
 def by_command(frfs: FrfSet) -> Change:
@@ -325,17 +334,23 @@ def summary(rows: list[dict]) -> dict:
         ended = [one for one in own if "error" not in one]
         steady = [one for one in ended if not one["flipped"]]
         ways[name] = {
-            "systems": len(own), "within": sum(map(within, own)), "failed": len(own) - len(ended),
-            "other modes": len(ended) - len(steady), "other findings": sum(bool(one["findings"]) for one in ended),
+            "systems": len(own),
+            "within": sum(map(within, own)),
+            "failed": len(own) - len(ended),
+            "other modes": len(ended) - len(steady),
+            "other findings": sum(bool(one["findings"]) for one in ended),
             **{
                 f"{part} {which}": float(function([one[part] for one in steady])) if steady else None
-                for part in ("value", "std") for which, function in (("median", np.median), ("largest", np.max))
+                for part in ("value", "std")
+                for which, function in (("median", np.median), ("largest", np.max))
             },
-        }  # fmt: skip
+        }
     return {
-        "systems": len(rows), "ways": ways, "rescaled": sum(row["rescaled"] for row in rows),
+        "systems": len(rows),
+        "ways": ways,
+        "rescaled": sum(row["rescaled"] for row in rows),
         "flips": sum(row["flips"] for row in rows),
-    }  # fmt: skip
+    }
 
 
 def report(found: dict) -> str:

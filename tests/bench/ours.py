@@ -15,9 +15,13 @@ def frf_set(case) -> FrfSet:
     """The FRFs of a case file; nothing else of the file is looked at."""
     outputs = tuple(Dof(node, "+Z") for node in range(1, case.values.shape[1] + 1))
     return FrfSet(
-        frequencies=case.frequencies, values=case.values, outputs=outputs,
-        inputs=tuple(outputs[place] for place in case.places), quantity="accelerance", unit="m/s^2/N",
-    )  # fmt: skip
+        frequencies=case.frequencies,
+        values=case.values,
+        outputs=outputs,
+        inputs=tuple(outputs[place] for place in case.places),
+        quantity="accelerance",
+        unit="m/s^2/N",
+    )
 
 
 def identify(case):

@@ -50,8 +50,12 @@ def predictor() -> dict[str, Any]:
         started = process_time()
         found = predicted(asked, here)
         times.append(1e3 * (process_time() - started) / len(here))
-    return {"ms per candidate": min(times), "prototype": PROTOTYPE, "candidates": len(here),
-            "holes": float(np.mean(np.isnan(found.damping)))}  # fmt: skip
+    return {
+        "ms per candidate": min(times),
+        "prototype": PROTOTYPE,
+        "candidates": len(here),
+        "holes": float(np.mean(np.isnan(found.damping))),
+    }
 
 
 def stages(count: int) -> dict[str, Any]:
@@ -65,23 +69,28 @@ def stages(count: int) -> dict[str, Any]:
     short = process_time() - started
     full = scores(place.verify(asked, predicted(asked, here), np.arange(len(here))), aim).max()
     return {
-        "candidates": len(here), "best of two stages over best of all": ranking.best.score / float(full),
-        "s two stages": short, "s all": process_time() - started - short,
-    }  # fmt: skip
+        "candidates": len(here),
+        "best of two stages over best of all": ranking.best.score / float(full),
+        "s two stages": short,
+        "s all": process_time() - started - short,
+    }
 
 
 def section(found: dict[str, Any]) -> str:
     """The figures as a section of the page on speed."""
     one, two = found["predictor"], found["stages"]
-    return "\n".join([
-        "## Placement", "",
-        f"The one-mode predictor takes {one['ms per candidate']:.2f} ms of processor time per candidate (2 modes x 8 F_N x "
-        f"3 F_E, {one['candidates']} places, best of five; a first prototype took {one['prototype']:.0f} ms). Of "
-        f"{two['candidates']} places, the two-stage search ends at {two['best of two stages over best of all']:.4f} of "
-        f"the best score that checking every place with all modes together finds, in {two['s two stages']:.1f} s instead "
-        f"of {two['s all']:.0f} s of processor time. From `python -m tests.bench.placement --candidates "
-        f"{two['candidates']}`, {found['date']}.",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            "## Placement",
+            "",
+            f"The one-mode predictor takes {one['ms per candidate']:.2f} ms of processor time per candidate (2 modes x 8 F_N x "
+            f"3 F_E, {one['candidates']} places, best of five; a first prototype took {one['prototype']:.0f} ms). Of "
+            f"{two['candidates']} places, the two-stage search ends at {two['best of two stages over best of all']:.4f} of "
+            f"the best score that checking every place with all modes together finds, in {two['s two stages']:.1f} s instead "
+            f"of {two['s all']:.0f} s of processor time. From `python -m tests.bench.placement --candidates "
+            f"{two['candidates']}`, {found['date']}.",
+        ]
+    )
 
 
 def main() -> None:

@@ -17,18 +17,26 @@ from tests.bench.machine import description
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("ema", "acquisition", "tests.bench", "tests.unit")
 NOT_MEASURED = (
-    "tests.bench.provenance", "tests.bench.machine", "tests.bench.write_docs", "tests.bench.accuracy_page",
-    "tests.bench.judged_page", "tests.bench.judged_goals", "tests.bench.accuracy_goals", "tests.bench.simulate_page",
-)  # fmt: skip
+    "tests.bench.provenance",
+    "tests.bench.machine",
+    "tests.bench.write_docs",
+    "tests.bench.accuracy_page",
+    "tests.bench.judged_page",
+    "tests.bench.judged_goals",
+    "tests.bench.accuracy_goals",
+    "tests.bench.simulate_page",
+)
 """Modules that say where a figure comes from or print it, and do not make it."""
 
 
 def stamp(*modules: str) -> dict:
     """Date, machine, commit, and for each bench module the fingerprint of the code that its figures rest on."""
     return {
-        "date": datetime.now(UTC).strftime("%Y-%m-%d"), "machine": description(), "commit": commit(),
+        "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+        "machine": description(),
+        "commit": commit(),
         "fingerprint": {module: fingerprint(module) for module in modules},
-    }  # fmt: skip
+    }
 
 
 def published() -> dict[str, dict]:

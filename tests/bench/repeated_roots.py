@@ -64,8 +64,10 @@ def square(x: np.ndarray, y: np.ndarray, large: bool = False) -> tuple[np.ndarra
     """Simply supported square plate on (-1, 1): frequency m^2 + n^2, shape sin(m pi (x+1)/2) sin(n pi (y+1)/2)."""
     found = [
         (float(m * m + n * n), np.sin(m * np.pi * (x + 1) / 2) * np.sin(n * np.pi * (y + 1) / 2))
-        for m in range(1, 7) for n in range(1, 7) if m * m + n * n <= (41 if large else 18)
-    ]  # fmt: skip
+        for m in range(1, 7)
+        for n in range(1, 7)
+        if m * m + n * n <= (41 if large else 18)
+    ]
     return _ordered(found)
 
 
@@ -100,16 +102,27 @@ def symmetric(seed: int, number: int) -> Symmetric:
     dofs = tuple(Dof(node, "+Z") for node in range(1, len(chosen) + 1))
     rows = list(range(len(references)))
     truth = ModalModel(
-        poles=poles, shapes=shapes.astype(complex), dofs=dofs, participation=shapes[rows] / (2j * poles.imag),
-        inputs=dofs[: len(references)], scaling="unit modal mass", name="plate",
-    )  # fmt: skip
+        poles=poles,
+        shapes=shapes.astype(complex),
+        dofs=dofs,
+        participation=shapes[rows] / (2j * poles.imag),
+        inputs=dofs[: len(references)],
+        scaling="unit modal mass",
+        name="plate",
+    )
     frequencies = np.linspace(0.6 * natural[0], 1.15 * natural[-1], LINES)
     clean = _accelerance(truth, frequencies)
     std = noise_std(clean, noise)
     frfs = FrfSet(
-        frequencies=frequencies, values=clean, outputs=dofs, inputs=truth.inputs, quantity="accelerance",
-        unit="m/s^2/N", estimator="synthetic", name="plate",
-    )  # fmt: skip
+        frequencies=frequencies,
+        values=clean,
+        outputs=dofs,
+        inputs=truth.inputs,
+        quantity="accelerance",
+        unit="m/s^2/N",
+        estimator="synthetic",
+        name="plate",
+    )
     nothing = replace(truth, poles=poles[:0], shapes=truth.shapes[:, :0], participation=truth.participation[:, :0])
     case = Case("plate", seed, noise, frfs, clean, std, truth, nothing)
     known = bool(rng.random() < 0.5)
@@ -180,10 +193,15 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
         found_alone += len(near) >= 1
         taken |= set(near[:1])
     return about | {
-        "counts": counts, "sums": [None if one is None else bool(one) for one in sums], "angles": finite(np.array(angles)),
-        "alone": len(alone), "alone found": found_alone, "false": len(stated.model.poles) - len(taken),
-        "multiplicity": bool(set(stated.findings) & set(MULTIPLICITY)), "seconds": round(stated.seconds, 3),
-    }  # fmt: skip
+        "counts": counts,
+        "sums": [None if one is None else bool(one) for one in sums],
+        "angles": finite(np.array(angles)),
+        "alone": len(alone),
+        "alone found": found_alone,
+        "false": len(stated.model.poles) - len(taken),
+        "multiplicity": bool(set(stated.findings) & set(MULTIPLICITY)),
+        "seconds": round(stated.seconds, 3),
+    }
 
 
 def _near(case: Case, modes: tuple[int, ...], stated: Stated) -> list[int]:
@@ -240,15 +258,19 @@ def summary(rows: list[dict]) -> dict:
         angles = [angle for row in own for angle in row["angles"] if angle is not None]
         kinds[kind] = {
             "plates": sum(row["kind"] == kind for row in rows),
-            "failed": sum(row["kind"] == kind and "error" in row for row in rows), "roots": len(counts),
+            "failed": sum(row["kind"] == kind and "error" in row for row in rows),
+            "roots": len(counts),
             **{f"with {number}": counts.count(number) for number in (0, 1, 2)},
             "with more": sum(count > 2 for count in counts),
-            "sums": len(sums), "sums inside": sum(sums),
+            "sums": len(sums),
+            "sums inside": sum(sums),
             "angle median": float(np.median(angles)) if angles else None,
             "angle largest": float(np.max(angles)) if angles else None,
-            "alone": sum(row["alone"] for row in own), "alone found": sum(row["alone found"] for row in own),
-            "false": sum(row["false"] for row in own), "multiplicity": sum(row["multiplicity"] for row in own),
-        }  # fmt: skip
+            "alone": sum(row["alone"] for row in own),
+            "alone found": sum(row["alone found"] for row in own),
+            "false": sum(row["false"] for row in own),
+            "multiplicity": sum(row["multiplicity"] for row in own),
+        }
     return {"plates": len(rows), "kinds": kinds}
 
 

@@ -280,9 +280,15 @@ def score(case: Case, model: ModalModel, bound: Bound) -> Score:
     true, own = case.truth.residues()[hit], model.residues()[match[hit]]
     residue_error[hit] = np.linalg.norm(own - true, axis=(1, 2)) / np.linalg.norm(true, axis=(1, 2))
     return Score(
-        match, false, bound.identifiable, frequency_error, damping_error, frequency_error * f / bound.frequency_std,
-        damping_error * z / bound.damping_std, residue_error,
-    )  # fmt: skip
+        match,
+        false,
+        bound.identifiable,
+        frequency_error,
+        damping_error,
+        frequency_error * f / bound.frequency_std,
+        damping_error * z / bound.damping_std,
+        residue_error,
+    )
 
 
 def modes_of_poles(case: Case, poles: np.ndarray) -> ModalModel:
@@ -300,6 +306,9 @@ def modes_of_poles(case: Case, poles: np.ndarray) -> ModalModel:
     residues = (solution[0 : 2 * count : 2] + 1j * solution[1 : 2 * count : 2]).reshape(-1, *case.frfs.values.shape[1:])
     left, strength, right = np.linalg.svd(residues, full_matrices=False)
     return ModalModel(
-        poles=poles, shapes=(left[:, :, 0] * strength[:, :1]).T, dofs=case.truth.dofs,
-        participation=right[:, 0, :].T, inputs=case.truth.inputs,
-    )  # fmt: skip
+        poles=poles,
+        shapes=(left[:, :, 0] * strength[:, :1]).T,
+        dofs=case.truth.dofs,
+        participation=right[:, 0, :].T,
+        inputs=case.truth.inputs,
+    )

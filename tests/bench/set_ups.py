@@ -95,23 +95,33 @@ def made(seed: int, number: int) -> SetUps:
         mass = np.eye(len(omega)) + masses[part] * shapes[rows].T @ shapes[rows]
         clean = _responses(frequencies, mass, local, zeta, shapes[rows], shapes[forces])
         std = noise_std(clean, 0.005)
-        parts.append(FrfSet(
-            frequencies=frequencies, values=clean + std * unit_noise(rng, std.shape),
-            outputs=tuple(dofs[row] for row in rows), inputs=inputs, quantity="accelerance", unit="m/s^2/N",
-            estimator="synthetic", name=f"set-up {part + 1}",
-        ))  # fmt: skip
+        parts.append(
+            FrfSet(
+                frequencies=frequencies,
+                values=clean + std * unit_noise(rng, std.shape),
+                outputs=tuple(dofs[row] for row in rows),
+                inputs=inputs,
+                quantity="accelerance",
+                unit="m/s^2/N",
+                estimator="synthetic",
+                name=f"set-up {part + 1}",
+            )
+        )
         poles = _poles(mass, local, zeta)
         own_shifts.append(np.abs(poles) / omega - 1)
         own_damping.append(-poles.real / np.abs(poles))
     inside = (natural >= 100.0) & (natural <= 500.0)
     truth, outside = (
         ModalModel(
-            poles=poles_from(natural[keep], zeta[keep]), shapes=shapes[:, keep].astype(complex), dofs=dofs,
-            participation=shapes[forces][:, keep] / (2j * poles_from(natural[keep], zeta[keep]).imag), inputs=inputs,
+            poles=poles_from(natural[keep], zeta[keep]),
+            shapes=shapes[:, keep].astype(complex),
+            dofs=dofs,
+            participation=shapes[forces][:, keep] / (2j * poles_from(natural[keep], zeta[keep]).imag),
+            inputs=inputs,
             scaling="unit modal mass",
         )
         for keep in (inside, ~inside)
-    )  # fmt: skip
+    )
     case = Case("set-ups", seed, 0.005, parts[0], np.zeros(0), np.zeros(0), truth, outside)
     own = np.array(own_shifts)[:, inside], np.array(own_damping)[:, inside]
     return SetUps(tuple(parts), case, *own, kind, size)
@@ -162,10 +172,15 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
         true = np.mean((1 + drawn.shifts) / np.mean(1 + drawn.shifts, axis=0) - 1, axis=1)
         inside = finite(np.abs(found.shifts - true) / found.shifts_std)
     return about | {
-        "modes": int(apart.sum()), "found": int(np.sum(hit & apart)), "false": len(scored.false),
-        "frequency": finite(scored.frequency[hit]), "damping": finite(scored.damping[hit]), "shifts": inside,
-        "named": bool(set(found.stated.warned) & set(CAUSES)), "seconds": round(found.stated.seconds, 3),
-    }  # fmt: skip
+        "modes": int(apart.sum()),
+        "found": int(np.sum(hit & apart)),
+        "false": len(scored.false),
+        "frequency": finite(scored.frequency[hit]),
+        "damping": finite(scored.damping[hit]),
+        "shifts": inside,
+        "named": bool(set(found.stated.warned) & set(CAUSES)),
+        "seconds": round(found.stated.seconds, 3),
+    }
 
 
 def _in_order(truth: ModalModel, stated: Stated) -> ModalModel:
@@ -209,16 +224,24 @@ def summary(rows: list[dict]) -> dict:
             if own:
                 shifts = [value for row in ended if row["shifts"] for value in row["shifts"] if value is not None]
                 clean = sum(row["false"] == 0 for row in ended)
-                cells.append({
-                    "kind": kind, "size": size, "structures": len(own), "failed": len(own) - len(ended),
-                    "modes": sum(row["modes"] for row in ended), "found": sum(row["found"] for row in ended),
-                    "false": sum(row["false"] for row in ended), "without false": clean,
-                    "without false, least": least_share(clean, len(ended)),
-                    "frequency": _share([v for row in ended for v in row["frequency"]]),
-                    "damping": _share([v for row in ended for v in row["damping"]]),
-                    "shifts": len(shifts), "shifts inside": _share(shifts),
-                    "named": sum(row["named"] for row in ended),
-                })  # fmt: skip
+                cells.append(
+                    {
+                        "kind": kind,
+                        "size": size,
+                        "structures": len(own),
+                        "failed": len(own) - len(ended),
+                        "modes": sum(row["modes"] for row in ended),
+                        "found": sum(row["found"] for row in ended),
+                        "false": sum(row["false"] for row in ended),
+                        "without false": clean,
+                        "without false, least": least_share(clean, len(ended)),
+                        "frequency": _share([v for row in ended for v in row["frequency"]]),
+                        "damping": _share([v for row in ended for v in row["damping"]]),
+                        "shifts": len(shifts),
+                        "shifts inside": _share(shifts),
+                        "named": sum(row["named"] for row in ended),
+                    }
+                )
     return {"structures": len(rows), "cells": cells}
 
 

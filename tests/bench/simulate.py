@@ -75,10 +75,21 @@ def deviation(motion: Any, truth: Any) -> float:
 def peer_case(force: float, duration: float, step: float) -> dict:
     """The same double beam in numbers."""
     return {
-        "elements": 20, "length": 0.5, "width": 0.04, "height": 0.005, "youngs_modulus": 210e9, "density": 7850.0,
-        "contact_stiffness": STIFFNESS, "normal_stiffness": 1e9, "slip_force": MU * force, "shares": SHARES.tolist(),
-        "load": LOAD, "sampling_rate": RATE, "duration": duration, "step": step,
-    }  # fmt: skip
+        "elements": 20,
+        "length": 0.5,
+        "width": 0.04,
+        "height": 0.005,
+        "youngs_modulus": 210e9,
+        "density": 7850.0,
+        "contact_stiffness": STIFFNESS,
+        "normal_stiffness": 1e9,
+        "slip_force": MU * force,
+        "shares": SHARES.tolist(),
+        "load": LOAD,
+        "sampling_rate": RATE,
+        "duration": duration,
+        "step": step,
+    }
 
 
 def peer_run(force: float, duration: float, step: float) -> dict:
@@ -86,8 +97,12 @@ def peer_run(force: float, duration: float, step: float) -> dict:
     with tempfile.TemporaryDirectory() as folder:
         case, result = Path(folder) / "case.json", Path(folder) / "result.json"
         case.write_text(json.dumps(peer_case(force, duration, step)))
-        done = subprocess.run([interpreter("opensees"), "-P", str(PEER), str(case), str(result)], capture_output=True,
-                              text=True, check=False)  # fmt: skip
+        done = subprocess.run(
+            [interpreter("opensees"), "-P", str(PEER), str(case), str(result)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if done.returncode != 0:
             hint = "; install the system packages libblas3 and liblapack3" if "libblas" in done.stderr else ""
             return {"error": done.stderr.strip().splitlines()[-1] + hint}
@@ -116,16 +131,22 @@ def snapbacks(force: float, duration: float) -> dict:
     truth = snapback_reference(model, LOAD, TIP, duration, spacing=0.5 * reference.step).displacements[0]
     cpu_fast, fast = timed(lambda: snapback(model, LOAD, TIP, duration, tolerance=ALLOWED))
     row = {
-        "force": force, "duration": duration,
+        "force": force,
+        "duration": duration,
         "fast": {
-            "cpu": cpu_fast / duration, "deviation": deviation(fast.displacements[0], truth),
-            "stated": fast.error_estimate, "step": fast.step, "energy": fast.energy.error,
+            "cpu": cpu_fast / duration,
+            "deviation": deviation(fast.displacements[0], truth),
+            "stated": fast.error_estimate,
+            "step": fast.step,
+            "energy": fast.energy.error,
         },
         "reference": {
-            "cpu": cpu_reference / duration, "deviation": deviation(reference.displacements[0], truth),
-            "method": reference.method, "energy": reference.energy.error,
+            "cpu": cpu_reference / duration,
+            "deviation": deviation(reference.displacements[0], truth),
+            "method": reference.method,
+            "energy": reference.energy.error,
         },
-    }  # fmt: skip
+    }
     row["opensees"] = peer_rows(force, duration, truth)
     return row
 
@@ -133,8 +154,13 @@ def snapbacks(force: float, duration: float) -> dict:
 def first_call(call: str) -> float:
     """Processor time in s of a fresh process that has to compile everything."""
     with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run([sys.executable, "-c", SCRIPT.format(call=call)], capture_output=True, text=True,
-                              check=True, env=os.environ | {"NUMBA_CACHE_DIR": folder})  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-c", SCRIPT.format(call=call)],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=os.environ | {"NUMBA_CACHE_DIR": folder},
+        )
     return float(done.stdout.split()[-1])
 
 

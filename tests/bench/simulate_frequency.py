@@ -60,11 +60,16 @@ def peer_case(model: BeamModel, frequencies: np.ndarray, force: float, harmonics
     driven = int(np.flatnonzero(system.row(TIP))[0])
     mass = back.T @ system.mass @ back
     return {
-        "mass_matrix": mass, "stiffness_matrix": back.T @ system.stiffness @ back,
-        "damping_matrix": model.damping.mass_factor * mass, "stiffness": system.contacts.stiffness,
-        "limits": system.contacts.limits, "driven": len(slips) + others.index(driven), "force": force,
-        "frequencies": frequencies, "harmonics": harmonics,
-    }  # fmt: skip
+        "mass_matrix": mass,
+        "stiffness_matrix": back.T @ system.stiffness @ back,
+        "damping_matrix": model.damping.mass_factor * mass,
+        "stiffness": system.contacts.stiffness,
+        "limits": system.contacts.limits,
+        "driven": len(slips) + others.index(driven),
+        "force": force,
+        "frequencies": frequencies,
+        "harmonics": harmonics,
+    }
 
 
 def peer_sweep(model: BeamModel, frequencies: np.ndarray, harmonics: int, longest: float) -> dict[str, Any]:
@@ -97,12 +102,18 @@ def points(ratio: float, quick: bool) -> dict[str, Any]:
     free, ours = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP]))
     system = assemble(model).contacts
     row: dict[str, Any] = {
-        "ratio": ratio, "from": frequencies[0], "to": frequencies[-1], "points": len(frequencies),
+        "ratio": ratio,
+        "from": frequencies[0],
+        "to": frequencies[-1],
+        "points": len(frequencies),
         "slipping": int(np.max(np.sum(np.abs(same.slips).sum(axis=-1) > system.limits / system.stiffness, axis=1))),
         "cpu five harmonics": fixed / len(frequencies),
-        "cpu as many as needed": free / len(frequencies), "most harmonics": int(ours.orders[-1]),
-        "stated": float(np.nanmax(ours.error_estimate)), "power": ours.power_error, "solved": bool(ours.converged.all()),
-    }  # fmt: skip
+        "cpu as many as needed": free / len(frequencies),
+        "most harmonics": int(ours.orders[-1]),
+        "stated": float(np.nanmax(ours.error_estimate)),
+        "power": ours.power_error,
+        "solved": bool(ours.converged.all()),
+    }
     theirs = peer_sweep(model, frequencies, 5, LONGEST)
     for name in ("odd", "all"):
         if name not in theirs:
@@ -110,11 +121,13 @@ def points(ratio: float, quick: bool) -> dict[str, Any]:
         sweep = theirs[name]
         known = frf(model, np.array(sweep["frequencies"]), 1.0, TIP, [TIP], harmonics=5)
         row[f"pyHarm {name}"] = {
-            "cpu": sweep["cpu"], "accepted": sweep["accepted"], "points": sweep["points"],
+            "cpu": sweep["cpu"],
+            "accepted": sweep["accepted"],
+            "points": sweep["points"],
             "ended at": max(sweep["frequencies"]),
             "difference": float(np.max(np.abs(np.array(sweep["amplitudes"]) / np.abs(known.values[:, 0, 0]) - 1))),
             "ratio": sweep["cpu"] * len(frequencies) / fixed,
-        }  # fmt: skip
+        }
     row |= {name: theirs[name] for name in ("version", "error") if name in theirs}
     return row
 
@@ -156,9 +169,14 @@ def robustness(quick: bool) -> dict[str, Any]:
             supplied, friction, damping = condensed.powers(point)
             powers.append(abs(supplied - friction - damping) / supplied)
     return {
-        "points": ratios * each, "failed": failed, "cpu": float(np.mean(times)), "longest": max(times),
-        "largest error": max(errors), "above the tolerance": sum(e > 5e-3 for e in errors), "power": max(powers),
-    }  # fmt: skip
+        "points": ratios * each,
+        "failed": failed,
+        "cpu": float(np.mean(times)),
+        "longest": max(times),
+        "largest error": max(errors),
+        "above the tolerance": sum(e > 5e-3 for e in errors),
+        "power": max(powers),
+    }
 
 
 def steady(condensed: Condensed, point: Any) -> _State:
@@ -186,13 +204,25 @@ def peaks(quick: bool, elements: int = 10) -> dict[str, Any]:
         condensed = condense(model, 1.0, tip, [tip], 2e-3)
         point = condensed.solve(peak.frequency)
         assert point is not None
-        run = run_reference(condensed.problem, steady(condensed, point), 16 / peak.frequency, 64 * peak.frequency, None,
-                            Harmonic(1.0, peak.frequency, condensed.driven))  # fmt: skip
+        run = run_reference(
+            condensed.problem,
+            steady(condensed, point),
+            16 / peak.frequency,
+            64 * peak.frequency,
+            None,
+            Harmonic(1.0, peak.frequency, condensed.driven),
+        )
         last = run.displacements[0][-128:]
         turns = np.arange(len(run.times) - 128, len(run.times)) / 64
         found = abs(2 / 128 * np.sum(last * np.exp(-2j * np.pi * turns)))
-        rows.append({
-            "ratio": ratio, "frequency": peak.frequency, "damping": peak.damping, "stated": peak.error_estimate,
-            "error": float(abs(abs(peak.amplitude) / found - 1)), "harmonics": int(condensed.orders(point.count)[-1]),
-        })  # fmt: skip
+        rows.append(
+            {
+                "ratio": ratio,
+                "frequency": peak.frequency,
+                "damping": peak.damping,
+                "stated": peak.error_estimate,
+                "error": float(abs(abs(peak.amplitude) / found - 1)),
+                "harmonics": int(condensed.orders(point.count)[-1]),
+            }
+        )
     return {"peaks": rows}

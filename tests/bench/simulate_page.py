@@ -38,14 +38,24 @@ def snap_backs(rows: Rows) -> list[str]:
             ratio = number(peer["cpu"] / own["cpu"]) if peer else "-"
             lines.append([force, name, number(own["cpu"]), f"{own['deviation']:.1e}", f"{own['energy']:.1e}", ratio])
         lines += [
-            [force, f"OpenSeesPy {run['version']}, {1e6 * run['step']:g} us", number(run["cpu"]),
-             f"{run['deviation']:.1e}", "-", ""]
+            [
+                force,
+                f"OpenSeesPy {run['version']}, {1e6 * run['step']:g} us",
+                number(run["cpu"]),
+                f"{run['deviation']:.1e}",
+                "-",
+                "",
+            ]
             for run in ended
-        ]  # fmt: skip
+        ]
     head = [
-        "F_N [N]", "system", "processor time per simulated second [s]", "error / initial deflection",
-        "energy balance / initial energy", "times faster than OpenSeesPy's last row",
-    ]  # fmt: skip
+        "F_N [N]",
+        "system",
+        "processor time per simulated second [s]",
+        "error / initial deflection",
+        "energy balance / initial energy",
+        "times faster than OpenSeesPy's last row",
+    ]
     text = (
         "OpenSeesPy is run with ever finer steps until its error falls below a thousandth. The truth is the reference "
         "mode at half its spacing."
@@ -58,22 +68,40 @@ def steady_states(rows: Rows) -> list[str]:
     lines = []
     for row in sorted(rows.values(), key=lambda row: row["ratio"]):
         cells = [
-            f"{row['ratio']:g}", f"{row['from']:g}-{row['to']:g}", str(row["slipping"]),
-            number(1e3 * row["cpu five harmonics"]), number(1e3 * row["cpu as many as needed"]),
-            str(row["most harmonics"]), f"{row['stated']:.1e}", f"{row['power']:.1e}",
-        ]  # fmt: skip
+            f"{row['ratio']:g}",
+            f"{row['from']:g}-{row['to']:g}",
+            str(row["slipping"]),
+            number(1e3 * row["cpu five harmonics"]),
+            number(1e3 * row["cpu as many as needed"]),
+            str(row["most harmonics"]),
+            f"{row['stated']:.1e}",
+            f"{row['power']:.1e}",
+        ]
         for name in ("all", "odd"):
             peer = row.get(f"pyHarm {name}")
             cells += ["-", "-"] if peer is None else [number(1e3 * peer["cpu"]), number(peer["ratio"])]
         lines.append(cells)
     head = [
-        "F_N / F_E", "Hz", "slipping pairs, at most", "1st, 3rd, 5th harmonic [ms]", "as many as needed [ms]", "highest",
-        "stated error", "power balance / input", "pyHarm, all to the 5th [ms]", "slower by", "pyHarm, odd ones [ms]",
+        "F_N / F_E",
+        "Hz",
+        "slipping pairs, at most",
+        "1st, 3rd, 5th harmonic [ms]",
+        "as many as needed [ms]",
+        "highest",
+        "stated error",
+        "power balance / input",
+        "pyHarm, all to the 5th [ms]",
         "slower by",
-    ]  # fmt: skip
+        "pyHarm, odd ones [ms]",
+        "slower by",
+    ]
     versions = {row["version"] for row in rows.values() if "version" in row}
-    apart = [row[f"pyHarm {name}"]["difference"] for row in rows.values() for name in ("all", "odd")
-             if f"pyHarm {name}" in row]  # fmt: skip
+    apart = [
+        row[f"pyHarm {name}"]["difference"]
+        for row in rows.values()
+        for name in ("all", "odd")
+        if f"pyHarm {name}" in row
+    ]
     text = f"Processor time per frequency of a sweep. pyHarm-os {', '.join(sorted(versions)) or '(did not run)'}."
     text += f" Its amplitudes at five harmonics are ours within {max(apart):.1e}." if apart else ""
     gone = [f"at {row['ratio']:g}: {row['error']}" for row in rows.values() if "error" in row]
@@ -113,10 +141,16 @@ def peaks(rows: Rows) -> list[str]:
     if "peaks" not in rows:
         return []
     lines = [
-        [f"{row['ratio']:g}", number(row["frequency"], 4), number(100 * row["damping"]), number(100 * row["error"], 2),
-         number(100 * row["stated"], 2), str(row["harmonics"])]
+        [
+            f"{row['ratio']:g}",
+            number(row["frequency"], 4),
+            number(100 * row["damping"]),
+            number(100 * row["error"], 2),
+            number(100 * row["stated"], 2),
+            str(row["harmonics"]),
+        ]
         for row in rows["peaks"]["peaks"]
-    ]  # fmt: skip
+    ]
     head = ["F_N / F_E", "peak [Hz]", "damping [%]", "error of the peak [%]", "stated [%]", "highest harmonic"]
     return ["Resonances (2 x 10 elements) against the reference mode in time:", table(head, lines)]
 

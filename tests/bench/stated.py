@@ -69,9 +69,14 @@ def of_model(model: ModalModel, frfs: FrfSet | None = None) -> Stated:
         for wanted in (("info", "warning", "error"), ("warning", "error"))
     )
     return Stated(
-        model, std[0], std[1], None if model.uncertainty is None else np.asarray(model.uncertainty.residues),
-        0 if candidates is None else len(getattr(candidates, "poles", candidates)), codes, warned,
-    )  # fmt: skip
+        model,
+        std[0],
+        std[1],
+        None if model.uncertainty is None else np.asarray(model.uncertainty.residues),
+        0 if candidates is None else len(getattr(candidates, "poles", candidates)),
+        codes,
+        warned,
+    )
 
 
 def automatic(

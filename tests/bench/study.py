@@ -18,11 +18,16 @@ from tests.bench.provenance import stamp
 ROOT = Path(__file__).resolve().parents[2]
 RESULT = Path(__file__).with_name("results") / "study.json"
 _KINDS = (
-    ("measuring the virtual table", "signals of the virtual table (once)"), ("places", "all places by the predictor"),
-    ("all modes together", "shortlist with all modes"), ("intervals", "intervals of the best places"),
-    ("bands of the forecast", "forecast with bands"), ("control study", "controlled normal force"),
-    ("runs of", "maps of the placed beam"), ("saving", "result and report"), ("writing", "result and report"),
-)  # fmt: skip
+    ("measuring the virtual table", "signals of the virtual table (once)"),
+    ("places", "all places by the predictor"),
+    ("all modes together", "shortlist with all modes"),
+    ("intervals", "intervals of the best places"),
+    ("bands of the forecast", "forecast with bands"),
+    ("control study", "controlled normal force"),
+    ("runs of", "maps of the placed beam"),
+    ("saving", "result and report"),
+    ("writing", "result and report"),
+)
 
 
 class Stages:
@@ -50,9 +55,13 @@ def main() -> None:
     total = time.perf_counter() - start
     assert result.forecast_check is not None
     found = {
-        **stamp("tests.bench.study"), "seconds": total, "stages": stages.spent, "inside": result.forecast_check.inside,
-        "values": result.forecast_check.values, "met": all(one.met for one in result.expectations),
-    }  # fmt: skip
+        **stamp("tests.bench.study"),
+        "seconds": total,
+        "stages": stages.spent,
+        "inside": result.forecast_check.inside,
+        "values": result.forecast_check.values,
+        "met": all(one.met for one in result.expectations),
+    }
     for stage, seconds in sorted(stages.spent.items(), key=lambda item: -item[1]):
         print(f"{stage:40s} {seconds:6.1f} s {seconds / total:6.0%}")
     print(f"{'all':40s} {total:6.1f} s; {found['inside']} of {found['values']} values inside their bands")
@@ -62,15 +71,23 @@ def main() -> None:
 def section(found: dict) -> str:
     """The figures as a section of the page on speed."""
     machine = found["machine"]
-    lines = [f"| {stage} | {seconds:.1f} | {seconds / found['seconds']:.0%} |"
-             for stage, seconds in sorted(found["stages"].items(), key=lambda item: -item[1])]  # fmt: skip
-    return "\n".join([
-        "## The study of the README", "",
-        f"From raw hammer signals to the report of a placed beam, measured against its forecast ({found['inside']} of "
-        f"{found['values']} values inside their bands): {found['seconds']:.0f} s of wall clock on {machine['cores']} cores "
-        f"({machine['processor']}). From `python -m tests.bench.study`.", "",
-        "| stage | wall clock [s] | share |", "| --- | --- | --- |", *lines,
-    ])  # fmt: skip
+    lines = [
+        f"| {stage} | {seconds:.1f} | {seconds / found['seconds']:.0%} |"
+        for stage, seconds in sorted(found["stages"].items(), key=lambda item: -item[1])
+    ]
+    return "\n".join(
+        [
+            "## The study of the README",
+            "",
+            f"From raw hammer signals to the report of a placed beam, measured against its forecast ({found['inside']} of "
+            f"{found['values']} values inside their bands): {found['seconds']:.0f} s of wall clock on {machine['cores']} cores "
+            f"({machine['processor']}). From `python -m tests.bench.study`.",
+            "",
+            "| stage | wall clock [s] | share |",
+            "| --- | --- | --- |",
+            *lines,
+        ]
+    )
 
 
 if __name__ == "__main__":

@@ -24,9 +24,17 @@ AVERAGES = (1, 2, 3, 5, 10)
 FEWEST = 400
 """Identifiable modes from which a bin is judged."""
 FIELDS = (
-    "frequency", "damping", "residues", "frequency over bound", "damping over bound", "zeta", "overlap", "place",
-    "edge", "hertz",
-)  # fmt: skip
+    "frequency",
+    "damping",
+    "residues",
+    "frequency over bound",
+    "damping over bound",
+    "zeta",
+    "overlap",
+    "place",
+    "edge",
+    "hertz",
+)
 BINS: dict[str, tuple[float, ...]] = {
     "noise": (0.0, 0.003, 0.03, 1.0),
     "zeta": (0.0, 0.002, 0.01, 0.03, 1.0),
@@ -75,9 +83,14 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
     bound = cramer_rao(case, residual_terms=True)
     _, outputs, references = case.frfs.values.shape
     about = {
-        "number": number, "noise": case.noise, "averages": averages, "outputs": outputs, "references": references,
-        "lines": len(case.frfs.frequencies), "modes": len(case.truth.poles),
-    }  # fmt: skip
+        "number": number,
+        "noise": case.noise,
+        "averages": averages,
+        "outputs": outputs,
+        "references": references,
+        "lines": len(case.frfs.frequencies),
+        "modes": len(case.truth.poles),
+    }
     frequency, zeta = case.truth.natural_frequencies, case.truth.damping_ratios
     width, (low, high) = 2 * zeta * frequency, case.band
     nan = np.full(len(frequency), np.nan)
@@ -94,14 +107,20 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
         wide[1][hit] = stated.damping_std[own] / bound.damping_std[hit]
         values = [found.frequency, found.damping, found.inside, *wide]
         about |= {
-            "false": finite(stated.frequencies[list(found.false)], 2), "seconds": round(stated.seconds, 3),
-            "accepted": len(stated.model.poles), "unidentifiable accepted": int(np.sum(hit & ~identifiable)),
+            "false": finite(stated.frequencies[list(found.false)], 2),
+            "seconds": round(stated.seconds, 3),
+            "accepted": len(stated.model.poles),
+            "unidentifiable accepted": int(np.sum(hit & ~identifiable)),
             "unidentifiable covered": int(np.sum(np.abs(found.frequency[hit & ~identifiable]) <= REACH)),
-        }  # fmt: skip
+        }
     columns = [
-        *values, zeta, width / case.spacing, (frequency - low) / (high - low),
-        np.minimum(frequency - low, high - frequency) / width, frequency,
-    ]  # fmt: skip
+        *values,
+        zeta,
+        width / case.spacing,
+        (frequency - low) / (high - low),
+        np.minimum(frequency - low, high - frequency) / width,
+        frequency,
+    ]
     rows = np.array(columns).T[identifiable]
     return about | {"rows": [finite(row, 5) for row in rows]}
 
@@ -150,32 +169,44 @@ def summary(rows: list[dict]) -> dict:
         for low, high in pairwise(edges):
             chosen = (columns[name] >= low) & (columns[name] < high)
             if chosen.any():
-                bins.append({
-                    "what": name, "from": low, "to": min(high, 1e9), "modes": int(chosen.sum()),
-                    "found": int(found[chosen].sum()), **coverage(columns, chosen),
-                })  # fmt: skip
+                bins.append(
+                    {
+                        "what": name,
+                        "from": low,
+                        "to": min(high, 1e9),
+                        "modes": int(chosen.sum()),
+                        "found": int(found[chosen].sum()),
+                        **coverage(columns, chosen),
+                    }
+                )
     both = np.maximum(columns["frequency over bound"], columns["damping over bound"])[found]
     wide = np.where(np.isfinite(both), both, 1e9)
     clean = sum(not row["false"] for row in rows)
     beyond = np.flatnonzero(found)[~(wide <= 2)]
     return {
-        "systems": len(rows), "failed": [row["error"] for row in rows if "error" in row],
-        "modes": count, "found": int(found.sum()), "recall": float(found.mean()) if count else float("nan"),
-        "coverage": coverage(columns), "bins": bins, "false": sum(len(row["false"]) for row in rows),
-        "systems without false": clean, "systems without false, least": least_share(clean, len(rows)),
-        "over bound": {
-            name: _spread(columns[f"{name} over bound"][found]) for name in ("frequency", "damping")
-        },
+        "systems": len(rows),
+        "failed": [row["error"] for row in rows if "error" in row],
+        "modes": count,
+        "found": int(found.sum()),
+        "recall": float(found.mean()) if count else float("nan"),
+        "coverage": coverage(columns),
+        "bins": bins,
+        "false": sum(len(row["false"]) for row in rows),
+        "systems without false": clean,
+        "systems without false, least": least_share(clean, len(rows)),
+        "over bound": {name: _spread(columns[f"{name} over bound"][found]) for name in ("frequency", "damping")},
         "beyond twice the bound": [
             {
-                "system": int(columns["number"][index]), "hertz": float(columns["hertz"][index]),
-                "zeta": float(columns["zeta"][index]), "frequency": _number(columns["frequency over bound"][index]),
+                "system": int(columns["number"][index]),
+                "hertz": float(columns["hertz"][index]),
+                "zeta": float(columns["zeta"][index]),
+                "frequency": _number(columns["frequency over bound"][index]),
                 "damping": _number(columns["damping over bound"][index]),
             }
             for index in beyond
         ],
         "seconds": float(sum(row["seconds"] for row in rows)),
-    }  # fmt: skip
+    }
 
 
 def _number(value: float) -> float:
@@ -188,9 +219,11 @@ def _spread(ratio: np.ndarray) -> dict[str, float]:
     if not len(ratio):
         return dict.fromkeys(("median", "within two", "largest", "smallest"), 0.0)
     return {
-        "median": float(np.median(ratio)), "within two": float(np.mean(ratio <= 2)), "largest": float(ratio.max()),
+        "median": float(np.median(ratio)),
+        "within two": float(np.mean(ratio <= 2)),
+        "largest": float(ratio.max()),
         "smallest": float(ratio.min()),
-    }  # fmt: skip
+    }
 
 
 def least_share(good: int, count: int, level: float = 0.95) -> float:

@@ -56,13 +56,23 @@ def _pyuff_write(pyuff: Any, path: Path, source: FrfSet, binary: bool) -> None:
     file = pyuff.UFF(str(path))
     sets = [
         {
-            "type": 58, "binary": int(binary), "func_type": 4, "rsp_node": output.node, "rsp_dir": output.uff_direction,
-            "ref_node": input_.node, "ref_dir": input_.uff_direction, "x": source.frequencies, "abscissa_spacing": 1,
-            "data": source.values[:, row, column], "abscissa_spec_data_type": 18, "ordinate_spec_data_type": 12,
+            "type": 58,
+            "binary": int(binary),
+            "func_type": 4,
+            "rsp_node": output.node,
+            "rsp_dir": output.uff_direction,
+            "ref_node": input_.node,
+            "ref_dir": input_.uff_direction,
+            "x": source.frequencies,
+            "abscissa_spacing": 1,
+            "data": source.values[:, row, column],
+            "abscissa_spec_data_type": 18,
+            "ordinate_spec_data_type": 12,
             "orddenom_spec_data_type": 13,
         }
-        for column, input_ in enumerate(source.inputs) for row, output in enumerate(source.outputs)
-    ]  # fmt: skip
+        for column, input_ in enumerate(source.inputs)
+        for row, output in enumerate(source.outputs)
+    ]
     file.write_sets(sets, "add")
 
 

@@ -15,9 +15,13 @@ from tests.bench.uff import RESULT as UFF
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TOLD = {
-    OURS: "nothing", "sdypy_ema": "the true frequencies", "pyfbs": "the true frequencies", "pyyeti": "nothing",
-    "pyoma2": "the true frequencies", "pydvma": "the true frequencies",
-}  # fmt: skip
+    OURS: "nothing",
+    "sdypy_ema": "the true frequencies",
+    "pyfbs": "the true frequencies",
+    "pyyeti": "nothing",
+    "pyoma2": "the true frequencies",
+    "pydvma": "the true frequencies",
+}
 
 SPEED = """# Speed
 
@@ -141,20 +145,30 @@ def accuracy(row: dict) -> str:
     lines = []
     for system, own in row["runs"].items():
         ended = [run for run in own if "error" not in run]
-        lines.append([
-            name(system, own), TOLD[system],
-            " + ".join(f"{run['found']}" for run in ended) or "-",
-            " + ".join(f"{run['identifiable']}" for run in ended) or "-",
-            " + ".join(f"{len(run['false'])}" for run in ended) or "-",
-            number(100 * median(own, lambda run: run["damping_error"])),
-            number(100 * median(own, lambda run: run["damping_bias"])),
-            number(median(own, lambda run: run["frequency_ratio"])),
-            number(median(own, lambda run: run["damping_ratio"])),
-        ])  # fmt: skip
+        lines.append(
+            [
+                name(system, own),
+                TOLD[system],
+                " + ".join(f"{run['found']}" for run in ended) or "-",
+                " + ".join(f"{run['identifiable']}" for run in ended) or "-",
+                " + ".join(f"{len(run['false'])}" for run in ended) or "-",
+                number(100 * median(own, lambda run: run["damping_error"])),
+                number(100 * median(own, lambda run: run["damping_bias"])),
+                number(median(own, lambda run: run["frequency_ratio"])),
+                number(median(own, lambda run: run["damping_ratio"])),
+            ]
+        )
     head = [
-        "system", "told", "found", "identifiable", "false", "damping error, median [% of the value]",
-        "damping error, mean [% of the value]", "frequency over the bound", "damping over the bound",
-    ]  # fmt: skip
+        "system",
+        "told",
+        "found",
+        "identifiable",
+        "false",
+        "damping error, median [% of the value]",
+        "damping error, mean [% of the value]",
+        "frequency over the bound",
+        "damping over the bound",
+    ]
     parts = [f"## {row['title']}", table(head, lines)]
     best = row["runs"][OURS]
     parts.append(
@@ -195,11 +209,17 @@ def selection(row: dict) -> str:
         runs = [run for run in own if run["noise"] == noise]
         ended = [run for run in runs if "error" not in run]
         wanted, found = sum(run["identifiable"] for run in ended), sum(run["found"] for run in ended)
-        lines.append([
-            f"{100 * noise:g} %", str(len(runs)), str(wanted), str(found),
-            number(100 * found / wanted, 4) if wanted else "-",
-            number(sum(len(run["false"]) for run in ended) / max(len(ended), 1)), str(len(runs) - len(ended)),
-        ])  # fmt: skip
+        lines.append(
+            [
+                f"{100 * noise:g} %",
+                str(len(runs)),
+                str(wanted),
+                str(found),
+                number(100 * found / wanted, 4) if wanted else "-",
+                number(sum(len(run["false"]) for run in ended) / max(len(ended), 1)),
+                str(len(runs) - len(ended)),
+            ]
+        )
     head = ["noise", "systems", "identifiable modes", "found", "recall [%]", "false modes per system", "failed"]
     text = (
         "friction-ema with default settings on random systems: 5-60 modes, damping ratios of 0.05-10 %, every tenth gap "
@@ -213,16 +233,27 @@ def universal_files(result: dict) -> str:
     formats = [("58b, binary", result["58b"]), ("58, text", result["58"])]
     peer = f"pyuff {result['machine']['pyuff']}"
     lines = [
-        [title, number(own["read sets [MB/s]"]), number(own["pyuff read [MB/s]"]), number(own["write [MB/s]"]),
-         number(own["pyuff write [MB/s]"])]
+        [
+            title,
+            number(own["read sets [MB/s]"]),
+            number(own["pyuff read [MB/s]"]),
+            number(own["write [MB/s]"]),
+            number(own["pyuff write [MB/s]"]),
+        ]
         for title, own in formats
-    ]  # fmt: skip
+    ]
     listed = [
-        [title.removeprefix("1 GB of "), f"{own['sets']:.0f}", f"{own['lines per set']:.0f}", number(own["list [ms]"]),
-         number(own["time to read sets / time to list"]), number(own["time to read to an FRF set / time to list"])]
+        [
+            title.removeprefix("1 GB of "),
+            f"{own['sets']:.0f}",
+            f"{own['lines per set']:.0f}",
+            number(own["list [ms]"]),
+            number(own["time to read sets / time to list"]),
+            number(own["time to read to an FRF set / time to list"]),
+        ]
         for title, own in result.items()
         if title.startswith("1 GB")
-    ]  # fmt: skip
+    ]
     return "\n\n".join(
         [
             f"## Universal files: 160 sets x 6401 complex lines, against {peer} in the same run",
@@ -260,9 +291,16 @@ def hammer_tests(result: dict) -> str:
         alarms = f"{clean['false alarms']} of {clean['cases']}"
         tests.append([_RECORDS[records], "none", "", "", "", alarms, percent(clean["median error"])])
         tests += [
-            [_RECORDS[records], delays, *(f"{a} of {b}" for a, b in of["found"].values()), "", percent(of["median error"])]
-            for delays, of in kinds.items() if delays != "clean"
-        ]  # fmt: skip
+            [
+                _RECORDS[records],
+                delays,
+                *(f"{a} of {b}" for a, b in of["found"].values()),
+                "",
+                percent(of["median error"]),
+            ]
+            for delays, of in kinds.items()
+            if delays != "clean"
+        ]
     return "\n\n".join(
         [
             "## Hammer tests: 80 points x 5 impacts x 2 responses x 16384 samples to FRFs",

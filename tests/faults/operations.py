@@ -45,9 +45,15 @@ class Operations:
 
         builtins.open = io.open = _io.open = opened  # type: ignore[assignment]
         for name, what in (
-            ("replace", "rename"), ("rename", "rename"), ("link", "link"), ("unlink", "delete"), ("remove", "delete"),
-            ("mkdir", "mkdir"), ("rmdir", "delete"), ("truncate", "truncate"),
-        ):  # fmt: skip
+            ("replace", "rename"),
+            ("rename", "rename"),
+            ("link", "link"),
+            ("unlink", "delete"),
+            ("remove", "delete"),
+            ("mkdir", "mkdir"),
+            ("rmdir", "delete"),
+            ("truncate", "truncate"),
+        ):
             self._wrap(name, what)
         plain = os.open
 

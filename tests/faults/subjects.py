@@ -40,10 +40,12 @@ class Subject(Protocol):
 def remains(folder: Path) -> list[str]:
     """Temporary files, and names without content."""
     return [
-        path.relative_to(folder).as_posix() for path in folder.rglob("*")
-        if path.is_file() and path.name != ".record.lock"
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*")
+        if path.is_file()
+        and path.name != ".record.lock"
         and (path.name.startswith(".") or path.suffix == ".tmp" or not path.stat().st_size)
-    ]  # fmt: skip
+    ]
 
 
 @dataclass
@@ -208,5 +210,8 @@ class _Folders:
 
 
 SUBJECTS: dict[str, Callable[[], Any]] = {
-    "save": Saving, "record": Measuring, "run": Studying, "run-without-report": partial(Studying, report=False),
-}  # fmt: skip
+    "save": Saving,
+    "record": Measuring,
+    "run": Studying,
+    "run-without-report": partial(Studying, report=False),
+}

@@ -124,9 +124,17 @@ def test_a_wrong_suffix_and_a_path_with_blanks_and_letters(tmp_path: Path) -> No
 
 def _frf(node: int, points: int, step: float, values: complex = 1 + 1j, binary: bool = False) -> bytes:
     header = Header(
-        function=4, kind=6, points=points, step=step, response=Point("NONE", node, 3), reference=Point("NONE", 9, 3),
-        abscissa=Axis(18), ordinate=Axis(12, unit="m/s^2"), denominator=Axis(13, unit="N"), binary=binary,
-    )  # fmt: skip
+        function=4,
+        kind=6,
+        points=points,
+        step=step,
+        response=Point("NONE", node, 3),
+        reference=Point("NONE", 9, 3),
+        abscissa=Axis(18),
+        ordinate=Axis(12, unit="m/s^2"),
+        denominator=Axis(13, unit="N"),
+        binary=binary,
+    )
     return function(header, None, np.full(points, values))
 
 

@@ -18,11 +18,16 @@ def _signals() -> np.ndarray:
 @pytest.mark.parametrize(
     ("suffix", "options"),
     [
-        ("npy", {"sampling_rate": 100}), ("npy", {"sampling_rate": 100, "axis": "rows"}),
-        ("mat", {"signals": "data", "sampling_rate": 100}), ("h5", {"signals": "data", "sampling_rate": 100}),
-        ("json", {"signals": "data", "sampling_rate": 100}), ("wav", {}), ("tdms", {}), ("xlsx", {}),
+        ("npy", {"sampling_rate": 100}),
+        ("npy", {"sampling_rate": 100, "axis": "rows"}),
+        ("mat", {"signals": "data", "sampling_rate": 100}),
+        ("h5", {"signals": "data", "sampling_rate": 100}),
+        ("json", {"signals": "data", "sampling_rate": 100}),
+        ("wav", {}),
+        ("tdms", {}),
+        ("xlsx", {}),
     ],
-)  # fmt: skip
+)
 def test_two_signals_in_every_container(
     tmp_path: Path, containers: dict[str, bytes], suffix: str, options: dict
 ) -> None:

@@ -174,9 +174,13 @@ def test_the_process_loads_the_packages_of_its_parent_and_nothing_beside_the_dat
     (npz.parent / "acquisition").mkdir()
     (npz.parent / "acquisition" / "__init__.py").write_text("raise SystemExit('imported from beside the data')")
     done = subprocess.run(
-        [sys.executable, "-P", "-c", READS, str(npz)], cwd=npz.parent, capture_output=True, text=True, timeout=120,
+        [sys.executable, "-P", "-c", READS, str(npz)],
+        cwd=npz.parent,
+        capture_output=True,
+        text=True,
+        timeout=120,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("(2, 50)")
 
@@ -194,8 +198,11 @@ def _running(number: int) -> bool:
 def test_the_process_ends_with_its_parent(npz: Path, how: str) -> None:
     parent = subprocess.Popen(
         [sys.executable, "-c", READS, str(npz), *(["wait"] if how == "is killed" else [])],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
     assert parent.stdout is not None and parent.stdin is not None
     parent.stdout.readline()
     child = int(parent.stdout.readline())
@@ -228,9 +235,12 @@ def test_a_forked_process_has_parsers_of_its_own(npz: Path, parsers: process.Par
 
 def test_messages_hold_arrays_and_texts_and_nothing_that_runs(tmp_path: Path) -> None:
     tree = {
-        "a": np.arange(6, dtype=">i2").reshape(2, 3), "b": [np.array(1.5), np.zeros((0, 4), np.complex64), "µ\udc80"],
-        "c": np.array([["x", "yy"]]), "d": {"e": None, "f": float("inf")}, "g": np.asfortranarray(np.eye(3)),
-    }  # fmt: skip
+        "a": np.arange(6, dtype=">i2").reshape(2, 3),
+        "b": [np.array(1.5), np.zeros((0, 4), np.complex64), "µ\udc80"],
+        "c": np.array([["x", "yy"]]),
+        "d": {"e": None, "f": float("inf")},
+        "g": np.asfortranarray(np.eye(3)),
+    }
     with (tmp_path / "wire").open("w+b") as file:
         wire.send(file, tree)
         file.seek(0)

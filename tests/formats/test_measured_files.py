@@ -110,9 +110,12 @@ def test_frf_with_coherence_and_raw_channels(datasets: Path, name: str, frequenc
 def test_band_tension_in_us_units(datasets: Path) -> None:
     path = datasets / "09_friction_damper_band_tension/dataset-2_1Hz36lbtension1amplitude.json.gz"
     (record,) = acquisition.read(
-        path, signals="data", time="data column 0", names=["x", "friction", "velocity", "band 1", "band 2"],
+        path,
+        signals="data",
+        time="data column 0",
+        names=["x", "friction", "velocity", "band 1", "band 2"],
         units=["in", "kip", "in/s", "lbf", "lbf"],
-    ).recordings  # fmt: skip
+    ).recordings
     assert record.sampling_rate == pytest.approx(1024, rel=1e-6)
     raw = np.array(json.loads(gzip.decompress(path.read_bytes()))["data"])
     factors = [[0.0254], [4448.2216152605], [0.0254], [4.4482216152605], [4.4482216152605]]

@@ -59,7 +59,7 @@ def asked(path: Path, **options: Any) -> str:
         ("Frequency,Magnitude,Phase\nHz,dB re 1 g/N,deg", 1.0, "(m/s^2)/N", G),
         ("Frequency,Magnitude,Phase\n[Hz],[dB re 1],[deg]", 1.0, "unstated", 1.0),
     ],
-)  # fmt: skip
+)
 def test_decibels_and_degrees_of_the_header(
     tmp_path: Path, heading: str, reference: float, unit: str, scale: float
 ) -> None:
@@ -123,9 +123,12 @@ def test_statements_that_contradict_the_numbers_are_errors(tmp_path: Path) -> No
     degrees_as_radians = write_table(tmp_path / "a.csv", "Frequency,Magnitude (dB re 1),Phase (rad)", truth)
     assert "phases beyond 2 pi, though in radians" in asked(degrees_as_radians)
     assert "neither wrapped nor unwrapped" in asked(
-        write_table(tmp_path / "a2.csv", "Frequency,Magnitude (dB re 1),Unwrapped phase (rad)",
-                    truth * np.exp(-2j * np.pi * 0.05 * LINES))
-    )  # fmt: skip
+        write_table(
+            tmp_path / "a2.csv",
+            "Frequency,Magnitude (dB re 1),Unwrapped phase (rad)",
+            truth * np.exp(-2j * np.pi * 0.05 * LINES),
+        )
+    )
     levels_as_linear = write_table(tmp_path / "b.csv", "Frequency,Magnitude (g/N),Phase (deg)", truth * 1e-3)
     assert "an amplitude that is not in dB is negative" in asked(levels_as_linear)
     linear = write_table(tmp_path / "c.csv", "Frequency,Magnitude (dB re 1),Phase (deg)", truth * 1e6, "linear deg")
@@ -163,9 +166,15 @@ def test_a_layout_that_says_something_else_than_the_file_is_named(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    "options", [{"amplitude_unit": "decibel-ish"}, {"amplitude_unit": "dB re wobbles"}, {"phase_unit": "Hz"},
-                {"phase_unit": "wobbles"}, {"frequency_unit": "kg"}],
-)  # fmt: skip
+    "options",
+    [
+        {"amplitude_unit": "decibel-ish"},
+        {"amplitude_unit": "dB re wobbles"},
+        {"phase_unit": "Hz"},
+        {"phase_unit": "wobbles"},
+        {"frequency_unit": "kg"},
+    ],
+)
 def test_scales_that_are_none_are_refused(tmp_path: Path, options: dict[str, str]) -> None:
     path = write_table(tmp_path / "a.csv", "Frequency,Magnitude (dB re 1),Phase (deg)", single_mode(9))
     with pytest.raises(UnitError):

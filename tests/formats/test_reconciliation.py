@@ -136,9 +136,14 @@ def harwell_boeing(values: list[str], lines: int = 1, extra: str = "") -> str:
     return (
         f"{'title':<72}{'key':<8}\n{2 + lines:14d}{1:14d}{1:14d}{lines:14d}{0:14d}\n{'RSA':<14}{3:14d}{3:14d}{3:14d}{0:14d}\n"
         f"{'(4I10)':<16}{'(4I10)':<16}{'(4E20.12)':<20}{'':<20}\n"
-        + "".join(f"{k:10d}" for k in (1, 2, 3, 4)) + "\n" + "".join(f"{k:10d}" for k in (1, 2, 3)) + "\n"
-        + "".join(f"{v:>20}" for v in values) + "\n" + extra
-    )  # fmt: skip
+        + "".join(f"{k:10d}" for k in (1, 2, 3, 4))
+        + "\n"
+        + "".join(f"{k:10d}" for k in (1, 2, 3))
+        + "\n"
+        + "".join(f"{v:>20}" for v in values)
+        + "\n"
+        + extra
+    )
 
 
 def test_harwell_boeing(tmp_path: Path) -> None:
@@ -226,9 +231,11 @@ No.,Force (N),Acc (g)
 def test_a_logger_states_its_sampling_rate_in_the_header(tmp_path: Path) -> None:
     rows = "".join(f"{k + 1},{a:.6f},{b:.6f}\n" for k, (a, b) in enumerate(TRUTH.T))
     for line, rate in (
-        ("Sampling Rate(Hz),50", 50), ("Sample rate: 50 Hz", 50), ("Sampling frequency [kHz],0.05", 50),
+        ("Sampling Rate(Hz),50", 50),
+        ("Sample rate: 50 Hz", 50),
+        ("Sampling frequency [kHz],0.05", 50),
         ("Fs = 50 Hz", 50),
-    ):  # fmt: skip
+    ):
         (tmp_path / "a.csv").write_text(LOGGER.replace("Sampling Rate(Hz),50", line) + rows)
         (record,) = acquisition.read(tmp_path / "a.csv").recordings
         assert record.sampling_rate == rate

@@ -190,8 +190,9 @@ def test_long_tables_are_read_at_once(tmp_path: Path, decimal: str) -> None:
     text = "Bench 7\nfrequency;real;imaginary\n" + "\n".join(";".join(f"{x:.9e}" for x in row) for row in values)
     (tmp_path / "long.csv").write_text(text.replace(".", decimal) + "\n\nmean;1;2;3\n")
     start = time.process_time()
-    contents = acquisition.read(tmp_path / "long.csv", frequency="frequency", real="real", imaginary="imaginary",
-                                unit="unstated")  # fmt: skip
+    contents = acquisition.read(
+        tmp_path / "long.csv", frequency="frequency", real="real", imaginary="imaginary", unit="unstated"
+    )
     spent = time.process_time() - start
     np.testing.assert_allclose(contents.frfs[0].values[:, 0, 0], values[:, 1] + 1j * values[:, 2], rtol=1e-9)
     assert spent < 0.5, "line by line it takes a second and more"

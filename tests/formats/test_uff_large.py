@@ -36,28 +36,47 @@ print(json.dumps([time.process_time() - start, values]))
 def measured(path: Path) -> tuple[float, list[list[float]]]:
     """Seconds for reading all records, and the first value of every channel of each."""
     done = subprocess.run(
-        [sys.executable, "-c", MEASURE, str(path)], capture_output=True, text=True, timeout=300, check=True,
+        [sys.executable, "-c", MEASURE, str(path)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=True,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    )
     seconds, values = json.loads(done.stdout)
     return seconds, values
 
 
 def _time(node: int, value: float) -> bytes:
     header = Header(
-        function=1, kind=2, points=16, step=0.001, response=Point("NONE", node, 3), reference=Point("NONE", 0, 0),
-        abscissa=Axis(17), ordinate=Axis(12, unit="m/s^2"), denominator=Axis(0), binary=True,
-    )  # fmt: skip
+        function=1,
+        kind=2,
+        points=16,
+        step=0.001,
+        response=Point("NONE", node, 3),
+        reference=Point("NONE", 0, 0),
+        abscissa=Axis(17),
+        ordinate=Axis(12, unit="m/s^2"),
+        denominator=Axis(0),
+        binary=True,
+    )
     return function(header, None, np.full(16, value, np.float32) + np.arange(16))
 
 
 def _frequency(node: int, value: float, *, coherence: bool = False, lines: int = 8) -> bytes:
     header = Header(
-        function=6 if coherence else 4, kind=4 if coherence else 6, points=lines, step=1.0, start=1.0,
-        response=Point("NONE", node, 3), reference=Point("NONE", 9, 3), abscissa=Axis(18), binary=True,
+        function=6 if coherence else 4,
+        kind=4 if coherence else 6,
+        points=lines,
+        step=1.0,
+        start=1.0,
+        response=Point("NONE", node, 3),
+        reference=Point("NONE", 9, 3),
+        abscissa=Axis(18),
+        binary=True,
         ordinate=Axis(0) if coherence else Axis(12, unit="m/s^2"),
         denominator=Axis(0) if coherence else Axis(13, unit="N"),
-    )  # fmt: skip
+    )
     return function(header, None, np.linspace(0.0, 0.5, lines) + (value if coherence else value * 1j))
 
 
@@ -100,9 +119,12 @@ def test_each_copy_of_an_frf_has_the_coherence_that_goes_with_it(tmp_path: Path)
 
 def test_a_coherence_on_another_axis_is_left_for_the_frf_it_belongs_to(tmp_path: Path) -> None:
     sets = [
-        _frequency(1, 0.25, coherence=True, lines=20), _frequency(1, 0.5, coherence=True), _frequency(1, 1.0),
-        _frequency(1, 2.0, lines=20), _frequency(2, 0.75, coherence=True),
-    ]  # fmt: skip
+        _frequency(1, 0.25, coherence=True, lines=20),
+        _frequency(1, 0.5, coherence=True),
+        _frequency(1, 1.0),
+        _frequency(1, 2.0, lines=20),
+        _frequency(2, 0.75, coherence=True),
+    ]
     contents = acquisition.read(_written(tmp_path / "a.uff", sets))
     assert [(len(f.frequencies), f.coherence[0, 0, 0]) for f in contents.frfs] == [(8, 0.5), (20, 0.25)]
     assert "1 coherences belong to no FRF" in contents.findings[-1].message

@@ -20,12 +20,20 @@ def time_record(node: int, values: np.ndarray, binary: bool = False, points: int
     announced = len(values) if points is None else points
     first = f"{58:6d}b{1:6d}{2:6d}{11:12d}{4 * announced:12d}{0:6d}{0:6d}{0:12d}{0:12d}" if binary else f"{58:6d}"
     lines = [
-        "    -1", first, f"channel {node}", "NONE", "NONE", "NONE", "NONE",
+        "    -1",
+        first,
+        f"channel {node}",
+        "NONE",
+        "NONE",
+        "NONE",
+        "NONE",
         f"{1:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{3:4d} {'NONE':<10}{0:10d}{0:4d}",
         f"{2:10d}{announced:10d}{1:10d}{0.0:13.5e}{1e-3:13.5e}{0.0:13.5e}",
-        f"{17:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'s':<20}", f"{12:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'m/s^2':<20}",
-        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}", f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}",
-    ]  # fmt: skip
+        f"{17:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'s':<20}",
+        f"{12:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'m/s^2':<20}",
+        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}",
+        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}",
+    ]
     head = "".join(line + "\n" for line in lines).encode()
     if binary:
         return head + values.astype("<f4").tobytes() + b"    -1\n"
@@ -60,9 +68,19 @@ def lines_of(part: bytes) -> list[bytes]:
 
 
 @pytest.mark.parametrize(
-    "damage", ["last line lost", "line lost", "line doubled", "blank line", "blank before the last", "end lost", "cut line",
-               "character lost", "lines swapped in length"],
-)  # fmt: skip
+    "damage",
+    [
+        "last line lost",
+        "line lost",
+        "line doubled",
+        "blank line",
+        "blank before the last",
+        "end lost",
+        "cut line",
+        "character lost",
+        "lines swapped in length",
+    ],
+)
 def test_text(tmp_path: Path, damage: str) -> None:
     truth = signals(1)
     sets = write(tmp_path, truth)

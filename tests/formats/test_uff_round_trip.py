@@ -185,10 +185,20 @@ def test_we_read_what_pyuff_writes(tmp_path: Path, binary: bool, even: int, kind
     random = np.random.default_rng(0)
     x = 0.5 * np.arange(47)
     data = [random.normal(size=47) + (1j * random.normal(size=47) if kind == "complex" else 0) for _ in range(3)]
-    common = {"type": 58, "binary": int(binary), "func_type": 4 if kind == "complex" else 1, "x": x, "rsp_node": 2,
-              "rsp_dir": -3, "ref_node": 5, "ref_dir": 1, "abscissa_spacing": even,
-              "abscissa_spec_data_type": 18 if kind == "complex" else 17, "ordinate_spec_data_type": 12,
-              "orddenom_spec_data_type": 13}  # fmt: skip
+    common = {
+        "type": 58,
+        "binary": int(binary),
+        "func_type": 4 if kind == "complex" else 1,
+        "x": x,
+        "rsp_node": 2,
+        "rsp_dir": -3,
+        "ref_node": 5,
+        "ref_dir": 1,
+        "abscissa_spacing": even,
+        "abscissa_spec_data_type": 18 if kind == "complex" else 17,
+        "ordinate_spec_data_type": 12,
+        "orddenom_spec_data_type": 13,
+    }
     _pyuff_file(
         tmp_path / "p.uff", [{**common, "data": y, "rsp_node": k + 1, "id1": f"f{k}"} for k, y in enumerate(data)]
     )

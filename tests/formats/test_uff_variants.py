@@ -12,15 +12,30 @@ from acquisition.files import uff
 from tests.formats import nouns
 
 NAMES = (
-    "1858.uff", "2411_and_2414.uff", "Artemis_export_-_Geometry_RPBC_setup_05_14102016_105117.uff",
-    "MPSTD_Set001_2024_10_08_10_27_07.uff", "MPSTD_Set001_2024_10_08_10_27_07_fixed_test.uff", "NX_simulation_output.uff",
-    "Sample_UFF58_ascii.uff", "Sample_UFF58b_bin.uff", "TestLab_161_164_18_15_82.uff", "binary8byte.uff",
-    "dataset_milestone_in_header.uff", "groups_test.uff", "heat_engine_housing.uff",
-    "measurement_hist2_58_complex_frf.uff", "measurement_hist_58_complex_frf.uff", "mesh_Oros-modal_uff15_uff2412.uff",
-    "mesh_test_uff2412_mixed.uff", "non_ascii_header.uff", "sample_dataset58_psd.uff",
-    "time-history-not-all-columns-filled.uff", "uff55_sample_test_record10.uff", "uff55_translation.uff",
+    "1858.uff",
+    "2411_and_2414.uff",
+    "Artemis_export_-_Geometry_RPBC_setup_05_14102016_105117.uff",
+    "MPSTD_Set001_2024_10_08_10_27_07.uff",
+    "MPSTD_Set001_2024_10_08_10_27_07_fixed_test.uff",
+    "NX_simulation_output.uff",
+    "Sample_UFF58_ascii.uff",
+    "Sample_UFF58b_bin.uff",
+    "TestLab_161_164_18_15_82.uff",
+    "binary8byte.uff",
+    "dataset_milestone_in_header.uff",
+    "groups_test.uff",
+    "heat_engine_housing.uff",
+    "measurement_hist2_58_complex_frf.uff",
+    "measurement_hist_58_complex_frf.uff",
+    "mesh_Oros-modal_uff15_uff2412.uff",
+    "mesh_test_uff2412_mixed.uff",
+    "non_ascii_header.uff",
+    "sample_dataset58_psd.uff",
+    "time-history-not-all-columns-filled.uff",
+    "uff55_sample_test_record10.uff",
+    "uff55_translation.uff",
     "uff55_translation_rotation.uff",
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="session")

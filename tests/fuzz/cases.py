@@ -132,14 +132,16 @@ def judged(subject: Subject, case: Case, path: Path) -> str:
     if case.kind == "edit":
         return f"wrong: the edit is not read as edited: {_difference(there.signals, case.truth)}"
     inexact = [
-        name for name, signal in there.signals.items()
+        name
+        for name, signal in there.signals.items()
         if name not in case.truth or not equal(signal, case.truth[name], prefix=there.named > 0)
-    ]  # fmt: skip
+    ]
     others = subject.independent(path) if case.kind == "noise" else []
     inexact = [
-        name for name in inexact
+        name
+        for name in inexact
         if not any(name in other and equal(there.signals[name], other[name]) for other in others)
-    ]  # fmt: skip
+    ]
     if there.named >= max(len(inexact), 1):  # each that is not exact has a finding of its own
         return "named"
     if case.blind:

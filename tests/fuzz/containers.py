@@ -191,17 +191,35 @@ def _read_mdf(path: Path) -> Any:
 
 _DATA = {"signals": "data", "axis": "rows", "sampling_rate": _RATE}
 CONTAINERS: dict[str, Callable[[], Container]] = {
-    "npy": lambda: Container("npy", ".npy", lambda path, values: np.save(path, values), np.load,
-                             {"sampling_rate": _RATE, "axis": "rows"}, ("row 0", "row 1"), blind="bytes of an array moved"),
-    "npz": lambda: Container("npz", ".npz", lambda path, values: np.savez(path, data=values),
-                             lambda path: np.load(path)["data"], _DATA, ("row 0", "row 1")),
-    "hdf5": lambda: Container("hdf5", ".h5", _write_hdf5, _read_hdf5, _DATA, ("row 0", "row 1"),
-                              blind="bytes of an array moved"),
-    "matlab": lambda: Container("matlab", ".mat", _write_matlab, _read_matlab, _DATA, ("row 0", "row 1"),
-                                blind="bytes of an array moved"),
-    "wav": lambda: Container("wav", ".wav", _write_wav, _read_wav, {}, ("channel 1", "channel 2"),
-                             blind="bytes of an array moved"),
-    "tdms": lambda: Container("tdms", ".tdms", _write_tdms, _read_tdms, {}, ("a", "b"), blind="bytes of an array moved"),
+    "npy": lambda: Container(
+        "npy",
+        ".npy",
+        lambda path, values: np.save(path, values),
+        np.load,
+        {"sampling_rate": _RATE, "axis": "rows"},
+        ("row 0", "row 1"),
+        blind="bytes of an array moved",
+    ),
+    "npz": lambda: Container(
+        "npz",
+        ".npz",
+        lambda path, values: np.savez(path, data=values),
+        lambda path: np.load(path)["data"],
+        _DATA,
+        ("row 0", "row 1"),
+    ),
+    "hdf5": lambda: Container(
+        "hdf5", ".h5", _write_hdf5, _read_hdf5, _DATA, ("row 0", "row 1"), blind="bytes of an array moved"
+    ),
+    "matlab": lambda: Container(
+        "matlab", ".mat", _write_matlab, _read_matlab, _DATA, ("row 0", "row 1"), blind="bytes of an array moved"
+    ),
+    "wav": lambda: Container(
+        "wav", ".wav", _write_wav, _read_wav, {}, ("channel 1", "channel 2"), blind="bytes of an array moved"
+    ),
+    "tdms": lambda: Container(
+        "tdms", ".tdms", _write_tdms, _read_tdms, {}, ("a", "b"), blind="bytes of an array moved"
+    ),
     "mdf4": lambda: Container("mdf4", ".mf4", _write_mdf, _read_mdf, {}, ("a", "b")),
     "xlsx": lambda: Container("xlsx", ".xlsx", _write_xlsx, _read_xlsx, {}, ("a", "b")),
-}  # fmt: skip
+}

@@ -51,7 +51,7 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "two-on-a-line.mtx": lambda one: "no entry" in one.refusal,
     "blank-header.hb": lambda one: bool(one.refusal),
     "shifted.hb": lambda one: bool(one.refusal),
-}  # fmt: skip
+}
 """What must be made of each file."""
 
 

@@ -9,6 +9,13 @@ from tests.fuzz.tables import Json, Lvm, Table
 from tests.fuzz.uff import Uff
 
 SUBJECTS: dict[str, Callable[[], Subject]] = {
-    "uff": Uff, "table": Table, "lvm": Lvm, "json": Json, **CONTAINERS, "market": lambda: Matrix("market", ".mtx"),
-    "boeing": lambda: Matrix("boeing", ".hb"), "store": Store, "toml": Toml,
-}  # fmt: skip
+    "uff": Uff,
+    "table": Table,
+    "lvm": Lvm,
+    "json": Json,
+    **CONTAINERS,
+    "market": lambda: Matrix("market", ".mtx"),
+    "boeing": lambda: Matrix("boeing", ".hb"),
+    "store": Store,
+    "toml": Toml,
+}

@@ -153,11 +153,25 @@ class Lvm(Table):
     def _lines(self, values: Any) -> list[bytes]:
         count = values.shape[1]
         head = [
-            "LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab", "Decimal_Separator\t.",
-            "Multi_Headings\tNo", "X_Columns\tOne", "Time_Pref\tAbsolute", "***End_of_Header***\t", "\t",
-            "Channels\t2\t", f"Samples\t{count}\t{count}\t", "Y_Unit_Label\tN\tm/s^2\t", "X_Dimension\tTime\tTime\t",
-            "X0\t0.0\t0.0\t", f"Delta_X\t{STEP}\t{STEP}\t", "***End_of_Header***\t\t", "X_Value\ta\tb\tComment",
-        ]  # fmt: skip
+            "LabVIEW Measurement\t",
+            "Writer_Version\t2",
+            "Reader_Version\t2",
+            "Separator\tTab",
+            "Decimal_Separator\t.",
+            "Multi_Headings\tNo",
+            "X_Columns\tOne",
+            "Time_Pref\tAbsolute",
+            "***End_of_Header***\t",
+            "\t",
+            "Channels\t2\t",
+            f"Samples\t{count}\t{count}\t",
+            "Y_Unit_Label\tN\tm/s^2\t",
+            "X_Dimension\tTime\tTime\t",
+            "X0\t0.0\t0.0\t",
+            f"Delta_X\t{STEP}\t{STEP}\t",
+            "***End_of_Header***\t\t",
+            "X_Value\ta\tb\tComment",
+        ]
         rows = ["\t".join((f"{STEP * k:.2f}", *(f"{x:.6g}" for x in column))) for k, column in enumerate(values.T)]
         return [text.encode() for text in head + rows]
 

@@ -84,9 +84,13 @@ def ema_command(capsys: pytest.CaptureFixture[str], *arguments: object) -> Ended
 def ema_process(*arguments: object, **options: Any) -> Ended:
     """The command in a process of its own."""
     ended = subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options,
+        [*COMMAND, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        **options,
         env=os.environ | {"OMP_NUM_THREADS": "1"},
-    )  # fmt: skip
+    )
     return Ended(ended.returncode, ended.stdout, ended.stderr)
 
 
@@ -96,9 +100,13 @@ def truth(shift: float = 0.0) -> ModalModel:
     poles = poles_from(np.array(FREQUENCIES) * (1 + shift), np.array([0.012, 0.009, 0.015]))
     shapes = 0.1 * np.array([[1.0, 0.8, 0.6], [0.5, -0.6, -0.9], [-0.2, -1.0, 0.7], [-0.9, 0.9, -0.6]], complex)
     return ModalModel(
-        poles=poles, shapes=shapes, dofs=DOFS, participation=shapes[:2] / (2j * poles.imag), inputs=DOFS[:2],
+        poles=poles,
+        shapes=shapes,
+        dofs=DOFS,
+        participation=shapes[:2] / (2j * poles.imag),
+        inputs=DOFS[:2],
         scaling="unit modal mass",
-    )  # fmt: skip
+    )
 
 
 @cache

@@ -62,12 +62,15 @@ def test_the_campaign_is_sound_before_it_is_spoiled(tmp_path, command):
             lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3]),
             ("the file is damaged", "the file ends inside the data set", "announced values are read", "Export"),
         ),
-        (lambda path: edited(path, b"    58b", b"    58x"), ("the file is damaged", "no data set begins with '58x", "'hammer'", "Export")),
+        (
+            lambda path: edited(path, b"    58b", b"    58x"),
+            ("the file is damaged", "no data set begins with '58x", "'hammer'", "Export"),
+        ),
         (lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256))), ("in spite of its name", "\\x89PNG")),
         (lambda path: path.write_text("nothing to see here\n" * 9), ("no table of numbers", "nothing to see")),
     ],
     ids=["empty", "truncated in its head", "truncated", "malformed", "a picture", "prose"],
-)  # fmt: skip
+)
 def test_one_wrong_file_of_four(tmp_path, command, spoil, parts):
     folder = campaign(tmp_path)
     spoil(folder / "data" / "bare_2.uff")
@@ -175,9 +178,10 @@ def test_dead_responses_only(tmp_path, command):
 
 
 @pytest.mark.parametrize(
-    "force", [0.0, 5.0, np.random.default_rng(0).normal(size=records()[0].signals.shape[1])],
+    "force",
+    [0.0, 5.0, np.random.default_rng(0).normal(size=records()[0].signals.shape[1])],
     ids=["zero", "constant", "noise"],
-)  # fmt: skip
+)
 def test_a_force_channel_that_never_triggers(tmp_path, command, force):
     silent = campaign(tmp_path / "all", spoiled(lambda record: with_signal(record, 0, force)))
     command("run", silent).says(2, "run bare", "the force channel never triggers", "no impact in 4 records", "check")

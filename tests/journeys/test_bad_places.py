@@ -101,10 +101,13 @@ def interrupted(folder: Path, when: str, *options: str) -> tuple[int, str]:
         "fit.stabilise, fit.modes = told('stabilise', fit.stabilise), told('modes', fit.modes)\n"
     )
     with subprocess.Popen(
-        [sys.executable, "-c", announce + COMMAND[-1], "run", str(folder), *options], text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+        [sys.executable, "-c", announce + COMMAND[-1], "run", str(folder), *options],
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
         env=os.environ | {"OMP_NUM_THREADS": "1"},
-    ) as process:  # fmt: skip
+    ) as process:
         assert process.stdout is not None and process.stderr is not None
         for line in process.stdout:
             if line.strip() == f"BEGIN {when}":

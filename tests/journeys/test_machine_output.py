@@ -73,9 +73,11 @@ def test_progress_is_shown_on_a_terminal(four):
 
     master, terminal = pty.openpty()
     with subprocess.Popen(
-        [*COMMAND, "check", str(four), "--json"], stdout=subprocess.PIPE, stderr=terminal,
+        [*COMMAND, "check", str(four), "--json"],
+        stdout=subprocess.PIPE,
+        stderr=terminal,
         env=os.environ | {"TERM": "xterm", "OMP_NUM_THREADS": "1", "COLUMNS": "120"},
-    ) as process:  # fmt: skip
+    ) as process:
         os.close(terminal)
         shown = b""
         with contextlib.suppress(OSError):  # how a terminal says that nobody writes any more

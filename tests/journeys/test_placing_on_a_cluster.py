@@ -31,9 +31,13 @@ def _started(stack: ExitStack, folder: Path, name: str, *arguments: str) -> subp
     """A command of Dask in a group of its own, ended with the test whatever happens."""
     log = stack.enter_context((folder / f"{name}.log").open("wb"))
     process = subprocess.Popen(
-        [sys.executable, "-m", "dask", *arguments], stdout=log, stderr=log,
-        cwd=folder, start_new_session=True, env=os.environ | {"OMP_NUM_THREADS": "1"},
-    )  # fmt: skip
+        [sys.executable, "-m", "dask", *arguments],
+        stdout=log,
+        stderr=log,
+        cwd=folder,
+        start_new_session=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
 
     def end() -> None:
         if process.poll() is None:
@@ -63,23 +67,52 @@ def test_a_killed_worker_changes_nothing(tmp_path):
     port, out = _free_port(), tmp_path / "out"
     address = f"tcp://127.0.0.1:{port}"
     with ExitStack() as stack:
-        _started(stack, tmp_path, "scheduler", "scheduler", "--host", "127.0.0.1", "--port", str(port),
-                 "--no-dashboard")  # fmt: skip
+        _started(
+            stack, tmp_path, "scheduler", "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"
+        )
         _wait("the scheduler", lambda: _listens(port), until)
         workers = [
-            _started(stack, tmp_path, f"worker{number}", "worker", address, "--nthreads", "1", "--no-nanny",
-                     "--no-dashboard", "--local-directory", str(tmp_path / f"space{number}"))
+            _started(
+                stack,
+                tmp_path,
+                f"worker{number}",
+                "worker",
+                address,
+                "--nthreads",
+                "1",
+                "--no-nanny",
+                "--no-dashboard",
+                "--local-directory",
+                str(tmp_path / f"space{number}"),
+            )
             for number in (1, 2)
-        ]  # fmt: skip
+        ]
         command = subprocess.Popen(
-            [sys.executable, "-c", "from ema.cli import main; main()", "place", str(recipe), "--output", str(out),
-             "--cluster", address, "--json"],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, start_new_session=True,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-c",
+                "from ema.cli import main; main()",
+                "place",
+                str(recipe),
+                "--output",
+                str(out),
+                "--cluster",
+                address,
+                "--json",
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+            start_new_session=True,
+        )
         stack.callback(lambda: command.poll() is None and command.kill())
         # the first finished places show that the work is under way
-        _wait("the first places", lambda: len(list((out / "checked").glob("*.npy"))) >= 2 or command.poll() is not None,
-              until)  # fmt: skip
+        _wait(
+            "the first places",
+            lambda: len(list((out / "checked").glob("*.npy"))) >= 2 or command.poll() is not None,
+            until,
+        )
         os.killpg(workers[0].pid, signal.SIGKILL)
         printed, wrong = command.communicate(timeout=max(until - time.monotonic(), 1))
     assert command.returncode == 0, wrong
@@ -87,9 +120,20 @@ def test_a_killed_worker_changes_nothing(tmp_path):
     found = store.load(out / "placement.h5")
     assert told["checked"] == len(found.ranking.shortlist) == len(list((out / "checked").glob("*.npy")))
     alone = subprocess.run(
-        [sys.executable, "-c", "from ema.cli import main; main()", "place", str(recipe), "--output",
-         str(tmp_path / "alone"), "--json"],
-        capture_output=True, text=True, timeout=PATIENCE, cwd=tmp_path,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-c",
+            "from ema.cli import main; main()",
+            "place",
+            str(recipe),
+            "--output",
+            str(tmp_path / "alone"),
+            "--json",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        cwd=tmp_path,
+    )
     assert alone.returncode == 0, alone.stderr
     assert json.loads(alone.stdout)["places"] == told["places"]

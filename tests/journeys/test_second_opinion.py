@@ -62,9 +62,23 @@ def test_a_disagreement_is_a_finding_and_reaches_status_and_file(
 ):
     written = tmp_path / "modes.h5"
     ended = ema_command(
-        capsys, "fit", campaign, "--run", "changed", "--near", 60, "--near", 105, "--near", 170, "--second-opinion",
-        "--limit", "warning", "--write", written,
-    )  # fmt: skip
+        capsys,
+        "fit",
+        campaign,
+        "--run",
+        "changed",
+        "--near",
+        60,
+        "--near",
+        105,
+        "--near",
+        170,
+        "--second-opinion",
+        "--limit",
+        "warning",
+        "--write",
+        written,
+    )
     assert ended.status == 1, "warnings above the limit"
     rows = [line.split("│")[1:-1] for line in ended.out.split("second opinion (ERA)")[1].splitlines() if "│" in line]
     assert "no" in [row[-1].strip() for row in rows]

@@ -78,9 +78,13 @@ def truth() -> ModalModel:
         [[1.0, 0.8, 0.6], [0.5, -0.6, -0.9], [-0.2, -1.0, 0.7], [-0.7, 0.1, 0.8], [-0.9, 0.9, -0.6]], complex
     )
     return ModalModel(
-        poles=poles, shapes=0.1 * shapes, dofs=dofs, participation=0.1 * shapes[:2] / (2j * poles.imag),
-        inputs=dofs[:2], scaling="unit modal mass",
-    )  # fmt: skip
+        poles=poles,
+        shapes=0.1 * shapes,
+        dofs=dofs,
+        participation=0.1 * shapes[:2] / (2j * poles.imag),
+        inputs=dofs[:2],
+        scaling="unit modal mass",
+    )
 
 
 @pytest.fixture(scope="session")

@@ -34,16 +34,22 @@ def accelerometers(count=2, **more):
 
 def hammer_rig(model=None, rate=5120.0, noise=0.0, points=DOFS, **drive) -> VirtualRig:
     return VirtualRig(
-        model or structure(), RovingHammer(points, **drive), accelerometers(), rate,
+        model or structure(),
+        RovingHammer(points, **drive),
+        accelerometers(),
+        rate,
         noise={"acceleration": 0.02 * noise, "force": 0.3 * noise},
-    )  # fmt: skip
+    )
 
 
 def shaker_rig(model=None, seconds=16.0, noise=0.0, band=(5.0, 500.0)) -> VirtualRig:
     return VirtualRig(
-        model or structure(), RandomShakers(DOFS[:2], 10.0, band, seconds), accelerometers(4), 1024.0,
+        model or structure(),
+        RandomShakers(DOFS[:2], 10.0, band, seconds),
+        accelerometers(4),
+        1024.0,
         noise={"acceleration": noise},
-    )  # fmt: skip
+    )
 
 
 def sweep_rig(noise=0.0) -> VirtualRig:

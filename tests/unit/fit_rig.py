@@ -25,9 +25,13 @@ def model(
     shapes = shapes * np.exp(1j * phase * rng.standard_normal(shapes.shape))
     points = tuple(Dof(node, "+Z") for node in range(1, dofs + 1))
     return ModalModel(
-        poles, shapes, points, shapes[list(drive)] / (2j * poles.imag), tuple(points[row] for row in drive),
+        poles,
+        shapes,
+        points,
+        shapes[list(drive)] / (2j * poles.imag),
+        tuple(points[row] for row in drive),
         scaling="unit modal mass",
-    )  # fmt: skip
+    )
 
 
 def frfs(
@@ -57,9 +61,13 @@ def transposed(measured: FrfSet) -> FrfSet:
         return None if array is None else array.transpose(0, 2, 1)
 
     return replace(
-        measured, values=measured.values.transpose(0, 2, 1), outputs=measured.inputs, inputs=measured.outputs,
-        coherence=turn(measured.coherence), variance=turn(measured.variance),
-    )  # fmt: skip
+        measured,
+        values=measured.values.transpose(0, 2, 1),
+        outputs=measured.inputs,
+        inputs=measured.outputs,
+        coherence=turn(measured.coherence),
+        variance=turn(measured.variance),
+    )
 
 
 def mac(a: np.ndarray, b: np.ndarray) -> float:

@@ -12,7 +12,7 @@ from ema.data.placement import (
     Placement,
     Prediction,
     Ranking,
-)  # fmt: skip
+)
 
 LEVELS, FORCES = np.array([10.0, 40.0]), np.array([50.0, 100.0, 200.0])
 
@@ -26,36 +26,78 @@ def placement(geometry: Geometry | None = None, warning: str = "", across: int =
     shape = (count, 1, len(LEVELS), len(FORCES))
     damping = np.broadcast_to(0.01 + 0.0005 * np.arange(count)[:, None, None, None], shape)
     prediction = Prediction(
-        candidates, (0,), np.array([499.0]), np.array([0.00638]), LEVELS, FORCES, np.full(shape, 505.0), damping,
-        np.full(shape, 1e6), np.full(shape, 2.0), np.array([0.1]), np.array([0.08]),
-    )  # fmt: skip
+        candidates,
+        (0,),
+        np.array([499.0]),
+        np.array([0.00638]),
+        LEVELS,
+        FORCES,
+        np.full(shape, 505.0),
+        damping,
+        np.full(shape, 1e6),
+        np.full(shape, 2.0),
+        np.array([0.1]),
+        np.array([0.08]),
+    )
     best = count - 2
     ranked = [best, 0, 3]
     places = tuple(
         Place(
-            one, (float(candidates.centres[one, 0]), float(candidates.centres[one, 1])), 0.0, beam.name, 0.019 - 0.002 * rank,
-            0.015, 0.02, 123.0 - 10 * rank, np.array([110.0, 140.0]), np.array([[507.0, 503.0]]),
-            np.array([[0.0211, 0.0187]]), np.array([[0.0180, 0.0150]]), np.array([[0.0230, 0.0200]]),
-            np.array([-6.0]), np.array([10.5]), (Finding("warning", "near-edge", "place", "close to the edge."),),
+            one,
+            (float(candidates.centres[one, 0]), float(candidates.centres[one, 1])),
+            0.0,
+            beam.name,
+            0.019 - 0.002 * rank,
+            0.015,
+            0.02,
+            123.0 - 10 * rank,
+            np.array([110.0, 140.0]),
+            np.array([[507.0, 503.0]]),
+            np.array([[0.0211, 0.0187]]),
+            np.array([[0.0180, 0.0150]]),
+            np.array([[0.0230, 0.0200]]),
+            np.array([-6.0]),
+            np.array([10.5]),
+            (Finding("warning", "near-edge", "place", "close to the edge."),),
             "all modes",
         )
         for rank, one in enumerate(ranked)
-    )  # fmt: skip
-    ranking = Ranking("damping, least over the force levels", prediction, 0.01 + 0.0005 * np.arange(count), places,
-                      shortlist=tuple(ranked))  # fmt: skip
+    )
+    ranking = Ranking(
+        "damping, least over the force levels",
+        prediction,
+        0.01 + 0.0005 * np.arange(count),
+        places,
+        shortlist=tuple(ranked),
+    )
     times = np.linspace(0, 0.1, 50)
     lines = tuple(
         ControlLine(law, force, energy, 0.07, 0.09, times, np.exp(-times / energy))
         for law, force, energy in (("constant", 120.0, 0.012), ("on-off", 60.0, 0.010))
     )
-    control = ControlStudy(best, 0, 200.0, lines, LEVELS, np.array([0.0187, 0.0187]), np.array([0.0211, 0.0199]),
-                           "A controlled force removes the energy 17 % faster.")  # fmt: skip
+    control = ControlStudy(
+        best,
+        0,
+        200.0,
+        lines,
+        LEVELS,
+        np.array([0.0187, 0.0187]),
+        np.array([0.0211, 0.0199]),
+        "A controlled force removes the energy 17 % faster.",
+    )
     return Placement(
-        "Beam on the table", ranking, np.zeros(3), np.eye(3), np.array([[0.0, 1.2], [0.0, 0.8]]),
-        np.stack([x.ravel(), y.ravel()], 1), (np.array([[0.5, 0.3], [0.7, 0.3], [0.7, 0.5]]),), warning, control,
+        "Beam on the table",
+        ranking,
+        np.zeros(3),
+        np.eye(3),
+        np.array([[0.0, 1.2], [0.0, 0.8]]),
+        np.stack([x.ravel(), y.ravel()], 1),
+        (np.array([[0.5, 0.3], [0.7, 0.3], [0.7, 0.5]]),),
+        warning,
+        control,
         (Finding("info", "not-compared", "joint", "the joint model was not held against a measurement."),),
         geometry=geometry,
-    )  # fmt: skip
+    )
 
 
 def decay(name: str = "release 1") -> Decay:

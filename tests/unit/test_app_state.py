@@ -119,9 +119,16 @@ def test_a_picked_mode_follows_within_half_a_second_on_160_frfs(root: Path):
 
 
 def test_wrong_picks_are_refused_and_change_nothing(bench: Workbench):
-    for wrong in (lambda: bench.pick(10**6), lambda: bench.pick(-1), lambda: bench.drop(7),
-                  lambda: bench.pick_near(4000.0), lambda: bench.choose("third"), lambda: bench.exclude(999, "a", "b"),
-                  lambda: bench.exclude(0, " ", "b"), lambda: bench.exclude(0, "a", "")):  # fmt: skip
+    for wrong in (
+        lambda: bench.pick(10**6),
+        lambda: bench.pick(-1),
+        lambda: bench.drop(7),
+        lambda: bench.pick_near(4000.0),
+        lambda: bench.choose("third"),
+        lambda: bench.exclude(999, "a", "b"),
+        lambda: bench.exclude(0, " ", "b"),
+        lambda: bench.exclude(0, "a", ""),
+    ):
         with pytest.raises(InputError):
             wrong()
     assert bench.revision == 0 and bench.saved
@@ -140,9 +147,13 @@ def test_an_excluded_blow_leaves_the_averages_and_becomes_a_repair(bench: Workbe
     bench.save()
     (repair,) = tomllib.loads((study_folder / "campaign" / "campaign.toml").read_text())["repairs"]
     assert repair == {
-        "what": "exclude hit", "runs": ["first"], "files": ["first_2.h5"], "hits": [0], "who": "A. Tester",
+        "what": "exclude hit",
+        "runs": ["first"],
+        "files": ["first_2.h5"],
+        "hits": [0],
+        "who": "A. Tester",
         "why": 'a truck "passed"',
-    }  # fmt: skip
+    }
     campaign = acquisition.open_campaign(study_folder / "campaign")
     assert any(record.excluded_hits for record in campaign["first"].recordings)
     bench.undo()
@@ -335,7 +346,9 @@ def test_every_window_hears_of_a_change_and_the_server_stops_while_they_listen(s
 def test_the_server_says_what_is_wrong(served):
     headers = {"X-Ema": "1"}
     assert ask(served.address + "api/drop", {"mode": 99}, **headers) == (
-        400, {"error": "no such mode; got 100, expected 1 to 3"})  # fmt: skip
+        400,
+        {"error": "no such mode; got 100, expected 1 to 3"},
+    )
     assert "not understood" in ask(served.address + "api/pick", {}, **headers)[1]["error"]
     assert ask(served.address + "api/format_disk", {}, **headers)[0] == 400
     assert ask(served.address + "api/nothing")[0] == 400 and ask(served.address + "../../etc/passwd")[0] == 404
@@ -381,7 +394,7 @@ def action(body: bytes, path: bytes = b"/api/near", host: bytes = b"127.0.0.1") 
         (b"GET / HTTP/9.9\r\n\r\n", 505, ""),
         (b"GET / HTTP/1.1\r\n" + b"a: b\r\n" * 200 + b"\r\n", 431, ""),
     ],
-)  # fmt: skip
+)
 def test_every_refusal_has_a_status_and_a_sentence(shared, capfd, data: bytes, status: int, words: str):
     found, told = raw(shared, data)
     assert found == status and words in told["error"] and "Traceback" not in told["error"]

@@ -17,9 +17,18 @@ def tiny(seed: int = 5, noise: float = 0.02) -> Case:
     rng = np.random.default_rng(seed)
     natural, damping = np.array([24.0, 31.0]), np.array([0.01, 0.02])
     return _case(
-        "tiny", seed, noise, np.linspace(20, 36, 81), rng, natural, damping, outputs=4, references=2, beyond=0.05,
+        "tiny",
+        seed,
+        noise,
+        np.linspace(20, 36, 81),
+        rng,
+        natural,
+        damping,
+        outputs=4,
+        references=2,
+        beyond=0.05,
         neighbours=0,
-    )  # fmt: skip
+    )
 
 
 def test_case_160_is_what_it_says():
@@ -190,11 +199,27 @@ def test_maximum_likelihood_scatters_as_the_bound_says():
 
 def _run(seed: int, poles: float, selection: float, **more: object) -> dict:
     return {
-        "seed": seed, "version": "1.0", "time_poles": poles, "time_selection": selection, "time_wall": poles,
-        "extra_memory": 3e6, "data_bytes": 2e6, "found": 19, "identifiable": 20, "missed": [[123.4, 0.05]],
-        "false": [], "damping_error": 4e-4, "damping_bias": -1e-4, "frequency_ratio": 1.1, "damping_ratio": 1.2,
-        "residue_error": 0.01, "residue_error_largest": 0.02, "bound_damping": 3e-4, "bound_frequency": 2e-6, **more,
-    }  # fmt: skip
+        "seed": seed,
+        "version": "1.0",
+        "time_poles": poles,
+        "time_selection": selection,
+        "time_wall": poles,
+        "extra_memory": 3e6,
+        "data_bytes": 2e6,
+        "found": 19,
+        "identifiable": 20,
+        "missed": [[123.4, 0.05]],
+        "false": [],
+        "damping_error": 4e-4,
+        "damping_bias": -1e-4,
+        "frequency_ratio": 1.1,
+        "damping_ratio": 1.2,
+        "residue_error": 0.01,
+        "residue_error_largest": 0.02,
+        "bound_damping": 3e-4,
+        "bound_frequency": 2e-6,
+        **more,
+    }
 
 
 def test_the_pages_hold_medians_ratios_and_every_miss():
@@ -208,12 +233,15 @@ def test_the_pages_hold_medians_ratios_and_every_miss():
         "numba": "0",
     }
     row = {
-        "title": "a case", "seeds": [1, 2, 3], "date": "2026-01-02", "machine": machine,
+        "title": "a case",
+        "seeds": [1, 2, 3],
+        "date": "2026-01-02",
+        "machine": machine,
         "runs": {
             OURS: [_run(1, 0.1, 0.1), _run(2, 0.1, 0.3), _run(3, 0.1, 0.2, missed=[], false=[77.0])],
             "pyfbs": [_run(1, 3.0, 0.0), {"seed": 2, "error": "not finished within 9 s"}],
         },
-    }  # fmt: skip
+    }
     page = speed(row)
     assert "| friction-ema 1.0 | 0.1 | 0.2 | 0.3 | 0.1 | 1.5 |  |" in page
     assert "| pyFBS 1.0 | 3 | <0.001 | 3 | 3 | 1.5 | 10 |" in page

@@ -19,9 +19,18 @@ from tests.bench.stated import ELLIPSE, Errors, Stated, errors, mahalanobis, of_
 def tiny(outputs: int = 3, references: int = 2) -> Case:
     rng = np.random.default_rng(5)
     return _case(
-        "tiny", 5, 0.02, np.linspace(20, 36, 61), rng, np.array([24.0, 31.0]), np.array([0.01, 0.02]), outputs=outputs,
-        references=references, beyond=0.05, neighbours=0,
-    )  # fmt: skip
+        "tiny",
+        5,
+        0.02,
+        np.linspace(20, 36, 61),
+        rng,
+        np.array([24.0, 31.0]),
+        np.array([0.01, 0.02]),
+        outputs=outputs,
+        references=references,
+        beyond=0.05,
+        neighbours=0,
+    )
 
 
 def test_the_bound_with_residual_terms_is_that_of_the_jacobian_written_out() -> None:
@@ -51,9 +60,7 @@ def test_the_bound_with_residual_terms_is_that_of_the_jacobian_written_out() -> 
     x = np.concatenate([f(part).ravel() for part in (poles, shapes, rows, zero, zero) for f in (np.real, np.imag)])
     sizes_of = [np.abs(poles).max() * 1e-3, np.abs(shapes).max(), np.abs(rows).max(), *[np.abs(case.clean).max()] * 2]
     scale = np.repeat(sizes_of, [2 * int(np.prod(size)) for size in sizes])
-    jacobian = np.array([
-        (response(x + 1e-5 * step) - response(x - 1e-5 * step)) / 2e-5 for step in np.diag(scale)
-    ]).T  # fmt: skip
+    jacobian = np.array([(response(x + 1e-5 * step) - response(x - 1e-5 * step)) / 2e-5 for step in np.diag(scale)]).T
     covariance = np.linalg.pinv(jacobian, rcond=1e-9)  # the scale between shape and participation is free
     covariance = (covariance @ covariance.T) * np.outer(scale, scale)
     for mode, pole in enumerate(poles):
@@ -78,9 +85,10 @@ def test_an_estimator_that_states_its_errors_rightly_is_covered_at_95_percent() 
         root = np.abs(residues)[..., None, None] * np.array([[0.02, 0.0], [0.015, 0.01]])
         error = (root @ rng.standard_normal((*residues.shape, 2, 1)))[..., 0]
         model = replace(
-            case.truth, poles=omega * (-drawn[1] + 1j * np.sqrt(1 - drawn[1] ** 2)),
+            case.truth,
+            poles=omega * (-drawn[1] + 1j * np.sqrt(1 - drawn[1] ** 2)),
             covariance=np.array([np.diag(one**2) for one in std.T]),
-        )  # fmt: skip
+        )
         stated = replace(of_model(model), residue_variance=root @ root.swapaxes(-1, -2))
         # The residues of a model are products: the error is put where the score looks for it, into the truth.
         moved = _WithResidues(case, residues + error[..., 0] + 1j * error[..., 1])
@@ -126,9 +134,13 @@ def test_a_mode_without_a_stated_deviation_is_not_covered() -> None:
     columns = {"frequency": found.frequency, "damping": np.array([np.nan, 1.0]), "residues": np.array([np.nan, 1.0])}
     assert systems.coverage(columns) == {"frequency": 0.0, "damping": 0.5, "residues": 0.5}
     nothing = ModalUncertainty(
-        np.zeros((4, 4)), np.zeros((2, 3, 2, 2)), np.zeros((2, 3, 0), complex), np.zeros((2, 2, 2, 2)),
-        np.zeros((2, 3, 2, 2, 2)), np.zeros(2),
-    )  # fmt: skip
+        np.zeros((4, 4)),
+        np.zeros((2, 3, 2, 2)),
+        np.zeros((2, 3, 0), complex),
+        np.zeros((2, 2, 2, 2)),
+        np.zeros((2, 3, 2, 2, 2)),
+        np.zeros(2),
+    )
     assert not errors(case, of_model(replace(case.truth, uncertainty=nothing))).inside.any()
 
 

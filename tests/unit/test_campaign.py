@@ -51,9 +51,13 @@ def folder(path: Path, text: str, files: dict[str, object] | None = None) -> Pat
 
 def frf(output: str, input_: str, value: complex = 1.0, lines: int = 30, **options: object) -> FrfSet:
     values = np.full((lines, 1, 1), value, complex)
-    return FrfSet(np.arange(float(lines)), values, (Dof.parse(output),), (Dof.parse(input_),), **(
-        {"quantity": "accelerance", "unit": "(m/s^2)/N"} | options
-    ))  # type: ignore[arg-type]  # fmt: skip
+    return FrfSet(
+        np.arange(float(lines)),
+        values,
+        (Dof.parse(output),),
+        (Dof.parse(input_),),
+        **({"quantity": "accelerance", "unit": "(m/s^2)/N"} | options),
+    )  # type: ignore[arg-type]
 
 
 # what is read ----------------------------------------------------------------------------------------------------------
@@ -66,8 +70,9 @@ def test_records_get_dofs_units_and_order_from_the_campaign(tmp_path: Path) -> N
     first = run.recordings[0]
     assert [str(channel.dof) for channel in first.channels] == ["2:-Z", "1:+Z"]
     assert [(channel.quantity, channel.unit, channel.role) for channel in first.channels] == [
-        ("force", "N", "reference"), ("acceleration", "m/s^2", "response"),
-    ]  # fmt: skip
+        ("force", "N", "reference"),
+        ("acceleration", "m/s^2", "response"),
+    ]
     np.testing.assert_allclose(first.signals, record().signals * [[1.0], [9.80665]], rtol=1e-15)
     assert first.channels[1].range == pytest.approx(50 * 9.80665)
     assert (first.channels[1].serial, first.channels[1].calibrated_on) == ("77", "2026-01-10")
@@ -136,8 +141,11 @@ def test_set_ups_come_from_the_pattern(tmp_path: Path) -> None:
     runs = '[[runs]]\nid = "bare"\nfiles = "s{setup}_p{point}.h5"\n'
     run = acquisition.open_campaign(folder(tmp_path, HEAD + CHANNELS + runs, files))["bare"]
     assert [(take.setup, str(take.channels[0].dof)) for take in run.recordings] == [
-        ("A", "1:-Z"), ("A", "2:-Z"), ("B", "1:-Z"), ("B", "2:-Z"),
-    ]  # fmt: skip
+        ("A", "1:-Z"),
+        ("A", "2:-Z"),
+        ("B", "1:-Z"),
+        ("B", "2:-Z"),
+    ]
 
 
 def test_columns_make_many_channels(tmp_path: Path) -> None:
@@ -146,8 +154,10 @@ def test_columns_make_many_channels(tmp_path: Path) -> None:
     run = acquisition.open_campaign(folder(tmp_path, HEAD + table + RUN, {"bare_1.h5": take}))["bare"]
     found = run.recordings[0]
     assert [(channel.name, str(channel.dof)) for channel in found.channels] == [
-        ("acc 2", "2:+Y"), ("acc 3", "3:+Y"), ("acc 4", "4:+Y"),
-    ]  # fmt: skip
+        ("acc 2", "2:+Y"),
+        ("acc 3", "3:+Y"),
+        ("acc 4", "4:+Y"),
+    ]
     np.testing.assert_allclose(found.signals, take.signals[1:] * 9.80665)
 
 
@@ -261,12 +271,18 @@ def test_skewed_directions_become_local_axes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ("node = 2\ndirection = [0.0, 0.6, 0.8]\n[[channels]]\nname = 'acc'\nunit = 'g'\nnode = 2\ndirection = [0.0, 1.0, 0.0]", "not at right angles"),
-        ("node = 2\ndirection = [0.0, 0.6, 0.8]\n[[channels]]\nname = 'acc'\nunit = 'g'\nnode = 2\ndirection = '+Z'", "local axes only"),
+        (
+            "node = 2\ndirection = [0.0, 0.6, 0.8]\n[[channels]]\nname = 'acc'\nunit = 'g'\nnode = 2\ndirection = [0.0, 1.0, 0.0]",
+            "not at right angles",
+        ),
+        (
+            "node = 2\ndirection = [0.0, 0.6, 0.8]\n[[channels]]\nname = 'acc'\nunit = 'g'\nnode = 2\ndirection = '+Z'",
+            "local axes only",
+        ),
         ("node = 2\ndirection = [0.0, 0.0, 0.0]", "without length"),
         ("node = 99\ndirection = [0.0, 0.6, 0.8]", "no such node"),
     ],
-)  # fmt: skip
+)
 def test_impossible_directions_are_refused(tmp_path: Path, table: str, message: str) -> None:
     text = HEAD + NODES + "[[channels]]\nname = 'hammer'\nunit = 'N'\n" + table + "\n" + RUN
     with pytest.raises(InputError, match=message):
@@ -350,14 +366,17 @@ def test_a_table_of_another_size_than_the_frfs_is_refused(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("files", "message"),
     [
-        ({"bare_2.h5": record(names=("hammer", "acc2"))}, "no such channel in the file; got 'acc', expected one of hammer, acc2"),
+        (
+            {"bare_2.h5": record(names=("hammer", "acc2"))},
+            "no such channel in the file; got 'acc', expected one of hammer, acc2",
+        ),
         ({"bare_2.h5": record(names=("acc", "acc", "hammer"))}, "two channels of one name"),
         ({"bare_2.h5": record(), "bare_3.h5": record(rate=500.0)}, "unequal sampling rates in one run; got 500 Hz"),
         ({"bare_2.h5": record(samples=1)}, "a record without signals; got 1 samples"),
         ({"other.h5": record()}, "no file matches the pattern; got bare_{point}.h5.*there are other.h5"),
         ({}, "the folder of the data files is empty"),
     ],
-)  # fmt: skip
+)
 def test_records_that_do_not_fit_are_refused(tmp_path: Path, files: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         acquisition.open_campaign(folder(tmp_path, HEAD + CHANNELS + RUN, files))
@@ -370,15 +389,19 @@ def test_records_that_do_not_fit_are_refused(tmp_path: Path, files: dict[str, ob
         ('range = "50 g"', 'range = "50 N"', "the range is of another quantity"),
         ('dof = "1:+Z"', 'dof = "one"', "not a DOF"),
         ('dof = "1:+Z"', 'dof = "{station}:+Z"', "nothing says what {station} is"),
-        ('name = "acc"', 'column = 3', "no such column in the file; got 3, expected 1 to 2"),
+        ('name = "acc"', "column = 3", "no such column in the file; got 3, expected 1 to 2"),
         ('name = "acc"', 'name = "acc"\nrole = "reference"', None),
         ('files = "bare_{point}.h5"', 'files = "bare_2.h4"', "there is no such file"),
-        ('files = "bare_{point}.h5"', 'files = ["bare_{point}.h5", "bare_2.h5"]', "a file is named twice; got bare_2.h5"),
+        (
+            'files = "bare_{point}.h5"',
+            'files = ["bare_{point}.h5", "bare_2.h5"]',
+            "a file is named twice; got bare_2.h5",
+        ),
         ('files = "bare_{point}.h5"', 'file_table = "no.csv"', "there is no such file"),
         ('files = "raw"', 'files = "row"', "there is no folder of data files; got"),
         ('files = "raw"', 'files = "${NOT_SET_HERE}/raw"', "an environment variable is not set; got .{NOT_SET_HERE}"),
     ],
-)  # fmt: skip
+)
 def test_wrong_statements_are_refused(tmp_path: Path, old: str, new: str, message: str | None) -> None:
     text = HEAD + CHANNELS + RUN
     assert old in text
@@ -466,10 +489,15 @@ def test_opening_can_be_cancelled(tmp_path: Path) -> None:
         ('name = "acc"', "", 11, "nothing says which channel of the file this is"),
         ('unit = "g"', 'unit = "g"\nquantity = "force"', 11, "'g' is a unit of acceleration, not of force"),
         ('files = "bare_{point}.h5"\n', "", 18, "a run names its files"),
-        ('kind = "hammer"', 'reader = { sampling_rat = 5 }', 20, "unknown option .*'?sampling_rat.*did you mean sampling_rate"),
+        (
+            'kind = "hammer"',
+            "reader = { sampling_rat = 5 }",
+            20,
+            "unknown option .*'?sampling_rat.*did you mean sampling_rate",
+        ),
         ('name = "test"', "name = test", None, "not TOML"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named_with_their_line(old: str, new: str, line: int | None, message: str) -> None:
     text = HEAD + CHANNELS + RUN
     assert old in text

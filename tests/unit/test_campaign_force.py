@@ -64,8 +64,13 @@ def test_a_stated_force_with_its_circumstances(tmp_path: Path) -> None:
     run = opened(tmp_path, force(text))
     joint = run.condition.joints[0]
     assert (joint.joint, joint.mean, joint.std, joint.torque, joint.sequence, joint.run_in) == (
-        "J1", 1020.0, pytest.approx(30.0), 12.0, "up", 20,
-    )  # fmt: skip
+        "J1",
+        1020.0,
+        pytest.approx(30.0),
+        12.0,
+        "up",
+        20,
+    )
     assert joint.calibration == "ring 7, calibrated on 2026-01-10" and codes(run) == []
 
 
@@ -147,13 +152,17 @@ def test_a_stretch_of_the_side_data(tmp_path: Path) -> None:
         (SIDE, "t,J1\n0,much\n", "not a number; got 'much'"),
         (SIDE.replace("rings", "ring"), "", "there is no such file"),
         (SIDE + 'time = "t"', "t,J1\n0,1\n", "the time column has no unit"),
-        (SIDE + 'time = "t"\ntime_unit = "s"\nbetween = ["5 s", "6 s"]', "t,J1\n0,1\n", "no normal force within the time"),
+        (
+            SIDE + 'time = "t"\ntime_unit = "s"\nbetween = ["5 s", "6 s"]',
+            "t,J1\n0,1\n",
+            "no normal force within the time",
+        ),
         (SIDE + 'time = "t"', "t,J1\n2026-11-20T10:00:00Z,1\n", "no normal force within the time"),
         (SIDE.replace("kN", "kg"), "", "unit"),
         (SIDE + 'value = "1 kN"', "", "state one"),
         ('file = "rings.csv"\ncolumn = "J1"', "", "side data have no unit"),
     ],
-)  # fmt: skip
+)
 def test_side_data_that_cannot_be_used_are_refused(tmp_path: Path, text: str, side: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         opened(tmp_path, force(text), side)

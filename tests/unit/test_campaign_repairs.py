@@ -95,12 +95,15 @@ def test_a_wrong_sensitivity_that_the_front_end_applied(tmp_path: Path) -> None:
 
 def test_excluded_hits_and_records(tmp_path: Path) -> None:
     campaign = opened(
-        tmp_path, 'what = "exclude hit"\npoints = 2\nhits = [0, 4]\nruns = ["bare"]',
-        'what = "exclude record"\nfiles = "beam_[13].h5"\nruns = ["beam"]' .replace("[13]", "1"),
-    )  # fmt: skip
+        tmp_path,
+        'what = "exclude hit"\npoints = 2\nhits = [0, 4]\nruns = ["bare"]',
+        'what = "exclude record"\nfiles = "beam_[13].h5"\nruns = ["beam"]'.replace("[13]", "1"),
+    )
     assert [take.excluded_hits for take in campaign["bare"].recordings] == [
-        (), ((0, "excluded by A. Tester: seen on the photo"), (4, "excluded by A. Tester: seen on the photo")), (),
-    ]  # fmt: skip
+        (),
+        ((0, "excluded by A. Tester: seen on the photo"), (4, "excluded by A. Tester: seen on the photo")),
+        (),
+    ]
     assert dofs(campaign["beam"]) == ["2:-Z", "3:-Z"]
 
 
@@ -131,13 +134,19 @@ def test_repairs_apply_in_their_order(tmp_path: Path) -> None:
         ('what = "exclude hit"\nhits = 1\nfiles = "bare_9.h5"', "a repair matches nothing; got files bare_9.h5"),
         ('what = "move dof"\ndof = "5:+Z"\nto = "6:+Z"', "a repair matches nothing"),
         ('what = "reverse sign"\nchannel = "acc"\nfiles = "bare_*.h5"\nruns = ["bare", "beam"]', "nothing in run beam"),
-        ('what = "reverse sign"\nchannel = "acc"\nruns = ["bear"]', "does not exist; got bear, expected one of bare, beam"),
-        ('what = "unit"\nchannel = "acc"\nunit = "N"', r"unit of another quantity; got N \(force\), expected a unit of acc"),
+        (
+            'what = "reverse sign"\nchannel = "acc"\nruns = ["bear"]',
+            "does not exist; got bear, expected one of bare, beam",
+        ),
+        (
+            'what = "unit"\nchannel = "acc"\nunit = "N"',
+            r"unit of another quantity; got N \(force\), expected a unit of acc",
+        ),
         ('what = "exclude record"\nfiles = "bare_*.h5"', "exclude every file of the run"),
         ('what = "swap points"\npoints = [1]', r"needs points = \[5, 6\]"),
         ('what = "polish"\nchannel = "acc"', "input should be 'swap points'"),
     ],
-)  # fmt: skip
+)
 def test_repairs_that_cannot_be_done_are_refused(tmp_path: Path, repair: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         opened(tmp_path, repair)

@@ -71,8 +71,9 @@ def test_hammer_blows(opened) -> None:  # type: ignore[no-untyped-def]
     for take in run.recordings:
         assert take.signals.shape == (2, 25600) and take.sampling_rate == pytest.approx(25600)
         assert [(channel.role, channel.quantity, channel.unit) for channel in take.channels] == [
-            ("reference", "force", "unstated"), ("response", "acceleration", "unstated"),
-        ]  # fmt: skip
+            ("reference", "force", "unstated"),
+            ("response", "acceleration", "unstated"),
+        ]
         assert 60 < take.signals[0].max() < 100 and int(np.argmax(take.signals[0])) / 25600 < 0.002
 
 
@@ -80,15 +81,21 @@ def test_plate_sweep(opened) -> None:  # type: ignore[no-untyped-def]
     run = opened("plate_sweep")["sweeps"]
     assert run.kind == "sweep" and run.condition.excitation.band == (60.0, 500.0)
     assert [take.name for take in run.recordings] == [
-        "view_0.hdf5", "view_0_02.hdf5", "view_0_03.hdf5", "view_0_04.hdf5", "view_1.hdf5",
-    ]  # fmt: skip
+        "view_0.hdf5",
+        "view_0_02.hdf5",
+        "view_0_03.hdf5",
+        "view_0_04.hdf5",
+        "view_1.hdf5",
+    ]
     peaks = [float(np.abs(take.signals[0]).max()) for take in run.recordings]
     assert sorted(round(peak, 1) for peak in peaks) == [2.5, 3.3, 3.3, 3.4, 5.0]
     take = run.recordings[0]
     assert take.signals.shape == (3, 51200) and take.sampling_rate == 25600
     assert [(channel.role, channel.unit) for channel in take.channels] == [
-        ("reference", "N"), ("response", "m/s^2"), ("trigger", "V"),
-    ]  # fmt: skip
+        ("reference", "N"),
+        ("response", "m/s^2"),
+        ("trigger", "V"),
+    ]
 
 
 def test_steel_subframe(opened) -> None:  # type: ignore[no-untyped-def]

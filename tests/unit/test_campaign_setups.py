@@ -102,5 +102,6 @@ def test_a_campaign_of_three_set_ups(tmp_path: Path) -> None:
     run = acquisition.open_campaign(tmp_path)["a"]
     assert run.frfs[0].values.shape == (len(FREQUENCIES), 7, 1)
     assert [(finding.severity, finding.where) for finding in run.findings] == [
-        ("info", "run a, set-up B"), ("warning", "run a, set-up C"),
-    ]  # fmt: skip
+        ("info", "run a, set-up B"),
+        ("warning", "run a, set-up C"),
+    ]

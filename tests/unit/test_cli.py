@@ -95,9 +95,22 @@ def test_fit_prints_and_writes_the_modes_of_a_band(small_study, tmp_path):
 
     for name in ("modes.uff", "modes.h5"):
         ended = ema(
-            "fit", small_study.parent / "campaign", "--run", "first", "--band", 80, 260, "--near", 120, "--near", 210,
-            "--order", 20, "--write", tmp_path / name,
-        )  # fmt: skip
+            "fit",
+            small_study.parent / "campaign",
+            "--run",
+            "first",
+            "--band",
+            80,
+            260,
+            "--near",
+            120,
+            "--near",
+            210,
+            "--order",
+            20,
+            "--write",
+            tmp_path / name,
+        )
         assert ended.returncode == 0, ended.stderr
         assert "first: 2 modes" in ended.stdout and "210.0" in ended.stdout
     (model,) = acquisition.read(tmp_path / "modes.uff").modes

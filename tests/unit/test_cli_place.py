@@ -37,8 +37,11 @@ def test_a_recipe_gives_a_place_a_normal_force_and_bounds(done):
     assert best["mode 1 zeta low [%]"] < best["mode 1 zeta [%]"] < best["mode 1 zeta high [%]"]
     assert "press every joint" in told["answer"] and told["control"] is None
     assert {Path(path).name for path in told["written"]} >= {
-        "placement.h5", "placement_map.png", "recommended_force.svg", "placement.html",
-    }  # fmt: skip
+        "placement.h5",
+        "placement_map.png",
+        "recommended_force.svg",
+        "placement.html",
+    }
     assert all(Path(path).stat().st_size > 1000 for path in told["written"])
 
 
@@ -94,10 +97,13 @@ def test_a_damaged_kept_place_is_computed_again(done):
         ('name = "masing"', 'name = "lugre"', ("no placement with the law",)),
         ('modes = "bare.h5"', "", ("names no structure",)),
         ('modes = "bare.h5"', 'modes = "gone.h5"', ("no such file",)),
-        ("draws = 20", 'draws = 20\nkeep_out = [[["0 m", "0 m"], ["0.9 m", "0 m"], ["0.9 m", "0.5 m"], ["0 m", "0.5 m"]]]',
-         ("no place for the beam",)),
+        (
+            "draws = 20",
+            'draws = 20\nkeep_out = [[["0 m", "0 m"], ["0.9 m", "0 m"], ["0.9 m", "0.5 m"], ["0 m", "0.5 m"]]]',
+            ("no place for the beam",),
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_placed_is_refused_in_one_sentence(tmp_path, old, new, words):
     assert old in RECIPE
     result = run(str(write_recipe(tmp_path, RECIPE.replace(old, new, 1))), "--output", str(tmp_path / "out"))
@@ -120,8 +126,9 @@ def test_a_cluster_that_is_not_there_is_told(tmp_path, monkeypatch):
 
 
 def test_a_model_file_with_a_map_is_a_question_already(tmp_path):
-    result = run(str(DATASETS / "table_with_beam"), "--output", str(tmp_path), "--json", "--recipe",
-                 str(_short_recipe(tmp_path)))  # fmt: skip
+    result = run(
+        str(DATASETS / "table_with_beam"), "--output", str(tmp_path), "--json", "--recipe", str(_short_recipe(tmp_path))
+    )
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["places"][0]["mode 2 zeta [%]"] > 0.5
 

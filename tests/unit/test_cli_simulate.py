@@ -177,9 +177,12 @@ def test_laws_are_listed_with_parameters_units_and_limits():
                 with pytest.raises(InputError):
                     make(0.3, 1e8, **{one["name"]: -5})
     assert listed["lugre"]["parameters"][3] == {
-        "name": "stribeck_velocity", "unit": "m/s", "default": 1e-3, "limits": "above 0",
+        "name": "stribeck_velocity",
+        "unit": "m/s",
+        "default": 1e-3,
+        "limits": "above 0",
         "meaning": "at which F_S - F_C has fallen to 1/e of itself",
-    }  # fmt: skip
+    }
 
 
 def test_the_table_is_for_people(model, tmp_path):

@@ -29,9 +29,16 @@ def model(frequencies, damping, force: float | None = None, name: str = "", std=
     shapes = np.sin(np.outer(np.arange(1, 7), np.arange(1, len(poles) + 1)) * np.pi / 7) + 0j
     covariance = np.tile(np.diag(np.square(std)), (len(poles), 1, 1))
     return ModalModel(
-        poles, shapes, DOFS, shapes[:1] / (2j * poles.imag), DOFS[:1], scaling="unit modal mass", covariance=covariance,
-        condition=condition(force), name=name,
-    )  # fmt: skip
+        poles,
+        shapes,
+        DOFS,
+        shapes[:1] / (2j * poles.imag),
+        DOFS[:1],
+        scaling="unit modal mass",
+        covariance=covariance,
+        condition=condition(force),
+        name=name,
+    )
 
 
 def result(found: ModalModel, run: str, repeat: str = "", assembly: str = "") -> RunResult:
@@ -221,9 +228,7 @@ def test_bad_input_is_refused_with_a_sentence():
 
 
 def test_unknown_noise_and_missing_modes_are_told_as_unknown():
-    found = compare.variance_components(
-        np.array([[1.0, np.nan, 3.0], [1.2, np.nan, np.nan]]), np.full((2, 3), np.nan)
-    )  # fmt: skip
+    found = compare.variance_components(np.array([[1.0, np.nan, 3.0], [1.2, np.nan, np.nan]]), np.full((2, 3), np.nan))
     assert list(found.assemblies) == [2, 0, 1]
     assert found.half[0] == pytest.approx(12.7062 * 0.1, rel=1e-4)
     assert np.isnan(found.half[1:]).all() and np.isnan(found.mean[1]) and found.mean[2] == 3.0

@@ -22,15 +22,20 @@ def record(cycles: float = 12.3, frequency: float = 37.0, noise: float = 0.0, of
         held = float(np.clip(held + STIFFNESS * (x[k] - x[k - 1]), -SLIP, SLIP))
         force[k] = held
     rng = np.random.default_rng(3)
-    signals = np.stack([
-        10 * x / REACH, x + offset + noise * REACH * rng.normal(size=len(t)),
-        force + noise * SLIP * rng.normal(size=len(t)), 500 + rng.normal(size=len(t)),
-    ])  # fmt: skip
+    signals = np.stack(
+        [
+            10 * x / REACH,
+            x + offset + noise * REACH * rng.normal(size=len(t)),
+            force + noise * SLIP * rng.normal(size=len(t)),
+            500 + rng.normal(size=len(t)),
+        ]
+    )
     channels = (
         Channel("shaker", quantity="force", unit="N", role="reference"),
-        Channel("slip", quantity="displacement", unit="m"), Channel("cell", quantity="force", unit="N"),
+        Channel("slip", quantity="displacement", unit="m"),
+        Channel("cell", quantity="force", unit="N"),
         Channel("ring", quantity="force", unit="N", role="normal force", joint="J1"),
-    )  # fmt: skip
+    )
     return Recording(signals, RATE, channels, name="joint")
 
 

@@ -393,13 +393,16 @@ HAMMER = Channel("hammer", DOFS[0], quantity="force", role="reference", unit="N"
         ([recording(nothing((2, 1)))], "too short; got 1 samples"),
         ([recording(blow(), channels=(HAMMER, replace(HAMMER, name="b")))], "no response channel"),
         ([recording(blow(), channels=(replace(HAMMER, role="other"), HAMMER))], "no response channel"),
-        ([recording(blow(), channels=(replace(HAMMER, role="response"), replace(HAMMER, role="response")))], "no reference"),
+        (
+            [recording(blow(), channels=(replace(HAMMER, role="response"), replace(HAMMER, role="response")))],
+            "no reference",
+        ),
         ([recording(blow(), channels=(HAMMER,))], "channel table does not fit"),
         ([recording(blow()), recording(blow(), rate=1000.0)], "differ in sampling rate"),
         ([recording(blow(), excluded_hits=((0, "bad"),))], "no impact is left; got excluded: bad"),
     ],
     ids=lambda value: value.replace(" ", "-")[:30] if isinstance(value, str) else None,
-)  # fmt: skip
+)
 def test_bad_input_gets_one_sentence(records, sentence):
     with pytest.raises(InputError, match=sentence) as caught:
         hammer(run_of(records))

@@ -20,9 +20,11 @@ def swept(dip=0.0, seconds=16.0, low=400.0, high=600.0, harmonics=0.0, noise=0.0
     force = amplitude * np.sin(phase) + harmonics * np.sin(3 * phase)
     force = force + noise * np.random.default_rng(0).standard_normal(len(t))
     return Recording(
-        np.stack([force, 0 * force]), RATE,
-        (Channel("shaker", role="reference", quantity="force", unit="N"), Channel("acc")), name="sweep 3",
-    )  # fmt: skip
+        np.stack([force, 0 * force]),
+        RATE,
+        (Channel("shaker", role="reference", quantity="force", unit="N"), Channel("acc")),
+        name="sweep 3",
+    )
 
 
 def test_level_and_dropout_of_a_sweep():

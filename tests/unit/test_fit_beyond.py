@@ -29,10 +29,12 @@ def test_a_heavy_mode_at_the_edge_is_told_with_an_interval_that_holds_it(case: C
         place = int(np.argmin(np.abs(model.natural_frequencies - case.truth.natural_frequencies[HEAVY])))
         assert model.covariance is not None
         std = np.sqrt(np.diagonal(model.covariance[place])[:2])
-        error.append((
-            (model.natural_frequencies[place] - case.truth.natural_frequencies[HEAVY]) / std[0],
-            (model.damping_ratios[place] - case.truth.damping_ratios[HEAVY]) / std[1],
-        ))  # fmt: skip
+        error.append(
+            (
+                (model.natural_frequencies[place] - case.truth.natural_frequencies[HEAVY]) / std[0],
+                (model.damping_ratios[place] - case.truth.damping_ratios[HEAVY]) / std[1],
+            )
+        )
     # Without the resonance outside the damping errs by 1.65 of its standard deviations.
     assert np.sqrt(np.mean(np.square(error), axis=0)).max() < 1.35
 

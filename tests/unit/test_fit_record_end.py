@@ -42,10 +42,17 @@ def recorded(model, quantity, decay, duration=1.0, noise=1e-3):
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=0))
     values += noise * rms * np.sqrt(0.5) * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
     return FrfSet(
-        frequencies=frequencies, values=values, outputs=DOFS, inputs=DOFS[:2], quantity=quantity,
-        unit=FRF_UNIT[quantity], added_decay=decay, variance=np.ones(values.shape) * (noise * rms) ** 2,
-        record_length=duration, window="exponential" if decay else "rectangular",
-    )  # fmt: skip
+        frequencies=frequencies,
+        values=values,
+        outputs=DOFS,
+        inputs=DOFS[:2],
+        quantity=quantity,
+        unit=FRF_UNIT[quantity],
+        added_decay=decay,
+        variance=np.ones(values.shape) * (noise * rms) ** 2,
+        record_length=duration,
+        window="exponential" if decay else "rectangular",
+    )
 
 
 @pytest.mark.parametrize("quantity", ["mobility", "accelerance"])

@@ -53,9 +53,10 @@ def test_several_drive_points_with_one_reversed():
     truth = two((2, 7))
     measured = frfs(truth, 100, 180, 401)
     turned = replace(
-        measured, values=measured.values * np.array([1, -1]),
+        measured,
+        values=measured.values * np.array([1, -1]),
         inputs=(measured.inputs[0], measured.inputs[1].reversed()),
-    )  # fmt: skip
+    )
     found = fitted(turned)
     same_shapes(found.shapes, truth.shapes, atol=1e-4)
     assert "drive-points-disagree" not in [finding.code for finding in found.findings]

@@ -23,9 +23,13 @@ def model(frequencies=(120.0, 180.0, 183.0, 260.0), damping=(0.01, 0.004, 0.006,
     poles = scale * poles_from(np.array(frequencies), np.array(damping))
     shapes = rng.standard_normal((6, len(poles))) + 0j
     return ModalModel(
-        poles=poles, shapes=shapes, dofs=DOFS, participation=shapes[[0, 3]] / (2j * poles.imag),
-        inputs=(DOFS[0], DOFS[3]), scaling="unit modal mass",
-    )  # fmt: skip
+        poles=poles,
+        shapes=shapes,
+        dofs=DOFS,
+        participation=shapes[[0, 3]] / (2j * poles.imag),
+        inputs=(DOFS[0], DOFS[3]),
+        scaling="unit modal mass",
+    )
 
 
 def measured(truth: ModalModel, noise: float = 0.0, quantity: str = "accelerance", seed: int = 1) -> FrfSet:
@@ -55,9 +59,7 @@ def test_a_realisation_of_pure_exponentials_is_exact():
     shapes, participation = rng.normal(size=(5, 3)), rng.normal(size=(2, 3))
     h = np.einsum("nr,or,ir->noi", values ** np.arange(200)[:, None], shapes, participation)
     found = hankel.realise(hankel.Responses(h, 0, 60, 60), order=3)
-    np.testing.assert_allclose(
-        np.sort_complex(np.linalg.eigvals(found.state)), np.sort_complex(values), atol=1e-10
-    )  # fmt: skip
+    np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(found.state)), np.sort_complex(values), atol=1e-10)
 
 
 def test_the_spread_of_an_eigenvalue_is_its_scatter_over_noise():
@@ -117,9 +119,12 @@ def test_160_frfs_at_three_noise_levels():
         hit = result.match >= 0
         std = np.sqrt(found.covariance[result.match[hit]][:, [0, 1], [0, 1]])
         error = np.stack(
-            [(result.frequency_error * case.truth.natural_frequencies)[hit],
-             (result.damping_error * case.truth.damping_ratios)[hit]], axis=1,
-        )  # fmt: skip
+            [
+                (result.frequency_error * case.truth.natural_frequencies)[hit],
+                (result.damping_error * case.truth.damping_ratios)[hit],
+            ],
+            axis=1,
+        )
         inside.append(np.abs(error / std) < 2)
     # this estimator is a second opinion: one draw in a few has modes so far off that they are missed and false at once
     assert false <= 3, f"seed {seed}"
@@ -168,9 +173,13 @@ def test_modes_of_one_opinion_alone_are_findings():
     frfs = measured(model(), 0.01)
     modes = ema.fit.modes(frfs, ema.fit.stabilise(frfs))
     fewer = replace(
-        modes, poles=modes.poles[1:], shapes=modes.shapes[:, 1:], participation=modes.participation[:, 1:],
-        covariance=modes.covariance[1:], confidence=None,
-    )  # fmt: skip
+        modes,
+        poles=modes.poles[1:],
+        shapes=modes.shapes[:, 1:],
+        participation=modes.participation[:, 1:],
+        covariance=modes.covariance[1:],
+        confidence=None,
+    )
     moved = fewer.poles.copy()
     moved[0] *= 1.3
     opinion = ema.fit.second_opinion(replace(fewer, poles=moved), frfs)

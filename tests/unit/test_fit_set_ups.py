@@ -50,9 +50,13 @@ def measured(
         clean = response(mass, 2 * np.pi * NATURAL * (1 + factor), rows, columns)
         noise = rng.standard_normal((2, *clean.shape)) * 0.005 * np.sqrt(np.mean(np.abs(clean) ** 2) / 2)
         frfs = FrfSet(
-            FREQUENCIES, clean + noise[0] + 1j * noise[1], tuple(dofs[row] for row in rows),
-            tuple(dofs[column] for column in columns), "accelerance", "m/s^2/N",
-        )  # fmt: skip
+            FREQUENCIES,
+            clean + noise[0] + 1j * noise[1],
+            tuple(dofs[row] for row in rows),
+            tuple(dofs[column] for column in columns),
+            "accelerance",
+            "m/s^2/N",
+        )
         parts.append(Part(frfs, f"S{number + 1}"))
     return merge(parts, "roving")
 

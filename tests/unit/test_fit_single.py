@@ -239,9 +239,13 @@ def test_the_published_answer_of_two_noisy_frfs(datasets):
 
     file = loadmat(datasets / "08_sdof_frfs_with_published_answer" / "case1.mat")
     measured = FrfSet(
-        file["Freq_domain"].ravel().astype(float), file["Hf_chan_2"].astype(complex)[:, :, None], (Dof(2),), POINT,
-        "unstated", name="case 1",
-    )  # fmt: skip
+        file["Freq_domain"].ravel().astype(float),
+        file["Hf_chan_2"].astype(complex)[:, :, None],
+        (Dof(2),),
+        POINT,
+        "unstated",
+        name="case 1",
+    )
     circle, local = circle_fit(measured, 212.0), local_fit(measured, 212.0)
     assert circle.natural_frequency == pytest.approx(212.0925, abs=0.05)
     assert local.natural_frequency == pytest.approx(212.0925, abs=0.05)

@@ -25,8 +25,16 @@ def measured(level, force, joints=("J1", "J2"), shift=0.0):
     w, r = 2 * np.pi * LINES, 2 * np.pi * natural
     values = 0.3 * -0.5 / (r**2 - w**2 + 2j * damping * r * w)
     pressed = tuple(JointForce(name, force + shift * (-1) ** n) for n, name in enumerate(joints))
-    return FrfSet(LINES, values[:, None, None], (OUT,), (IN,), "receptance", "m/N",
-                  condition=Condition(Excitation("sweep", level), pressed), name=f"{level:g} N, {force:g} N")  # fmt: skip
+    return FrfSet(
+        LINES,
+        values[:, None, None],
+        (OUT,),
+        (IN,),
+        "receptance",
+        "m/N",
+        condition=Condition(Excitation("sweep", level), pressed),
+        name=f"{level:g} N, {force:g} N",
+    )
 
 
 def test_a_map_is_filled_with_what_every_condition_shows():

@@ -27,7 +27,7 @@ from ema.simulate import (
     snapback,
     stepped_sine,
     swept_sine,
-)  # fmt: skip
+)
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
 from tests.timing import slowness
@@ -203,9 +203,11 @@ def test_wrong_orders_are_refused_with_a_sentence():
     with pytest.raises(InputError, match=r"no such DOF; got beam 7:1:.Z"):
         FrictionRig(model(100.0), drive, (acc(Dof(1, "+Z", "beam 7")),), 1024.0).take(0)
     for wrong in (
-        lambda t: hammer_pulse(t, 1.0, 0.0), lambda t: swept_sine(t, 1.0, (0.0, 10.0), 1.0),
-        lambda t: swept_sine(t, 1.0, (1.0, 10.0), np.nan), lambda t: stepped_sine(t, 1.0, [5.0, -1.0], 1.0),
-    ):  # fmt: skip
+        lambda t: hammer_pulse(t, 1.0, 0.0),
+        lambda t: swept_sine(t, 1.0, (0.0, 10.0), 1.0),
+        lambda t: swept_sine(t, 1.0, (1.0, 10.0), np.nan),
+        lambda t: stepped_sine(t, 1.0, [5.0, -1.0], 1.0),
+    ):
         with pytest.raises(InputError, match="not a positive number"):
             wrong(np.arange(10.0))
 

@@ -20,8 +20,17 @@ def oscillator(tangential=0.0, normal=0.0, exponent=0.0, force=1e9):
     dofs = tuple(Dof(1, d) for d in ("+X", "+Z"))
     host = Matrices(np.eye(2), np.diag([K, K]), dofs)
     ground = Matrices(1e9 * np.eye(2), 1e15 * np.eye(2), tuple(Dof(2, d, "wall") for d in ("+X", "+Z")))
-    joint = Joint("J1", ((1, 2),), (0.0, 0.0), Masing(0.3, K_T), force, 2 * K_T, tangential_loss=tangential,
-                  normal_loss=normal, normal_exponent=exponent)  # fmt: skip
+    joint = Joint(
+        "J1",
+        ((1, 2),),
+        (0.0, 0.0),
+        Masing(0.3, K_T),
+        force,
+        2 * K_T,
+        tangential_loss=tangential,
+        normal_loss=normal,
+        normal_exponent=exponent,
+    )
     return BeamModel(host, ground, (joint,), Damping(), "oscillator")
 
 

@@ -160,9 +160,15 @@ def test_four_processes_compile_different_signatures_at_once(installation):
     kinds = ("float64", "float32", "int64", "complex128")
     for _ in range(2):
         running = [
-            subprocess.Popen([sys.executable, "-c", script, kind], stdout=subprocess.PIPE, text=True, cwd=installation,
-                             env=environment(installation)) for kind in kinds
-        ]  # fmt: skip
+            subprocess.Popen(
+                [sys.executable, "-c", script, kind],
+                stdout=subprocess.PIPE,
+                text=True,
+                cwd=installation,
+                env=environment(installation),
+            )
+            for kind in kinds
+        ]
         assert [process.communicate()[0].strip() for process in running] == ["4.0", "4.0", "4.0", "(4+0j)"]
     kept = list((installation / "ema" / "__pycache__").glob("outer_kernels.doubled*.nbc"))
     assert len(kept) == len(kinds)

@@ -50,8 +50,7 @@ def campaign(folder, levels=(10, 20), forces=(50, 100), joints=("J1",), unit="N"
         t = np.arange(256) / RATE
         waves = np.exp(1j * np.outer(w, t))
         signals = np.array([level * waves.real.ravel(), (answer[:, None] * waves).real.ravel()])
-        store.save(folder / "raw" / f"{name}.h5",
-                   Recording(signals, RATE, (Channel("force"), Channel("acc"))))  # fmt: skip
+        store.save(folder / "raw" / f"{name}.h5", Recording(signals, RATE, (Channel("force"), Channel("acc"))))
         joint = joints[number % len(joints)]
         stated = f'value = "{force} {unit}", ' if known else ""
         text.append(

@@ -17,9 +17,12 @@ BEAM = beam(0.5, 0.04, 0.005, elements=3, part="host")
 
 
 def write_harwell_boeing(
-    path: Path, matrix: np.ndarray, kind: str = "RSA", layout: tuple[str, str, str] = ("(1I10)", "(1I10)", "(1D25.15)"),
+    path: Path,
+    matrix: np.ndarray,
+    kind: str = "RSA",
+    layout: tuple[str, str, str] = ("(1I10)", "(1I10)", "(1D25.15)"),
     right_hand_side: bool = True,
-) -> None:  # fmt: skip
+) -> None:
     """A Harwell-Boeing file as ANSYS writes it: one number per line, D exponents, one triangle, a right-hand side."""
     held = csc_matrix(tril(matrix)) if kind == "RSA" else csc_matrix(matrix)
     held.sort_indices()
@@ -30,9 +33,10 @@ def write_harwell_boeing(
         return ["".join(texts[n : n + int(per_line)]) for n in range(0, len(texts), int(per_line))]
 
     blocks = [
-        lines(list(map(int, held.indptr + 1)), layout[0]), lines(list(map(int, held.indices + 1)), layout[1]),
+        lines(list(map(int, held.indptr + 1)), layout[0]),
+        lines(list(map(int, held.indices + 1)), layout[1]),
         lines(list(map(float, held.data)), layout[2]),
-    ]  # fmt: skip
+    ]
     counts = [len(block) for block in blocks]
     right = len(matrix) if right_hand_side else 0
     head = [

@@ -30,7 +30,7 @@ from ema.simulate import (
     double_beam,
     frf,
     snapback,
-)  # fmt: skip
+)
 
 EXAMPLE = Path(__file__).parents[2] / "datasets" / "double_beam"
 HOST = """
@@ -201,7 +201,11 @@ def test_laws_are_those_of_the_constructors(text, law):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"0.5 m"', "0.5", r"line 7: \[structure\], length: a number without a unit; write it as a text such as \"0.5 m\""),
+        (
+            '"0.5 m"',
+            "0.5",
+            r"line 7: \[structure\], length: a number without a unit; write it as a text such as \"0.5 m\"",
+        ),
         ('"0.5 m"', '"0.5 N"', "line 7: .*not a displacement; got '0.5 N', expected a unit such as m"),
         ('"0.5 m"', '"-0.5 m"', "line 7: .*greater than 0"),
         ("elements = 10", "element = 10", r"line 10: unknown key 'element' in \[structure\]; did you mean elements"),
@@ -220,13 +224,25 @@ def test_laws_are_those_of_the_constructors(text, law):
         ('[law]\nname = "masing"', '[laws]\nname = "masing"', "unknown key 'laws'"),
         ("normal_stiffness", "normal_stifness", "did you mean normal_stiffness"),
         ('normal_stiffness = "1e8 N/m"', "", "line 19: .*lacks its normal_stiffness"),
-        ('kind = "beam"\nlength = "0.2 m"', 'kind = "measured"\nfile = "x.h5"\nlength = "0.2 m"', "'elements' says nothing about a measured"),
-        ('[law]', '[snapback]\nload = "20 N"\nat = "99:+Z"\nduration = "1 s"\n\n[law]', "line 28: the structure has no such DOF; got 99:.Z"),
-        ('[law]', '[snapback]\nload = "20 N"\nat = "tip"\nduration = "1 s"\n\n[law]', "line 28: .*not a DOF"),
-        ('[law]', '[loop]\namplitude = "1 um"\njoint = "right"\n\n[law]', "line 28: no such joint; got right, expected left"),
+        (
+            'kind = "beam"\nlength = "0.2 m"',
+            'kind = "measured"\nfile = "x.h5"\nlength = "0.2 m"',
+            "'elements' says nothing about a measured",
+        ),
+        (
+            "[law]",
+            '[snapback]\nload = "20 N"\nat = "99:+Z"\nduration = "1 s"\n\n[law]',
+            "line 28: the structure has no such DOF; got 99:.Z",
+        ),
+        ("[law]", '[snapback]\nload = "20 N"\nat = "tip"\nduration = "1 s"\n\n[law]', "line 28: .*not a DOF"),
+        (
+            "[law]",
+            '[loop]\namplitude = "1 um"\njoint = "right"\n\n[law]',
+            "line 28: no such joint; got right, expected left",
+        ),
         ('name = "beam on a beam"', "name = beam", "not TOML"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named_with_their_line(tmp_path, old, new, words):
     text = HOST + REST
     assert old in text

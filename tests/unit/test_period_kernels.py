@@ -6,10 +6,58 @@ import pytest
 from ema.simulate.period_kernels import masing_period
 
 ODD = 2 * np.arange(24) + 1
-WAVY = 1e-3 * np.array([
-    -19427, 6458, 1917, -1699, -599, -630, 434, 66, 88, 255, -176, -40, -29, 101, -43, -22, 9, -35, 38, -41, 118, 125,
-    -144, -21, -31, 18, -8, -11, -1, 8, 17, 11, 1, 5, -1, 6, -10, 4, -2, -6, 2, -2, 6, 6, 1, 4, -7, 1,
-])  # fmt: skip
+WAVY = 1e-3 * np.array(
+    [
+        -19427,
+        6458,
+        1917,
+        -1699,
+        -599,
+        -630,
+        434,
+        66,
+        88,
+        255,
+        -176,
+        -40,
+        -29,
+        101,
+        -43,
+        -22,
+        9,
+        -35,
+        38,
+        -41,
+        118,
+        125,
+        -144,
+        -21,
+        -31,
+        18,
+        -8,
+        -11,
+        -1,
+        8,
+        17,
+        11,
+        1,
+        5,
+        -1,
+        6,
+        -10,
+        4,
+        -2,
+        -6,
+        2,
+        -2,
+        6,
+        6,
+        1,
+        4,
+        -7,
+        1,
+    ]
+)
 """A motion that halts again and again; Newton's steps to where it slides go to and fro between two of its halts."""
 
 
@@ -21,9 +69,24 @@ def closed_form(amplitudes, limit):
     bends = np.stack([-(ODD**2) * np.cos(angle), -(ODD**2) * np.sin(angle)], -1).reshape(-1, size) @ amplitudes
     room, forces, jacobian = 4 * ODD[-1] + 8, np.empty(size), np.empty((size, size))
     lost = masing_period(
-        amplitudes, ODD, rates, bends, True, 1.0, limit, np.ones(1), np.ones(1), 1, np.empty(room), np.empty(room),
-        np.empty((room, highest)), np.empty((room, highest)), forces, jacobian, True,
-    )  # fmt: skip
+        amplitudes,
+        ODD,
+        rates,
+        bends,
+        True,
+        1.0,
+        limit,
+        np.ones(1),
+        np.ones(1),
+        1,
+        np.empty(room),
+        np.empty(room),
+        np.empty((room, highest)),
+        np.empty((room, highest)),
+        forces,
+        jacobian,
+        True,
+    )
     return forces, lost, jacobian
 
 

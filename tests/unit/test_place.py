@@ -180,8 +180,16 @@ def test_bad_questions_get_one_sentence(table):
             "forces": [50.0],
             "modes": [0],
         } | changes
-        place.predict(question["bare"], surface, here, question["joint"], question["at"], question["levels"],
-                      question["forces"], question["modes"])  # fmt: skip
+        place.predict(
+            question["bare"],
+            surface,
+            here,
+            question["joint"],
+            question["at"],
+            question["levels"],
+            question["forces"],
+            question["modes"],
+        )
 
     with pytest.raises(InputError, match="scaled shapes"):
         ask(bare=replace(bare, scaling="unscaled"))
@@ -196,5 +204,9 @@ def test_bad_questions_get_one_sentence(table):
     with pytest.raises(InputError, match="no place"):
         place.grid(surface, [replace(BEAM, spacing=2.0)], 0.05)
     with pytest.raises(InputError, match="not an aim"):
-        place.rank(place.Task(bare, surface, JOINT, bare.dofs[-1], np.array([15.0]), np.array([50.0]), (0,)), here,
-                   place.Objective(aim="beauty"), draws=0)  # fmt: skip
+        place.rank(
+            place.Task(bare, surface, JOINT, bare.dofs[-1], np.array([15.0]), np.array([50.0]), (0,)),
+            here,
+            place.Objective(aim="beauty"),
+            draws=0,
+        )

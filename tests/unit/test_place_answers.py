@@ -38,10 +38,19 @@ def made(damping: np.ndarray) -> Prediction:
     modes, levels, forces = damping.shape
     whole = damping[None]
     return Prediction(
-        spot(), tuple(range(modes)), np.full(modes, 100.0), np.full(modes, 0.01), np.arange(1.0, levels + 1),
-        np.geomspace(10, 1000, forces), np.full(whole.shape, 100.0), whole, 2 * whole * (200 * np.pi) ** 2,
-        np.ones(whole.shape), np.ones(modes), np.ones(modes),
-    )  # fmt: skip
+        spot(),
+        tuple(range(modes)),
+        np.full(modes, 100.0),
+        np.full(modes, 0.01),
+        np.arange(1.0, levels + 1),
+        np.geomspace(10, 1000, forces),
+        np.full(whole.shape, 100.0),
+        whole,
+        2 * whole * (200 * np.pi) ** 2,
+        np.ones(whole.shape),
+        np.ones(modes),
+        np.ones(modes),
+    )
 
 
 def test_two_modes_share_one_normal_force():

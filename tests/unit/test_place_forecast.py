@@ -70,10 +70,11 @@ def test_scatter_between_the_joints_widens_the_band(task, pool):
     """Uneven joints do what a common error of both does not: at the ridge the band opens."""
     sure = replace(JOINT, friction_std=0.0, stiffness_std=0.0)
     even, uneven = (
-        place.forecast(task._replace(joint=joint), SPOT, 1, LEVELS, FORCES, draws=12, seed=5, method="frozen",
-                       executor=pool)
+        place.forecast(
+            task._replace(joint=joint), SPOT, 1, LEVELS, FORCES, draws=12, seed=5, method="frozen", executor=pool
+        )
         for joint in (sure, replace(sure, scatter=0.1))
-    )  # fmt: skip
+    )
     widths = [np.log(one.damping_high / one.damping_low).mean() for one in (even, uneven)]
     assert widths[1] > 1.3 * widths[0]
     assert np.array_equal(even.damping, uneven.damping)
@@ -84,9 +85,10 @@ def test_a_truth_drawn_from_the_same_doubt_falls_inside(task, told):
     rng, inside = np.random.default_rng(11), 0
     for _ in range(12):
         law = replace(
-            JOINT.law, friction_coefficient=0.2 * np.exp(0.1 * rng.standard_normal()),
+            JOINT.law,
+            friction_coefficient=0.2 * np.exp(0.1 * rng.standard_normal()),
             contact_stiffness=2e8 * np.exp(0.2 * rng.standard_normal()),
-        )  # fmt: skip
+        )
         model = place.model_at(task.bare, task.surface, SPOT, 1, replace(JOINT, law=law), 60.0)
         band = (float(told.frequency.min()) - 12, float(told.frequency.max()) + 12)
         truth = simulate.damping_map(model, np.array(LEVELS), np.array(FORCES), "91:+Z", "91:+Z", band, 1e-2)

@@ -10,19 +10,26 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {
     *(f"accuracy, {part}" for part in ("case", "cost", "halves", "listed", "peers", "random", "residues", "small")),
     *(f"fit, {part}" for part in ("160x1601", "160x6401", "900x4096", "random")),
-    "placement", "study", "uff",
-    *(f"simulate, {part}" for part in json.loads(
-        (provenance.ROOT / "tests/bench/results/simulate.json").read_text(encoding="utf-8")
-    )["rows"]),
-}  # fmt: skip
+    "placement",
+    "study",
+    "uff",
+    *(
+        f"simulate, {part}"
+        for part in json.loads((provenance.ROOT / "tests/bench/results/simulate.json").read_text(encoding="utf-8"))[
+            "rows"
+        ]
+    ),
+}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 
 
 def published() -> list:
     return [
-        pytest.param(stored, id=name, marks=[pytest.mark.xfail(strict=True, reason="no fingerprint")] if name in WITHOUT else [])
+        pytest.param(
+            stored, id=name, marks=[pytest.mark.xfail(strict=True, reason="no fingerprint")] if name in WITHOUT else []
+        )
         for name, stored in provenance.published().items()
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize("stored", published())

@@ -132,9 +132,7 @@ def session(folder: Path, judge=check_impact, run: str = "beam") -> Session:
 def killed(folder: Path, after: int) -> int:
     """Record in a process that is killed once so many takes are told; how many were told."""
     command = [sys.executable, "-c", "from ema.cli import main; main()", "record", str(folder), "--run", "beam"]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"}
-    )  # fmt: skip
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
     told = 0
     for line in process.stdout:
         told += "accepted" in line
@@ -187,7 +185,14 @@ def test_a_rejected_take_is_kept_aside_with_its_reason_and_the_point_is_struck_a
     one = session(virtual(tmp_path), lambda record: next(verdicts, ()))
     takes = list(one.takes(opened(one.rig, one)))
     assert [(take.point, take.accepted) for take in takes] == [
-        (1, True), (1, False), (1, True), (5, True), (5, True), (67, True), (67, True)]  # fmt: skip
+        (1, True),
+        (1, False),
+        (1, True),
+        (5, True),
+        (5, True),
+        (67, True),
+        (67, True),
+    ]
     assert len(list((tmp_path / "raw").iterdir())) == 6 and len(list((tmp_path / "rejected").iterdir())) == 1
     lines = (tmp_path / "takes.csv").read_text().splitlines()
     assert lines[2].split(",")[0] == "rejected/beam_1_002.h5" and "no,no blow of this take can be used." in lines[2]

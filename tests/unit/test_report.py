@@ -37,7 +37,7 @@ from ema.data import (
     SetUpShifts,
     StudyResult,
     poles_from,
-)  # fmt: skip
+)
 from ema.dof import Dof
 from ema.errors import FailureError
 from ema.report.blocks import Book
@@ -54,8 +54,9 @@ def plate(across: int, up: int) -> Geometry:
     grid = np.arange(1, across * up + 1).reshape(across, up)
     faces = tuple(
         (int(grid[i, j]), int(grid[i + 1, j]), int(grid[i + 1, j + 1]), int(grid[i, j + 1]))
-        for i in range(across - 1) for j in range(up - 1)
-    )  # fmt: skip
+        for i in range(across - 1)
+        for j in range(up - 1)
+    )
     return Geometry(grid.ravel(), np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]), faces=faces)
 
 
@@ -71,10 +72,16 @@ def modal(geometry: Geometry, count: int, shift: float, factor: float, joints: t
     covariance = np.zeros((count, 2, 2))
     covariance[:, 0, 0], covariance[:, 1, 1] = 0.005**2, (0.01 * damping) ** 2
     return ModalModel(
-        poles, shapes, tuple(Dof(int(node), "+Z") for node in geometry.nodes), shapes[[0, 7]] / (2j * poles.imag),
-        (Dof(1, "+Z"), Dof(8, "+Z")), scaling="unit modal mass", covariance=covariance, confidence=np.full(count, 0.97),
+        poles,
+        shapes,
+        tuple(Dof(int(node), "+Z") for node in geometry.nodes),
+        shapes[[0, 7]] / (2j * poles.imag),
+        (Dof(1, "+Z"), Dof(8, "+Z")),
+        scaling="unit modal mass",
+        covariance=covariance,
+        confidence=np.full(count, 0.97),
         condition=Condition(Excitation("hammer", 800.0, 60.0), joints, 294.15),
-    )  # fmt: skip
+    )
 
 
 def gallery() -> HitGallery:
@@ -89,17 +96,26 @@ def gallery() -> HitGallery:
 
 
 def run_result(
-    name: str, geometry: Geometry, count: int = 4, shift: float = 1.0, factor: float = 1.0,
-    joints: tuple[JointForce, ...] = (), lines: int = 300, repeat: str = "",
-) -> RunResult:  # fmt: skip
+    name: str,
+    geometry: Geometry,
+    count: int = 4,
+    shift: float = 1.0,
+    factor: float = 1.0,
+    joints: tuple[JointForce, ...] = (),
+    lines: int = 300,
+    repeat: str = "",
+) -> RunResult:
     modes = modal(geometry, count, shift, factor, joints)
     clean = synthesise(modes, np.linspace(200, 1350, lines), "accelerance", outputs=modes.inputs, inputs=modes.dofs)
     generator = np.random.default_rng(len(name))
     noise = 0.01 * np.abs(clean.values) * generator.normal(size=clean.values.shape)
     frfs = replace(
-        clean, values=clean.values + noise, coherence=np.full(clean.values.shape, 0.99), estimator="H1",
+        clean,
+        values=clean.values + noise,
+        coherence=np.full(clean.values.shape, 0.99),
+        estimator="H1",
         provenance=Provenance(inputs=((f"{name}.h5", "ab" * 32),), options=(("estimator", "H1"),)),
-    )  # fmt: skip
+    )
     error = np.linspace(0.001, 0.2, noise[0].size).reshape(noise[0].shape)
     orders = np.repeat(np.arange(4, 41, 2), count)
     poles = np.tile(modes.poles, 19)
@@ -122,9 +138,15 @@ def run_result(
 
 def study(runs: tuple[RunResult, ...], geometry: Geometry | None, **fields) -> StudyResult:
     campaign = Campaign(
-        "Table, hammer", tuple(run.run for run in runs), geometry, "Cast iron table", "A. Tester", "2026-11-21", EVIL,
+        "Table, hammer",
+        tuple(run.run for run in runs),
+        geometry,
+        "Cast iron table",
+        "A. Tester",
+        "2026-11-21",
+        EVIL,
         inputs=(("campaign.toml", "cd" * 32),),
-    )  # fmt: skip
+    )
     return StudyResult(campaign, runs, title="Table with a friction beam", **fields)
 
 
@@ -206,10 +228,17 @@ def two_runs() -> StudyResult:
     geometry = plate(5, 4)
     runs = (run_result("bare", geometry), run_result("beam_1kN", geometry, shift=1.013, factor=1.9, joints=JOINTS))
     return study(
-        runs, geometry, repairs=(Repair("reverse sign", "acc 2", "A. Tester", EVIL),),
-        expectations=(Expectation("f of mode 1 [Hz]", 240.0, 0.5, 240.0, True), Expectation("zeta", 0.1, 0.05, 0.71, False)),
-        provenance=Provenance(versions=(("numpy", "2.4.6"),), steps=("open", "fit"), created=datetime(2026, 11, 21, tzinfo=UTC)),
-    )  # fmt: skip
+        runs,
+        geometry,
+        repairs=(Repair("reverse sign", "acc 2", "A. Tester", EVIL),),
+        expectations=(
+            Expectation("f of mode 1 [Hz]", 240.0, 0.5, 240.0, True),
+            Expectation("zeta", 0.1, 0.05, 0.71, False),
+        ),
+        provenance=Provenance(
+            versions=(("numpy", "2.4.6"),), steps=("open", "fit"), created=datetime(2026, 11, 21, tzinfo=UTC)
+        ),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -230,11 +259,18 @@ def test_mode_table_has_the_numbers_rounded_by_their_uncertainty(page: Page):
 def test_set_ups_that_differ_have_a_table(two_runs: StudyResult, tmp_path: Path):
     modes = two_runs.runs[0].modes
     shifts = SetUpShifts(
-        names=("A", "B"), frequencies=modes.natural_frequencies[:2],
-        shifts=np.array([[0.0021, 0.0019], [-0.0021, np.nan]]), std=np.full((2, 2), 1e-5),
-        common=np.array([0.002, -0.002]), common_std=np.array([7e-6, 7e-6]), cause="mass loading", mass=0.0052,
-        mass_std=0.0001, unloaded=modes.natural_frequencies[:2] * 1.01, unloaded_std=np.array([0.01, 0.02]),
-    )  # fmt: skip
+        names=("A", "B"),
+        frequencies=modes.natural_frequencies[:2],
+        shifts=np.array([[0.0021, 0.0019], [-0.0021, np.nan]]),
+        std=np.full((2, 2), 1e-5),
+        common=np.array([0.002, -0.002]),
+        common_std=np.array([7e-6, 7e-6]),
+        cause="mass loading",
+        mass=0.0052,
+        mass_std=0.0001,
+        unloaded=modes.natural_frequencies[:2] * 1.01,
+        unloaded_std=np.array([0.01, 0.02]),
+    )
     runs = (replace(two_runs.runs[0], modes=replace(modes, set_ups=shifts)), *two_runs.runs[1:])
     page = Page(ema.report.write(replace(two_runs, runs=runs), tmp_path / "set-ups.html"))
     rows = page.table("Mean f [Hz]", "Set-up A [%]")
@@ -247,9 +283,19 @@ def test_set_ups_that_differ_have_a_table(two_runs: StudyResult, tmp_path: Path)
 def test_answer_comes_first(page: Page):
     words = page.words()
     places = [
-        words.index(text) for text in ("Table with a friction beam", "In short", "Table 1.", "Runs compared",
-        "What to worry about", "Expected and found", "Repairs Table", "Run bare Condition and normal force", "Provenance Table")
-    ]  # fmt: skip
+        words.index(text)
+        for text in (
+            "Table with a friction beam",
+            "In short",
+            "Table 1.",
+            "Runs compared",
+            "What to worry about",
+            "Expected and found",
+            "Repairs Table",
+            "Run bare Condition and normal force",
+            "Provenance Table",
+        )
+    ]
     assert places == sorted(places)
     assert "Run beam_1kN (mean normal force 1007 N over 2 joints): 4 modes from 243.12 to 1316.9 Hz" in words
     assert (
@@ -293,8 +339,9 @@ def test_worries_are_grouped_and_sorted_by_severity(page: Page):
 def test_missed_expectations_come_first(page: Page):
     rows = page.table("Expected", "Found")
     assert [(row["What"], row["Found"], row["Result"]) for row in rows] == [
-        ("zeta", "0.710", "missed"), ("f of mode 1 [Hz]", "240.00", "met"),
-    ]  # fmt: skip
+        ("zeta", "0.710", "missed"),
+        ("f of mode 1 [Hz]", "240.00", "met"),
+    ]
 
 
 def test_every_figure_has_a_telling_alternative_text(page: Page):
@@ -365,9 +412,15 @@ def test_repairs_and_provenance(page: Page):
 def test_normal_force_table(page: Page):
     rows = page.table("Joint", "Run-in")
     assert rows[0] == {
-        "Joint": "J1", "F_N [N]": "1018 ± 27", "std [N]": "27", "drift [N]": "-12", "Torque [N m]": "12.0",
-        "Loading": "up", "Run-in": "20", "Calibration": "cell 17",
-    }  # fmt: skip
+        "Joint": "J1",
+        "F_N [N]": "1018 ± 27",
+        "std [N]": "27",
+        "drift [N]": "-12",
+        "Torque [N m]": "12.0",
+        "Loading": "up",
+        "Run-in": "20",
+        "Calibration": "cell 17",
+    }
 
 
 def test_the_same_result_gives_the_same_file(tmp_path: Path):
@@ -383,15 +436,26 @@ def test_the_same_result_gives_the_same_file(tmp_path: Path):
 def test_one_mode_no_geometry_no_coherence_no_blows(tmp_path: Path):
     run = run_result("one", plate(5, 4), count=1)
     bare = replace(
-        run, frfs=replace(run.frfs, coherence=None), hits=None, poles=None, reconstruction=None, findings=(),
+        run,
+        frfs=replace(run.frfs, coherence=None),
+        hits=None,
+        poles=None,
+        reconstruction=None,
+        findings=(),
         modes=replace(run.modes, covariance=None, confidence=None),
-    )  # fmt: skip
+    )
     words = (page := Page(ema.report.write(study((bare,), None), tmp_path / "r.html"))).words()
     for told in (
-        "1 mode at 240 Hz", "no geometry, so shapes cannot be drawn in space", "No coherence came with these FRFs",
-        "came as finished FRFs", "no stabilisation diagram", "were not computed", "no uncertainty was estimated",
-        "No problem was noticed.", "No metadata was repaired.",
-    ):  # fmt: skip
+        "1 mode at 240 Hz",
+        "no geometry, so shapes cannot be drawn in space",
+        "No coherence came with these FRFs",
+        "came as finished FRFs",
+        "no stabilisation diagram",
+        "were not computed",
+        "no uncertainty was estimated",
+        "No problem was noticed.",
+        "No metadata was repaired.",
+    ):
         assert told in words
     assert page.table("Mode", "MPC [-]")[0]["f [Hz]"] == "240.000"
 

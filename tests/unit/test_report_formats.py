@@ -26,9 +26,11 @@ def result() -> StudyResult:
     geometry = plate(5, 4)
     runs = (run_result("bare", geometry), run_result("beam_1kN", geometry, shift=1.013, factor=1.9, joints=JOINTS))
     return study(
-        runs, geometry, repairs=(Repair("reverse sign", "acc 2", "A. Tester", EVIL),),
+        runs,
+        geometry,
+        repairs=(Repair("reverse sign", "acc 2", "A. Tester", EVIL),),
         expectations=(Expectation("f of mode 1 [Hz]", 240.0, 0.5, 240.0, True),),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -147,10 +149,13 @@ def _picture(kind: str) -> bytes:
 
 
 _DAMAGED = {
-    "no segments": b"\xff\xd8\xff" + bytes(50), "cut JPEG": _picture("JPEG")[:25], "cut PNG": _picture("PNG")[:20],
-    "signature": b"\x89PNG\r\n\x1a\n", "odd marker": _picture("JPEG")[:4] + b"\xff\xff" + _picture("JPEG")[9:30],
+    "no segments": b"\xff\xd8\xff" + bytes(50),
+    "cut JPEG": _picture("JPEG")[:25],
+    "cut PNG": _picture("PNG")[:20],
+    "signature": b"\x89PNG\r\n\x1a\n",
+    "odd marker": _picture("JPEG")[:4] + b"\xff\xff" + _picture("JPEG")[9:30],
     "cut GIF": b"GIF89a",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("content", _DAMAGED.values(), ids=_DAMAGED.keys())
@@ -186,9 +191,13 @@ def test_5000_points_and_200_modes_stay_below_15_megabytes(tmp_path: Path, monke
     geometry = plate(100, 50)
     few = modal(geometry, 20, 1.0, 1.0, ())
     many = replace(
-        few, poles=np.repeat(few.poles, 10), shapes=np.repeat(few.shapes, 10, axis=1), covariance=None,
-        participation=np.repeat(few.participation, 10, axis=1), confidence=None,
-    )  # fmt: skip
+        few,
+        poles=np.repeat(few.poles, 10),
+        shapes=np.repeat(few.shapes, 10, axis=1),
+        covariance=None,
+        participation=np.repeat(few.participation, 10, axis=1),
+        confidence=None,
+    )
     moving = animation(many, geometry, "many")
     assert moving is not None and len(moving.data) < 5e6
     assert "The first 33 modes; 167 more are drawn at rest below." in moving.caption

@@ -21,9 +21,11 @@ def test_the_printed_shifts_add_up_to_the_printed_frequency(seed):
     whole = placement()
     bare, shift = rng.uniform(50, 2000), rng.uniform(-30, 30)
     best = replace(
-        whole.ranking.best, frequency=np.full((1, 2), bare + shift), mass_shift=rng.uniform(-40, 0, 1),
+        whole.ranking.best,
+        frequency=np.full((1, 2), bare + shift),
+        mass_shift=rng.uniform(-40, 0, 1),
         stiffness_shift=rng.uniform(0, 40, 1),
-    )  # fmt: skip
+    )
     prediction = replace(whole.ranking.prediction, bare_frequencies=np.array([bare]))
     sentence = answer(replace(whole, ranking=replace(whole.ranking, prediction=prediction, places=(best,))))
     found = re.search(rf"{NUMBER} -> {NUMBER} Hz \((.*?)\)", sentence)

@@ -132,7 +132,10 @@ def test_a_map_is_made_anew_when_the_run_without_the_beam_has_changed(tmp_path, 
         data = {"map run": (("map run, 1 data file", "a"),), "bare": (("bare, 1 data file", bare),)}
         study._map(campaign, table, data, listener, True)
     assert [told.partition(": ")[2].split(":")[0] for told in listener.sentences] == [
-        "not computed before", "taken as it was computed", "computed again"]  # fmt: skip
+        "not computed before",
+        "taken as it was computed",
+        "computed again",
+    ]
     assert "bare, 1 data file" in listener.sentences[-1]
 
 

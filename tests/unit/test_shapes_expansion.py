@@ -19,9 +19,10 @@ def model(values: dict[str, complex]) -> ModalModel:
 
 def chain(count: int) -> Geometry:
     return Geometry(
-        np.arange(1, count + 1), np.column_stack([np.arange(count, dtype=float), np.zeros((count, 2))]),
+        np.arange(1, count + 1),
+        np.column_stack([np.arange(count, dtype=float), np.zeros((count, 2))]),
         lines=(tuple(range(1, count + 1)),),
-    )  # fmt: skip
+    )
 
 
 def test_signs_and_axes():

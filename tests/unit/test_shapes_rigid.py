@@ -32,9 +32,15 @@ def hung(noise: float = 0.0, references=(0, 39), turned: bool = False) -> tuple[
     shape = sign * np.cos(np.pi * at[:, :1] / SIDES[0]) / np.sqrt(MASS)
     poles = poles_from(np.array([500.0]), np.array([0.006]))
     model = ModalModel(
-        poles, shape.astype(complex), dofs, sign * shape[list(references)] / (2j * poles.imag), inputs,
-        Residuals(lines.astype(complex), np.zeros(lines.shape, complex)), "unit modal mass", name="table",
-    )  # fmt: skip
+        poles,
+        shape.astype(complex),
+        dofs,
+        sign * shape[list(references)] / (2j * poles.imag),
+        inputs,
+        Residuals(lines.astype(complex), np.zeros(lines.shape, complex)),
+        "unit modal mass",
+        name="table",
+    )
     return model, Geometry(np.arange(1, len(at) + 1), np.column_stack([at, np.zeros(len(at))]))
 
 
@@ -49,8 +55,12 @@ def test_the_body_is_read_from_the_mass_lines(noise, wrong, turned):
     assert whole.natural_frequencies[0] == pytest.approx(500) and whole.natural_frequencies[1:].max() < 10
     again = np.einsum("kr,ir->rki", whole.shapes, whole.participation)[-3:]
     assert np.all(whole.residuals.lower == 0) and np.all(np.isfinite(again))
-    assert np.abs(np.einsum("rki->ki", again.imag * whole.poles.imag[-3:, None, None]) * -2 - model.residuals.lower.real
-                  ).max() <= (wrong + 3 * noise) * np.abs(true).max()  # fmt: skip
+    assert (
+        np.abs(
+            np.einsum("rki->ki", again.imag * whole.poles.imag[-3:, None, None]) * -2 - model.residuals.lower.real
+        ).max()
+        <= (wrong + 3 * noise) * np.abs(true).max()
+    )
 
 
 def test_a_stated_mass_makes_a_uniform_plate():

@@ -78,8 +78,13 @@ def test_a_row_of_points_is_a_line():
     x = np.linspace(0, 1, 15)
     geometry = Geometry(np.arange(1, 16), np.stack([x, 0 * x, 0 * x], axis=1))
     dofs = tuple(Dof.parse(f"{node}:+Z") for node in range(1, 16))
-    model = ModalModel(poles_from(np.array([10.0]), np.array([0.01])), np.sin(2 * x)[:, None].astype(complex), dofs,
-                       np.ones((1, 1), complex), dofs[:1])  # fmt: skip
+    model = ModalModel(
+        poles_from(np.array([10.0]), np.array([0.01])),
+        np.sin(2 * x)[:, None].astype(complex),
+        dofs,
+        np.ones((1, 1), complex),
+        dofs[:1],
+    )
     surface = shapes.smooth(model, geometry)
     assert surface.values(np.array([[0.3, 0.0]]), 1)[0, 0] == pytest.approx(2 * np.cos(0.6), rel=1e-6)
 

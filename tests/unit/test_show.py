@@ -25,7 +25,7 @@ from ema.data import (
     ModalModel,
     PoleTable,
     poles_from,
-)  # fmt: skip
+)
 from ema.dof import Dof
 from ema.errors import FailureError
 from ema.show.renderer import renderer_works
@@ -37,8 +37,9 @@ def plate(across: int = 5, up: int = 4) -> Geometry:
     grid = np.arange(1, across * up + 1).reshape(across, up)
     faces = tuple(
         (int(grid[i, j]), int(grid[i + 1, j]), int(grid[i + 1, j + 1]), int(grid[i, j + 1]))
-        for i in range(across - 1) for j in range(up - 1)
-    )  # fmt: skip
+        for i in range(across - 1)
+        for j in range(up - 1)
+    )
     return Geometry(grid.ravel(), np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]), faces=faces)
 
 
@@ -48,9 +49,13 @@ def model(modes: int = 6, points: int = 20, seed: int = 3) -> ModalModel:
     shapes = generator.normal(size=(points, modes)) * np.exp(0.05j * generator.normal(size=(points, modes)))
     poles = poles_from(frequencies, np.full(modes, 0.005))
     return ModalModel(
-        poles, shapes, tuple(Dof(node, "+Z") for node in range(1, points + 1)), shapes[:2] / (2j * poles.imag),
-        (Dof(1, "+Z"), Dof(2, "-Z")), scaling="unit modal mass",
-    )  # fmt: skip
+        poles,
+        shapes,
+        tuple(Dof(node, "+Z") for node in range(1, points + 1)),
+        shapes[:2] / (2j * poles.imag),
+        (Dof(1, "+Z"), Dof(2, "-Z")),
+        scaling="unit modal mass",
+    )
 
 
 def measured(modal: ModalModel, coherence: bool = True):
@@ -93,9 +98,10 @@ def assert_legible(figure: Figure) -> None:
     extents = boxes(figure, shown)
     # tick labels outside the view exist without being drawn
     inside = [
-        (text, box) for text, box in zip(shown, extents, strict=True)
+        (text, box)
+        for text, box in zip(shown, extents, strict=True)
         if box.width > 0 and np.isfinite([box.x0, box.y0]).all() and _in_view(text, figure)
-    ]  # fmt: skip
+    ]
     for text, box in inside:
         assert box.x0 > -2 and box.y0 > -2, text.get_text()
         assert box.x1 < figure.bbox.x1 + 2 and box.y1 < figure.bbox.y1 + 2, text.get_text()
@@ -126,7 +132,9 @@ MODES = model()
 FRFS = measured(MODES)
 
 FIGURES = {
-    "stabilisation": lambda: show.stabilisation(pole_table(MODES), MODES, FRFS.frequencies, np.abs(FRFS.values[:, 0, :2])),
+    "stabilisation": lambda: show.stabilisation(
+        pole_table(MODES), MODES, FRFS.frequencies, np.abs(FRFS.values[:, 0, :2])
+    ),
     "frf_overview": lambda: show.frf_overview(FRFS, MODES),
     "coherence": lambda: show.coherence(FRFS, MODES),
     "indicator": lambda: show.indicator(FRFS.frequencies, np.linalg.svd(FRFS.values, compute_uv=False), MODES),
@@ -143,7 +151,7 @@ FIGURES = {
     ),
     "damping_map": lambda: show.damping_map(chart()),
     "frequency_map": lambda: show.frequency_map(chart()),
-}  # fmt: skip
+}
 
 
 def chart() -> ModalMap:
@@ -169,17 +177,19 @@ def test_every_figure_is_legible_at_report_width(name: str):
         lambda many: show.error_map(np.full((2, 80), 0.01), many.inputs, many.dofs),
         lambda many: show.shapes_over_dofs(many),
     ],
-)  # fmt: skip
+)
 def test_sixty_modes_and_160_frfs_stay_legible(draw):
     assert_legible(draw(model(60, 80)))
 
 
 def test_axes_carry_units():
     for name, across, up in (
-        ("stabilisation", "Frequency [Hz]", "Model order"), ("frf_overview", "Frequency [Hz]", "Accelerance [(m/s²)/N]"),
-        ("force_spectrum", "Frequency [Hz]", "Force autospectrum [dB re max]"), ("hits", "Time from the peak [ms]", "Force [N]"),
+        ("stabilisation", "Frequency [Hz]", "Model order"),
+        ("frf_overview", "Frequency [Hz]", "Accelerance [(m/s²)/N]"),
+        ("force_spectrum", "Frequency [Hz]", "Force autospectrum [dB re max]"),
+        ("hits", "Time from the peak [ms]", "Force [N]"),
         ("damping_map", "Normal force F_N [N]", "Excitation force F_E [N]"),
-    ):  # fmt: skip
+    ):
         axes = FIGURES[name]().axes[0]
         assert (axes.get_xlabel(), axes.get_ylabel()) == (across, up)
     bare = replace(FRFS, quantity="unstated", unit="unstated")
@@ -271,9 +281,12 @@ def test_points_on_a_line_become_curves_over_position():
     line = Geometry(np.arange(1, 6), np.column_stack([np.linspace(0, 1, 5), np.zeros((5, 2))]), ((1, 2, 3, 4, 5),))
     shapes = np.array([[1.0], [0.2], [-0.8], [0.2], [1.0]], complex)
     modal = ModalModel(
-        poles_from(np.array([112.0]), np.array([1e-4])), shapes, tuple(Dof(n, "-Z") for n in range(1, 6)),
-        np.ones((1, 1), complex), (Dof(1, "-Z"),),
-    )  # fmt: skip
+        poles_from(np.array([112.0]), np.array([1e-4])),
+        shapes,
+        tuple(Dof(n, "-Z") for n in range(1, 6)),
+        np.ones((1, 1), complex),
+        (Dof(1, "-Z"),),
+    )
     curve = show.mode_shapes(modal, line).axes[0].lines[1]
     np.testing.assert_allclose(curve.get_xdata(), np.linspace(0, 1, 5), atol=1e-12)
     np.testing.assert_allclose(np.abs(curve.get_ydata()), np.abs(shapes[:, 0].real), atol=1e-12)
@@ -333,7 +346,7 @@ NOTHING = ModalModel(
         (lambda: show.reconstruction(FRFS, FRFS, []), "no FRF"),
         (lambda: show.error_map(np.zeros((0, 0)), (), ()), "no FRF"),
     ],
-)  # fmt: skip
+)
 def test_nothing_to_draw_is_said(figure, told):
     made = figure()
     drawn(made)
@@ -350,9 +363,12 @@ def test_dead_and_short_records_are_drawn_without_complaint(spoil: str):
     }[spoil]
     values = np.linalg.svd(frfs.values, compute_uv=False)
     for figure in (
-        show.frf_overview(frfs, MODES), show.coherence(frfs, MODES), show.reconstruction(frfs, frfs, [(0, 0)]),
-        show.indicator(frfs.frequencies, values), show.stabilisation(pole_table(MODES), MODES, frfs.frequencies, values),
-    ):  # fmt: skip
+        show.frf_overview(frfs, MODES),
+        show.coherence(frfs, MODES),
+        show.reconstruction(frfs, frfs, [(0, 0)]),
+        show.indicator(frfs.frequencies, values),
+        show.stabilisation(pole_table(MODES), MODES, frfs.frequencies, values),
+    ):
         FigureCanvasAgg(figure).draw()
 
 
@@ -362,10 +378,13 @@ def test_shapes_without_motion_lines_or_extent_are_drawn():
     points = replace(plate(), faces=())
     alone = replace(MODES, shapes=MODES.shapes[:1], dofs=MODES.dofs[:1])
     for figure in (
-        show.mode_shapes(still, plate()), show.complexity(still), show.shapes_over_dofs(still),
-        show.mode_shapes(MODES, points), show.mode_shapes(alone, Geometry(np.array([1]), np.zeros((1, 3)))),
+        show.mode_shapes(still, plate()),
+        show.complexity(still),
+        show.shapes_over_dofs(still),
+        show.mode_shapes(MODES, points),
+        show.mode_shapes(alone, Geometry(np.array([1]), np.zeros((1, 3)))),
         show.mac_matrix(np.full((3, 3), np.nan)),
-    ):  # fmt: skip
+    ):
         FigureCanvasAgg(figure).draw()
 
 

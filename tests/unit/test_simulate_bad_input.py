@@ -76,7 +76,10 @@ STRUCTURES = {
     "no length": (lambda: double_beam(LAW, 1.0, length=0.0), "length = 0.0"),
     "width NaN": (lambda: double_beam(LAW, 1.0, width=NAN), "width = nan"),
     "density below zero": (lambda: double_beam(LAW, 1.0, density=-1.0), "density = -1.0"),
-    "a plate without elements": (lambda: plate_matrices(0.5, 0.4, 0.01, elements=(0, 2)), r"not a plate; got .*\(0, 2\)"),
+    "a plate without elements": (
+        lambda: plate_matrices(0.5, 0.4, 0.01, elements=(0, 2)),
+        r"not a plate; got .*\(0, 2\)",
+    ),
     "a plate larger than memory": (lambda: plate_matrices(1.0, 1.0, 0.01, elements=(2000, 2000)), "fit the memory"),
     "Poisson's ratio": (lambda: plate_matrices(0.5, 0.4, 0.01, poisson=0.7), "nu 0.7"),
     "shares below zero": (lambda: assemble(model(force_shares=np.array([2.0, -1.0]))), "least -1"),
@@ -84,7 +87,7 @@ STRUCTURES = {
     "no normal stiffness": (lambda: assemble(model(normal_stiffness=0.0)), "not a normal stiffness; got 0.0 N/m"),
     "normal forces for other joints": (lambda: model().with_normal_force([1.0, 2.0, 3.0]), "got 3, expected one"),
     "damping above one": (lambda: frf_with(Damping(ratio=1.5)), "not a background damping"),
-}  # fmt: skip
+}
 
 
 def frf_with(damping):
@@ -110,8 +113,11 @@ LAWS = {
     "a contact that pulls": (lambda: own_contact(lambda depth: -depth, 1e-5), "not a curve of normal contact"),
     "a contact without numbers": (lambda: own_contact(lambda depth: NAN, 1e-5), "not a curve of normal contact"),
     "a curve of unequal lengths": (lambda: ContactCurve([0, 1e-6], [0.0]), "got 2 and 1"),
-    "exponent of the contact": (lambda: assemble(model().with_normal_contact(PowerContact(0.5))), "got 0.5, expected 1"),
-}  # fmt: skip
+    "exponent of the contact": (
+        lambda: assemble(model().with_normal_contact(PowerContact(0.5))),
+        "got 0.5, expected 1",
+    ),
+}
 
 LOOPS = {
     "amplitude below zero": (lambda: loop(LAW, 100.0, -1e-6), "amplitude = -1e-06"),
@@ -128,7 +134,7 @@ LOOPS = {
     "frequency NaN": (lambda: measured_loop(TIMES, MOTION, FORCE, NAN), "not a frequency; got nan Hz"),
     "no cycle": (lambda: measured_loop(TIMES, MOTION, FORCE, 10.0, cycles=0), "got 0 cycles"),
     "less than a cycle": (lambda: measured_loop(TIMES, MOTION, FORCE, 1.0), "less than one cycle"),
-}  # fmt: skip
+}
 
 WAVEFORMS = {
     "contact time": (lambda: hammer_pulse(TIMES, 1.0, -1.0), "contact_time = -1.0"),
@@ -146,7 +152,10 @@ RIGS = {
     "a hammer without points": (lambda: RovingHammer(()), "no point to drive"),
     "a hammer without hits": (lambda: RovingHammer((POINT,), hits=0), "hits = 0"),
     "a scatter below zero": (lambda: RovingHammer((POINT,), scatter=-0.1), "scatter = -0.1"),
-    "a band without width": (lambda: RandomShakers((POINT,), 1.0, (20.0, 20.0), 1.0), "not a band; got 20.0 to 20.0 Hz"),
+    "a band without width": (
+        lambda: RandomShakers((POINT,), 1.0, (20.0, 20.0), 1.0),
+        "not a band; got 20.0 to 20.0 Hz",
+    ),
     "a shaker without level": (lambda: SweptShaker(POINT, NAN, (20.0, 30.0), 1.0, 1.0), "level = nan"),
     "a sweep from 0 Hz": (lambda: SweptShaker(POINT, 1.0, (0.0, 30.0), 1.0, 1.0), "start_frequency = 0.0"),
     "no stepped frequency": (lambda: SteppedSine(POINT, 1.0, ()), "no frequency to stay at"),
@@ -160,8 +169,11 @@ RIGS = {
     "no bits": (lambda: rig(bits=0), "bits = 0"),
     "no full scale": (lambda: rig(force_range=0.0), "force_range = 0.0"),
     "no tolerance": (lambda: rig(tolerance=NAN).take(0), "tolerance = nan"),
-    "a joint that is not there": (lambda: rig(rings=(RingCell("J9"),)), "no such joint; got J9, expected one of interface"),
-}  # fmt: skip
+    "a joint that is not there": (
+        lambda: rig(rings=(RingCell("J9"),)),
+        "no such joint; got J9, expected one of interface",
+    ),
+}
 
 STEADY = {
     "no frequency": (lambda: lines(), "not frequencies of excitation; got 0 values"),
@@ -186,10 +198,15 @@ STEADY = {
 ALL = {
     f"{topic}: {name}": order
     for topic, orders in {
-        "structure": STRUCTURES, "law": LAWS, "loop": LOOPS, "waveform": WAVEFORMS, "rig": RIGS, "steady": STEADY,
+        "structure": STRUCTURES,
+        "law": LAWS,
+        "loop": LOOPS,
+        "waveform": WAVEFORMS,
+        "rig": RIGS,
+        "steady": STEADY,
     }.items()
     for name, order in orders.items()
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", ALL)

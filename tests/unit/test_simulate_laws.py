@@ -15,9 +15,16 @@ from ema.simulate.loops import drive, iwan_area
 
 K, MU, FN = 1e6, 0.3, 100.0
 LAWS = [
-    Masing(MU, K), RegularisedMasing(MU, K, 8), RegularisedMasing(MU, K, 0.7), Dahl(MU, K), Dahl(MU, K, 0.5),
-    Dahl(MU, K, 2.0), Iwan(MU, K), ParallelMasing(MU, K, [0.5, 0.5], [0.2, 0.8]), LuGre(MU, K),
-]  # fmt: skip
+    Masing(MU, K),
+    RegularisedMasing(MU, K, 8),
+    RegularisedMasing(MU, K, 0.7),
+    Dahl(MU, K),
+    Dahl(MU, K, 0.5),
+    Dahl(MU, K, 2.0),
+    Iwan(MU, K),
+    ParallelMasing(MU, K, [0.5, 0.5], [0.2, 0.8]),
+    LuGre(MU, K),
+]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)

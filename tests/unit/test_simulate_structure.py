@@ -58,9 +58,10 @@ def test_reversed_dofs_of_a_host_change_no_result():
     flipped = Matrices(lower.mass, lower.stiffness, lower.dofs)
     signs = np.array([-1.0 if dof.axis == "RY" else 1.0 for dof in lower.dofs])
     flipped = Matrices(
-        lower.mass * np.outer(signs, signs), lower.stiffness * np.outer(signs, signs),
+        lower.mass * np.outer(signs, signs),
+        lower.stiffness * np.outer(signs, signs),
         tuple(dof.reversed() if dof.axis == "RY" else dof for dof in lower.dofs),
-    )  # fmt: skip
+    )
     one, two = assemble(model()), assemble(replace(model(), host=flipped))
     np.testing.assert_allclose(modal_base(one).frequencies, modal_base(two).frequencies, rtol=1e-9)
 

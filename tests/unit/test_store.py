@@ -37,7 +37,7 @@ from ema.data import (
     Run,
     RunResult,
     StudyResult,
-)  # fmt: skip
+)
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from ema.store.document import NOUNS
@@ -54,9 +54,15 @@ def recording(samples: int = 300, name: str = "take ö") -> Recording:
         Channel("ring", None, "force", "normal force", "N", joint="J1"),
     )
     return Recording(
-        rng.standard_normal((3, samples)), 8192.0, channels, MOMENT, np.array([False, True, False]), name, "A",
+        rng.standard_normal((3, samples)),
+        8192.0,
+        channels,
+        MOMENT,
+        np.array([False, True, False]),
+        name,
+        "A",
         ((2, "double hit"),),
-    )  # fmt: skip
+    )
 
 
 def joint() -> JointForce:
@@ -67,11 +73,22 @@ def frf_set() -> FrfSet:
     rng = np.random.default_rng(2)
     shape = (50, 2, 3)
     return FrfSet(
-        np.arange(50.0), rng.standard_normal(shape) + 1j * rng.standard_normal(shape), (Dof(1, "+Z"), Dof(2, "-X")),
-        (Dof(3), Dof(4, "+Y"), Dof(5, "+Z")), "accelerance", "(m/s^2)/N", rng.random(shape), rng.random(shape), "H1",
-        np.full((2, 3), 5.0), 3.5, Condition(Excitation("hammer", 250.0, 10.0, (0.0, 1500.0)), (joint(),), 294.15),
-        provenance(), (Finding("warning", "low-coherence", "run a", "Low.", 0.4, 0.8, "Hit again."),), "a",
-    )  # fmt: skip
+        np.arange(50.0),
+        rng.standard_normal(shape) + 1j * rng.standard_normal(shape),
+        (Dof(1, "+Z"), Dof(2, "-X")),
+        (Dof(3), Dof(4, "+Y"), Dof(5, "+Z")),
+        "accelerance",
+        "(m/s^2)/N",
+        rng.random(shape),
+        rng.random(shape),
+        "H1",
+        np.full((2, 3), 5.0),
+        3.5,
+        Condition(Excitation("hammer", 250.0, 10.0, (0.0, 1500.0)), (joint(),), 294.15),
+        provenance(),
+        (Finding("warning", "low-coherence", "run a", "Low.", 0.4, 0.8, "Hit again."),),
+        "a",
+    )
 
 
 def provenance() -> Provenance:
@@ -84,42 +101,86 @@ def modal_model() -> ModalModel:
         np.ones((3, 1), complex), 2j * np.ones((3, 1), complex), np.array([-1 + 900j]), np.ones((1, 3, 1), complex)
     )
     return ModalModel(
-        np.array([-1 + 100j, -2 + 300j]), rng.standard_normal((3, 2)) * (1 + 0.1j), (Dof(1, "+Z"), Dof(2, "+Z"), Dof(3, "+Z")),
-        np.ones((1, 2), complex), (Dof(1, "+Z"),), residuals, "unit modal mass", np.zeros((2, 2, 2)), np.array([1.0, 0.9]),
-        Condition(), provenance(), (), "modes",
-    )  # fmt: skip
+        np.array([-1 + 100j, -2 + 300j]),
+        rng.standard_normal((3, 2)) * (1 + 0.1j),
+        (Dof(1, "+Z"), Dof(2, "+Z"), Dof(3, "+Z")),
+        np.ones((1, 2), complex),
+        (Dof(1, "+Z"),),
+        residuals,
+        "unit modal mass",
+        np.zeros((2, 2, 2)),
+        np.array([1.0, 0.9]),
+        Condition(),
+        provenance(),
+        (),
+        "modes",
+    )
 
 
 def everything() -> dict[str, object]:
     """One of each noun, every field away from its default where that is possible."""
     frfs, modes = frf_set(), modal_model()
     poles = PoleTable(
-        np.array([2, 4, 4]), np.array([-1 + 100j, -1 + 100j, -2 + 300j]), np.array(["o", "s", "d"]),
-        np.ones((3, 1), complex), (Dof(1, "+Z"),), (10.0, 500.0), (0.01, 0.05, 0.02), np.array([np.nan, 1j, -2 + 300j]),
-    )  # fmt: skip
+        np.array([2, 4, 4]),
+        np.array([-1 + 100j, -1 + 100j, -2 + 300j]),
+        np.array(["o", "s", "d"]),
+        np.ones((3, 1), complex),
+        (Dof(1, "+Z"),),
+        (10.0, 500.0),
+        (0.01, 0.05, 0.02),
+        np.array([np.nan, 1j, -2 + 300j]),
+    )
     hit = Hit("take 1", 0, Dof(12, "-Z"), 0.1, 250.0, 0.06, 5e-4, False, "double hit", np.hanning(9), 8192.0)
     gallery = HitGallery((hit,), np.arange(4.0), np.ones(4), (900.0, 1400.0))
     geometry = Geometry(
         np.array([1, 2, 7]), np.eye(3), ((1, 2), (2, 7)), ((1, 2, 7),), np.tile(np.eye(3), (3, 1, 1)), "table"
     )
     run = Run(
-        "beam_1kN", frfs.condition, (recording(), recording(40)), (frfs,), (Repair("reverse sign", "acc 2", "me", "why"),),
-        frfs.findings, "comment", "1kN",
-    )  # fmt: skip
+        "beam_1kN",
+        frfs.condition,
+        (recording(), recording(40)),
+        (frfs,),
+        (Repair("reverse sign", "acc 2", "me", "why"),),
+        frfs.findings,
+        "comment",
+        "1kN",
+    )
     campaign = Campaign(
-        "table", (run,), geometry, "structure", "operator", "2026-11-21", "comment", ("a.jpg",), recording().channels,
-        (("campaign.toml", "00ff"),), frfs.findings, "folder",
-    )  # fmt: skip
+        "table",
+        (run,),
+        geometry,
+        "structure",
+        "operator",
+        "2026-11-21",
+        "comment",
+        ("a.jpg",),
+        recording().channels,
+        (("campaign.toml", "00ff"),),
+        frfs.findings,
+        "folder",
+    )
     quality = ModeQuality(np.array([0.9, 1.0]), np.array([1.0, 2.0]), np.array([3.0, 4.0]))
     result = RunResult(run, frfs, poles, modes, quality, frfs, np.ones((2, 3)), np.eye(2), gallery, frfs.findings)
     chart = ModalMap(
-        np.array([1.0, 2.0]), np.array([0.0, 95.0]), np.array([[1.0, np.nan], [2.0, 3.0]]), np.ones((2, 2)),
-        joint_forces=np.ones((2, 2, 1)), joints=("J1",), method="frozen", name="Fig. 8", provenance=provenance(),
-    )  # fmt: skip
+        np.array([1.0, 2.0]),
+        np.array([0.0, 95.0]),
+        np.array([[1.0, np.nan], [2.0, 3.0]]),
+        np.ones((2, 2)),
+        joint_forces=np.ones((2, 2, 1)),
+        joints=("J1",),
+        method="frozen",
+        name="Fig. 8",
+        provenance=provenance(),
+    )
     study = StudyResult(
-        campaign, (result,), run.repairs, frfs.findings, (Expectation("f1", 500.0, 0.5, float("nan"), False),), provenance(),
+        campaign,
+        (result,),
+        run.repairs,
+        frfs.findings,
+        (Expectation("f1", 500.0, 0.5, float("nan"), False),),
+        provenance(),
         "title",
-    )  # fmt: skip
+    )
     nouns: list[object] = [recording(), frfs, modes, poles, gallery, hit, geometry, campaign, run, chart, result, study]
     return {type(noun).__name__: noun for noun in nouns}
 

@@ -33,9 +33,22 @@ def told() -> Forecast:
     middle = np.array([[[500.0, 505.0], [498.0, 503.0]]])
     damping = np.array([[[0.01, 0.02], [0.015, 0.012]]])
     return Forecast(
-        (0.4, 0.2), 0.0, "steel 60 x 50", (1,), np.array([499.0]), np.array([0.00638]), LEVELS, FORCES,
-        middle, middle - 1, middle + 1, damping, 0.9 * damping, 1.1 * damping, 40,
-    )  # fmt: skip
+        (0.4, 0.2),
+        0.0,
+        "steel 60 x 50",
+        (1,),
+        np.array([499.0]),
+        np.array([0.00638]),
+        LEVELS,
+        FORCES,
+        middle,
+        middle - 1,
+        middle + 1,
+        damping,
+        0.9 * damping,
+        1.1 * damping,
+        40,
+    )
 
 
 def measured(factor: float = 1.0, name: str = "mode 1") -> MapResult:
@@ -53,12 +66,17 @@ def test_the_tables_of_a_placement_stand_in_the_recipe():
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        ("[placement.forecast]\nnormal_forces = [1]\n",
-         (r"unknown key 'normal_forces' in \[placement.forecast\]", "line 35", "did you mean normal_force")),
-        ("[placement.expect]\ncenter = [1, 2]\n", (r"unknown key 'center' in \[placement.expect\]", "did you mean centre")),
+        (
+            "[placement.forecast]\nnormal_forces = [1]\n",
+            (r"unknown key 'normal_forces' in \[placement.forecast\]", "line 35", "did you mean normal_force"),
+        ),
+        (
+            "[placement.expect]\ncenter = [1, 2]\n",
+            (r"unknown key 'center' in \[placement.expect\]", "did you mean centre"),
+        ),
         ('[placement.forecast]\nnormal_force = ["60 N"]\ndraws = 3\n', (r"placement.forecast.draws: ", "line 36")),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_key_is_told_with_its_table_and_line(extra, words):
     with pytest.raises(InputError) as error:
         parse(inline(extra))

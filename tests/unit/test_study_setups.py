@@ -20,9 +20,13 @@ SHAPES = 0.1 * np.array([[1, 0.8], [0.5, -0.6], [-0.2, -1], [-0.7, 0.1], [-0.9, 
 def model(shift: float = 0.0) -> ModalModel:
     poles = poles_from((1 + shift) * np.array([120.0, 210.0]), np.array([0.02, 0.02]))
     return ModalModel(
-        poles=poles, shapes=SHAPES, dofs=DOFS, participation=SHAPES / (2j * poles.imag), inputs=DOFS,
+        poles=poles,
+        shapes=SHAPES,
+        dofs=DOFS,
+        participation=SHAPES / (2j * poles.imag),
+        inputs=DOFS,
         scaling="unit modal mass",
-    )  # fmt: skip
+    )
 
 
 def records(drive, nodes, setup, shift=0.0) -> list[Recording]:

@@ -99,5 +99,6 @@ def test_strides_wait_for_the_end_of_a_pulse():
     fine = np.interp(np.arange(9601) / (32 * rate), times, push[0])[None]
     closely = respond(model, fine, [tip], 32 * rate, [tip], tolerance=1e-4)
     assert closely.energy.error <= 1e-9
-    np.testing.assert_allclose(run.displacements[0], closely.displacements[0][::32],
-                               atol=3e-4 * np.abs(run.displacements).max())  # fmt: skip
+    np.testing.assert_allclose(
+        run.displacements[0], closely.displacements[0][::32], atol=3e-4 * np.abs(run.displacements).max()
+    )

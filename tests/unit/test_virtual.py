@@ -17,9 +17,13 @@ def structure(frequencies=(100.0, 160.0, 431.0), damping=(0.02, 0.015, 0.01), co
     dofs = tuple(Dof(node, "+Z") for node in range(1, 6))
     shapes = rng.normal(size=(5, len(poles))) * (1 + complex_part * 1j * rng.normal(size=(5, len(poles)))) * 0.1
     return ModalModel(
-        poles=poles, shapes=shapes, dofs=dofs, participation=shapes[:2] / (2j * poles.imag), inputs=dofs[:2],
+        poles=poles,
+        shapes=shapes,
+        dofs=dofs,
+        participation=shapes[:2] / (2j * poles.imag),
+        inputs=dofs[:2],
         scaling="unit modal mass",
-    )  # fmt: skip
+    )
 
 
 def accelerometer(node=1, direction="+Z", quantity="acceleration", **more) -> Channel:
@@ -60,9 +64,11 @@ def test_displacement_is_duhamels_integral(complex_part):
     force = sum(
         np.where(
             (record.times >= blow.time) & (record.times <= blow.time + blow.contact_time),
-            blow.peak * np.sin(np.pi * (record.times - blow.time) / blow.contact_time), 0,
-        ) for blow in blows
-    )  # fmt: skip
+            blow.peak * np.sin(np.pi * (record.times - blow.time) / blow.contact_time),
+            0,
+        )
+        for blow in blows
+    )
     # the kinks of a half sine hold content above the anti-alias filter, so the force itself agrees less closely
     assert np.abs(record.signals[0] - force).max() < 5e-3 * force.max()
 
@@ -77,9 +83,12 @@ def test_ratio_of_spectra_is_the_exact_accelerance():
         lines = (frequencies > 20) & (frequencies < 0.35 * 4096)
         measured = (spectra[1:] / spectra[0])[:, lines]
         exact = synthesis.frfs(
-            model, frequencies[lines], "accelerance", outputs=[c.dof for c in record.channels[1:]],
+            model,
+            frequencies[lines],
+            "accelerance",
+            outputs=[c.dof for c in record.channels[1:]],
             inputs=[record.channels[0].dof],
-        )  # fmt: skip
+        )
         error = np.abs(measured - exact.values[:, :, 0].T).max() / np.abs(exact.values).max()
         assert error < 1e-6
 
@@ -87,9 +96,11 @@ def test_ratio_of_spectra_is_the_exact_accelerance():
 def test_upper_residual_and_extra_poles_are_part_of_the_response():
     model = structure(damping=(0.05, 0.05, 0.05))
     residuals = Residuals(
-        np.zeros((5, 2), complex), np.full((5, 2), 3e-9 + 0j), poles_from(np.array([700.0]), np.array([0.1])),
+        np.zeros((5, 2), complex),
+        np.full((5, 2), 3e-9 + 0j),
+        poles_from(np.array([700.0]), np.array([0.1])),
         np.full((1, 5, 2), -2e-6j),
-    )  # fmt: skip
+    )
     model = ModalModel(**{**vars(model), "residuals": residuals})
     rig = VirtualRig(model, RovingHammer((Dof(3, "+Z"),), hits=1, spacing=1.5), (accelerometer(1),), 4096.0)
     spectra = np.fft.rfft(rig.take(0).signals, axis=1)
@@ -144,10 +155,17 @@ def test_faults_noise_range_and_resolution_are_as_ordered():
     faults = (Fault(0, 1, "double hit", strength=0.4, delay=0.02), Fault(1, 2, "overload", strength=5.0))
     drive = RovingHammer(tuple(Dof(node, "-Z") for node in (3, 4, 5)), hits=3, scatter=0.05, faults=faults)
     rig = VirtualRig(
-        model, drive, (accelerometer(1, range=500.0), accelerometer(2, range=500.0)), 8192.0, force_range=2000.0,
-        noise={"acceleration": 0.1, "force": 0.3}, bits=16, reversed_sensors=("acc 2",),
-        rings=(RingCell("J1", 1020.0, rms=2.0, drift=-10.0),), seed=11,
-    )  # fmt: skip
+        model,
+        drive,
+        (accelerometer(1, range=500.0), accelerometer(2, range=500.0)),
+        8192.0,
+        force_range=2000.0,
+        noise={"acceleration": 0.1, "force": 0.3},
+        bits=16,
+        reversed_sensors=("acc 2",),
+        rings=(RingCell("J1", 1020.0, rms=2.0, drift=-10.0),),
+        seed=11,
+    )
     double, overload, clean = rig.takes()
     step = 4000 / 2**16
     assert np.allclose(double.signals[0] / step, np.round(double.signals[0] / step))
@@ -169,9 +187,13 @@ def test_faults_noise_range_and_resolution_are_as_ordered():
 
 def test_the_seed_alone_decides():
     rig = VirtualRig(
-        structure(), RovingHammer((Dof(3, "+Z"), Dof(4, "+Z"))), (accelerometer(1),), 4096.0,
-        noise={"acceleration": 0.1}, seed=5,
-    )  # fmt: skip
+        structure(),
+        RovingHammer((Dof(3, "+Z"), Dof(4, "+Z"))),
+        (accelerometer(1),),
+        4096.0,
+        noise={"acceleration": 0.1},
+        seed=5,
+    )
     assert isinstance(rig, Source)
     assert np.array_equal(rig.take(1).signals, list(rig.takes())[1].signals)
     assert not np.array_equal(rig.take(0).signals[0], rig.take(1).signals[0])

@@ -11,8 +11,13 @@ from ema import estimate
 from ema.data import Channel, Recording
 from ema.dof import Dof
 
-RING_DOWN = {27.9: (80.373, 0.249), 16.1: (80.443, 0.198), 7.0: (80.477, 0.172), 2.1: (80.547, 0.147),
-             1.0: (80.580, 0.140)}  # fmt: skip
+RING_DOWN = {
+    27.9: (80.373, 0.249),
+    16.1: (80.443, 0.198),
+    7.0: (80.477, 0.172),
+    2.1: (80.547, 0.147),
+    1.0: (80.580, 0.140),
+}
 """Amplitude in m/s^2: frequency in Hz and damping in percent."""
 RATIOS = {5: 168.6, 20: 135.1, 30: 107.8, 40: 82.6, 50: 65.4, 60: 54.2, 70: 44.9, 80: 38.8}
 """Controlled acceleration in m/s^2: acceleration over force at phase resonance in 1/kg."""

@@ -44,17 +44,26 @@ def soft_clip(force, du, k, limit, p0, p1, p2, p3):
 
 
 SMOOTH = {
-    "dahl, 0.5": Dahl(1.0, K, 0.5), "dahl, 1": Dahl(1.0, K), "dahl, 2": Dahl(1.0, K, 2.0),
-    "Eq. (5), m = 0.7": RegularisedMasing(1.0, K, 0.7), "Eq. (5), m = 8": RegularisedMasing(1.0, K, 8.0),
-    "bouc wen, n = 1, gamma = -1": BoucWen(1.0, K, 1.0, -1.0), "bouc wen, n = 0.6, gamma = 0.1": BoucWen(1.0, K, 0.6, 0.1),
-    "bouc wen, n = 6, gamma = 0": BoucWen(1.0, K, 6.0, 0.0), "bouc wen, gamma = 1/2": BoucWen(1.0, K, 2.0, 0.5),
-    "valanis, 0": Valanis(1.0, K, 0.0), "valanis, 0.6": Valanis(1.0, K, 0.6), "valanis, 0.99": Valanis(1.0, K, 0.99),
+    "dahl, 0.5": Dahl(1.0, K, 0.5),
+    "dahl, 1": Dahl(1.0, K),
+    "dahl, 2": Dahl(1.0, K, 2.0),
+    "Eq. (5), m = 0.7": RegularisedMasing(1.0, K, 0.7),
+    "Eq. (5), m = 8": RegularisedMasing(1.0, K, 8.0),
+    "bouc wen, n = 1, gamma = -1": BoucWen(1.0, K, 1.0, -1.0),
+    "bouc wen, n = 0.6, gamma = 0.1": BoucWen(1.0, K, 0.6, 0.1),
+    "bouc wen, n = 6, gamma = 0": BoucWen(1.0, K, 6.0, 0.0),
+    "bouc wen, gamma = 1/2": BoucWen(1.0, K, 2.0, 0.5),
+    "valanis, 0": Valanis(1.0, K, 0.0),
+    "valanis, 0.6": Valanis(1.0, K, 0.6),
+    "valanis, 0.99": Valanis(1.0, K, 0.99),
     "lugre": LuGre(1.0, K, DAMPING, FLUID, RATIO, STRIBECK),
-}  # fmt: skip
+}
 SPRINGS = {
-    "masing": Masing(1.0, K), "coulomb": Coulomb(1.0, 100 * K), "iwan": Iwan(1.0, K, springs=20),
+    "masing": Masing(1.0, K),
+    "coulomb": Coulomb(1.0, 100 * K),
+    "iwan": Iwan(1.0, K, springs=20),
     "parallel masing": ParallelMasing(1.0, K, [0.5, 0.3, 0.2], [0.2, 0.3, 0.5]),
-}  # fmt: skip
+}
 MONOTONE = [law for name, law in (SMOOTH | SPRINGS).items() if name != "lugre"]
 
 
@@ -103,9 +112,14 @@ def test_smooth_laws_follow_their_rate_forms(name, seed):
         sign, velocity = np.sign(way), way / STEP
         rate = rate_form(law, sign, velocity)
         force = solve_ivp(
-            lambda _, f, rate=rate: [rate(f[0])], (0.0, abs(way)), [force], "DOP853", rtol=1e-11, atol=1e-9,
+            lambda _, f, rate=rate: [rate(f[0])],
+            (0.0, abs(way)),
+            [force],
+            "DOP853",
+            rtol=1e-11,
+            atol=1e-9,
             max_step=abs(way) / 50,
-        ).y[0, -1]  # fmt: skip
+        ).y[0, -1]
         forces.append(force)
     state = np.zeros((1, laws.states))
     exchange, found, before = group(law)[1], [0.0], 0.0

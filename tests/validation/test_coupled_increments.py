@@ -28,9 +28,13 @@ AXES = ("+X", "+Y", "+Z")
 
 def laws(k):
     return (
-        Masing(0.4, k), Iwan(0.4, k, springs=12), Dahl(0.4, k), RegularisedMasing(0.4, k, 4.0),
-        LuGre(0.4, k, 50.0, 5.0, 1.2, 1e-2), ParallelMasing(0.4, k, [0.5, 0.5], [0.3, 0.7]),
-    )  # fmt: skip
+        Masing(0.4, k),
+        Iwan(0.4, k, springs=12),
+        Dahl(0.4, k),
+        RegularisedMasing(0.4, k, 4.0),
+        LuGre(0.4, k, 50.0, 5.0, 1.2, 1e-2),
+        ParallelMasing(0.4, k, [0.5, 0.5], [0.3, 0.7]),
+    )
 
 
 def part(draw, name):
@@ -46,10 +50,15 @@ def model(seed):
     draw = np.random.default_rng(seed)
     contacts = Unilateral(), PowerContact(2.0, 20.0), ContactCurve([0, 1e-5, 3e-5], [0, 10.0, 90.0])
     joint = Joint(
-        "joint", tuple((node, node) for node in NODES), (0.0, 0.0), laws(10 ** draw.uniform(5.0, 10.0))[seed % 6],
-        float(draw.uniform(20, 120)), 10 ** draw.uniform(5, 9), directions=(("X", "Y"), ("X",))[(seed // 6) % 2],
+        "joint",
+        tuple((node, node) for node in NODES),
+        (0.0, 0.0),
+        laws(10 ** draw.uniform(5.0, 10.0))[seed % 6],
+        float(draw.uniform(20, 120)),
+        10 ** draw.uniform(5, 9),
+        directions=(("X", "Y"), ("X",))[(seed // 6) % 2],
         normal_contact=contacts[seed % 3],
-    )  # fmt: skip
+    )
     return BeamModel(part(draw, ""), part(draw, "beam"), (joint,), Damping(ratio=0.002), "random"), draw
 
 
@@ -62,9 +71,9 @@ def test_no_increment_of_contacts_that_hang_together_is_left_unsolved(block):
         problem = prepare(beam_on_beam, ["1:+X"], loads=["1:+X"], plane=True, normal=True)
         h = 10 ** draw.uniform(-5.3, -3.7)
         times = h * np.arange(STEPS + 1)
-        values = np.array([
-            draw.uniform(20, 200) * np.cos(2 * np.pi * draw.uniform(20, 300) * times + draw.uniform(0, 6)) for _ in at
-        ])  # fmt: skip
+        values = np.array(
+            [draw.uniform(20, 200) * np.cos(2 * np.pi * draw.uniform(20, 300) * times + draw.uniform(0, 6)) for _ in at]
+        )
         run, stepper = integrate(problem, problem.rest(), h, 1, STEPS, Drive(times, tuple(at), values))
         assert stepper.residual <= SOLVED, (seed, stepper.residual)
         friction, damping, projection, supplied, contact, mechanical = run["energy"].T

@@ -27,9 +27,7 @@ def structure() -> ModalModel:
     poles = poles_from(np.array([120.0, 180.0, 260.0]), np.array([0.01, 0.005, 0.02]))
     rows = np.random.default_rng(SEED).uniform(0.4, 1, (6, 3)) * np.random.default_rng(SEED).choice([-1, 1], (6, 3))
     rows[:, 2] += rows[:, 0]
-    return ModalModel(
-        poles, rows + 0j, DOFS, rows[:2] / (2j * poles.imag), DOFS[:2], scaling="unit modal mass"
-    )  # fmt: skip
+    return ModalModel(poles, rows + 0j, DOFS, rows[:2] / (2j * poles.imag), DOFS[:2], scaling="unit modal mass")
 
 
 @pytest.fixture(scope="module")
@@ -134,10 +132,12 @@ def test_points_of_a_map():
             condition = Condition(Excitation("sweep", level), (JointForce("J1", 100.0),))
             sets.append(replace(clean, values=clean.values + size * noise, condition=condition))
         chart = ema.fit.track(sets, near=180.0)
-        errors.append([
-            (chart.frequency[:, 0] - 180.0) / chart.frequency_std[:, 0],
-            (chart.damping[:, 0] - [0.004, 0.008, 0.015]) / chart.damping_std[:, 0],
-        ])  # fmt: skip
+        errors.append(
+            [
+                (chart.frequency[:, 0] - 180.0) / chart.frequency_std[:, 0],
+                (chart.damping[:, 0] - [0.004, 0.008, 0.015]) / chart.damping_std[:, 0],
+            ]
+        )
     assert inside(np.array(errors)) >= 0.90, f"seed {SEED}"
     assert np.sqrt(np.mean(np.square(errors), axis=0)) == pytest.approx(1, abs=0.3), f"seed {SEED}"
 

@@ -22,8 +22,10 @@ STICK = 3 * LOAD * L / (4 * MU * H)
 
 @pytest.fixture(scope="module")
 def runs():
-    return {f: snapback(double_beam(Masing(MU, K), f), LOAD, TIP, d) for f, d in
-            ((100.0, 1.5), (200.0, 1.5), (1000.0, 1.0), (8000.0, 1.0))}  # fmt: skip
+    return {
+        f: snapback(double_beam(Masing(MU, K), f), LOAD, TIP, d)
+        for f, d in ((100.0, 1.5), (200.0, 1.5), (1000.0, 1.0), (8000.0, 1.0))
+    }
 
 
 @pytest.fixture(scope="module")

@@ -29,8 +29,17 @@ def integral(run):
 
 
 def from_slid_state(force, weights):
-    run = controlled_snapback(beams(force, weights), constant(force), 20.0, TIP, 1.5, Actuator(5e-4), step=2.5e-5,
-                              start_force=100.0, check=False)  # fmt: skip
+    run = controlled_snapback(
+        beams(force, weights),
+        constant(force),
+        20.0,
+        TIP,
+        1.5,
+        Actuator(5e-4),
+        step=2.5e-5,
+        start_force=100.0,
+        check=False,
+    )
     assert run.energy.error <= 1e-6
     return run
 
@@ -40,9 +49,7 @@ def uniform():
     return {force: from_slid_state(force, "uniform") for force in (500.0, 1000.0, 4000.0)}
 
 
-@pytest.mark.parametrize(
-    ("weights", "gains"), [("linear", (0.15, 0.22, -0.82)), ("halves 1:3", (0.12, 0.19, -0.68))]
-)  # fmt: skip
+@pytest.mark.parametrize(("weights", "gains"), [("linear", (0.15, 0.22, -0.82)), ("halves 1:3", (0.12, 0.19, -0.68))])
 def test_tip_weighting_helps_below_the_optimum_and_hurts_above_it(uniform, weights, gains):
     for (force, reference), gain in zip(uniform.items(), gains, strict=True):
         run = from_slid_state(force, weights)

@@ -108,8 +108,16 @@ def masing_by_events(model, start, tip, times):
             event.terminal, event.direction = True, 1.0
             return event
 
-        done = solve_ivp(rate, (now, times[-1]), state, "DOP853", dense_output=True, rtol=1e-11, atol=1e-15,
-                         events=[changes(i) for i in range(len(k))])  # fmt: skip
+        done = solve_ivp(
+            rate,
+            (now, times[-1]),
+            state,
+            "DOP853",
+            dense_output=True,
+            rtol=1e-11,
+            atol=1e-15,
+            events=[changes(i) for i in range(len(k))],
+        )
         inside = (times >= now) & (times <= done.t[-1])
         if inside.any():
             motion[inside] = system.row(tip) @ done.sol(times[inside])[:n]

@@ -81,8 +81,13 @@ def rate(y, change, pull, push, slip, stiffness, limits, room):
 
 @nb.njit
 def runge_kutta(y, h, steps, pull, push, slip, stiffness, limits):
-    first, second, third, fourth, at = (np.empty_like(y), np.empty_like(y), np.empty_like(y), np.empty_like(y),
-                                        np.empty_like(y))  # fmt: skip
+    first, second, third, fourth, at = (
+        np.empty_like(y),
+        np.empty_like(y),
+        np.empty_like(y),
+        np.empty_like(y),
+        np.empty_like(y),
+    )
     room = np.empty(pull.shape[0])
     for _ in range(steps):
         rate(y, first, pull, push, slip, stiffness, limits, room)
@@ -113,8 +118,16 @@ def independent(force, duration):
 
     y = np.concatenate([problem.base.shapes @ start.q, np.zeros(n), start.f])
     before = energy(y)
-    runge_kutta(y, WAY, round(duration / WAY), -inverse @ system.stiffness, -inverse @ contacts.slip.T,
-                np.ascontiguousarray(contacts.slip), contacts.stiffness, contacts.limits)  # fmt: skip
+    runge_kutta(
+        y,
+        WAY,
+        round(duration / WAY),
+        -inverse @ system.stiffness,
+        -inverse @ contacts.slip.T,
+        np.ascontiguousarray(contacts.slip),
+        contacts.stiffness,
+        contacts.limits,
+    )
     return system.row(TIP) @ y[:n], energy(y) / before
 
 

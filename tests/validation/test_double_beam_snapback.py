@@ -289,11 +289,16 @@ def test_normal_forces_that_are_none(forces):
 @pytest.mark.parametrize(
     "law",
     [
-        Masing(MU, 1e9), Coulomb(MU), ParallelMasing(MU, 1e9, [0.6, 0.4], [0.3, 0.7]), Iwan(MU, 1e9, springs=12),
-        RegularisedMasing(MU, 1e9, 8.0), Dahl(MU, 1e9), LuGre(MU, 1e9),
+        Masing(MU, 1e9),
+        Coulomb(MU),
+        ParallelMasing(MU, 1e9, [0.6, 0.4], [0.3, 0.7]),
+        Iwan(MU, 1e9, springs=12),
+        RegularisedMasing(MU, 1e9, 8.0),
+        Dahl(MU, 1e9),
+        LuGre(MU, 1e9),
     ],
     ids=lambda law: law.name,
-)  # fmt: skip
+)
 def test_energy_balance_of_every_law(law):
     """With a normal force that rises and falls, so that the books of friction and projection are both needed."""
     run = snapback(

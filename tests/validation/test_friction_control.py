@@ -136,8 +136,9 @@ def test_sampling_lag_and_limits_of_the_actuator():
     tip = "beam 2:4:+Z"
     for lag, samples in ((0.0, 0), (1e-3, 1), (2.4e-3, 3), (3e-3, 3)):
         seen_at.clear()
-        response = controlled_snapback(model, ramp, 20.0, tip, 0.02, Actuator(1e-3, lag, (300.0, 1500.0)),
-                                       start_force=70.0, check=False)  # fmt: skip
+        response = controlled_snapback(
+            model, ramp, 20.0, tip, 0.02, Actuator(1e-3, lag, (300.0, 1500.0)), start_force=70.0, check=False
+        )
         np.testing.assert_allclose(seen_at, 1e-3 * np.arange(20), atol=1e-12)
         expected = np.concatenate([np.full(samples, 70.0), np.clip(100.0 * np.arange(20), 300, 1500)])[:20]
         np.testing.assert_allclose(response.normal_forces[0, :20], expected, rtol=1e-9)

@@ -16,19 +16,31 @@ from ema.simulate.hysteresis import equivalent_slip_force
 KIP = 4448.2216152605
 
 LISTED = {
-    "1Hz36lbtension0.5amplitude": 1.336, "1Hz36lbtension1amplitude": 1.944, "1Hz36lbtension1.5amplitude": 2.115,
-    "2Hz36lbtension0.5amplitude": 1.393, "0.5Hz36lbtension1amplitude": 1.973, "1Hz30lbtension0.5amplitude": 0.973,
-    "1Hz30lbtension1amplitude": 1.290, "1Hz30lbtension1.5amplitude": 1.317, "2Hz30lbtension0.5amplitude": 1.084,
+    "1Hz36lbtension0.5amplitude": 1.336,
+    "1Hz36lbtension1amplitude": 1.944,
+    "1Hz36lbtension1.5amplitude": 2.115,
+    "2Hz36lbtension0.5amplitude": 1.393,
+    "0.5Hz36lbtension1amplitude": 1.973,
+    "1Hz30lbtension0.5amplitude": 0.973,
+    "1Hz30lbtension1amplitude": 1.290,
+    "1Hz30lbtension1.5amplitude": 1.317,
+    "2Hz30lbtension0.5amplitude": 1.084,
     "1Hz0lbtension1.5amplitude": 0.468,
-}  # fmt: skip
+}
 """Dissipated energy / (4 x amplitude) in kip as the list of the measurements has it."""
 
 STEADY = {
-    "1Hz36lbtension0.5amplitude": 2.254, "1Hz36lbtension1amplitude": 2.836, "1Hz36lbtension1.5amplitude": 2.887,
-    "2Hz36lbtension0.5amplitude": 1.910, "0.5Hz36lbtension1amplitude": 2.914, "1Hz30lbtension0.5amplitude": 1.499,
-    "1Hz30lbtension1amplitude": 1.818, "1Hz30lbtension1.5amplitude": 1.764, "2Hz30lbtension0.5amplitude": 1.386,
+    "1Hz36lbtension0.5amplitude": 2.254,
+    "1Hz36lbtension1amplitude": 2.836,
+    "1Hz36lbtension1.5amplitude": 2.887,
+    "2Hz36lbtension0.5amplitude": 1.910,
+    "0.5Hz36lbtension1amplitude": 2.914,
+    "1Hz30lbtension0.5amplitude": 1.499,
+    "1Hz30lbtension1amplitude": 1.818,
+    "1Hz30lbtension1.5amplitude": 1.764,
+    "2Hz30lbtension0.5amplitude": 1.386,
     "1Hz0lbtension1.5amplitude": 0.632,
-}  # fmt: skip
+}
 """The same of the last whole cycles at full amplitude, as found here: a regression, no reference."""
 
 
@@ -38,16 +50,27 @@ class Record:
     def __init__(self, campaign, name):
         (take,) = campaign[name].recordings
         assert [(channel.quantity, channel.unit) for channel in take.channels] == [
-            ("displacement", "m"), ("force", "N"), ("velocity", "m/s"), ("force", "N"), ("force", "N"),
-        ]  # fmt: skip
+            ("displacement", "m"),
+            ("force", "N"),
+            ("velocity", "m/s"),
+            ("force", "N"),
+            ("force", "N"),
+        ]
         self.name, self.frequency = name, float(re.match(r"[\d.]+", name).group())
         self.times = np.arange(take.signals.shape[1]) / take.sampling_rate
         self.x, self.f, _, *ends = take.signals
         self.tension = np.mean(ends, axis=0)
 
     def loop(self, part=slice(None), sign=1.0, **options):
-        return measured_loop(self.times[part], self.x[part], sign * self.f[part], self.frequency, self.tension[part],
-                             name=self.name, **options)  # fmt: skip
+        return measured_loop(
+            self.times[part],
+            self.x[part],
+            sign * self.f[part],
+            self.frequency,
+            self.tension[part],
+            name=self.name,
+            **options,
+        )
 
     def before_end(self, seconds, periods=3):
         end = self.times[-1] - seconds
@@ -121,7 +144,12 @@ def test_tension_follows_friction(record):
     """The finding's number: the mean tension of the band ends goes with the size of the friction force."""
     finding = next(f for f in record.loop().findings if f.code == "no-normal-force")
     assert finding.value == pytest.approx(
-        np.corrcoef(*(a[(record.times > 2 / record.frequency) & (record.times < 5 / record.frequency)]
-                      for a in (record.tension, np.abs(record.f))))[0, 1], abs=0.05
-    )  # fmt: skip
+        np.corrcoef(
+            *(
+                a[(record.times > 2 / record.frequency) & (record.times < 5 / record.frequency)]
+                for a in (record.tension, np.abs(record.f))
+            )
+        )[0, 1],
+        abs=0.05,
+    )
     assert finding.value > 0.8

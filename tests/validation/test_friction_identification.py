@@ -36,9 +36,20 @@ def playing(x, stiffness, top, play):
 
 
 def made(
-    generator, normal=1000.0, stiffness=K, ratio=3.0, noise=0.01, samples=500, cycles=3, play=0.0, offset=0.0,
-    drift=0.0, sign=1, uneven=0.0, law=None,
-):  # fmt: skip
+    generator,
+    normal=1000.0,
+    stiffness=K,
+    ratio=3.0,
+    noise=0.01,
+    samples=500,
+    cycles=3,
+    play=0.0,
+    offset=0.0,
+    drift=0.0,
+    sign=1,
+    uneven=0.0,
+    law=None,
+):
     """A loop whose amplitude is ``ratio`` F_C/k_T, with noise, offset, drift per cycle, sign, jitter of the times."""
     top = MU * normal
     law = law or RegularisedMasing(MU, stiffness, M)
@@ -84,13 +95,14 @@ def test_intervals_hold_the_truth_in_95_of_100_draws():
     for seed in range(draws):
         generator = np.random.default_rng(1000 + seed)
         found = identify(
-            [
-                made(generator, n, K * (n / 1000) ** 0.5, samples=80, cycles=2, ratio=2.5)
-                for n in (500.0, 2000.0)
-            ]
-        )  # fmt: skip
-        intervals = (found.friction_interval, found.stiffness_interval, found.stiffness_exponent_interval,
-                     found.exponent_interval)  # fmt: skip
+            [made(generator, n, K * (n / 1000) ** 0.5, samples=80, cycles=2, ratio=2.5) for n in (500.0, 2000.0)]
+        )
+        intervals = (
+            found.friction_interval,
+            found.stiffness_interval,
+            found.stiffness_exponent_interval,
+            found.exponent_interval,
+        )
         held += [low <= value <= high for (low, high), value in zip(intervals, truth, strict=True)]
     assert np.all(held / draws >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / draws))
     assert np.all(held / draws < 1.0)
@@ -163,8 +175,10 @@ def test_one_normal_force_and_a_sharp_knee_leave_exponents_open():
 def test_loops_that_disagree_widen_the_interval():
     """mu differs by 10 % from loop to loop: the interval tells it, though every loop on its own is precise."""
     generator = np.random.default_rng(8)
-    loops = [made(generator, n, stiffness=K, law=RegularisedMasing(MU * c, K, M)) for n, c in
-             ((800.0, 0.95), (1000.0, 1.05), (2000.0, 0.95), (3000.0, 1.05))]  # fmt: skip
+    loops = [
+        made(generator, n, stiffness=K, law=RegularisedMasing(MU * c, K, M))
+        for n, c in ((800.0, 0.95), (1000.0, 1.05), (2000.0, 0.95), (3000.0, 1.05))
+    ]
     low, high = identify(loops).friction_interval
     assert low < MU < high and high - low > 0.1 * MU
 

@@ -28,9 +28,12 @@ from ema.simulate.harmonic import condense
 
 F0, K, FC = 100.0, 4e5, 30.0
 LAWS = [
-    Masing(1.0, K), RegularisedMasing(1.0, K, 8), Dahl(1.0, K), Iwan(1.0, K, -0.5, 1.0, 12),
+    Masing(1.0, K),
+    RegularisedMasing(1.0, K, 8),
+    Dahl(1.0, K),
+    Iwan(1.0, K, -0.5, 1.0, 12),
     LuGre(1.0, K, 5.0, 1.0, 1.2, 1e-2),
-]  # fmt: skip
+]
 BOTH, ONE = ("X", "Y"), ("X",)
 
 
@@ -43,9 +46,12 @@ def oscillator(law, directions=BOTH, skew=0.05, lift=0.0, **joint):
     dofs, walls = (tuple(Dof(1, axis, body) for axis in ("+X", "+Y", "+Z")) for body in ("", "wall"))
     contact = Joint("contact", ((1, 1),), (0.0, 0.0), law, FC, 1.0, directions=directions)
     return BeamModel(
-        Matrices(np.eye(3), stiffness, dofs), Matrices(1e3 * np.eye(3), 1e16 * np.eye(3), walls),
-        (replace(contact, **joint),), Damping(ratio=0.02), "oscillator",
-    )  # fmt: skip
+        Matrices(np.eye(3), stiffness, dofs),
+        Matrices(1e3 * np.eye(3), 1e16 * np.eye(3), walls),
+        (replace(contact, **joint),),
+        Damping(ratio=0.02),
+        "oscillator",
+    )
 
 
 def in_time(model, frequency, force, output, pressing=None, cycles=60, samples=200):

@@ -43,8 +43,14 @@ def rate_independent(rate, amplitude, cycles=20):
     for n in range(2 * cycles):
         way = 1 if n % 2 == 0 else -1
         length = amplitude if n == 0 else 2 * amplitude
-        done = solve_ivp(lambda _, y, w=way: [w * rate(w * y[0]), y[0] * w], (0, length), [force, 0.0], "DOP853",
-                         rtol=1e-11, atol=1e-13 * FC)  # fmt: skip
+        done = solve_ivp(
+            lambda _, y, w=way: [w * rate(w * y[0]), y[0] * w],
+            (0, length),
+            [force, 0.0],
+            "DOP853",
+            rtol=1e-11,
+            atol=1e-13 * FC,
+        )
         force, work = done.y[:, -1]
         lost += work if n >= 2 * cycles - 2 else 0.0
     return lost
@@ -156,13 +162,21 @@ def test_no_loss_while_eq_4_sticks_and_a_small_one_of_eq_5(slip):
 @pytest.mark.parametrize(
     "law",
     [
-        Masing(0.3, 1e9), ParallelMasing(0.3, 1e9, [0.5, 0.5], [0.2, 0.8]), Iwan(0.3, 1e9), Dahl(0.3, 1e9),
-        Dahl(0.3, 1e9, 2.0), RegularisedMasing(0.3, 1e9, 8), RegularisedMasing(0.3, 1e9, 1),
-        LuGre(0.3, 1e9, 1e3, 10.0, 1.3, 1e-3), BoucWen(0.3, 1e9, 2.0, -0.5), BoucWen(0.3, 1e9, 1.0, 0.2),
-        Valanis(0.3, 1e9, 0.9), ModifiedIwan(0.3, 1e9, 0.8),
+        Masing(0.3, 1e9),
+        ParallelMasing(0.3, 1e9, [0.5, 0.5], [0.2, 0.8]),
+        Iwan(0.3, 1e9),
+        Dahl(0.3, 1e9),
+        Dahl(0.3, 1e9, 2.0),
+        RegularisedMasing(0.3, 1e9, 8),
+        RegularisedMasing(0.3, 1e9, 1),
+        LuGre(0.3, 1e9, 1e3, 10.0, 1.3, 1e-3),
+        BoucWen(0.3, 1e9, 2.0, -0.5),
+        BoucWen(0.3, 1e9, 1.0, 0.2),
+        Valanis(0.3, 1e9, 0.9),
+        ModifiedIwan(0.3, 1e9, 0.8),
     ],
     ids=lambda law: f"{law.name} {law.parameters[:1]}",
-)  # fmt: skip
+)
 @pytest.mark.parametrize("force", [1000.0, 3000.0])
 def test_power_balance_of_every_law(law, force):
     """Input = friction + damping within 1e-4 of the input, in every steady state of the double beam."""

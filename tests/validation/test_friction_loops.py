@@ -127,9 +127,13 @@ def quadrature(rate, amplitude, cycles=60):
     for n, end in enumerate(ends):
         way = np.sign(end - start)
         solution = solve_ivp(
-            lambda _, y, way=way: [way * rate(y[0], way), y[0] * way], (0, abs(end - start)), [force, 0.0], "DOP853",
-            rtol=1e-11, atol=1e-13 * FC,
-        )  # fmt: skip
+            lambda _, y, way=way: [way * rate(y[0], way), y[0] * way],
+            (0, abs(end - start)),
+            [force, 0.0],
+            "DOP853",
+            rtol=1e-11,
+            atol=1e-13 * FC,
+        )
         force, work = solution.y[:, -1]
         lost += work if n >= 2 * cycles - 2 else 0.0
         start = end
@@ -186,10 +190,17 @@ def clip(force, du, k, limit, p0, p1, p2, p3):
 
 
 ALL = [
-    Masing(1.0, 4e5), RegularisedMasing(1.0, 4e5, 8), RegularisedMasing(1.0, 4e5, 1.0), Dahl(1.0, 4e5),
-    Dahl(1.0, 4e5, 2.0), Iwan(1.0, 4e5, -0.5, 1.0, 12), ParallelMasing(1.0, 4e5, [0.5, 0.5], [0.2, 0.8]),
-    LuGre(1.0, 4e5, 10.0, 1.0, 1.3, 1e-2), Coulomb(1.0, 4e7), register_law("clip of this test", clip)(1.0, 4e5),
-]  # fmt: skip
+    Masing(1.0, 4e5),
+    RegularisedMasing(1.0, 4e5, 8),
+    RegularisedMasing(1.0, 4e5, 1.0),
+    Dahl(1.0, 4e5),
+    Dahl(1.0, 4e5, 2.0),
+    Iwan(1.0, 4e5, -0.5, 1.0, 12),
+    ParallelMasing(1.0, 4e5, [0.5, 0.5], [0.2, 0.8]),
+    LuGre(1.0, 4e5, 10.0, 1.0, 1.3, 1e-2),
+    Coulomb(1.0, 4e7),
+    register_law("clip of this test", clip)(1.0, 4e5),
+]
 
 
 def oscillator(law, ratio=0.0):

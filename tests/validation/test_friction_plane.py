@@ -134,9 +134,26 @@ def test_tangents_of_the_vector_forms_are_their_derivatives():
         def force(du, state, law=packed, width=width):
             new, a, b = np.zeros((2, width)), np.zeros((2, width, 2)), np.zeros((2, width, 2))
             found = plane_kernels.plane_step(
-                law.codes[0], 0, 1, K, FC, law.parameters, law.stiffness_shares, law.force_shares, law.counts[0],
-                law.tables, 0.0, 0.0, du[0], du[1], 1e-4, state, new, a, b,
-            )  # fmt: skip
+                law.codes[0],
+                0,
+                1,
+                K,
+                FC,
+                law.parameters,
+                law.stiffness_shares,
+                law.force_shares,
+                law.counts[0],
+                law.tables,
+                0.0,
+                0.0,
+                du[0],
+                du[1],
+                1e-4,
+                state,
+                new,
+                a,
+                b,
+            )
             return np.array(found[:2]), np.array(found[2:]).reshape(2, 2), a[:, 0], new[:, 0]
 
         for _ in range(20):
@@ -265,9 +282,10 @@ def test_a_square_set_up_moves_alike_in_every_direction():
 
 
 @pytest.mark.parametrize(
-    "law", [CIRCLE, Iwan(MU, K, springs=6), RegularisedMasing(MU, K), Dahl(MU, K), LuGre(MU, K, bristle_damping=10.0)],
+    "law",
+    [CIRCLE, Iwan(MU, K, springs=6), RegularisedMasing(MU, K), Dahl(MU, K), LuGre(MU, K, bristle_damping=10.0)],
     ids=lambda law: law.name,
-)  # fmt: skip
+)
 def test_one_mass_in_the_plane_against_its_motion_in_one_direction(law):
     """Loaded along a skew line, a mass on isotropic springs moves as it does along an axis in one direction."""
     dofs = tuple(Dof.parse(f"{node}:{axis}") for node in (1, 2) for axis in ("+X", "+Y", "+Z"))

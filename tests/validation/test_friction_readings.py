@@ -51,10 +51,14 @@ def frozen(slip, kappa):
 
 @pytest.mark.parametrize(
     ("kappa", "slip", "true", "fitted", "half_power", "left"),
-    [(0.03, 5.4, 0.924, 0.875, 0.828, 0.025), (0.03, 2.2, 1.100, 1.027, 1.113, 0.074),
-     (0.09, 9.6, 1.170, 1.029, 0.943, 0.035), (0.09, 2.9, 1.890, 1.404, 1.727, 0.115),
-     (0.09, 1.5, 1.842, 1.657, 2.373, 0.168)],
-)  # fmt: skip
+    [
+        (0.03, 5.4, 0.924, 0.875, 0.828, 0.025),
+        (0.03, 2.2, 1.100, 1.027, 1.113, 0.074),
+        (0.09, 9.6, 1.170, 1.029, 0.943, 0.035),
+        (0.09, 2.9, 1.890, 1.404, 1.727, 0.115),
+        (0.09, 1.5, 1.842, 1.657, 2.373, 0.168),
+    ],
+)
 def test_a_fit_of_a_friction_peak_reads_low_and_says_so(kappa, slip, true, fitted, half_power, left):
     """Fitted over 1.5 half-power widths of the measured peak to either side."""
     assert 100 * frozen(slip, kappa) == pytest.approx(true, rel=0.03)
@@ -149,8 +153,10 @@ def blows(model: BeamModel, level: float) -> list[FrfSet]:
     record = FrictionRig(model, drive, ACC, 4096.0, seed=4).take(0)
     size = round(drive.spacing * record.sampling_rate)
     first = int(np.flatnonzero(np.abs(record.signals[0]) > 0.1 * level)[0]) - round(0.1 * record.sampling_rate)
-    cut = [replace(record, signals=np.array(record.signals[:, start : start + size]))
-           for start in range(max(first, 0), record.signals.shape[1] - size + 1, size)]  # fmt: skip
+    cut = [
+        replace(record, signals=np.array(record.signals[:, start : start + size]))
+        for start in range(max(first, 0), record.signals.shape[1] - size + 1, size)
+    ]
     assert len(cut) >= 9
     condition = Condition(drive.excitation)
     single = [ema.estimate.hammer(Run("blow", condition, (one,)), block=4096) for one in cut]

@@ -33,10 +33,12 @@ def structure(seed):
     host[1, 2] = host[2, 1] = -springs[2]
     beam = np.array([[springs[3] + springs[4], -springs[4]], [-springs[4], springs[4] + 5e4]])
     law = {
-        "contact_stiffness": draw.uniform(5e5, 2e6), "bristle_damping": draw.uniform(20.0, 200.0),
-        "viscous": draw.uniform(0.0, 10.0), "static_ratio": draw.uniform(1.0, 1.5),
+        "contact_stiffness": draw.uniform(5e5, 2e6),
+        "bristle_damping": draw.uniform(20.0, 200.0),
+        "viscous": draw.uniform(0.0, 10.0),
+        "static_ratio": draw.uniform(1.0, 1.5),
         "stribeck_velocity": draw.uniform(0.02, 0.1),
-    }  # fmt: skip
+    }
     return masses, host, beam, law, draw.uniform(50.0, 100.0)
 
 

@@ -37,9 +37,13 @@ def both(model, frequency):
     point = condensed.solve(frequency)
     periods = round(SETTLED * frequency)
     run = run_reference(
-        condensed.problem, start_of(condensed, point), periods / frequency, PERIOD * frequency, None,
+        condensed.problem,
+        start_of(condensed, point),
+        periods / frequency,
+        PERIOD * frequency,
+        None,
         Harmonic(1.0, frequency, condensed.driven),
-    )  # fmt: skip
+    )
     wave = 2 / PERIOD * np.exp(-2j * np.pi * np.arange(PERIOD) / PERIOD)
     last = [run.displacements[0][k * PERIOD : (k + 1) * PERIOD] @ wave for k in (periods - 10, periods - 1)]
     assert abs(last[1] - last[0]) < 1e-3 * abs(last[1])

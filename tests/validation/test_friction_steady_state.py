@@ -141,9 +141,13 @@ def test_peaks_against_the_reference_mode(ratio):
     point = condensed.solve(peak.frequency)
     periods = 16 if ratio < 200 else 10
     run = run_reference(
-        condensed.problem, steady(condensed, point), periods / peak.frequency, 64 * peak.frequency, None,
+        condensed.problem,
+        steady(condensed, point),
+        periods / peak.frequency,
+        64 * peak.frequency,
+        None,
         Harmonic(1.0, peak.frequency, condensed.driven),
-    )  # fmt: skip
+    )
     last = run.displacements[0][-128:]
     found = 2 / 128 * np.sum(last * np.exp(-2j * np.pi * np.arange(len(run.times) - 128, len(run.times)) / 64))
     assert peak.error_estimate <= 0.01
@@ -178,18 +182,24 @@ def test_stated_errors_hold():
     kept = []
     for number in range(20):
         model = double_beam(
-            laws[number % 4], float(np.exp(generator.uniform(np.log(20), np.log(2000)))), elements=(4, 6)[number % 2],
+            laws[number % 4],
+            float(np.exp(generator.uniform(np.log(20), np.log(2000)))),
+            elements=(4, 6)[number % 2],
             damping=(Damping(ratio=0.02), Damping(ratio=0.003), Damping(mass_factor=2.0))[number % 3],
-        )  # fmt: skip
+        )
         stated, true, _ = errors(model, (4, 6)[number % 2], float(generator.uniform(14, 34)))
         kept.append(stated >= true)
     assert sum(kept) >= 19
 
 
-@pytest.mark.parametrize(("elements", "force", "frequency", "damping", "tolerance"), [
-    (4, 1000.0, 31.0, Damping(ratio=0.02), 5e-3), (6, 250.0, 17.577, Damping(mass_factor=2.0), 2e-3),
-    (6, 300.0, 20.202, Damping(mass_factor=2.0), 2e-3),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("elements", "force", "frequency", "damping", "tolerance"),
+    [
+        (4, 1000.0, 31.0, Damping(ratio=0.02), 5e-3),
+        (6, 250.0, 17.577, Damping(mass_factor=2.0), 2e-3),
+        (6, 300.0, 20.202, Damping(mass_factor=2.0), 2e-3),
+    ],
+)
 def test_chance_agreements_do_not_end_the_search(elements, force, frequency, damping, tolerance):
     """With 3 to 9 harmonics the next ones happen to change little here, and the result is off by a percent."""
     model = double_beam(Masing(0.3, 1e9), force, elements=elements, damping=damping)
@@ -213,10 +223,16 @@ def test_cold_starts_need_no_guess():
 
 
 EVERY_LAW = [
-    Masing(0.3, 1e9), RegularisedMasing(0.3, 1e9, 8), RegularisedMasing(0.3, 1e9, 0.7), Iwan(0.3, 1e9, -0.5, 1.0, 12),
-    ParallelMasing(0.3, 1e9, [0.5, 0.5], [0.2, 0.8]), Dahl(0.3, 1e9), Dahl(0.3, 1e9, 2.0),
-    LuGre(0.3, 1e9, 1e3, 10.0, 1.3, 1e-4), register_law("clip of steady states", clip)(0.3, 1e9),
-]  # fmt: skip
+    Masing(0.3, 1e9),
+    RegularisedMasing(0.3, 1e9, 8),
+    RegularisedMasing(0.3, 1e9, 0.7),
+    Iwan(0.3, 1e9, -0.5, 1.0, 12),
+    ParallelMasing(0.3, 1e9, [0.5, 0.5], [0.2, 0.8]),
+    Dahl(0.3, 1e9),
+    Dahl(0.3, 1e9, 2.0),
+    LuGre(0.3, 1e9, 1e3, 10.0, 1.3, 1e-4),
+    register_law("clip of steady states", clip)(0.3, 1e9),
+]
 
 
 @pytest.mark.parametrize("force", [100.0, 3000.0])

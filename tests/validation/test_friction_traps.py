@@ -101,9 +101,13 @@ def test_high_waves_of_the_release_keep_their_energy():
 
 
 HOMOGENEOUS = [
-    Masing(MU, 1e9), ParallelMasing(MU, 1e9, [0.5, 0.5], [0.2, 0.8]), Iwan(MU, 1e9), RegularisedMasing(MU, 1e9),
-    Dahl(MU, 1e9, 2.0), Coulomb(MU),
-]  # fmt: skip
+    Masing(MU, 1e9),
+    ParallelMasing(MU, 1e9, [0.5, 0.5], [0.2, 0.8]),
+    Iwan(MU, 1e9),
+    RegularisedMasing(MU, 1e9),
+    Dahl(MU, 1e9, 2.0),
+    Coulomb(MU),
+]
 
 
 def rough(force, du, k, limit, p0, p1, p2, p3):

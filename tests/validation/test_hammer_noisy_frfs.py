@@ -13,9 +13,14 @@ def test_poor_coherence_is_found_at_the_published_resonance(datasets, case, peak
 
     file = loadmat(datasets / "08_sdof_frfs_with_published_answer" / f"case{case}.mat")
     frfs = FrfSet(
-        file["Freq_domain"].ravel().astype(float), file["Hf_chan_2"].astype(complex)[:, :, None], (Dof(2),), (Dof(1),),
-        "unstated", coherence=file["Hf_coh_chan_2"].astype(float)[:, :, None], name=f"case {case}",
-    )  # fmt: skip
+        file["Freq_domain"].ravel().astype(float),
+        file["Hf_chan_2"].astype(complex)[:, :, None],
+        (Dof(2),),
+        (Dof(1),),
+        "unstated",
+        coherence=file["Hf_coh_chan_2"].astype(float)[:, :, None],
+        name=f"case {case}",
+    )
     low = [finding for finding in quality(frfs.band(150, 250)) if finding.code == "low-coherence"]
     at = [(float(f.where.split()[-2]), f) for f in low if f.where.endswith("Hz")]
     near = [f for frequency, f in at if abs(frequency - peak) < tolerance + frfs.frequency_step]

@@ -18,10 +18,20 @@ from tests.bench.stated import Stated, automatic
 SYSTEMS = {"a": (1, 6, 8, 2, 0.001, 1), "b": (2, 4, 5, 3, 0.01, 5), "c": (11, 10, 14, 2, 0.01, 1)}
 """Seed, modes, outputs, references, noise, averages."""
 WAYS = (
-    "times 1 + 1e-12", "times 1 + 2e-12", "times 1e6", "times 1e-9", "in g", "outputs permuted", "references permuted",
-    "near = the same frequencies", "one mode not asked for", "one mode asked for", "one mode asked for twice",
-    "as receptance", "more orders",
-)  # fmt: skip
+    "times 1 + 1e-12",
+    "times 1 + 2e-12",
+    "times 1e6",
+    "times 1e-9",
+    "in g",
+    "outputs permuted",
+    "references permuted",
+    "near = the same frequencies",
+    "one mode not asked for",
+    "one mode asked for",
+    "one mode asked for twice",
+    "as receptance",
+    "more orders",
+)
 UNEQUAL: dict[tuple[str, str], str] = {
     ("b", "as receptance"): "values move by 1.0 std, std by 0.1 of themselves, findings dropped-candidate",
 }
@@ -48,11 +58,15 @@ def original() -> dict[str, tuple[Case, Stated, dict[str, Said]]]:
 def parameters() -> list:
     return [
         pytest.param(
-            name, way, id=f"{name}, {way}",
+            name,
+            way,
+            id=f"{name}, {way}",
             marks=[pytest.mark.xfail(strict=True, reason=UNEQUAL[name, way])] if (name, way) in UNEQUAL else [],
         )
-        for name in SYSTEMS for way in WAYS if way != "as receptance" or SYSTEMS[name][-1] > 1
-    ]  # fmt: skip
+        for name in SYSTEMS
+        for way in WAYS
+        if way != "as receptance" or SYSTEMS[name][-1] > 1
+    ]
 
 
 @pytest.mark.parametrize(("name", "way"), parameters())

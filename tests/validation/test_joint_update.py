@@ -33,8 +33,9 @@ def noisy(chart, rng):
     """3 % of damping and 0.05 % of frequency."""
     draws = rng.standard_normal((2, *chart.damping.shape))
     damping, frequency = chart.damping * np.exp(0.03 * draws[0]), chart.frequency * (1 + 5e-4 * draws[1])
-    return replace(chart, damping=damping, frequency=frequency, damping_std=0.03 * damping,
-                   frequency_std=5e-4 * frequency)  # fmt: skip
+    return replace(
+        chart, damping=damping, frequency=frequency, damping_std=0.03 * damping, frequency_std=5e-4 * frequency
+    )
 
 
 @pytest.fixture(scope="module")
@@ -136,8 +137,13 @@ def test_a_run_is_replayed_with_its_own_forces():
     """Simulated with another seed and noise, the replay of its forces gives the response without the noise."""
     channel = Channel("tip", OUT, "acceleration", unit="m/s^2")
     truth = model(force=500.0)
-    rig = FrictionRig(truth, RovingHammer((AT,), hits=1, spacing=1.0, contact_time=8e-3), (channel,), 1024.0,
-                      noise={"acceleration": 1e-3})  # fmt: skip
+    rig = FrictionRig(
+        truth,
+        RovingHammer((AT,), hits=1, spacing=1.0, contact_time=8e-3),
+        (channel,),
+        1024.0,
+        noise={"acceleration": 1e-3},
+    )
     joints = (JointForce("interface", 500.0),)
     run = Run("hit", Condition(Excitation("hammer", 100.0), joints), tuple(rig.takes()))
     again = compare.measure(truth, run)
@@ -159,8 +165,10 @@ def test_a_run_is_replayed_with_its_own_forces():
 
 def test_bad_input_is_told_in_a_sentence(exact):
     for free, said in (
-        (["stiffness"], "unknown parameter"), (["exponent"], "no exponent m"), ([], "not a list of free parameters"),
-    ):  # fmt: skip
+        (["stiffness"], "unknown parameter"),
+        (["exponent"], "no exponent m"),
+        ([], "not a list of free parameters"),
+    ):
         with pytest.raises(InputError, match=said):
             compare.update(model(), exact, free, AT, OUT, BAND)
     with pytest.raises(InputError, match="two DOFs"):

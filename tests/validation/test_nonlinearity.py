@@ -25,10 +25,14 @@ def measured(values, level, noise=0.0, seed=0):
     sigma = noise * np.abs(values).max()
     noisy = values + sigma / np.sqrt(2) * (rng.standard_normal(len(values)) + 1j * rng.standard_normal(len(values)))
     return FrfSet(
-        LINES, noisy[:, None, None], (Dof.parse("1:+Z"),), (Dof.parse("2:+Z"),), "receptance",
+        LINES,
+        noisy[:, None, None],
+        (Dof.parse("1:+Z"),),
+        (Dof.parse("2:+Z"),),
+        "receptance",
         variance=np.full((len(values), 1, 1), sigma**2) if noise else None,
         condition=Condition(Excitation("sweep", level)),
-    )  # fmt: skip
+    )
 
 
 def test_a_linear_structure_is_homogeneous_and_causal():

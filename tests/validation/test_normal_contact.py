@@ -53,8 +53,9 @@ def test_power_law_indents_as_its_closed_form(exponent, slope):
         lower, upper = (
             beam(0.01, 0.04, 0.01, elements=1, clamped=(number == 1, False), part=f"b{number}") for number in (1, 2)
         )
-        joint = Joint("J", ((1, 0), (1, 1)), (0.0, 0.0), LAW, force, stiffness,
-                      normal_contact=PowerContact(exponent, reference))  # fmt: skip
+        joint = Joint(
+            "J", ((1, 0), (1, 1)), (0.0, 0.0), LAW, force, stiffness, normal_contact=PowerContact(exponent, reference)
+        )
         normals = assemble(BeamModel(lower, upper, (joint,), name="rigid")).normals
         depth = exponent * reference / stiffness * (force / reference) ** (1 / exponent)
         np.testing.assert_allclose(normals.table[:, 3], depth, rtol=1e-5)

@@ -89,13 +89,20 @@ def spots(along: int, across: int) -> Candidates:
 def judged(prediction) -> list[np.ndarray]:
     """Best score over the normal forces: first mode, third mode, the worse of both."""
     singles = [
-        replace(prediction, modes=(mode,), bare_frequencies=prediction.bare_frequencies[row : row + 1],
-                bare_damping=prediction.bare_damping[row : row + 1], frequency=prediction.frequency[:, row : row + 1],
-                damping=prediction.damping[:, row : row + 1], stiffness=prediction.stiffness[:, row : row + 1],
-                slip=prediction.slip[:, row : row + 1], driver=prediction.driver[row : row + 1],
-                output=prediction.output[row : row + 1])
+        replace(
+            prediction,
+            modes=(mode,),
+            bare_frequencies=prediction.bare_frequencies[row : row + 1],
+            bare_damping=prediction.bare_damping[row : row + 1],
+            frequency=prediction.frequency[:, row : row + 1],
+            damping=prediction.damping[:, row : row + 1],
+            stiffness=prediction.stiffness[:, row : row + 1],
+            slip=prediction.slip[:, row : row + 1],
+            driver=prediction.driver[row : row + 1],
+            output=prediction.output[row : row + 1],
+        )
         for row, mode in enumerate(prediction.modes)
-    ]  # fmt: skip
+    ]
     return [scores(one, aim).max(axis=1) for one, aim in zip([*singles, prediction], EACH)]
 
 
@@ -105,9 +112,10 @@ def figures(truth: np.ndarray, predicted_: np.ndarray) -> tuple[float, float, fl
     best = truth[known].max()
     order = [row for row in np.argsort(-predicted_) if known[row]]
     return (
-        float(spearmanr(truth[known], predicted_[known]).statistic), float(1 - truth[order[0]] / best),
+        float(spearmanr(truth[known], predicted_[known]).statistic),
+        float(1 - truth[order[0]] / best),
         float(1 - truth[order[:5]].max() / best),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -226,8 +234,13 @@ def test_full_grid_of_scenario_b_takes_less_than_a_minute():
     started = time.process_time()
     for band in ((450.0, 530.0), (950.0, 1040.0)):
         chart = simulate.damping_map(
-            work_table.with_beam(work_table.ABSORBER, 100.0), levels, forces, f"{work_table.DRIVE_NODE}:+Z",
-            f"{work_table.DRIVE_NODE}:+Z", band, tolerance=1e-2,
-        )  # fmt: skip
+            work_table.with_beam(work_table.ABSORBER, 100.0),
+            levels,
+            forces,
+            f"{work_table.DRIVE_NODE}:+Z",
+            f"{work_table.DRIVE_NODE}:+Z",
+            band,
+            tolerance=1e-2,
+        )
         assert np.isfinite(chart.damping).all()
     assert time.process_time() - started <= 60

@@ -52,10 +52,12 @@ def test_free_free_beam(root, datasets, tmp_path):
     order = [rows[node] for node in range(1, 10)]
     shapes = np.array([sign * modes.shapes[row] for row, sign in order])
     shapes = np.real(shapes * np.exp(-1j * np.angle(shapes[np.abs(shapes).argmax(0), range(4)])))
-    reference = np.array([
-        [0.90, 0.21, -0.30, -0.58, -0.88, -0.74, -0.35, 0.21, 1.00],
-        [-0.65, 0.51, 1.00, 0.65, 0.06, -0.74, -0.93, -0.54, 0.53],
-    ])  # fmt: skip
+    reference = np.array(
+        [
+            [0.90, 0.21, -0.30, -0.58, -0.88, -0.74, -0.35, 0.21, 1.00],
+            [-0.65, 0.51, 1.00, 0.65, 0.06, -0.74, -0.93, -0.54, 0.53],
+        ]
+    )
     for mode in range(2):
         shape = shapes[:, mode] / np.abs(shapes[:, mode]).max()
         shape = shape * np.sign(shape @ reference[mode])

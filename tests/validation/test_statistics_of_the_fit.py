@@ -88,12 +88,20 @@ def test_misfit_at_the_peaks_is_in_the_intervals():
     shift = 4e-4 * size**2
     f = one.frequencies[:, None, None]
     moved = np.stack(
-        [np.interp((f * (1 + shift)).ravel(), one.frequencies, part).reshape(-1, 1)
-         for row in range(4) for part in [one.values[:, row, 0].real]], axis=1
+        [
+            np.interp((f * (1 + shift)).ravel(), one.frequencies, part).reshape(-1, 1)
+            for row in range(4)
+            for part in [one.values[:, row, 0].real]
+        ],
+        axis=1,
     ) + 1j * np.stack(
-        [np.interp((f * (1 + shift)).ravel(), one.frequencies, part).reshape(-1, 1)
-         for row in range(4) for part in [one.values[:, row, 0].imag]], axis=1
-    )  # fmt: skip
+        [
+            np.interp((f * (1 + shift)).ravel(), one.frequencies, part).reshape(-1, 1)
+            for row in range(4)
+            for part in [one.values[:, row, 0].imag]
+        ],
+        axis=1,
+    )
     softening = replace(one, values=moved)
     found = [
         modes(part, stabilise(part), near=[150.0]) for part in (softening.band(100, 170), softening.band(140, 200))

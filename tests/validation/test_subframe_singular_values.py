@@ -81,9 +81,14 @@ def one_mode(model, mode, like):
     from dataclasses import replace
 
     alone = replace(
-        model, poles=model.poles[[mode]], shapes=model.shapes[:, [mode]], participation=model.participation[:, [mode]],
-        residuals=None, covariance=None, confidence=None,
-    )  # fmt: skip
+        model,
+        poles=model.poles[[mode]],
+        shapes=model.shapes[:, [mode]],
+        participation=model.participation[:, [mode]],
+        residuals=None,
+        covariance=None,
+        confidence=None,
+    )
     return synthesis.frfs(alone, like.frequencies, like.quantity, outputs=like.outputs, inputs=like.inputs)
 
 

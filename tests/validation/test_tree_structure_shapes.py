@@ -40,9 +40,13 @@ def tree(folder: Path) -> ModalModel:
     flat = shapes.transpose(1, 0, 2).reshape(129, 26)[:, :24]
     dofs = tuple(Dof(node, direction) for node in range(1, 44) for direction in ("+X", "+Y", "+Z"))
     return ModalModel(
-        poles_from(frequencies, np.full(24, 1e-3)), flat.astype(complex), dofs, np.ones((1, 24), complex),
-        (Dof(0, "+Z"),), name="tree",
-    )  # fmt: skip
+        poles_from(frequencies, np.full(24, 1e-3)),
+        flat.astype(complex),
+        dofs,
+        np.ones((1, 24), complex),
+        (Dof(0, "+Z"),),
+        name="tree",
+    )
 
 
 def test_more_shapes_than_frequencies_are_noticed(folder: Path):

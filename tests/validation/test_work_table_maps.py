@@ -18,9 +18,11 @@ from ema.study import Study, mapping, recipe, statements, work_table, work_table
 from ema.study.measured import frfs_of
 
 SETTINGS = {
-    "hammer": work_table.CENTRE, "absorber": work_table.ABSORBER, "bending": work_table.BENDING,
+    "hammer": work_table.CENTRE,
+    "absorber": work_table.ABSORBER,
+    "bending": work_table.BENDING,
     "rough": work_table.ROUGH,
-}  # fmt: skip
+}
 
 
 def mapped(root, name):

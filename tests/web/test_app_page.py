@@ -19,7 +19,7 @@ def click_pole(window: Any, row: int) -> None:
         """row => { const plot = document.getElementById("poles"), box = plot.getBoundingClientRect(), axes = plot._fullLayout;
         return [box.left + axes._size.l + axes.xaxis.d2p(page.poles.frequency[row]), box.top + axes._size.t + axes.yaxis.d2p(page.poles.order[row])]; }""",
         row,
-    )  # fmt: skip
+    )
     window.page.mouse.move(*place)
     window.page.wait_for_timeout(150)
     window.page.mouse.click(*place)

@@ -38,7 +38,7 @@ def click_point(window: Any, level: int, force: int) -> None:
         """([level, force]) => { const plot = document.getElementById("chart"), box = plot.getBoundingClientRect(), axes = plot._fullLayout;
         return [box.left + axes.xaxis._offset + axes.xaxis.c2p(level), box.top + axes.yaxis._offset + axes.yaxis.c2p(force)]; }""",
         [level, force],
-    )  # fmt: skip
+    )
     window.page.mouse.move(*at)
     window.page.wait_for_timeout(150)
     window.page.mouse.click(*at)

@@ -32,7 +32,7 @@ def click_place(window: Any, candidate: int) -> None:
         const [x, y] = page.placement.centres[one];
         return [box.left + axes.xaxis._offset + axes.xaxis.d2p(x), box.top + axes.yaxis._offset + axes.yaxis.d2p(y)]; }""",
         candidate,
-    )  # fmt: skip
+    )
     window.page.mouse.move(*at)
     window.page.wait_for_timeout(150)
     window.page.mouse.click(*at)
@@ -51,8 +51,9 @@ def test_a_click_on_a_place_shows_what_the_beam_does_there(placed: Served, windo
     assert told.startswith("Rank 1. Bolts at (0.85, 0.4) m and (1.15, 0.4) m; F_N 123 N in every joint")
     assert "best for each level: 110, 140 N" in told and "all modes together" in told
     assert rows(one) == [
-        ["1", "10", "507.00", "2.110", "1.80 … 2.30", "0.638"], ["1", "40", "503.00", "1.870", "1.50 … 2.00", "0.638"],
-    ]  # fmt: skip
+        ["1", "10", "507.00", "2.110", "1.80 … 2.30", "0.638"],
+        ["1", "40", "503.00", "1.870", "1.50 … 2.00", "0.638"],
+    ]
     assert "close to the edge" in one.page.inner_text("#flags")
 
     # a place that was not ranked has the numbers of the predictor, without interval

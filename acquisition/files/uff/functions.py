@@ -128,9 +128,14 @@ def _note(made: Gathered, where: str, entry: Entry, text: str) -> None:
     if text and text not in made.noted:
         made.noted.add(text)
         made.findings.append(
-            Finding("warning", "unit-doubtful", f"{where}, data set {entry.number + 1}", text + ".",
-                    advice="Check the unit, or say it in the channel table.")
-        )  # fmt: skip
+            Finding(
+                "warning",
+                "unit-doubtful",
+                f"{where}, data set {entry.number + 1}",
+                text + ".",
+                advice="Check the unit, or say it in the channel table.",
+            )
+        )
 
 
 def _whole(entry: Entry, fetch: Fetch) -> bool:
@@ -332,7 +337,7 @@ def _blocks(made: Gathered, lines: list[_Line], where: str) -> list[list[_Line]]
 
 def _frf_set(
     made: Gathered, lines: list[_Line], quantity: Any, unit: str, coherences: _ByPair, fetch: Fetch, name: str
-) -> FrfSet:  # fmt: skip
+) -> FrfSet:
     outputs = tuple(dict.fromkeys(line.output for line in lines))
     inputs = tuple(dict.fromkeys(line.input for line in lines))
     rows = {dof: place for place, dof in enumerate(outputs)}
@@ -356,9 +361,16 @@ def _frf_set(
     coherence = _coherence(coherences, first, outputs, inputs, fetch)
     dates = sorted({_header(line.entry).ids[2] for line in lines})
     return FrfSet(
-        frequencies, block.transpose(2, 0, 1), outputs, inputs, quantity, unit, coherence, name=name,
+        frequencies,
+        block.transpose(2, 0, 1),
+        outputs,
+        inputs,
+        quantity,
+        unit,
+        coherence,
+        name=name,
         estimator=f"file {dates[0]}" if dates[0] != "NONE" else "file",
-    )  # fmt: skip
+    )
 
 
 def _by_pair(coherences: Iterable[Entry]) -> _ByPair:

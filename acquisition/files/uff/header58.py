@@ -8,15 +8,36 @@ from functools import lru_cache
 _CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")
 """What no text holds; a conversion to numbers may skip it, and with it the sign that it replaced."""
 FUNCTION_TYPES = {
-    0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response function",
-    5: "transmissibility", 6: "coherence", 7: "auto correlation", 8: "cross correlation", 9: "power spectral density",
-    10: "energy spectral density", 11: "probability density", 12: "spectrum", 18: "mode indicator function",
-    26: "multiple coherence", 27: "order function",
-}  # fmt: skip
+    0: "general",
+    1: "time response",
+    2: "auto spectrum",
+    3: "cross spectrum",
+    4: "frequency response function",
+    5: "transmissibility",
+    6: "coherence",
+    7: "auto correlation",
+    8: "cross correlation",
+    9: "power spectral density",
+    10: "energy spectral density",
+    11: "probability density",
+    12: "spectrum",
+    18: "mode indicator function",
+    26: "multiple coherence",
+    27: "order function",
+}
 QUANTITY_CODES = {
-    2: "pressure", 3: "strain", 5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 12: "acceleration",
-    13: "force", 15: "pressure", 17: "time", 18: "frequency",
-}  # fmt: skip
+    2: "pressure",
+    3: "strain",
+    5: "temperature",
+    8: "displacement",
+    9: "force",
+    11: "velocity",
+    12: "acceleration",
+    13: "force",
+    15: "pressure",
+    17: "time",
+    18: "frequency",
+}
 """Specific data types of an axis that say what it measures (stress counts as a pressure)."""
 TIME, FRF, COHERENCE, MULTIPLE_COHERENCE = 1, 4, 6, 26
 RECORDS = 11
@@ -197,10 +218,11 @@ def render(header: Header, values: int) -> bytes:
     start, step = (header.start, header.step) if header.even else (0.0, 0.0)
     form = f"{header.kind:10d}{header.points:10d}{int(header.even):10d}{_e13(start)}{_e13(step)}{_e13(header.z)}"
     axes = [
-        f"{axis.code:10d}" + "".join(f"{power:5d}" for power in axis.exponents)
+        f"{axis.code:10d}"
+        + "".join(f"{power:5d}" for power in axis.exponents)
         + f" {axis.label[:20]:<20} {axis.unit[:20]:<20}"
         for axis in (header.abscissa, header.ordinate, header.denominator, header.third)
-    ]  # fmt: skip
+    ]
     lines = [f"{-1:6d}", first, *(f"{identity:<80}" for identity in ids), dof, form, *axes]
     return "".join(line + "\n" for line in lines).encode("latin-1", errors="replace")
 

@@ -15,9 +15,16 @@ from ema.errors import InputError
 
 NORMAL, COMPLEX, COMPLEX_2 = 2, 3, 7
 ANALYSES = {
-    0: "unknown analysis", 1: "static result", 2: "normal mode", 3: "complex mode", 4: "transient result",
-    5: "frequency response", 6: "buckling mode", 7: "complex mode", 9: "non-linear static result",
-}  # fmt: skip
+    0: "unknown analysis",
+    1: "static result",
+    2: "normal mode",
+    3: "complex mode",
+    4: "transient result",
+    5: "frequency response",
+    6: "buckling mode",
+    7: "complex mode",
+    9: "non-linear static result",
+}
 
 
 @dataclass(frozen=True)
@@ -129,9 +136,15 @@ def shape2414(lines: list[bytes], system: UnitSystem) -> Shape:
 
 
 def _normal(
-    frequency: float, mass: float, viscous: float, hysteretic: float, nodes: tuple[int, ...], values: Any, title: str,
+    frequency: float,
+    mass: float,
+    viscous: float,
+    hysteretic: float,
+    nodes: tuple[int, ...],
+    values: Any,
+    title: str,
     system: UnitSystem,
-) -> Shape:  # fmt: skip
+) -> Shape:
     damping = viscous or hysteretic / 2
     if not (0 <= frequency < 1e12 and 0 <= damping < 1):
         raise ValueError(f"a mode at {frequency:g} Hz with a damping ratio of {damping:g}")

@@ -22,9 +22,13 @@ from ema.data import Finding
 from ema.errors import InputError
 
 _GEOMETRY: dict[int, Callable[[geometry_sets.Parts, list[bytes]], None]] = {
-    15: geometry_sets.nodes15, 18: geometry_sets.systems18, 82: geometry_sets.lines82, 2411: geometry_sets.nodes2411,
-    2412: geometry_sets.elements2412, 2420: geometry_sets.systems2420,
-}  # fmt: skip
+    15: geometry_sets.nodes15,
+    18: geometry_sets.systems18,
+    82: geometry_sets.lines82,
+    2411: geometry_sets.nodes2411,
+    2412: geometry_sets.elements2412,
+    2420: geometry_sets.systems2420,
+}
 _MODES = {55: mode_sets.shape55, 2414: mode_sets.shape2414}
 _SILENT = frozenset({151, 164, 58, 2400, 2467, 2477, 1858})
 """Sets that need no finding: read elsewhere, or of no bearing on measurements (groups, model headers, qualifiers)."""
@@ -74,8 +78,10 @@ def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) ->
             raise InputError(f"a function is damaged: {error}", where=Path(path).name) from error
         for entry, function in zip(entries, found, strict=True):
             if function.problem or len(function.y) != function.header.points:
-                raise InputError(function.problem or "fewer values than its header announces",
-                                 where=f"{Path(path).name}, data set {entry.number + 1}")  # fmt: skip
+                raise InputError(
+                    function.problem or "fewer values than its header announces",
+                    where=f"{Path(path).name}, data set {entry.number + 1}",
+                )
         return found
 
 

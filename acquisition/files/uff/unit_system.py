@@ -8,9 +8,16 @@ from acquisition.files.uff.header58 import Axis, integer, mended, real, text_of
 from ema.units import FRF_OF_RESPONSE, FRF_UNIT, QUANTITIES, SI_UNIT, UNSTATED
 
 _EXPONENTS = {
-    2: (-2, 1, 0), 3: (0, 0, 0), 5: (0, 0, 1), 8: (1, 0, 0), 9: (0, 1, 0), 11: (1, 0, 0), 12: (1, 0, 0),
-    13: (0, 1, 0), 15: (-2, 1, 0),
-}  # fmt: skip
+    2: (-2, 1, 0),
+    3: (0, 0, 0),
+    5: (0, 0, 1),
+    8: (1, 0, 0),
+    9: (0, 1, 0),
+    11: (1, 0, 0),
+    12: (1, 0, 0),
+    13: (0, 1, 0),
+    15: (-2, 1, 0),
+}
 """Powers of length, force and temperature of each specific data type, for translations."""
 _ANGULAR = {
     "displacement": "rotation",

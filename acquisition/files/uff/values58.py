@@ -11,9 +11,15 @@ import numpy as np
 from acquisition.files.uff.header58 import Header
 
 _LINES = {
-    (2, True): (13,) * 6, (2, False): (13,) * 6, (5, True): (13,) * 6, (5, False): (13,) * 6,
-    (4, True): (20,) * 4, (4, False): (13, 20, 13, 20), (6, True): (20,) * 4, (6, False): (13, 20, 20),
-}  # fmt: skip
+    (2, True): (13,) * 6,
+    (2, False): (13,) * 6,
+    (5, True): (13,) * 6,
+    (5, False): (13,) * 6,
+    (4, True): (20,) * 4,
+    (4, False): (13, 20, 13, 20),
+    (6, True): (20,) * 4,
+    (6, False): (13, 20, 20),
+}
 """Widths of the fields of one line of text, by ordinate type and even spacing."""
 
 

@@ -31,8 +31,12 @@ _CODES = {
     "angular velocity": 11,
     "angular acceleration": 12,
 }
-_RESPONSE = {"receptance": ("displacement", "rotation"), "mobility": ("velocity", "angular velocity"),
-             "accelerance": ("acceleration", "angular acceleration"), "unstated": ("unstated", "unstated")}  # fmt: skip
+_RESPONSE = {
+    "receptance": ("displacement", "rotation"),
+    "mobility": ("velocity", "angular velocity"),
+    "accelerance": ("acceleration", "angular acceleration"),
+    "unstated": ("unstated", "unstated"),
+}
 """Response of each kind of FRF, in translation and rotation."""
 
 
@@ -84,9 +88,11 @@ def _check(noun: Any, path: Path) -> None:
         arrays = (noun.shapes, noun.poles)
     else:
         raise InputError(
-            "a universal file cannot hold this", where=str(path), got=type(noun).__name__,
+            "a universal file cannot hold this",
+            where=str(path),
+            got=type(noun).__name__,
             expected="FRF sets, recordings, a geometry or modal models",
-        )  # fmt: skip
+        )
     for array in arrays:
         bad = int(array.size - np.count_nonzero(np.isfinite(array)))
         if bad:
@@ -104,8 +110,15 @@ def _preamble(name: str, created: datetime) -> bytes:
 
     day = created.strftime("%d-%b-%y").upper()
     clock = created.strftime("%H:%M:%S")
-    header = [name[:80], "NONE", f"friction-ema {__version__}", f"{day:<10}{clock:<10}{0:10d}{0:10d}{0:10d}",
-              f"{day:<10}{clock:<10}", f"friction-ema {__version__}", f"{day:<10}{clock:<10}"]  # fmt: skip
+    header = [
+        name[:80],
+        "NONE",
+        f"friction-ema {__version__}",
+        f"{day:<10}{clock:<10}{0:10d}{0:10d}{0:10d}",
+        f"{day:<10}{clock:<10}",
+        f"friction-ema {__version__}",
+        f"{day:<10}{clock:<10}",
+    ]
     si = [f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}", "".join(_d25(1.0) for _ in range(3)), _d25(273.15)]
     return geometry_sets.block(151, [f"{line:<80}" for line in header]) + geometry_sets.block(164, si)
 
@@ -177,9 +190,12 @@ def _frfs(frfs: FrfSet, binary: bool) -> Iterator[bytes]:
         for row, output in enumerate(frfs.outputs):
             response = _RESPONSE[frfs.quantity][_turns(output)]
             header = replace(
-                base, response=_point(output), reference=_point(input_), ordinate=_ordinate(response, frfs.scaled),
+                base,
+                response=_point(output),
+                reference=_point(input_),
+                ordinate=_ordinate(response, frfs.scaled),
                 denominator=_ordinate(("force", "torque")[_turns(input_)], frfs.scaled),
-            )  # fmt: skip
+            )
             yield function(header, frfs.frequencies, frfs.values[:, row, column])
             if coherence is not None and np.isfinite(coherence[:, row, column]).all():
                 header = replace(

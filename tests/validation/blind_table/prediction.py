@@ -85,9 +85,11 @@ def campaign(folder: Path, signals: Path = BARE) -> Path:
     for number, counts in enumerate(held["counts"], 1):
         channels = (
             Channel("hammer", Dof(number, "-Z"), quantity="force", unit="N", role="reference"),
-            *(Channel(f"acc {k}", Dof(node, "+Z"), quantity="acceleration", unit="m/s^2")
-              for k, node in enumerate(sensors, 1)),
-        )  # fmt: skip
+            *(
+                Channel(f"acc {k}", Dof(node, "+Z"), quantity="acceleration", unit="m/s^2")
+                for k, node in enumerate(sensors, 1)
+            ),
+        )
         record = Recording(counts * scale, rate, channels)
         store.save(folder / "raw" / f"bare_{number}.h5", record)
     return folder
@@ -121,14 +123,22 @@ def as_mapping(answer: Placement, told: Forecast) -> dict[str, Any]:
     return {
         "bare": {"frequency": _short(told.bare_frequencies[0]), "damping": _short(told.bare_damping[0])},
         "places": [
-            {"column": hole(one.centre)[0], "row": hole(one.centre)[1], "score": _short(one.score),
-             "normal_force": one.normal_force}
+            {
+                "column": hole(one.centre)[0],
+                "row": hole(one.centre)[1],
+                "score": _short(one.score),
+                "normal_force": one.normal_force,
+            }
             for one in ranking.places
         ],
-        "force_levels": _short(told.force_levels), "normal_forces": _short(told.normal_forces), "draws": told.draws,
-        **{name: _short(getattr(told, name)[0]) for name in (
-            "frequency", "frequency_low", "frequency_high", "damping", "damping_low", "damping_high")},
-    }  # fmt: skip
+        "force_levels": _short(told.force_levels),
+        "normal_forces": _short(told.normal_forces),
+        "draws": told.draws,
+        **{
+            name: _short(getattr(told, name)[0])
+            for name in ("frequency", "frequency_low", "frequency_high", "damping", "damping_low", "damping_high")
+        },
+    }
 
 
 def hole(centre: tuple[float, float]) -> tuple[int, int]:

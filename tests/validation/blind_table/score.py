@@ -53,10 +53,14 @@ class Score:
                     f"  {f:.2f}{' ' if f0 <= f <= f1 else '*'}   {100 * self.predicted_damping[i, j]:.3f} "
                     f"[{z0:.3f}, {z1:.3f}]   {z:.3f}{' ' if z0 <= z <= z1 else '*'}"
                 )
-        rows += [f"inside: {self.inside} of 18; widest band +-{self.width.max():.0%} of the damping gained, mean "
-                 f"+-{self.width.mean():.0%}"]  # fmt: skip
-        rows += ["places (column, row: least damping): " + ", ".join(
-            f"{column} {row}: {100 * damping:.3f} %" for column, row, damping in self.places)]  # fmt: skip
+        rows += [
+            f"inside: {self.inside} of 18; widest band +-{self.width.max():.0%} of the damping gained, mean "
+            f"+-{self.width.mean():.0%}"
+        ]
+        rows += [
+            "places (column, row: least damping): "
+            + ", ".join(f"{column} {row}: {100 * damping:.3f} %" for column, row, damping in self.places)
+        ]
         return "\n".join([*rows, f"predicted place over best: {self.place:.3f}"])
 
 
@@ -68,10 +72,11 @@ def score(folder: Path) -> Score:
     here = [one for one in true["answers"] if (one["column"], one["row"]) == (first["column"], first["row"])]
     by_force = {one["normal_force"]: one["resonances"] for one in here}
     frequency, damping = (
-        np.array([[by_force[force][i][name] for force in told["normal_forces"]]
-                  for i in range(len(told["force_levels"]))])
+        np.array(
+            [[by_force[force][i][name] for force in told["normal_forces"]] for i in range(len(told["force_levels"]))]
+        )
         for name in ("frequency", "damping")
-    )  # fmt: skip
+    )
     places = [
         (first["column"], first["row"], float(damping.min(axis=0)[told["normal_forces"].index(first["normal_force"])]))
     ]
@@ -81,7 +86,14 @@ def score(folder: Path) -> Score:
         if one not in here
     ]
     return Score(
-        np.array(told["force_levels"]), np.array(told["normal_forces"]), frequency, damping,
-        np.array([told["frequency_low"], told["frequency_high"]]), np.array([told["damping_low"], told["damping_high"]]),
-        np.array(told["frequency"]), np.array(told["damping"]), told["bare"]["damping"], tuple(places),
-    )  # fmt: skip
+        np.array(told["force_levels"]),
+        np.array(told["normal_forces"]),
+        frequency,
+        damping,
+        np.array([told["frequency_low"], told["frequency_high"]]),
+        np.array([told["damping_low"], told["damping_high"]]),
+        np.array(told["frequency"]),
+        np.array(told["damping"]),
+        told["bare"]["damping"],
+        tuple(places),
+    )

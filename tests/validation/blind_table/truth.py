@@ -63,17 +63,28 @@ def table() -> int:
     ops.geomTransf("Linear", 1, 0, 0, 1)
     element = 0
     lines = [
-        (node(i, j), node(i + 1, j), dy * share(j, ROWS), BEND_ALONG)
-        for j in range(ROWS + 1) for i in range(COLUMNS)
-    ]  # fmt: skip
+        (node(i, j), node(i + 1, j), dy * share(j, ROWS), BEND_ALONG) for j in range(ROWS + 1) for i in range(COLUMNS)
+    ]
     lines += [
         (node(i, j), node(i, j + 1), dx * share(i, COLUMNS), BEND_ACROSS)
-        for i in range(COLUMNS + 1) for j in range(ROWS)
-    ]  # fmt: skip
+        for i in range(COLUMNS + 1)
+        for j in range(ROWS)
+    ]
     for first, second, width, bend in lines:
         element += 1
-        ops.element("elasticBeamColumn", element, first, second, THICKNESS * width, CAST_IRON, SHEAR,
-                    TWIST / SHEAR * width, bend * width / CAST_IRON, THICKNESS * width**3, 1)  # fmt: skip
+        ops.element(
+            "elasticBeamColumn",
+            element,
+            first,
+            second,
+            THICKNESS * width,
+            CAST_IRON,
+            SHEAR,
+            TWIST / SHEAR * width,
+            bend * width / CAST_IRON,
+            THICKNESS * width**3,
+            1,
+        )
     ops.rayleigh(MASS_DAMPING, 0.0, 0.0, 0.0)
     ops.uniaxialMaterial("Elastic", 1, 2e4)
     for i, j in ((0, 0), (COLUMNS, 0), (0, ROWS), (COLUMNS, ROWS)):
@@ -94,8 +105,9 @@ def spring_shares(chi: float, beta: float, count: int) -> list[tuple[float, floa
     edges = [(k / (count - 1)) ** 1.7 for k in range(count)]
     parts = []
     for low, high in pairwise(edges):
-        parts.append(((high ** (chi + 1) - low ** (chi + 1)) / (chi + 1),
-                      (high ** (chi + 2) - low ** (chi + 2)) / (chi + 2)))  # fmt: skip
+        parts.append(
+            ((high ** (chi + 1) - low ** (chi + 1)) / (chi + 1), (high ** (chi + 2) - low ** (chi + 2)) / (chi + 2))
+        )
     parts.append((last, last))
     stiffness, force = density_stiffness + last, density_force + last
     return [(k / stiffness, f / force) for k, f in parts]
@@ -113,13 +125,26 @@ def bolt_on(element: int, question: dict, column: int, row: int, normal_force: f
         ops.node(50000 + k, x, y, axis)
         length = ((at[k + 1] if k + 1 < len(at) else x) - (at[k - 1] if k else x)) / 2
         mass = STEEL_DENSITY * area * length
-        ops.mass(50000 + k, mass, mass, mass, mass * (width**2 + height**2) / 12, mass * height**2 / 12,
-                 mass * width**2 / 12)  # fmt: skip
+        ops.mass(
+            50000 + k, mass, mass, mass, mass * (width**2 + height**2) / 12, mass * height**2 / 12, mass * width**2 / 12
+        )
         if k:
             element += 1
-            ops.element("ElasticTimoshenkoBeam", element, 50000 + k - 1, 50000 + k, STEEL, STEEL_SHEAR, area,
-                        0.229 * width * height**3, width * height**3 / 12, height * width**3 / 12, 5 / 6 * area,
-                        5 / 6 * area, 1)  # fmt: skip
+            ops.element(
+                "ElasticTimoshenkoBeam",
+                element,
+                50000 + k - 1,
+                50000 + k,
+                STEEL,
+                STEEL_SHEAR,
+                area,
+                0.229 * width * height**3,
+                width * height**3 / 12,
+                height * width**3 / 12,
+                5 / 6 * area,
+                5 / 6 * area,
+                1,
+            )
     base = joint["contact_stiffness"] * (normal_force / joint["reference_force"]) ** joint["stiffness_exponent"]
     for number, (column_here, part) in enumerate(((column, 1), (column + question["holes"], BEAM_PARTS + 1))):
         friction, stiffness = factors[number]
@@ -196,10 +221,12 @@ def hammer(question: dict) -> dict:
         for number, signal in enumerate(struck(point, question["sensors"], samples, rng)):
             padded = [signal[0]] * half + signal + [signal[-1]] * half
             level = question["noise"]["force" if number == 0 else "acceleration"]
-            rows.append([
-                sum(map(mul, taps, padded[k : k + len(taps)])) + rng.gauss(0.0, level)
-                for k in range(0, samples * EVERY, EVERY)
-            ])  # fmt: skip
+            rows.append(
+                [
+                    sum(map(mul, taps, padded[k : k + len(taps)])) + rng.gauss(0.0, level)
+                    for k in range(0, samples * EVERY, EVERY)
+                ]
+            )
         records.append(rows)
     return {"sampling_rate": 1 / (STEP * EVERY), "records": records}
 
@@ -224,8 +251,9 @@ class Drive:
             ops.remove("timeSeries", self.patterns)
         self.patterns += 1
         self.frequency, self.level, self.since = frequency, level, now
-        ops.timeSeries("Trig", self.patterns, now, 1e9, 1 / frequency, "-shift", self.phase % (2 * math.pi),
-                       "-factor", level)  # fmt: skip
+        ops.timeSeries(
+            "Trig", self.patterns, now, 1e9, 1 / frequency, "-shift", self.phase % (2 * math.pi), "-factor", level
+        )
         ops.pattern("Plain", self.patterns, self.patterns)
         ops.load(self.place, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -301,9 +329,11 @@ class Drive:
         self.steady(frequency, level, SETTLED / 30)
         amplitude, work, energy = self.block(12, True)
         return {
-            "frequency": frequency, "damping": work / (4 * math.pi * energy), "amplitude": abs(amplitude),
+            "frequency": frequency,
+            "damping": work / (4 * math.pi * energy),
+            "amplitude": abs(amplitude),
             "curve": [[f, known[f].real, known[f].imag] for f in sorted(known)],
-        }  # fmt: skip
+        }
 
 
 def scatter(seed: int, std: float) -> list[tuple[float, float]]:
@@ -324,9 +354,16 @@ def swept(question: dict) -> dict:
                 one = drive.resonance(guess, level)
                 guess = one["frequency"]
                 found.append(one)
-            answers.append({"column": asked["column"], "row": asked["row"], "normal_force": normal_force,
-                            "levels": asked["levels"], "resonances": found,
-                            "s": round(time.process_time() - started, 1)})  # fmt: skip
+            answers.append(
+                {
+                    "column": asked["column"],
+                    "row": asked["row"],
+                    "normal_force": normal_force,
+                    "levels": asked["levels"],
+                    "resonances": found,
+                    "s": round(time.process_time() - started, 1),
+                }
+            )
             print(json.dumps(answers[-1])[:400], file=sys.stderr)
     return {"answers": answers, "factors": question["factors"]}
 

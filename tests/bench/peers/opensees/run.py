@@ -28,8 +28,19 @@ def build(case: dict) -> int:
         ops.fix(1000 * part, 1, 1, 1)
         for n in range(count):
             element += 1
-            ops.element("elasticBeamColumn", element, 1000 * part + n, 1000 * part + n + 1, area, case["youngs_modulus"],
-                        inertia, 1, "-mass", case["density"] * area, "-cMass")  # fmt: skip
+            ops.element(
+                "elasticBeamColumn",
+                element,
+                1000 * part + n,
+                1000 * part + n + 1,
+                area,
+                case["youngs_modulus"],
+                inertia,
+                1,
+                "-mass",
+                case["density"] * area,
+                "-cMass",
+            )
     for n in range(1, count + 1):
         for part in (1, 2):
             ops.node(1000 * part + 500 + n, length * n / count, 0.0)

@@ -25,26 +25,55 @@ def study(case: dict, harmonics: object, last: float) -> Maestro:
     step = 2 * np.pi * (case["frequencies"][1] - case["frequencies"][0])
     start = 2 * np.pi * case["frequencies"][0]
     elements = {
-        f"friction {n}": {"type": "Jenkins", "connect": {"beams": [n]}, "dirs": [0], "mu": 1.0,
-                          "N0": float(case["limits"][n]), "k": float(case["stiffness"][n])}
+        f"friction {n}": {
+            "type": "Jenkins",
+            "connect": {"beams": [n]},
+            "dirs": [0],
+            "mu": 1.0,
+            "N0": float(case["limits"][n]),
+            "k": float(case["stiffness"][n]),
+        }
         for n in range(pairs)
-    }  # fmt: skip
-    elements["force"] = {"type": "CosinusForcing", "connect": {"beams": [int(case["driven"])]}, "dirs": [0],
-                         "amp": float(case["force"])}  # fmt: skip
-    matrices = {"M": case["mass_matrix"], "C": case["damping_matrix"], "K": case["stiffness_matrix"],
-                "G": np.zeros((size, size))}  # fmt: skip
-    return Maestro({
-        "system": {"type": "Base", "nh": harmonics, "nti": 128},
-        "substructures": {"beams": {"type": "substructure", "reader": "generic", "matrix": matrices, "ndofs": 1,
-                                    "nnodes": size}},
-        "connectors": elements,
-        "kinematics": {},
-        "analysis": {"sweep": {
-            "study": "frf", "solver": "NewtonRaphson", "predictor": "secant", "corrector": "nocontinuation",
-            "reductors": [{"type": "NLdofs"}], "stepsizer": "constant", "ds0": step, "ds_max": step, "ds_min": step / 4,
-            "puls_inf": start, "puls_sup": 2 * np.pi * last + 0.5 * step, "sign_ds": 1, "verbose": False,
-        }},
-    })  # fmt: skip
+    }
+    elements["force"] = {
+        "type": "CosinusForcing",
+        "connect": {"beams": [int(case["driven"])]},
+        "dirs": [0],
+        "amp": float(case["force"]),
+    }
+    matrices = {
+        "M": case["mass_matrix"],
+        "C": case["damping_matrix"],
+        "K": case["stiffness_matrix"],
+        "G": np.zeros((size, size)),
+    }
+    return Maestro(
+        {
+            "system": {"type": "Base", "nh": harmonics, "nti": 128},
+            "substructures": {
+                "beams": {"type": "substructure", "reader": "generic", "matrix": matrices, "ndofs": 1, "nnodes": size}
+            },
+            "connectors": elements,
+            "kinematics": {},
+            "analysis": {
+                "sweep": {
+                    "study": "frf",
+                    "solver": "NewtonRaphson",
+                    "predictor": "secant",
+                    "corrector": "nocontinuation",
+                    "reductors": [{"type": "NLdofs"}],
+                    "stepsizer": "constant",
+                    "ds0": step,
+                    "ds_max": step,
+                    "ds_min": step / 4,
+                    "puls_inf": start,
+                    "puls_sup": 2 * np.pi * last + 0.5 * step,
+                    "sign_ds": 1,
+                    "verbose": False,
+                }
+            },
+        }
+    )
 
 
 def sweep(case: dict, harmonics: object, last: float) -> tuple[float, Maestro]:
@@ -71,10 +100,12 @@ def main(path: str, result: str) -> None:
         grid = maestro.system.expl_dofs
         place = grid.index[(grid["node_num"] == int(case["driven"])) & (grid["harm"] == 1)].to_numpy()
         out[name] = {
-            "cpu": cpu / len(solved), "points": len(points), "accepted": len(solved),
+            "cpu": cpu / len(solved),
+            "points": len(points),
+            "accepted": len(solved),
             "frequencies": [float(point.x[-1] / 2 / np.pi) for point in solved],
             "amplitudes": [float(np.hypot(*point.x[place])) for point in solved],
-        }  # fmt: skip
+        }
         Path(result).write_text(json.dumps(out))
 
 

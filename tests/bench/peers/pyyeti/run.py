@@ -29,9 +29,15 @@ def identify(case):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return ERA(
-            impulse[:keep].transpose(1, 0, 2), 2 * span, svd_tol=int(case.order) * 2, auto=True, alpha=rows,
-            beta=columns, verbose=False, show_plot=False,
-        )  # fmt: skip
+            impulse[:keep].transpose(1, 0, 2),
+            2 * span,
+            svd_tol=int(case.order) * 2,
+            auto=True,
+            alpha=rows,
+            beta=columns,
+            verbose=False,
+            show_plot=False,
+        )
 
 
 def select(case, era):

@@ -14,9 +14,15 @@ for _ in range(repeats):
     start = time.perf_counter(), time.process_time()
     for point in signals:
         model = FRF(
-            rate, exc=point[:, 0], resp=point[:, 1:], exc_type="f", resp_type="a", window="none", frf_estimator="H1",
+            rate,
+            exc=point[:, 0],
+            resp=point[:, 1:],
+            exc_type="f",
+            resp_type="a",
+            window="none",
+            frf_estimator="H1",
             copy=False,
-        )  # fmt: skip
+        )
         frfs, coherence = model.get_FRF(frf_form="accelerance"), model.get_coherence()
     wall.append(time.perf_counter() - start[0])
     cpu.append(time.process_time() - start[1])
