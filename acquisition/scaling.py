@@ -1,7 +1,7 @@
 """From the channels of a file and the channel table to channels with DOFs, and the factors that make them SI."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from acquisition.campaign_file import ChannelTable
 from ema.data import Channel, FrfSet, Recording
 from ema.dof import Dof
 from ema.errors import EmaError, InputError, UnitError
-from ema.units import FRF_OF_RESPONSE, FRF_UNIT, QUANTITIES, SI_UNIT, UNSTATED
+from ema.units import FRF_OF_RESPONSE, FRF_UNIT, QUANTITIES, SI_UNIT, UNSTATED, Quantity
 
 
 @dataclass(frozen=True)
@@ -155,8 +155,8 @@ def rescaled(line: Line, new: str, was: str, where: str) -> Line:
     volts = _is_sensitivity(new)
     channel = replace(
         line.channel,
-        quantity=quantity,
-        unit=SI_UNIT[quantity],  # type: ignore[arg-type]
+        quantity=cast(Quantity, quantity),
+        unit=SI_UNIT[quantity],
         sensitivity=1 / factor if volts else line.channel.sensitivity,
     )
     return replace(line, channel=channel, factor=line.factor * factor / old_factor, stated=new)
