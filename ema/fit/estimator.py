@@ -45,11 +45,14 @@ The residual terms are eliminated first, with a condition of 1e6 at most (`ema.f
 1e-16. At twice the value the standard deviation of a pole that keeps 1e-6 of its information changes by 5e-4.
 """
 RANK = 1e-8
-"""Part of the energy of a pole's function that nothing else in the model describes, below which the pole is taken out.
+"""Part of the energy of a pole's function that nothing else in the model describes, below which it is taken out
+unless the data need it, as they may need the last of a row of resonances just outside the band.
 
-Its residue is then uncertain by 1000 times what noise does to a single one, its place is not determined, and nothing
-else needs it. As long as it is in a fit, it stands still.
+Its residue is then uncertain by 10,000 times what noise does to a single one. Below `ROUNDING` its place is not
+determined, and it stands still.
 """
+DOUBT = 2.0
+"""Standard deviations above the mean of what noise gives to as many unknowns, within which these are left out."""
 FARTHEST = 0.7
 """Step of a pole, over its decay rate, beyond which the linearisation says nothing."""
 SLOWEST = 0.1
@@ -61,7 +64,7 @@ _CANCELLED = 1e-6
 """Part of the cost at the start below which the cost at the optimum, a difference, is computed again from there."""
 _BLOCK = 2_000_000
 """Products of functions that are worked on at a time."""
-_VALUES = 400_000
+VALUES = 400_000
 """Values of the FRFs that are worked on at a time."""
 
 
@@ -112,7 +115,7 @@ class Observations:
 
     def blocks(self) -> Iterator[tuple[Complex[np.ndarray, "r m in k"], Float[np.ndarray, "r 1 in k"]]]:
         """Signals and weights of some rows at a time."""
-        for rows in self.row_blocks(self.signals[0].size, _VALUES):
+        for rows in self.row_blocks(self.signals[0].size, VALUES):
             yield self.signals[rows], self.weights[rows, None]
 
     def row_blocks(self, size: int, most: int) -> list[slice]:
@@ -288,12 +291,13 @@ class _Evaluation:
             hermitian += np.sum(p * (turned.conj() @ psi), axis=0)
             symmetric += np.sum(q * (turned @ psi), axis=0)
             lean[some] = own_lean
-        if energy - gain < _CANCELLED * energy and not again:
+        cancelled = energy - gain < _CANCELLED * energy
+        if cancelled and not again:
             return self.at(new_shapes, new_rest, again=True)
         information = model.real_form(hermitian, symmetric)
         # An error of the eliminated shapes' matrix M returns as slope^T dM slope in the information.
         rounding = 0.1 * ROUNDING * (np.tile(before, 2) + lost)
-        idle = np.tile(share[owners] < RANK, 2) | (np.diag(information) <= rounding)
+        idle = np.tile(share[owners] < ROUNDING, 2) | (np.diag(information) <= rounding)
         information[idle], information[:, idle] = 0, 0
         gradient.real[idle[:unknowns]] = 0
         gradient.imag[idle[unknowns:]] = 0
@@ -303,7 +307,8 @@ class _Evaluation:
             terms=self.terms,
             shapes=new_shapes,
             rest=new_rest,
-            cost=max(energy - gain, 0.0),
+            # At an optimum there is nothing left to gain: what still cancels there has no digits.
+            cost=energy if cancelled else energy - gain,
             information=0.5 * (information + information.T),
             gradient=np.concatenate([gradient.real, gradient.imag]),
             before=np.tile(before, 2),
@@ -613,14 +618,24 @@ def drop(data: Observations, fit: Fit, keep: np.ndarray) -> Fit:
 
 
 def determined(data: Observations, fit: Fit) -> Fit:
-    """The fit without poles that the rest of the model describes (`RANK`), or that do not oscillate."""
+    """The fit without poles that do not oscillate, and without those that the rest of the model describes (`RANK`)
+    where it describes the data as well without them, once what stays has adapted.
+    """
+    needed = np.zeros(len(fit.poles), bool)
     while True:
-        known = (fit.share >= RANK) & (fit.poles.imag > 0)
+        oscillates = fit.poles.imag > 0
+        known = oscillates & ((fit.share >= RANK) | needed)
         if known.all():
             return fit
         # Of several that describe each other all but one may have to stay.
-        known |= fit.share > np.min(np.where(known, np.inf, fit.share), initial=np.inf)
-        fit = drop(data, fit, known)
+        known |= oscillates & (fit.share > np.min(fit.share, where=~known, initial=np.inf))
+        fewer = refine(data, drop(data, fit, known))
+        unknowns = fit.unknowns() - fewer.unknowns()
+        of_noise = fit.variance_factor(data) * (unknowns + DOUBT * np.sqrt(2 * unknowns))
+        if oscillates[~known].all() and fewer.cost - fit.cost > of_noise:
+            needed |= ~known
+        else:
+            fit, needed = fewer, needed[known]
 
 
 def with_modes(
@@ -656,7 +671,7 @@ def profile(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "in line"],
     which noise leaves near 0 and a misfit near the square, over all FRFs.
     """
     power, together = np.zeros(data.weights.shape[1:]), np.zeros(len(data.s))
-    for rows in data.row_blocks(data.signals[0].size, _VALUES):
+    for rows in data.row_blocks(data.signals[0].size, VALUES):
         weighted = residual(data, fit, rows) * np.sqrt(data.weights[rows, None])
         power += np.sum(_power(weighted), axis=(0, 1))
         together[:-1] += np.sum((weighted[..., 1:] * weighted[..., :-1].conj()).real, axis=(0, 1, 2))

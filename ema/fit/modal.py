@@ -15,16 +15,19 @@ from ema.fit.acceptance import Verdict, judge, surplus
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
 from ema.fit.estimator import Fit
+from ema.fit.narrow import unseen
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.record_end import as_recorded, of_whole_vibration
 from ema.fit.refinement import Refined, refined
 from ema.fit.scaling import scale_to_unit_modal_mass
-from ema.fit.selection import Dropped, reduced, select
+from ema.fit.selection import Dropped, extended, reduced, select
 from ema.fit.stabilisation import stabilise
 from ema.fit.uncertainty import PoleErrors
 from ema.progress import Progress, advance, silent
 
+_SEARCHES = 2
+"""How often single lines are searched for narrow peaks: a strong one may hide another one."""
 _NAMED = 10
 """Poles left out of the fit that are named one by one."""
 
@@ -247,8 +250,16 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
     advance(progress, "selection of modes", 0, 2)
     chosen = select(data, poles, band.added_decay)
     advance(progress, "residues", 1, 2)
+    searches = _SEARCHES
     while True:
         optimum = refined(band, data, chosen)
+        if searches and chosen.trusted and not optimum.misfit:
+            searches -= 1
+            more, vectors = unseen(optimum.data, optimum.fit, poles.band)
+            if len(more):
+                chosen = extended(data, chosen, poles.band, more, vectors)
+                continue
+            searches = 0
         errors = uncertainty.errors_of(optimum)
         # A pole of the background may have taken the place of a mode on the way.
         possible, alone = like_modes(optimum.fit.poles, poles.band), chosen.alone[optimum.kept]

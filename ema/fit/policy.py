@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import scipy.stats
+
 
 @dataclass(frozen=True, kw_only=True)
 class SelectionPolicy:
@@ -72,3 +74,10 @@ class SelectionPolicy:
 
 POLICY = SelectionPolicy()
 """The policy of this version."""
+
+
+def passes_for_mode(freedom: int, lines: int) -> float:
+    """Energy that a mode of so many unknowns fitted to noise exceeds somewhere in the band with the false-alarm
+    probability.
+    """
+    return float(scipy.stats.chi2.isf(POLICY.false_alarm / lines, freedom))

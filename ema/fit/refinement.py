@@ -20,8 +20,6 @@ _AT_ONCE = 400_000
 """Values that are worked on at a time."""
 _ROUNDS = 5
 """Optima at which the poles are judged again."""
-_DOUBT = 2.0
-"""Standard deviations above the mean of what noise gives to as many unknowns, within which terms are left out."""
 _ITERATIONS, _CONVERGED, _LOOSE = 25, 1e-13, 1e-4
 """Steps to the optimum at most, what they may still promise for each unknown in units of the noise (a millionth of a
 standard deviation), and the information that holds the unknowns in their place (`estimator.refine`)."""
@@ -40,7 +38,7 @@ class Refined:
     (mode,) that of shapes: residual energy over that of the assumed noise, times the loss by errors that are correlated
     over lines, times that of a misfit at the peaks, and for poles at least what changes between lines, outputs and
     impacts. ``loss`` (mode,) is the variance of a pole over that for errors independent from line to line; ``basis``
-    says in words what the noise level rests on.
+    says in words what the noise level rests on, ``misfit`` whether the residual is no noise.
     """
 
     fit: Fit
@@ -51,6 +49,7 @@ class Refined:
     inflation_of_shapes: Float[np.ndarray, "mode"]
     loss: Float[np.ndarray, "mode"]
     basis: str
+    misfit: bool
 
 
 def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
@@ -91,7 +90,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     # At its lower bound a decay rate may as well be anything below: it is known to itself, which is the prior.
     bounded = -fit.poles.real <= (1 + 1e-6) * estimator.narrowest(flat, fit.poles)
     inflation[:modes][bounded] = _UNKNOWN
-    return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis)
+    return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis, misfit)
 
 
 def _determined(flat: Observations, fit: Fit, kept: Int[np.ndarray, "mode"]) -> tuple[Fit, Int[np.ndarray, "left"]]:
@@ -165,7 +164,7 @@ def _spared(flat: Observations, fit: Fit) -> Fit:
         fewer = estimator.with_terms(flat, fit, max(fit.rest.shape[-1] - 2, 0))
         count = fit.rest.size - fewer.rest.size
         lost = (fewer.cost - _promised(fewer)) - (fit.cost - gained)
-        if lost > noise * (count + _DOUBT * np.sqrt(2 * count)):
+        if lost > noise * (count + estimator.DOUBT * np.sqrt(2 * count)):
             break
         fit, gained = fewer, _promised(fewer)
     return fit
@@ -207,7 +206,7 @@ def _needless(
     unknowns = 2 * (data.outputs + data.references)
     mode = search.passes_for_mode(unknowns, len(data.s)) * search.caution(fit.poles, fit.poles, data.line)
     is_mode = chosen.possible[kept]
-    share = gain / np.where(is_mode, mode, unknowns + _DOUBT * np.sqrt(2 * unknowns))
+    share = gain / np.where(is_mode, mode, unknowns + estimator.DOUBT * np.sqrt(2 * unknowns))
     gone: list[int] = []
     for k in np.argsort(share):
         if share[k] > 1:

@@ -10,7 +10,8 @@ from ema.data import damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
-from ema.fit.policy import POLICY
+from ema.fit.narrow import caution, tones
+from ema.fit.policy import POLICY, passes_for_mode
 
 MISFIT = 0.2
 """Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told."""
@@ -20,8 +21,6 @@ _AT_ONCE = 6
 
 _WORTHWHILE = 0.1
 """Progress of a round, in units of what a mode has to gain, that is worth another one."""
-_NARROW, _CAUTION = 3.0, 2.0
-"""Bandwidth in lines below which a pole on another one's peak must explain more, and how much more."""
 _WITHIN_REACH = 4.0
 """Loss by a pole left out, in the same units, that further steps may still make good."""
 _FAILURES = 2
@@ -34,11 +33,8 @@ _CHANCE = 0.01
 """Probability with which noise alone passes for a resonance outside the band."""
 
 
-def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int, hidden: bool) -> Fit:
-    """Add modes that the residual still shows, the strongest first, as long as noise and misfit cannot explain them.
-
-    ``hidden`` admits modes without a peak of their own even where the residual is a misfit.
-    """
+def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int) -> Fit:
+    """Add modes that the residual still shows, the strongest first, as long as noise and misfit cannot explain them."""
     references, outputs = data.references, data.outputs
     freedom = 2 * outputs * references
     limit = passes_for_mode(freedom, len(data.s))
@@ -52,20 +48,19 @@ def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int,
         factor = max(fit.variance_factor(data), 1e-300)
         gain, vectors = trial_gains(data, fit, trials)
         required = np.full(len(trials), limit * factor)
-        if not hidden:
-            typical = np.median(gain[:net].reshape(-1, len(_TRIAL_DAMPING)), axis=0) / (factor * freedom)
-            required[:net] *= np.tile(np.maximum(typical, 1), net // len(_TRIAL_DAMPING))
-            required[net:] *= max(1.0, float(typical.max()))
-            # What takes a fifth of the whole residual away is no decoration of a misfit: it is a missed mode.
-            required = np.minimum(required, max(0.2 * fit.cost, limit * factor))
-        chosen = _apart(trials, gain / required, 3 if hidden else 1)
+        typical = np.median(gain[:net].reshape(-1, len(_TRIAL_DAMPING)), axis=0) / (factor * freedom)
+        required[:net] *= np.tile(np.maximum(typical, 1), net // len(_TRIAL_DAMPING))
+        required[net:] *= max(1.0, float(typical.max()))
+        # What takes a fifth of the whole residual away is no decoration of a misfit: it is a missed mode.
+        required = np.minimum(required, max(0.2 * fit.cost, limit * factor))
+        chosen = _apart(trials, gain / required, 1)
         if not chosen:
             break
         larger = estimator.with_modes(data, fit, trials[chosen], vectors[chosen])
         larger = estimator.refine(data, larger, iterations=25)
         if fit.cost - larger.cost < required[chosen].min() or np.any(larger.poles.real >= 0):
             break
-        if not hidden and correlation > MISFIT and estimator.dominance(data, larger)[-1] < POLICY.visible:
+        if correlation > MISFIT and estimator.dominance(data, larger)[-1] < POLICY.visible:
             break
         fit = larger
     return fit
@@ -75,12 +70,12 @@ def complete(data: Observations, fit: Fit, band: tuple[float, float], rounds: in
     """Add modes as long as each lowers the cost by more than noise alone would, and take out what they replace.
 
     Takes the residual for noise. Gains are those of one more mode, not of a free residue matrix: with several
-    references a weak mode stands out much better. With more than ``enough`` poles the residual is no noise, and the
-    search ends.
+    references a weak mode stands out much better. With more than ``enough`` poles that make no peak of their own the
+    residual is no noise, and the search ends.
     """
     most, tried = _AT_ONCE, np.zeros(0, complex)
     for _ in range(rounds):
-        if len(fit.poles) > enough:
+        if hidden(data, fit) > enough:
             break
         noise = Noise.of(data, fit)
         trials = np.concatenate([_trials(band, _peaks(data, noise.power.mean(axis=0))), _around(fit, band)])
@@ -102,6 +97,11 @@ def complete(data: Observations, fit: Fit, band: tuple[float, float], rounds: in
             if len(tried) > _FAILURES:
                 break
     return fit
+
+
+def hidden(data: Observations, fit: Fit) -> int:
+    """Number of poles that make no peak of their own."""
+    return int(np.count_nonzero(estimator.dominance(data, fit) < POLICY.visible))
 
 
 def beyond(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
@@ -179,28 +179,6 @@ class Noise:
         return self.required * np.maximum(level, 1) * caution(poles, fit.poles, line)
 
 
-def caution(
-    poles: Complex[np.ndarray, "pole"], others: Complex[np.ndarray, "other"], line: float
-) -> Float[np.ndarray, "pole"]:
-    """How much more than usual poles have to explain: narrow ones that sit on the narrow peak of another one.
-
-    There noise is largest, and the few lines of the peak tell it badly. ``line`` is the distance of lines in the unit
-    of the poles.
-    """
-    peaks = others[-2 * others.real < 10 * line]
-    distance = np.abs(poles[:, None] - peaks[None, :])
-    distance[distance == 0] = np.inf
-    on_peak = np.any(distance < 3 * np.abs(peaks.real), axis=1)
-    return np.where(on_peak & (-2 * poles.real < _NARROW * line), _CAUTION, 1.0)
-
-
-def passes_for_mode(freedom: int, lines: int) -> float:
-    """Energy that a mode of so many unknowns fitted to noise exceeds somewhere in the band with the false-alarm
-    probability.
-    """
-    return float(scipy.stats.chi2.isf(POLICY.false_alarm / lines, freedom))
-
-
 def _settled(data: Observations, fit: Fit, required: float) -> Fit:
     """Refined until further steps gain next to nothing of what a mode does."""
     for _ in range(6):
@@ -230,8 +208,8 @@ def prune(
             for k in np.flatnonzero(gain <= needed)
         }
         if not reasons and dropped is not None:
-            alone = _single_lines(data, fit, noise.required)
-            reasons = dict.fromkeys(alone, "it lives in one frequency line and its neighbours")
+            narrow = np.flatnonzero(-2 * fit.poles.real <= data.line)
+            reasons = dict.fromkeys(tones(data, fit, narrow), "it lives in one frequency line and its neighbours")
         weakest = sorted(reasons, key=lambda k: gain[k] / needed[k])[: (len(reasons) + 2) // 3]
         if weakest:
             smaller = _without(data, fit, weakest, 3)
@@ -251,17 +229,6 @@ def _without(data: Observations, fit: Fit, gone: list[int], iterations: int) -> 
     keep = np.ones(len(fit.poles), bool)
     keep[gone] = False
     return estimator.refine(data, estimator.drop(data, fit, keep), iterations)
-
-
-def _single_lines(data: Observations, fit: Fit, required: float) -> list[int]:
-    """Poles narrower than a line that explain nothing without the three lines they stand on: mains and such."""
-    found = []
-    for k in np.flatnonzero(-2 * fit.poles.real <= data.line):
-        masked = data.without_lines(float(fit.poles[k].imag))
-        alone = estimator.evaluate(masked, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
-        if estimator.gains(alone)[k] < required:
-            found.append(int(k))
-    return found
 
 
 def _merged(

@@ -15,11 +15,12 @@ from ema.data import PoleTable, damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import Candidates, inside, like_modes, of_table, zoom
 from ema.fit.estimator import Fit, Observations
+from ema.fit.narrow import tones
 from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
-from ema.fit.policy import POLICY
+from ema.fit.policy import POLICY, passes_for_mode
 from ema.fit.prepare import Prepared
-from ema.fit.search import MISFIT, Noise, beyond, complete, misfit, passes_for_mode, prune, search
+from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prune, search
 
 _ROUNDS = 100
 _SPREAD = 2.0
@@ -47,9 +48,8 @@ class Selection:
     """Poles of the band and of its surroundings, refined together on compressed data.
 
     ``starts`` are the bins of ``data``; ``possible`` (pole,) marks those that can be modes (in the band, oscillating);
-    ``persistence`` (pole,) is the share of the model orders that show each; ``alone`` (pole,) the probability that no
-    other mode hides under it; ``trusted`` says that the residual is noise; ``dropped`` are poles that are not in the
-    fit any more.
+    ``alone`` (pole,) is the probability that no other mode hides under each; ``trusted`` says that the residual is
+    noise; ``dropped`` are poles that are not in the fit any more.
     """
 
     fit: Fit
@@ -57,7 +57,6 @@ class Selection:
     noise: NoiseLevel
     starts: Int[np.ndarray, "bin"]
     possible: Bool[np.ndarray, "pole"]
-    persistence: Float[np.ndarray, "pole"]
     alone: Float[np.ndarray, "pole"]
     trusted: bool
     dropped: tuple[Dropped, ...] = ()
@@ -95,10 +94,27 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
         noise=result.noise,
         starts=result.starts,
         possible=possible,
-        persistence=_persistence(fit, everything),
         alone=alone,
         trusted=trusted,
         dropped=tuple(lost),
+    )
+
+
+def extended(
+    prepared: Prepared,
+    chosen: Selection,
+    band: tuple[float, float],
+    poles: Complex[np.ndarray, "new"],
+    vectors: Complex[np.ndarray, "new in"],
+) -> Selection:
+    """The selection with further poles and their participation, in bins that are fine enough for these."""
+    state = _State(chosen.data, chosen.noise, chosen.starts, chosen.fit)
+    state = _rebinned(prepared, state, estimator.with_modes(chosen.data, chosen.fit, poles, vectors))
+    fit = estimator.determined(state.data, estimator.refine(state.data, state.fit))
+    possible = like_modes(fit.poles, band)
+    alone = _alone(state.data, fit, band, possible) if chosen.trusted else np.ones(len(fit.poles))
+    return replace(
+        chosen, fit=fit, data=state.data, noise=state.noise, starts=state.starts, possible=possible, alone=alone
     )
 
 
@@ -112,7 +128,6 @@ def reduced(chosen: Selection, gone: Int[np.ndarray, "gone"], reason: str) -> Se
         chosen,
         fit=fit,
         possible=chosen.possible[keep],
-        persistence=chosen.persistence[keep],
         alone=chosen.alone[keep],
         dropped=(*chosen.dropped, *dropped),
     )
@@ -127,9 +142,9 @@ def _trusting(
     state = state.with_fit(prune(state.data, state.fit, Noise.of(state.data, state.fit), gone))
     before = len(state.fit.poles)
     # A misfit can be decorated with poles until it looks like noise; then most of them come from the search.
-    enough = max(before + 3, 1.5 * before)
+    enough = hidden(state.data, state.fit) + max(3, 0.5 * before)
     state = _grown(prepared, state, band, enough)
-    if len(state.fit.poles) > enough or estimator.correlation(state.data, state.fit) > MISFIT:
+    if hidden(state.data, state.fit) > enough or estimator.correlation(state.data, state.fit) > MISFIT:
         return None
     grown = len(state.fit.poles) != before
     state = _reweight(state, 12)
@@ -143,7 +158,7 @@ def _trusting(
         for pole, why in gone
         if inside(np.array([pole]), band)[0] and damping_ratios(np.array([pole]))[0] <= POLICY.heaviest
     ]
-    if len(state.fit.poles) > enough or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
+    if hidden(state.data, state.fit) > enough or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
         return None
     return state.with_fit(beyond(state.data, estimator.determined(state.data, state.fit), band))
 
@@ -151,8 +166,13 @@ def _trusting(
 def _grown(prepared: Prepared, state: "_State", band: tuple[float, float], enough: float) -> "_State":
     """Modes added that the residual shows; the bins are made anew where these need finer ones."""
     fit = complete(state.data, state.fit, band, rounds=8 + len(state.fit.poles) // 4, enough=enough)
-    if len(fit.poles) == len(state.fit.poles) or len(fit.poles) > enough:
+    if len(fit.poles) == len(state.fit.poles) or hidden(state.data, fit) > enough:
         return state.with_fit(fit)
+    return _rebinned(prepared, state, fit)
+
+
+def _rebinned(prepared: Prepared, state: "_State", fit: Fit) -> "_State":
+    """A fit on bins made for its poles; each line has the noise of its bin."""
     noise = np.repeat(state.noise.lines, np.diff(np.append(state.starts, len(prepared.frequencies))))
     prepared = replace(prepared, noise=replace(prepared.noise, lines=noise))
     return _observe(prepared, Candidates(fit.poles, fit.participation, np.ones(len(fit.poles))))
@@ -163,11 +183,11 @@ def _doubting(state: "_State", candidates: Candidates, band: tuple[float, float]
     weighted = _reweight(state, 3)
     weighted = weighted.with_fit(_eliminate(weighted.data, weighted.fit, candidates, band, dropped))
     if inside(weighted.fit.poles, band).any():
-        weighted = weighted.with_fit(search(weighted.data, weighted.fit, band, rounds=12, hidden=False))
+        weighted = weighted.with_fit(search(weighted.data, weighted.fit, band, rounds=12))
     else:
         # No model order shows a mode: noise that grows with the FRF itself does that. Search before weights hide it.
         outside = estimator.drop(state.data, state.fit, ~inside(state.fit.poles, band))
-        weighted = _reweight(state.with_fit(search(state.data, outside, band, rounds=12, hidden=False)), 3)
+        weighted = _reweight(state.with_fit(search(state.data, outside, band, rounds=12)), 3)
         weighted = weighted.with_fit(_eliminate(weighted.data, weighted.fit, candidates, band, dropped))
     weighted = _reweight(weighted, 12)
     final = _eliminate(weighted.data, weighted.fit, candidates, band, dropped)
@@ -255,9 +275,7 @@ def _eliminate(
             int(k): f"it explains {gain[k] / required[k]:.2g} times what noise and misfit would"
             for k in np.flatnonzero(gain <= required)
         }
-        reasons |= dict.fromkeys(
-            _spurs(data, fit, band, limit * factor), "it lives in one frequency line and its neighbours"
-        )
+        reasons |= dict.fromkeys(_spurs(data, fit, band), "it lives in one frequency line and its neighbours")
         # Leaving one out can make another one needed, so the weaker ones go first.
         weakest = sorted(reasons, key=lambda k: gain[k] / required[k])[: (len(reasons) + 2) // 3]
         reasons = {k: reasons[k] for k in weakest}
@@ -284,22 +302,15 @@ def _eliminate(
     return fit
 
 
-def _spurs(data: Observations, fit: Fit, band: tuple[float, float], required: float) -> list[int]:
-    """Poles as narrow as the lines allow that explain nothing without the three lines they stand on: mains and such;
-    and narrow ones that sit on somebody else's peak, where noise is largest.
-    """
+def _spurs(data: Observations, fit: Fit, band: tuple[float, float]) -> list[int]:
+    """Tones, and narrow poles that sit on somebody else's peak, where noise is largest."""
     floor = data.narrowest_decay
     found = []
     narrow = inside(fit.poles, band) & (-fit.poles.real <= _LINES * floor / estimator.NARROWEST)
     if narrow.any():
         found = [int(k) for k in np.flatnonzero(narrow & (estimator.dominance(data, fit) < POLICY.visible))]
-    narrowest = inside(fit.poles, band) & (-fit.poles.real <= 1.05 * floor)
-    for k in np.setdiff1d(np.flatnonzero(narrowest), found):
-        masked = data.without_lines(float(fit.poles[k].imag))
-        alone = estimator.evaluate(masked, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
-        if estimator.gains(alone)[k] < required:
-            found.append(int(k))
-    return found
+    narrowest = np.flatnonzero(inside(fit.poles, band) & (-fit.poles.real <= 1.05 * floor))
+    return [*found, *tones(data, fit, np.setdiff1d(narrowest, found))]
 
 
 def _collinearity(fit: Fit) -> Float[np.ndarray, "pole"]:

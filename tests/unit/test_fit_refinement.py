@@ -42,7 +42,6 @@ def test_a_pole_in_the_noise_of_a_peak_is_dropped_and_told(seed):
         fit=larger,
         possible=np.append(chosen.possible, True),
         alone=np.append(chosen.alone, 1.0),
-        persistence=np.append(chosen.persistence, 1.0),
     )
     optimum = refined(measured, data, spoiled)
     assert len(spoiled.fit.poles) - 1 not in optimum.kept, "the added pole"
