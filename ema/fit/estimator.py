@@ -535,6 +535,8 @@ def refine(
     for _ in range(iterations if len(start.poles) else 0):
         step = _step(data, fit, damping, prior)
         promised = float(step @ (2 * fit.gradient - fit.information @ step))
+        if damping == 0 and promised < tolerance * len(step) * fit.variance_factor(data):
+            break
         trial = _moved(data, fit, step)
         if not trial.cost <= (1 + _ROUNDED) * fit.cost:
             damping = max(10 * damping, 1e-2)
@@ -542,9 +544,9 @@ def refine(
                 break
             continue
         damping = damping / 10 if damping > 1e-2 else 0.0
-        gained, noise = fit.cost - trial.cost, trial.variance_factor(data)
+        gained = fit.cost - trial.cost
         fit = trial
-        if max(promised, gained) < tolerance * len(step) * noise or gained < 1e-6 * tolerance * fit.cost:
+        if gained < 1e-6 * tolerance * fit.cost:
             break
     return fit
 

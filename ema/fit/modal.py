@@ -360,7 +360,7 @@ def _model(
             if verdict.possible[pole] and not verdict.accepted[pole]
         ),
         condition=band.condition,
-        provenance=band.provenance,
+        provenance=replace(band.provenance, options=(*band.provenance.options, *POLICY.options())),
         name=band.name,
     )
     model = scale_to_unit_modal_mass(model) if band.scaled else model

@@ -1,6 +1,6 @@
 """What decides about modes: every threshold of the selection with its meaning and where it comes from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import scipy.stats
 
@@ -70,6 +70,12 @@ class SelectionPolicy:
     near: float = 0.01
     dominant: float = 0.5
     large: float = 0.01
+
+    def options(self) -> tuple[tuple[str, str], ...]:
+        """Every threshold as name and value, for the provenance of a result."""
+        return tuple(
+            (f"selection: {each.name.replace('_', ' ')}", str(getattr(self, each.name))) for each in fields(self)
+        )
 
 
 POLICY = SelectionPolicy()

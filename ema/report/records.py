@@ -34,14 +34,30 @@ def _provenance(result: StudyResult, book: Book) -> list[Block]:
     if own.versions:
         blocks.append(book.table("versions", "Software.", ("Package", "Version"), own.versions))
     options = [("study", *option) for option in own.options]
-    for run in result.runs:
-        options += [(f"{run.run.id}, FRFs", *option) for option in run.frfs.provenance.options]
-        options += [(f"{run.run.id}, fit", *option) for option in run.modes.provenance.options]
+    options += _settings("FRFs", {run.run.id: run.frfs.provenance.options for run in result.runs})
+    # Modes carry the settings of their FRFs with them.
+    options += _settings(
+        "fit",
+        {
+            run.run.id: tuple(each for each in run.modes.provenance.options if each not in run.frfs.provenance.options)
+            for run in result.runs
+        },
+    )
     if options:
         blocks.append(book.table("options", "Settings, defaults included.", ("Where", "Setting", "Value"), options))
     blocks += [Text(f"Steps: {' → '.join(own.steps)}.")] if own.steps else []
     blocks += [Text(f"Computed {_moment(own)}.")] if own.created else []
     return blocks or [Text("No provenance was recorded.", missing=True)]
+
+
+def _settings(what: str, of_runs: dict[str, tuple[tuple[str, str], ...]]) -> list[tuple[str, str, str]]:
+    """Rows of the table of settings: those of all runs once, the others by run."""
+    common = [option for option in next(iter(of_runs.values()), ()) if all(option in each for each in of_runs.values())]
+    everywhere = f"all runs, {what}" if len(of_runs) > 1 else f"{next(iter(of_runs), '')}, {what}"
+    rows = [(everywhere, *option) for option in dict.fromkeys(common)]
+    for run, options in of_runs.items():
+        rows += [(f"{run}, {what}", *option) for option in options if option not in common]
+    return rows
 
 
 def _moment(own: Provenance) -> str:

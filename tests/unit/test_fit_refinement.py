@@ -1,5 +1,6 @@
 """Refinement with a noise level for every line of every FRF: what stays, what is dropped, what the intervals rest on."""
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from ema.errors import InputError
 from ema.fit import estimator, modes, stabilise
+from ema.fit.policy import SelectionPolicy
 from ema.fit.prepare import prepare
 from ema.fit.refinement import refined
 from ema.fit.selection import select
@@ -105,3 +107,10 @@ def test_the_refinement_is_never_worse_than_its_start():
     fit = refined(measured, data, select(data, table)).fit
     inside = (np.abs(fit.poles) > 2 * np.pi * 100) & (np.abs(fit.poles) < 2 * np.pi * 200)
     np.testing.assert_allclose(np.sort_complex(fit.poles[inside]), np.sort_complex(truth.poles[1:3]), rtol=1e-6)
+
+
+def test_every_threshold_of_the_selection_is_in_the_provenance():
+    measured = frfs(three(), 100, 200, 801, noise=0.01)
+    stated = dict(modes(measured, poles_over(measured)).provenance.options)
+    for each in dataclasses.fields(SelectionPolicy):
+        assert stated[f"selection: {each.name.replace('_', ' ')}"] == str(each.default)
