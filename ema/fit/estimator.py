@@ -619,16 +619,16 @@ def drop(data: Observations, fit: Fit, keep: np.ndarray) -> Fit:
     return evaluate(data, fit.poles[keep], fit.participation[:, keep], fit.terms, start)
 
 
-def determined(data: Observations, fit: Fit) -> Fit:
+def determined(data: Observations, fit: Fit) -> tuple[Fit, Int[np.ndarray, "kept"]]:
     """The fit without poles that do not oscillate, and without those that the rest of the model describes (`RANK`)
-    where it describes the data as well without them, once what stays has adapted.
+    where it describes the data as well without them, once what stays has adapted; and which poles stay.
     """
-    needed = np.zeros(len(fit.poles), bool)
+    needed, kept = np.zeros(len(fit.poles), bool), np.arange(len(fit.poles))
     while True:
         oscillates = fit.poles.imag > 0
         known = oscillates & ((fit.share >= RANK) | needed)
         if known.all():
-            return fit
+            return fit, kept
         # Of several that describe each other all but one may have to stay.
         known |= oscillates & (fit.share > np.min(fit.share, where=~known, initial=np.inf))
         fewer = refine(data, drop(data, fit, known))
@@ -637,7 +637,7 @@ def determined(data: Observations, fit: Fit) -> Fit:
         if oscillates[~known].all() and fewer.cost - fit.cost > of_noise:
             needed |= ~known
         else:
-            fit, needed = fewer, needed[known]
+            fit, needed, kept = fewer, needed[known], kept[known]
 
 
 def with_modes(

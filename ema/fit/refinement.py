@@ -58,15 +58,17 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     start = _start(flat, data, chosen)
     known, basis = _known(band, data)
     misfit = _misfit(flat, start, data.derivative, known)
-    start = _optimum(flat, start)
+    # What nothing needs is not free to go somewhere else.
+    fit, kept = estimator.determined(flat, start)
+    fit = _optimum(flat, fit)
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
-    fit, kept = start, np.arange(len(start.poles))
     dropped: tuple[Dropped, ...] = ()
     # Few values: what the start was still off by shows in their noise.
     again = 2 if known is None and not misfit and flat.signals.size <= _ENOUGH else 1
     for turn in range(_ROUNDS):
-        fit, kept = _determined(flat, fit, kept)
+        fit, left = estimator.determined(flat, fit)
+        kept = kept[left]
         if turn < again:
             flat = replace(flat, weights=_weights(flat, fit, data.derivative, known, misfit))
             fit = estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
@@ -91,13 +93,6 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     bounded = -fit.poles.real <= (1 + 1e-6) * estimator.narrowest(flat, fit.poles)
     inflation[:modes][bounded] = _UNKNOWN
     return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis, misfit)
-
-
-def _determined(flat: Observations, fit: Fit, kept: Int[np.ndarray, "mode"]) -> tuple[Fit, Int[np.ndarray, "left"]]:
-    """The fit without poles that the rest of the model describes, and which poles of the selection stay."""
-    left = estimator.determined(flat, fit)
-    place = [int(np.argmin(np.abs(fit.poles - pole))) for pole in left.poles]
-    return left, kept[place]
 
 
 def _optimum(flat: Observations, start: Fit) -> Fit:

@@ -110,7 +110,7 @@ def extended(
     """The selection with further poles and their participation, in bins that are fine enough for these."""
     state = _State(chosen.data, chosen.noise, chosen.starts, chosen.fit)
     state = _rebinned(prepared, state, estimator.with_modes(chosen.data, chosen.fit, poles, vectors))
-    fit = estimator.determined(state.data, estimator.refine(state.data, state.fit))
+    fit, _ = estimator.determined(state.data, estimator.refine(state.data, state.fit))
     possible = like_modes(fit.poles, band)
     alone = _alone(state.data, fit, band, possible) if chosen.trusted else np.ones(len(fit.poles))
     return replace(
@@ -160,7 +160,7 @@ def _trusting(
     ]
     if hidden(state.data, state.fit) > enough or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
         return None
-    return state.with_fit(beyond(state.data, estimator.determined(state.data, state.fit), band))
+    return state.with_fit(beyond(state.data, estimator.determined(state.data, state.fit)[0], band))
 
 
 def _grown(prepared: Prepared, state: "_State", band: tuple[float, float], enough: float) -> "_State":
@@ -191,7 +191,7 @@ def _doubting(state: "_State", candidates: Candidates, band: tuple[float, float]
         weighted = weighted.with_fit(_eliminate(weighted.data, weighted.fit, candidates, band, dropped))
     weighted = _reweight(weighted, 12)
     final = _eliminate(weighted.data, weighted.fit, candidates, band, dropped)
-    return weighted.with_fit(estimator.determined(weighted.data, final))
+    return weighted.with_fit(estimator.determined(weighted.data, final)[0])
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ def _reweight(state: _State, iterations: int) -> _State:
 def _again(data: Observations, fit: Fit) -> Fit:
     """The fit on other data: its linear unknowns adapt."""
     again = estimator.evaluate(data, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
-    return estimator.determined(data, again)
+    return estimator.determined(data, again)[0]
 
 
 def _threshold(data: Observations, unknowns: int) -> float:
