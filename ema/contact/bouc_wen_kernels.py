@@ -1,7 +1,7 @@
 """Law of Bouc (1967) and Wen (1976), exact for monotone motion: dF/du = k (1 - |F/F_C|^n (gamma + beta sgn(F du))).
 
 With beta + gamma = 1 the force ends at F_C, and n and gamma are left; gamma = 1/2 is Eq. (5) of Gaul, Roseira and
-Becker (2008). State: the force, its coordinate on the virgin curve, and the slip force for which that holds (0 where it
+Becker (2008). State: the force, its coordinate on the virgin curve, and the |F/F_C| for which that holds (0 where it
 does not).
 """
 
@@ -64,12 +64,12 @@ def virgin_coordinate(phi, tables, place, size, span, power):
 
 
 @kernel
-def bouc_wen_step(k, limit, shape, tables, du, f0, x0, top0):
+def bouc_wen_step(k, limit, shape, tables, du, f0, x0, phi0):
     """Against the force along the release curve, from F = 0 on along the virgin curve; both are tables.
 
     ``shape``: exponent n; number, size, span and grading of the virgin curve; d = 1 - 2 gamma; number, span and grading
-    of the release curve. State: force, its coordinate on the virgin curve, and the slip force for which that holds (0
-    where it does not). Returns the force, df1/du, the new coordinate and slip force, df1/df0 and df1/du again.
+    of the release curve. State: force, its coordinate on the virgin curve, and the |F/F_C| for which that holds (0
+    where it does not). Returns the force, df1/du, the new coordinate and what it holds for, df1/df0 and df1/du again.
     """
     if limit <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -90,13 +90,13 @@ def bouc_wen_step(k, limit, shape, tables, du, f0, x0, top0):
             return -sign * value * limit, k * slope, 0.0, 0.0, slope / start_slope, k * slope
         x = way - back
     else:
-        x = x0 if top0 == limit and x0 > 0.0 else virgin_coordinate(phi, tables, place, size, span, power)
+        x = x0 if phi0 == phi and x0 > 0.0 else virgin_coordinate(phi, tables, place, size, span, power)
         start_slope = max(1.0 - phi**exponent, 1e-15)
         x += way
     x = min(x, span)
     value = virgin(x, tables, place, size, span, power)
     slope = max(1.0 - value**exponent, 0.0)
-    return sign * value * limit, k * slope, x, limit, min(slope / start_slope, 1.0), k * slope
+    return sign * value * limit, k * slope, x, value * limit / limit, min(slope / start_slope, 1.0), k * slope
 
 
 @kernel
@@ -104,9 +104,9 @@ def bouc_wen(group, rate, parameters, curves, exchange, before, after):
     """Increments of the contacts of a group; ``parameters``: ``shape`` of ``bouc_wen_step``."""
     for i in range(group[FIRST], group[END]):
         k, way = exchange[STIFFNESS, i], exchange[WAY, i]
-        force, slope, place, top, exchange[BY_FORCE, i], _ = bouc_wen_step(
+        force, slope, place, valid, exchange[BY_FORCE, i], _ = bouc_wen_step(
             k, exchange[LIMIT, i], parameters[i], curves, way, before[i, 0], before[i, 1], before[i, 2]
         )
         after[i, 0] = exchange[FORCE, i] = force
-        after[i, 1], after[i, 2] = place, top
+        after[i, 1], after[i, 2] = place, valid
         exchange[EXCESS, i], exchange[SLOPE, i] = force - before[i, 0] - k * way, slope - k

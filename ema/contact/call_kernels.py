@@ -11,12 +11,17 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-# rows of the table (row, contact) in which solver and law exchange the numbers of a step; the last one
-# is that of laws with one internal force: how the new one follows the old one
-STIFFNESS, LIMIT, WAY, EXCESS, FORCE, SLOPE, BY_FORCE = range(7)
-ROWS = 7
-# columns of the table of groups
-ADDRESS, FIRST, END, OWN = range(4)
+from ema.compiled import inner
+
+# rows of the table (row, contact) in which solver and law exchange the numbers of a step. BY_FORCE is that of laws with
+# one internal force: how the new one follows the old one. CROSS: slope by the way in the other direction. PRESSURE and
+# BY_GAP, of normal contacts: the normal force, and its slope by the way
+STIFFNESS, LIMIT, WAY, EXCESS, FORCE, SLOPE, BY_FORCE, CROSS, PRESSURE, BY_GAP = range(10)
+ROWS = 10
+# columns of the table of groups; ACROSS: rows from a contact to that of the same pair in the other direction, LINE: the
+# law in one direction that a law in two directions calls
+ADDRESS, FIRST, END, OWN, ACROSS, LINE = range(6)
+COLUMNS = 6
 
 _TABLE = nb.float64[:, ::1]
 INCREMENT = nb.void(nb.int64[::1], nb.float64, _TABLE, nb.float64[:, :, ::1], _TABLE, _TABLE, _TABLE)
@@ -59,3 +64,11 @@ def own_force(typingctx, function_address, force, way, stiffness, limit, p0, p1,
         return builder.call(pointer, arguments[1:])
 
     return types.float64(types.int64, *OWN_LAW.args), codegen
+
+
+@inner
+def evaluate(laws, rate, exchange, before, after):
+    """Let every group of contacts take its increment."""
+    groups, parameters, curves = laws[0], laws[1], laws[2]
+    for n in range(len(groups)):
+        increments(groups[n, ADDRESS], groups[n], rate, parameters, curves, exchange, before, after)

@@ -38,15 +38,23 @@ class Parameter:
         return isfinite(value) and (self.low < value if self.open_below else self.low <= value) and value <= self.high
 
 
+PROJECTED = "plane_projected"
+"""The compiled function for isotropic friction that takes any law of one internal force."""
+
+
 @dataclass(frozen=True)
 class KnownLaw:
-    """A built-in law: its name, the compiled function that takes its increments, its parameters, its source."""
+    """A built-in law: its name, the compiled function that takes its increments, its parameters, its source.
+
+    ``plane``: that for isotropic friction in two directions.
+    """
 
     name: str
     kernel: str
     constructor: str
     parameters: tuple[Parameter, ...]
     meaning: str
+    plane: str = PROJECTED
 
 
 _BETA = Parameter("beta", "-", 1.0, "stiffness of the spring that slips last over that of the others", open_below=False)
@@ -55,9 +63,16 @@ CATALOGUE: dict[str, KnownLaw] = {
     law.name: law
     for law in (
         KnownLaw(
-            "masing", "spring", "Masing", (), "elastic up to F_C, then sliding (Gaul, Roseira and Becker 2008, Eq. 4)"
+            "masing",
+            "spring",
+            "Masing",
+            (),
+            "elastic up to F_C, then sliding (Gaul, Roseira and Becker 2008, Eq. 4)",
+            "plane_springs",
         ),
-        KnownLaw("coulomb", "spring", "Coulomb", (), "rigid friction, as the stiff limit of a Masing spring"),
+        KnownLaw(
+            "coulomb", "spring", "Coulomb", (), "rigid friction, as the stiff limit of a Masing spring", "plane_springs"
+        ),
         KnownLaw(
             "parallel masing",
             "springs",
@@ -69,6 +84,7 @@ CATALOGUE: dict[str, KnownLaw] = {
                 ),
             ),
             "Masing springs in parallel",
+            "plane_springs",
         ),
         KnownLaw(
             "iwan",
@@ -80,6 +96,7 @@ CATALOGUE: dict[str, KnownLaw] = {
                 _SPRINGS,
             ),
             "four-parameter model: power-law distribution of Masing springs (Segalman 2005)",
+            "plane_springs",
         ),
         KnownLaw(
             "modified iwan",
@@ -91,6 +108,7 @@ CATALOGUE: dict[str, KnownLaw] = {
                 _SPRINGS,
             ),
             "the same with any power; the stiffness is finite for chi above -1",
+            "plane_springs",
         ),
         KnownLaw(
             "regularised masing",
@@ -98,6 +116,7 @@ CATALOGUE: dict[str, KnownLaw] = {
             "RegularisedMasing",
             (Parameter("exponent", "-", 8.0, "m on |F/F_C|"),),
             "smooth rule (Gaul, Roseira and Becker 2008, Eq. 5)",
+            "plane_regularised",
         ),
         KnownLaw(
             "bouc wen",
@@ -123,6 +142,7 @@ CATALOGUE: dict[str, KnownLaw] = {
             "Dahl",
             (Parameter("shape", "-", 1.0, "exponent on 1 - F/F_C"),),
             "Dahl (1968)",
+            "plane_dahl",
         ),
         KnownLaw(
             "valanis",
@@ -142,6 +162,7 @@ CATALOGUE: dict[str, KnownLaw] = {
                 Parameter("stribeck velocity", "m/s", 1e-3, "at which F_S - F_C has fallen to 1/e of itself"),
             ),
             "LuGre (Canudas de Wit et al. 1995)",
+            "plane_lugre",
         ),
     )
 }

@@ -8,9 +8,9 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
-from ema.contact.catalogue import CATALOGUE
+from ema.contact.catalogue import CATALOGUE, PROJECTED
 from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import springs_of
 from ema.data import FrictionLaw
@@ -20,26 +20,48 @@ UserFunction = Callable[[float, float, float, float, float, float, float, float]
 REGISTERED: dict[str, tuple[UserFunction, Any]] = {}
 """Laws of the user's own by name: the function, and what it was compiled to."""
 
-_MODULES = {"spring": "springs"}
-_ELASTIC, _STATES = ("spring", "springs"), {"bouc_wen": 3, "lugre": 3}
+_MODULES = {"spring": "springs"} | dict.fromkeys((law.plane for law in CATALOGUE.values()), "plane")
+_ELASTIC, _STATES = ("spring", "springs"), {"bouc_wen": 3, "lugre": 3, "plane_lugre": 3, "normal": 2}
+_SPRINGS, _ABOVE = ("springs", "plane_springs"), ("lugre", "plane_lugre")
+"""Functions for many springs, and those whose forces may stay above a slip force that falls."""
+_LEAST = 1e-3
+"""Slip force over that at rest below which an open contact is taken as just closed, where derivatives are made."""
+
+
+@dataclass(frozen=True)
+class Couplings:
+    """What contacts share: the direction across, and the normal contacts, which are the last ones.
+
+    ``partner`` (contact,): the contact of the same pair in the other direction, -1 where there is none; the first of
+    two has the law. ``pressed_by`` (contact,): the normal contact that presses it, or -1. ``friction`` (contact,): the
+    slip force over the momentary normal force. ``normals`` and ``curve``: the tables of ``normal_kernels``.
+    """
+
+    partner: Int[np.ndarray, "contact"]
+    pressed_by: Int[np.ndarray, "contact"]
+    friction: Float[np.ndarray, "contact"]
+    normals: Float[np.ndarray, "normal 8"]
+    curve: Float[np.ndarray, "3 point"]
 
 
 @dataclass(frozen=True)
 class ContactLaws:
     """Laws of all contacts, in groups of neighbours that share a compiled function.
 
-    ``groups``: function, first contact, end, and what is the function's own (number of springs, a user's function).
+    ``groups``: function, first contact, end, what is the function's own (number of springs, a user's function), how
+    many rows further the contacts in the other direction are (0: none), and the law that such a law calls.
     ``flexibility`` (contact, state) in m/N of the spring whose force a state is, 0 for any other state: the energy that
     a contact can give back is the sum of flexibility * force^2 / 2. ``capacity`` (contact, state) is the share of the
     slip force that bounds a force when the slip force falls, infinite where it may stay above.
     """
 
-    groups: tuple[tuple[str, int, int, Any], ...]
+    groups: tuple[tuple[str, int, int, Any, int, str], ...]
     stiffness: Float[np.ndarray, "contact"]
     parameters: Float[np.ndarray, "contact field"]
     curves: Float[np.ndarray, "curve 3 size"]
     flexibility: Float[np.ndarray, "contact state"]
     capacity: Float[np.ndarray, "contact state"]
+    couplings: Couplings | None = None
 
     @property
     def states(self) -> int:
@@ -49,20 +71,36 @@ class ContactLaws:
     @property
     def elastic_reach(self) -> bool:
         """Whether every contact is elastic up to a force of its own, below which it loses nothing."""
-        return all(name in _ELASTIC for name, *_ in self.groups)
+        return self.couplings is None and all(name in _ELASTIC for name, *_ in self.groups)
 
-    def arguments(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def arguments(self) -> tuple[Any, ...]:
         """What the kernels take; the functions are compiled by now, or read from the cache."""
-        table = [(_address(name), first, end, getattr(own, "address", own)) for name, first, end, own in self.groups]
-        return np.array(table, dtype=np.int64), self.parameters, self.curves
+        table = [
+            (_address(name), first, end, getattr(own, "address", own), across, _address(line) if line else 0)
+            for name, first, end, own, across, line in self.groups
+        ]
+        laws = np.array(table, dtype=np.int64), self.parameters, self.curves
+        if self.couplings is None:
+            return laws
+        from ema.contact.coupled_kernels import ROOM
+        from ema.contact.normal_kernels import FORCE
+
+        ties, count = self.couplings, len(self.stiffness)
+        least, pressed = np.zeros(count), ties.pressed_by >= 0
+        forces = ties.normals[ties.pressed_by[pressed] - count, FORCE]
+        least[pressed] = np.maximum(_LEAST * ties.friction[pressed] * forces, 1e-12)
+        room = np.zeros((ROOM, count)), np.zeros(count, np.int64), np.zeros_like(self.flexibility)
+        return *laws, (ties.partner, ties.pressed_by, ties.friction, least, *room)
 
     def one_by_one(self) -> tuple[np.ndarray, ...]:
         """What a kernel takes that follows the contacts one after the other: a row of ``groups`` for each of them,
-        parameters, curves, the table of ``exchange``, and room for the states before and after (2, contact, state)."""
-        groups, parameters, curves = self.arguments()
-        rows = [(address, i, i + 1, own) for address, first, end, own in groups for i in range(first, end)]
-        states = np.zeros((2, *self.flexibility.shape))
-        return np.array(rows, dtype=np.int64), parameters, curves, self.exchange(), states
+        parameters, curves, the table of ``exchange``, and room for states (3, contact, state): before, after, spare."""
+        groups, parameters, curves = self.arguments()[:3]
+        rows = np.zeros((len(self.stiffness), groups.shape[1]), np.int64)
+        for address, first, end, *rest in groups:
+            for i in range(first, end):
+                rows[i] = address, i, i + 1, *rest
+        return rows, parameters, curves, self.exchange(), np.zeros((3, *self.flexibility.shape))
 
     def exchange(self) -> Float[np.ndarray, "row contact"]:
         """The table in which solver and laws exchange the numbers of a step, with the stiffnesses in it."""
@@ -77,19 +115,49 @@ class ContactLaws:
         count = len(self.stiffness)
         return compliance.copy(), np.zeros(count), np.zeros(1, np.int64), np.zeros((3, count)), np.zeros(count)
 
+    def springs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Number of Masing springs of every contact, 0 for other laws, and their shares of stiffness and slip force."""
+        counts, width = np.zeros(len(self.stiffness), np.int64), self.states
+        shares_k, shares_f = np.zeros((len(counts), width)), np.zeros((len(counts), width))
+        for name, first, end, own, *_ in self.groups:
+            if name in _ELASTIC:
+                counts[first:end] = count = max(own, 1)
+                whole = self.stiffness[first:end, None]
+                shares_k[first:end, :count] = 1 / (self.flexibility[first:end, :count] * whole)
+                shares_f[first:end, :count] = self.capacity[first:end, :count]
+        return counts, shares_k, shares_f
+
+    def approach(self) -> Bool[np.ndarray, "contact"]:
+        """Whether every contact approaches its slip force smoothly, as no spring does."""
+        out = np.ones(len(self.stiffness), np.bool_)
+        for name, first, end, *_ in self.groups:
+            out[first:end] = name not in (*_ELASTIC, *_SPRINGS)
+        return out
+
+    def rates(self) -> Bool[np.ndarray, "contact"]:
+        """Whether the force of every contact depends on velocities besides."""
+        out = np.zeros(len(self.stiffness), np.bool_)
+        for name, first, end, *_ in self.groups:
+            out[first:end] = name == "lugre"
+        return out
+
     def stored_energy(self, state: Float[np.ndarray, "contact state"]) -> float:
         """Energy in J that the contacts can give back."""
         return float(0.5 * (self.flexibility * state[:, : self.states] ** 2).sum())
 
     def drive(
-        self, path: Float[np.ndarray, "sample"], slip_force: Float[np.ndarray, "sample"], interval: float
-    ) -> Float[np.ndarray, "sample"]:
-        """Force in N of one contact along a path in m from the unstressed state, ``interval`` s between samples."""
+        self, path: Float[np.ndarray, "lane sample"], slip_force: Float[np.ndarray, "sample"], interval: float
+    ) -> Float[np.ndarray, "lane sample"]:
+        """Forces in N of one contact in one or two directions along a path in m from the unstressed state.
+
+        ``interval`` s between samples.
+        """
         from ema.contact import solve_kernels
 
         kernels: Any = solve_kernels
-        states, forces = (np.zeros_like(self.flexibility), np.zeros_like(self.flexibility)), np.empty(len(path))
-        kernels.drive(self.arguments(), path, slip_force, 1 / interval, self.exchange(), states, forces)
+        states, forces = (np.zeros_like(self.flexibility), np.zeros_like(self.flexibility)), np.empty(path.shape)
+        laws = self.arguments()[:3]
+        kernels.drive(laws, (np.ascontiguousarray(path), slip_force), 1 / interval, self.exchange(), states, forces)
         return forces
 
 
@@ -137,9 +205,14 @@ def check_parameters(law: FrictionLaw) -> None:
 
 
 def contact_laws(
-    laws: Sequence[FrictionLaw], stiffness: Float[np.ndarray, "contact"], counts_of_joint: Sequence[int]
+    laws: Sequence[FrictionLaw],
+    stiffness: Float[np.ndarray, "contact"],
+    counts_of_joint: Sequence[int],
+    couplings: Couplings | None = None,
 ) -> ContactLaws:
     """Laws of all contacts of ``stiffness`` N/m; ``counts_of_joint``: number of pairs that share each contact's joint.
+
+    Normal contacts, the last ones of ``couplings``, have no law among ``laws``.
 
     Raises
     ------
@@ -148,34 +221,63 @@ def contact_laws(
     for law in {id(law): law for law in laws}.values():
         check_parameters(law)
     springs = {id(law): springs_of(law) for law in laws}
+    partner = [-1] * len(laws) if couplings is None else couplings.partner[: len(laws)].tolist()
     curves: dict[tuple[float, float], int] = {}
-    size, rows, keys = len(laws), [], []
-    for law, k, pairs in zip(laws, stiffness, counts_of_joint, strict=True):
-        name = CATALOGUE[law.name].kernel if law.name in CATALOGUE else "own"
-        extra, values = 0, np.array([value for _, value in law.parameters])
-        if name == "springs":
+    rows, keys = [], []
+    for i, (law, k, pairs) in enumerate(zip(laws, stiffness, counts_of_joint)):
+        line = CATALOGUE[law.name].kernel if law.name in CATALOGUE else "own"
+        across, name, extra, values = 0, line, 0, np.array([value for _, value in law.parameters])
+        if partner[i] >= 0:
+            across = partner[i] - i
+            name = CATALOGUE[law.name].plane if law.name in CATALOGUE else PROJECTED
+        if name in _SPRINGS:
             shares, force_shares = springs[id(law)]
             extra, values = len(shares), np.concatenate([k * shares, force_shares])
-        elif name == "bouc_wen":
+        elif line == "bouc_wen":
             values = bouc_wen_shape(values[0], values[1] if len(values) > 1 else 0.5, curves)
-        elif name == "lugre":
+        elif line == "lugre":
             values = values / np.array([pairs, pairs, 1.0, 1.0])
-        elif name == "own":
+        elif line == "own":
             extra, values = REGISTERED[law.name][1], np.concatenate([values, np.zeros(4)])[:4]
-        keys.append((name, extra))
+        keys.append((name, extra, across, line if name == PROJECTED else "") if across >= 0 else None)
         rows.append(values)
-    states = max(_STATES.get(name, extra if name == "springs" else 1) for name, extra in keys)
-    parameters = np.zeros((size, max(map(len, rows))))
-    flexibility, capacity = np.zeros((size, states)), np.full((size, states), np.inf)
-    for i, ((name, extra), values) in enumerate(zip(keys, rows, strict=True)):
-        parameters[i, : len(values)] = values
-        flexibility[i, 0], capacity[i, 0] = 1 / stiffness[i], np.inf if name == "lugre" else 1.0
-        if name == "springs":
-            flexibility[i, :extra], capacity[i, :extra] = 1 / values[:extra], values[extra:]
+    table = tables(curves)
+    if couplings is not None and len(couplings.normals):
+        rows += list(couplings.normals)
+        keys += [("normal", len(table), 0, "")] * len(couplings.normals)
+        table = _with_curve(table, couplings.curve)
     groups, first = [], 0
-    for (name, extra), members in groupby(keys):
+    for key, members in groupby(keys):
         end = first + len(list(members))
-        groups.append((name, first, end, extra))
+        if key is not None:
+            groups.append((key[0], first, end, *key[1:]))
         first = end
+    parameters = np.zeros((len(rows), max(map(len, rows))))
+    for i, values in enumerate(rows):
+        parameters[i, : len(values)] = values
     stiffnesses = np.asarray(stiffness, np.float64)
-    return ContactLaws(tuple(groups), stiffnesses, parameters, tables(curves), flexibility, capacity)
+    return ContactLaws(tuple(groups), stiffnesses, parameters, table, *_bounds(groups, stiffnesses, rows), couplings)
+
+
+def _with_curve(table: np.ndarray, curve: np.ndarray) -> Float[np.ndarray, "curve 3 size"]:
+    """One more curve, at the end of a table for all of them."""
+    whole = np.zeros((len(table) + 1, 3, max(table.shape[2], curve.shape[1])))
+    whole[:-1, :, : table.shape[2]], whole[-1, :, : curve.shape[1]] = table, curve
+    return whole
+
+
+def _bounds(
+    groups: Sequence[tuple[str, int, int, Any, int, str]], stiffness: np.ndarray, rows: Sequence[np.ndarray]
+) -> tuple[Float[np.ndarray, "contact state"], Float[np.ndarray, "contact state"]]:
+    """Flexibility and capacity of the springs of all contacts."""
+    states = max(_STATES.get(line or name, own if name in _SPRINGS else 1) for name, _, _, own, _, line in groups)
+    flexibility, capacity = np.zeros((len(rows), states)), np.full((len(rows), states), np.inf)
+    for name, first, end, own, across, _ in groups:
+        for i in [*range(first, end), *(range(first + across, end + across) if across else ())]:
+            flexibility[i, 0], capacity[i, 0] = 1 / stiffness[i], np.inf if name in _ABOVE else 1.0
+            if name in _SPRINGS:
+                flexibility[i, :own], capacity[i, :own] = 1 / rows[i][:own], rows[i][own:]
+            elif name == "normal":
+                flexibility[i], capacity[i] = 0.0, np.inf
+                flexibility[i, 1] = 1.0
+    return flexibility, capacity

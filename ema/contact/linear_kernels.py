@@ -58,3 +58,28 @@ def copy_table(out, values):
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = values[i, j]
+
+
+@fast
+def eliminate(matrix, rhs, count):
+    """Solve the leading ``count`` equations in place by elimination with partial pivoting."""
+    for n in range(count):
+        best = n
+        for i in range(n + 1, count):
+            if abs(matrix[i, n]) > abs(matrix[best, n]):
+                best = i
+        if best != n:
+            rhs[n], rhs[best] = rhs[best], rhs[n]
+            for j in range(n, count):
+                matrix[n, j], matrix[best, j] = matrix[best, j], matrix[n, j]
+        for i in range(n + 1, count):
+            weight = matrix[i, n] / matrix[n, n]
+            if weight != 0.0:
+                rhs[i] -= weight * rhs[n]
+                for j in range(n + 1, count):
+                    matrix[i, j] -= weight * matrix[n, j]
+    for n in range(count - 1, -1, -1):
+        total = rhs[n]
+        for j in range(n + 1, count):
+            total -= matrix[n, j] * rhs[j]
+        rhs[n] = total / matrix[n, n]

@@ -1,7 +1,20 @@
 """A law of the user's own: a C function of force and way for one contact; slopes by difference. State: the force."""
 
 from ema.compiled import kernel
-from ema.contact.call_kernels import BY_FORCE, END, EXCESS, FIRST, FORCE, LIMIT, OWN, SLOPE, STIFFNESS, WAY, own_force
+from ema.contact.call_kernels import (
+    ACROSS,
+    BY_FORCE,
+    END,
+    EXCESS,
+    FIRST,
+    FORCE,
+    LIMIT,
+    OWN,
+    SLOPE,
+    STIFFNESS,
+    WAY,
+    own_force,
+)
 
 _SMALL = 1e-7
 """Way of the difference over F_C/k_T: half the digits of the slope are right."""
@@ -18,8 +31,8 @@ def own(group, rate, parameters, curves, exchange, before, after):
         tiny = _SMALL * max(limit, 1e-12) / k
         step = tiny if way >= 0.0 else -tiny
         slope = (own_force(function, start, way + step, k, limit, p0, p1, p2, p3) - force) / step
-        if rate == 0.0:
-            # what follows the old force is asked for along slow paths only
+        if rate == 0.0 or group[ACROSS] > 0:
+            # what follows the old force is asked for along slow paths and in two directions only
             change = _SMALL * max(limit, 1e-12) * (-1.0 if start > 0.0 else 1.0)
             after_change = own_force(function, start + change, way, k, limit, p0, p1, p2, p3)
             exchange[BY_FORCE, i] = (after_change - force) / change

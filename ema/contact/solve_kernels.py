@@ -15,7 +15,8 @@ energy, whose slope along a step is -rest.y.
 import numpy as np
 
 from ema.compiled import fast, inner, kernel
-from ema.contact.call_kernels import ADDRESS, EXCESS, FORCE, LIMIT, SLOPE, WAY, increments
+from ema.contact.call_kernels import EXCESS, FORCE, LIMIT, SLOPE, WAY, evaluate
+from ema.contact.coupled_kernels import solve_coupled
 from ema.contact.linear_kernels import add_rows, matvec
 
 MOST = 200
@@ -29,14 +30,6 @@ _FLAT = 0.5
 long or too short, and its length is sought. Without that, stiff contacts that change sides run in circles."""
 _UPDATES = 400
 """Rank-one updates after which Y is made anew, so that rounding does not gather."""
-
-
-@inner
-def evaluate(laws, rate, exchange, before, after):
-    """Let every group of contacts take its increment."""
-    groups, parameters, curves = laws
-    for n in range(len(groups)):
-        increments(groups[n, ADDRESS], groups[n], rate, parameters, curves, exchange, before, after)
 
 
 @fast
@@ -128,8 +121,10 @@ def solve(laws, problem, displacements, exchange, states, memory):
     of the displacements over their root of the sum of squares, as is the residual. displacements: ``free`` and the
     displacements before, and after, which is returned. exchange: ``call_kernels``, as the laws left it in the end.
     states: before, and after, which is returned. memory, kept from step to step: Y, T, the number of updates, workspace
-    (3, contact), and x, which is the start.
+    (3, contact), and x, which is the start. Contacts that depend on each other have a fourth table in ``laws``.
     """
+    if len(laws) > 3:
+        return solve_coupled(laws, problem, displacements, exchange, states, memory)
     (compliance, norm, rate, tolerance), (free, u0, u1) = problem, displacements
     (before, after), (inverse, tangents, used, workspace, x) = states, memory
     rest, change, way = workspace[0], workspace[1], workspace[2]
@@ -170,12 +165,17 @@ def solve(laws, problem, displacements, exchange, states, memory):
 
 
 @kernel
-def drive(laws, path, limits, rate, exchange, states, forces):
-    """Forces (sample,) of one contact along prescribed displacements; ``limits`` (sample,) N, 1/``rate`` s between."""
-    before, after = states
-    for n in range(len(path)):
-        exchange[WAY, 0] = path[n] - path[max(n - 1, 0)]
-        exchange[LIMIT, 0] = limits[n]
+def drive(laws, motion, rate, exchange, states, forces):
+    """Forces (lane, sample) of one contact along ``motion``: displacements alike, and slip forces (sample,).
+
+    1/``rate`` s between samples.
+    """
+    (path, limits), (before, after) = motion, states
+    for n in range(path.shape[1]):
+        for i in range(len(path)):
+            exchange[WAY, i] = path[i, n] - path[i, max(n - 1, 0)]
+            exchange[LIMIT, i] = limits[n]
         evaluate(laws, rate, exchange, before, after)
-        forces[n] = exchange[FORCE, 0]
+        for i in range(len(path)):
+            forces[i, n] = exchange[FORCE, i]
         before, after = after, before

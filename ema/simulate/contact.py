@@ -148,7 +148,7 @@ def normal_pairs(
     preloads: Float[np.ndarray, "pair"],
 ) -> NormalPairs:
     """Tables of the normal contacts of all joints, not yet pressed; ``areas`` are shares of each joint."""
-    from ema.simulate import normal_kernels as columns
+    from ema.contact import normal_kernels as columns
 
     count = len(gaps)
     table, elastic, sizes = np.zeros((count, 8)), np.zeros(count, bool), np.full(count, np.nan)
@@ -203,7 +203,7 @@ def press(
     ------
     FailureError : no equilibrium was found.
     """
-    from ema.simulate import normal_kernels as kernels
+    from ema.contact import normal_kernels as kernels
 
     follow = pairs.followed
     if not len(follow):
@@ -243,7 +243,7 @@ def _pressed_depths(
     where: str,
 ) -> Float[np.ndarray, "pair"]:
     """Penetrations in m; negative where a pair is open."""
-    from ema.simulate import normal_kernels as kernels
+    from ema.contact import normal_kernels as kernels
 
     press_all: Any = kernels.press_all
     if not preloads.any():
@@ -285,7 +285,7 @@ def _pressed_depths(
 
 def _secant(table: np.ndarray, curve: np.ndarray, preloads: np.ndarray) -> Float[np.ndarray, "pair"]:
     """Normal force over penetration of every pair when it carries its own preload, or the mean one if it has none."""
-    from ema.simulate import normal_kernels as kernels
+    from ema.contact import normal_kernels as kernels
 
     load = np.where(preloads > 0, preloads, preloads.mean())
     spring = np.empty(len(table))
@@ -319,7 +319,7 @@ def resting(pairs: NormalPairs, where: str) -> ContactPressure:
 
 
 def _rest_gaps(pairs: NormalPairs) -> Float[np.ndarray, "pair"]:
-    from ema.simulate import normal_kernels as kernels
+    from ema.contact import normal_kernels as kernels
 
     return np.where(pairs.elastic, 0.0, np.maximum(-pairs.table[:, kernels.PENETRATION], 0.0))
 

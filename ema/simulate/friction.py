@@ -1,21 +1,16 @@
 """Friction laws: their constructors, and how they are handed to the compiled solvers.
 
-Every law is elastic with k_T at first and limited by F_C = mu F_N. Time solvers take the increments of ``ema.contact``,
-steady states and contacts that hang together those of ``friction_kernels``.
+Every law is elastic with k_T at first and limited by F_C = mu F_N. Solvers take the increments of ``ema.contact``.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from ema.contact.catalogue import CATALOGUE, checked
-from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import iwan_springs as iwan_springs
-from ema.contact.iwan import springs_of
-from ema.contact.laws import REGISTERED, ContactLaws, UserFunction, check_parameters, contact_laws
+from ema.contact.laws import REGISTERED, UserFunction, check_parameters
 from ema.data import FrictionLaw
 from ema.errors import InputError
 
@@ -249,103 +244,40 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
     return make
 
 
-_CODES = {"spring": 0, "springs": 0, "bouc_wen": 1, "dahl": 2, "lugre": 3, "valanis": 5}
-"""Numbers of the compiled functions of the laws in ``friction_kernels``."""
-
-
-@dataclass(frozen=True)
-class PackedLaws:
-    """The laws of all contacts as arrays; ``arguments`` is what the kernels take."""
-
-    codes: Int[np.ndarray, "contact"]
-    parameters: Float[np.ndarray, "contact 9"]
-    stiffness_shares: Float[np.ndarray, "contact spring"]
-    force_shares: Float[np.ndarray, "contact spring"]
-    counts: Int[np.ndarray, "contact"]
-    tables: Float[np.ndarray, "table 3 size"]
-    laws: tuple[FrictionLaw, ...]
-    pairs: tuple[int, ...]
-
-    def on(self, stiffness: Float[np.ndarray, "contact"]) -> ContactLaws:
-        """The same laws on contacts of ``stiffness`` N/m that each stand alone."""
-        return contact_laws(self.laws, stiffness, self.pairs)
-
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        """Codes, parameters, shares of stiffness and force, counts, tables and the user's function.
-
-        Raises
-        ------
-        InputError : contacts that hang together have more than one law of the user's own.
-        """
-        from ema.simulate.friction_kernels import no_user_law
-
-        own = sorted({law.name for law in self.laws if law.name in REGISTERED})
-        if len(own) > 1:
-            raise InputError(
-                "two laws of the user's own on contacts that hang together",
-                got=" and ".join(own),
-                expected="one, or contacts in one direction under normal forces that stay",
-            )
-        user = REGISTERED[own[0]][1] if own else no_user_law()
-        return (self.codes, self.parameters, self.stiffness_shares, self.force_shares, self.counts, self.tables, user)
-
-
-_ISOTROPIC = tuple(sorted(name for name in CATALOGUE if name not in ("bouc wen", "valanis")))
-"""Laws with a vector form."""
+_ODD, _ELASTIC = 1e-9, 1e-3
+"""Departures from an odd law, over the slip force, and of the first slope from k_T, relative, that are rounding and the
+curvature of a law whose difference is taken over a millionth of F_C/k_T."""
 
 
 def check_isotropic(law: FrictionLaw, where: str) -> None:
-    """Refuse an isotropic law in two directions that has no vector form.
+    """Refuse a law of the user's own in two directions that no radial return makes isotropic.
+
+    Turned by 180 degrees it must be the same law, and sticking must be as stiff across the force as along it.
 
     Raises
     ------
-    InputError : as said, a law of the user's own among them.
+    InputError : the law is not odd, or not elastic with k_T at first.
     """
-    if law.isotropic and law.name not in _ISOTROPIC:
-        what = "a law of the user's own" if law.name in REGISTERED else "this law"
+    if not law.isotropic or law.name not in REGISTERED:
+        return
+    check_parameters(law)
+    k, limit = law.contact_stiffness, law.friction_coefficient * law.reference_force or 1.0
+    values = [*(value for _, value in law.parameters), 0.0, 0.0, 0.0, 0.0][:4]
+
+    def force(before: float, way: float) -> float:
+        return float(REGISTERED[law.name][0](before * limit, way * limit / k, k, limit, *values)) / limit
+
+    wrong = ""
+    if abs(force(0.0, 1e-6) / 1e-6 - 1) > _ELASTIC:
+        wrong = f"a first slope of {force(0.0, 1e-6) / 1e-6:.3g} k_T"
+    for before in (-0.9, -0.3, 0.0, 0.5, 1.0):
+        for way in (0.1, 1.0, 3.0):
+            if abs(force(before, way) + force(-before, -way)) > _ODD:
+                wrong = f"{force(before, way):.3g} F_C one way and {force(-before, -way):.3g} F_C the other"
+    if wrong:
         raise InputError(
-            f"{what} has no isotropic form",
+            "this law has no isotropic form",
             where=where,
-            got=f"{law.name}",
-            expected="isotropic=False, or one of " + ", ".join(_ISOTROPIC),
+            got=f"{law.name} with {wrong}",
+            expected="isotropic=False, or an odd law that is elastic with k_T at first",
         )
-
-
-def pack(laws: Sequence[FrictionLaw], counts_of_joint: Sequence[int]) -> PackedLaws:
-    """Arrays of the laws of all contacts; ``counts_of_joint`` is the number of pairs that share each contact's joint.
-
-    Raises
-    ------
-    InputError : a law is unknown or lacks a parameter.
-    """
-    size = len(laws)
-    for law in {id(law): law for law in laws}.values():
-        check_parameters(law)
-    springs = {id(law): springs_of(law) for law in laws}
-    width = max(3, *(len(shares[0]) for shares in springs.values()))
-    codes, counts = np.zeros(size, np.int64), np.ones(size, np.int64)
-    parameters, shares_k, shares_f = np.zeros((size, 9)), np.zeros((size, width)), np.zeros((size, width))
-    shares_f[:, 0] = shares_k[:, 0] = 1.0
-    curves: dict[tuple[float, float], int] = {}
-    for row, law in enumerate(laws):
-        values = [value for _, value in law.parameters]
-        if law.name in REGISTERED:
-            codes[row] = 4
-            parameters[row, : len(values)] = values
-            continue
-        codes[row] = _CODES[CATALOGUE[law.name].kernel]
-        if codes[row] == 0:
-            stiffness, force = springs[id(law)]
-            counts[row] = len(stiffness)
-            shares_k[row, : len(stiffness)], shares_f[row, : len(force)] = stiffness, force
-        elif codes[row] == 1:
-            parameters[row] = bouc_wen_shape(values[0], values[1] if len(values) > 1 else 0.5, curves)
-        elif codes[row] == 3:
-            share = counts_of_joint[row]
-            parameters[row, :4] = values[0] / share, values[1] / share, values[2], values[3]
-        else:
-            parameters[row, : len(values)] = values
-    return PackedLaws(
-        codes, parameters, shares_k, shares_f, counts, tables(curves), tuple(laws), tuple(counts_of_joint)
-    )

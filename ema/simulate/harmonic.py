@@ -99,11 +99,8 @@ class Condensed:
         self.squares, self.decay = base.frequencies[self.coupled] ** 2, base.decay[self.coupled]
         self.load = self.force * base.row(self.problem.system, self.driven)
         self.limits, self.stiffness = np.ascontiguousarray(contacts.limits), np.ascontiguousarray(contacts.stiffness)
-        names = np.concatenate([[name] * (end - first) for name, first, end, _ in self.problem.contact_laws.groups])
-        springs, packed = np.isin(names, ("spring", "springs")), self.problem.laws
-        self.exact = bool(springs.all())
-        self.springs = np.where(springs, packed.counts, 0), packed.stiffness_shares, packed.force_shares
-        self.rates = names == "lugre"
+        self.springs, self.rates = self.problem.laws.springs(), self.problem.laws.rates()
+        self.exact = bool((self.springs[0] > 0).all())
         self.members = np.arange(len(self.limits))[:, None].copy()
         self.odd, self.fine, self.left, self.share = True, 1, _MOST_RUNS, 1.0
         self.accuracy = _CONVERGED
@@ -116,7 +113,7 @@ class Condensed:
     @cached_property
     def smooth(self) -> tuple[Any, ...] | None:
         """What the kernels take for laws that are no Masing springs."""
-        return None if self.exact else (self.rates, self.problem.contact_laws.one_by_one())
+        return None if self.exact else (self.rates, self.problem.laws.one_by_one())
 
     def orders(self, count: int) -> Int[np.ndarray, "harmonic"]:
         """The first harmonics: 1, 3, 5 ... of an odd motion, else 0, 1, 2 ..."""
@@ -668,7 +665,7 @@ def condense(
     positive(model.name, force=force, tolerance=tolerance)
     driven = Dof.parse(at)
     problem = prepare(model, outputs, modes, [driven], plane=True, normal=normal_forces is None)
-    if normal_forces is None and problem.joined is None:
+    if normal_forces is None and problem.laws.couplings is None:
         return Condensed(problem, driven, force, tolerance)
     pressing = None
     if normal_forces is not None:

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.laws import Couplings
 from ema.data import Finding, HarmonicResponse
 from ema.errors import InputError
 from ema.simulate.harmonic import Condensed, _Point, _with_harmonics
-from ema.simulate.normal_kernels import FORCE
 
 _MOST_PERIODS = 40
 _LOOSE = 0.03
@@ -40,19 +40,13 @@ class JoinedCondensed(Condensed):
         from ema.simulate import joined_period_kernels
 
         self.periodic: Any = joined_period_kernels
-        contacts, joined = self.problem.system.contacts, self.problem.joined
-        first, none = contacts.tangential, [-1] * contacts.normals
-        if joined is None:
-            self.ties: tuple[np.ndarray, ...] = (
-                np.full(first, -1),
-                np.full(first, -1),
-                np.zeros(first),
-                np.zeros((0, 8)),
-                np.zeros((3, 2)),
-            )
-        else:
-            self.ties = joined.arguments
-        self.laws = self.problem.laws.arguments
+        contacts, laws = self.problem.system.contacts, self.problem.laws
+        count, ties = len(self.limits), laws.couplings
+        if ties is None:
+            alone = np.full(count, -1)
+            ties = Couplings(alone, alone, np.zeros(count), np.zeros((0, 8)), np.zeros((3, 2)))
+        self.ties, self.laws = ties, laws.one_by_one()
+        self.bounds = np.count_nonzero(laws.flexibility, axis=1), laws.capacity, laws.approach()
         self.exact, self.odd = False, contacts.normals == 0 and _mirrored(self.pressing)
         frequencies = self.problem.base.frequencies
         if not self.odd and frequencies.min() <= 1e-6 * frequencies.max():
@@ -63,14 +57,7 @@ class JoinedCondensed(Condensed):
                 expected="a support: normal forces that change bring a mean force",
                 advice="clamp it, or use ema.simulate.respond",
             )
-        pressed_by = [n if n < 0 else first + n for n in self.ties[1]]
-        self.members = np.array(
-            [
-                np.arange(len(self.limits)),
-                [*self.ties[0], *none],
-                [*pressed_by, *none],
-            ]
-        ).T.copy()
+        self.members = np.array([np.arange(count), ties.partner, ties.pressed_by]).T.copy()
         self.share = self.level = 1.0
         self._tables: dict[tuple[int, int], np.ndarray] = {}
 
@@ -97,17 +84,14 @@ class JoinedCondensed(Condensed):
     def _forces(self, amplitudes: np.ndarray, omega: float, fine: int) -> tuple[np.ndarray, ...]:
         count = amplitudes.shape[1] // 2
         basis = self._samples(count, fine)
-        partner, normal_of, friction, *tables = self.ties
+        ties = self.ties
         result: tuple[np.ndarray, ...] = self.periodic.joined_forces(
             np.ascontiguousarray(amplitudes),
-            self.orders(count),
-            basis,
-            _MOST_PERIODS,
-            omega,
-            self.stiffness,
-            self._tops(len(basis)),
+            (self.orders(count), basis, _MOST_PERIODS, omega),
+            np.array(self._tops(len(basis))),
             self.laws,
-            (partner, normal_of, self.level * friction, *tables),
+            (ties.partner, ties.pressed_by, self.level * ties.friction),
+            self.bounds,
         )
         return result
 
@@ -134,9 +118,11 @@ class JoinedCondensed(Condensed):
         Where that path ends, as friction holds the structure up to some force and then lets it go, the other one begins
         without friction.
         """
+        from ema.contact.normal_kernels import FORCE
+
         start = self.drive(omega, gains.shape[1])
         reach = self.stiffness * np.hypot(start[:, ::2], start[:, 1::2]).sum(axis=1)
-        room = np.append(self._tops(64).min(axis=1), self.ties[3][:, FORCE])
+        room = np.append(self._tops(64).min(axis=1), self.ties.normals[:, FORCE])
         share = min(1.0, 0.5 / max(float((reach[room > 0] / room[room > 0]).max(initial=0.0)), 1e-300))
         found = self._raised("share", share, omega, share * start, gains)
         return self._raised("level", 0.01, omega, start, gains) if found is None else found

@@ -1,46 +1,27 @@
-"""Contacts that hang together, as the compiled steps take them; and what the normal contacts went through."""
+"""Contacts that depend on each other, as the laws take them; and what the normal contacts went through."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
+from ema.contact.laws import Couplings
 from ema.data import ContactPressure, Finding
 from ema.errors import InputError
 from ema.simulate.contact import resting
 from ema.simulate.structure import System
 
 
-@dataclass(frozen=True)
-class Joined:
-    """Partners in the other direction, the normal contact that presses each friction contact, mu, and the tables."""
-
-    partner: Int[np.ndarray, "contact"]
-    normal_of: Int[np.ndarray, "contact"]
-    friction: Float[np.ndarray, "contact"]
-    pairs: Float[np.ndarray, "normal 8"]
-    curve: Float[np.ndarray, "3 point"]
-
-    @property
-    def arguments(self) -> tuple[np.ndarray, ...]:
-        """What the kernels take."""
-        return self.partner, self.normal_of, self.friction, self.pairs, self.curve
-
-
-def joined(system: System) -> Joined | None:
-    """The contacts of a system that hang together, or ``None`` where each stands alone."""
-    contacts, count = system.contacts, system.contacts.tangential
+def couplings(system: System) -> Couplings | None:
+    """What the contacts of a system share, or ``None`` where each stands alone."""
+    contacts, first = system.contacts, system.contacts.tangential
     if not contacts.normals and max(contacts.partner) < 0:
         return None
-    friction = np.array([law.friction_coefficient for law in contacts.laws[:count]])
+    friction = np.array([law.friction_coefficient for law in contacts.laws])
+    pressed_by = np.array([first + n if n >= 0 else -1 for n in contacts.normal_of] or [-1] * first)
     curve = system.normals.curve if system.normals.curve.size else np.zeros((3, 2))
-    return Joined(
-        np.array(contacts.partner[:count]),
-        np.array(contacts.normal_of[:count]),
-        friction,
-        np.ascontiguousarray(system.normals.table[system.normals.followed]),
-        curve,
-    )
+    normals = np.ascontiguousarray(system.normals.table[system.normals.followed])
+    return Couplings(np.array(contacts.partner), pressed_by, friction, normals, curve)
 
 
 def refuse_joined(system: System, plane: bool, normal: bool) -> None:
@@ -70,9 +51,10 @@ def refuse_joined(system: System, plane: bool, normal: bool) -> None:
 
 
 def kept_at_rest(system: System) -> Float[np.ndarray, "normal 5"]:
-    """What the kernels gather of every normal contact, before the first step."""
+    """What the kernels gather of every normal contact, before the first step: least and greatest force, steps open,
+    the first of them, and the widest opening then."""
     forces = system.normals.forces[system.normals.followed]
-    return np.stack([forces, forces, *np.zeros((3, len(forces)))], axis=1)
+    return np.stack([forces, forces, *np.zeros((2, len(forces))), np.full(len(forces), -np.inf)], axis=1)
 
 
 def pressure(
@@ -86,13 +68,16 @@ def pressure(
 
     ``kept`` as the kernel gathers it over ``steps`` steps of ``step`` s; ``openings`` of all gaps in m.
     """
+    from ema.contact.normal_kernels import PENETRATION
+
     rest, pairs = resting(system.normals, system.name), system.normals
     bound, follow = pairs.elastic, pairs.followed
     forces = pairs.preloads - pairs.stiffness * openings
     least, greatest = forces.min(axis=0), forces.max(axis=0)
     open_time, first, gap = np.zeros(len(least)), np.full(len(least), np.nan), rest.widest_gap.copy()
     least[follow], greatest[follow] = kept[:, 0], kept[:, 1]
-    open_time[follow], gap[follow] = kept[:, 2] / max(steps, 1), np.maximum(kept[:, 4], gap[follow])
+    open_time[follow] = kept[:, 2] / max(steps, 1)
+    gap[follow] = np.maximum(kept[:, 4] - pairs.table[follow, PENETRATION], gap[follow])
     first[follow] = np.where(kept[:, 2] > 0, kept[:, 3] * step, np.nan)
     moved = replace(rest, least=least, greatest=greatest, open_time=open_time, first_opening=first, widest_gap=gap)
     return replace(moved, findings=(*_parting(moved, system.name), *_tension(moved, bound, system.name)))

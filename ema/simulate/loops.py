@@ -1,16 +1,14 @@
 """Hysteresis loops: of a law under prescribed motion, and the energy of any loop."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
 
 from ema.contact.curves import virgin_rate
-from ema.contact.laws import contact_laws
+from ema.contact.laws import Couplings, contact_laws
 from ema.data import FrictionLaw, Loop
 from ema.errors import InputError
 from ema.simulate.checks import not_negative, positive
-from ema.simulate.friction import check_isotropic, pack
+from ema.simulate.friction import check_isotropic
 
 _FEWEST = 8
 
@@ -30,9 +28,8 @@ def drive(
     InputError : the normal force or mu is negative or not finite, k_T is not positive, or the law is rigid.
     """
     stiffness, limits = _prepared(law, len(displacements), normal_force)
-    return contact_laws([law], np.array([stiffness]), [1]).drive(
-        np.ascontiguousarray(displacements, dtype=np.float64), limits, interval
-    )
+    path = np.asarray(displacements, dtype=np.float64)[None]
+    return contact_laws([law], np.array([stiffness]), [1]).drive(path, limits, interval)[0]
 
 
 def _prepared(
@@ -77,30 +74,12 @@ def drive_plane(
     """
     if not law.isotropic:
         return np.array([drive(law, np.ascontiguousarray(row), normal_force, interval) for row in displacements])
-    from ema.simulate import plane_kernels
-
-    kernels: Any = plane_kernels
     check_isotropic(law, f"law {law.name}")
     stiffness, limits = _prepared(law, displacements.shape[1], normal_force)
-    packed = pack([law] * 2, [1, 1])
-    state = np.zeros((2, packed.stiffness_shares.shape[1]))
-    x, y = (np.ascontiguousarray(row, dtype=np.float64) for row in displacements)
-    return np.asarray(
-        kernels.drive_plane(
-            packed.codes[0],
-            stiffness,
-            limits,
-            packed.parameters,
-            packed.stiffness_shares,
-            packed.force_shares,
-            packed.counts[0],
-            packed.tables,
-            x,
-            y,
-            interval,
-            state,
-        )
-    )
+    none = np.full(2, -1)
+    ties = Couplings(np.array([1, 0]), none, np.zeros(2), np.zeros((0, 8)), np.zeros((3, 2)))
+    laws = contact_laws([law, law], np.full(2, stiffness), [1, 1], ties)
+    return laws.drive(np.asarray(displacements, dtype=np.float64), limits, interval)
 
 
 def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int = 4096, frequency: float = 1.0) -> Loop:

@@ -8,8 +8,6 @@ from jaxtyping import Float
 
 from ema.contact.laws import ContactLaws
 from ema.errors import FailureError, InputError
-from ema.simulate.friction import PackedLaws
-from ema.simulate.joined import Joined
 from ema.simulate.reduction import stuck_stiffness
 from ema.simulate.structure import System
 
@@ -30,11 +28,10 @@ class StaticState:
 
 def ramp(
     system: System,
-    laws: PackedLaws,
+    laws: ContactLaws,
     load: Float[np.ndarray, "n"],
     increments: int = 40,
     limits: Float[np.ndarray, "contact"] | None = None,
-    joined: Joined | None = None,
 ) -> StaticState:
     """State after the load (n,) has been raised slowly from zero, from unstressed contacts.
 
@@ -62,17 +59,14 @@ def ramp(
     gains = 0.5 * (gains + gains.T) - np.diag(1e-12 / stiffness)
     top = (system.contacts.limits if limits is None else limits).copy()
     levels = np.arange(1, increments + 1) / increments
-    if joined is None:
-        u, f, z = _raise_alone(laws.on(stiffness), gains, levels[:, None] * reach, top, system.name)
-    else:
-        u, f, z = _raise_joined(laws, joined, gains, levels[:, None] * reach, stiffness, top, system.name)
+    u, f, z = _raised(laws, gains, levels[:, None] * reach, top, system.name)
     return StaticState(solved[:, 0] - solved[:, 1:] @ (f - stiffness * u), u, f, z)
 
 
-def _raise_alone(
+def _raised(
     laws: ContactLaws, gains: np.ndarray, reach: Float[np.ndarray, "level contact"], limits: np.ndarray, where: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Displacements, forces and states of contacts that each stand alone, after the load has been raised."""
+    """Displacements, forces and states of the contacts after the load has been raised."""
     from ema.contact import solve_kernels
     from ema.contact.call_kernels import FORCE, LIMIT
 
@@ -87,28 +81,6 @@ def _raise_alone(
         _, residual = kernels.solve(arguments, problem, (held, u, u1), exchange, (z, z1), memory)
         _check(residual, (n + 1) / len(reach), where)
         u, u1, z, z1, f = u1, u, z1, z, exchange[FORCE].copy()
-    return u, f, z
-
-
-def _raise_joined(
-    laws: PackedLaws,
-    joined: Joined,
-    gains: np.ndarray,
-    reach: Float[np.ndarray, "level contact"],
-    stiffness: np.ndarray,
-    limits: np.ndarray,
-    where: str,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same of contacts that hang together; ``limits`` follow the normal forces."""
-    from ema.simulate import friction_kernels, joined_kernels
-
-    kernels: Any = joined_kernels
-    u, f, z = np.zeros(len(limits)), np.zeros(len(limits)), np.zeros_like(laws.stiffness_shares)
-    for n, free in enumerate(reach):
-        residual = kernels.relax_joined(gains, free, stiffness, limits, laws.arguments, joined.arguments, u, f, z)
-        _check(residual, (n + 1) / len(reach), where)
-    # LuGre keeps the displacement one increment ago to see its velocity: at the end of a slow load nothing moves
-    z[laws.codes == friction_kernels.LUGRE, 1:] = 0.0
     return u, f, z
 
 

@@ -13,15 +13,14 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float
 
-from ema.contact.laws import ContactLaws
+from ema.contact.laws import ContactLaws, contact_laws
 from ema.data import BeamModel, EnergyBalance, Finding, Response
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import fits_memory, is_number, positive
 from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
-from ema.simulate.friction import PackedLaws, pack
-from ema.simulate.joined import Joined, joined, kept_at_rest, pressure, refuse_joined
+from ema.simulate.joined import couplings, kept_at_rest, pressure, refuse_joined
 from ema.simulate.reduction import ModalBase, modal_base
 from ema.simulate.statics import ramp
 from ema.simulate.structure import System, assemble, pair_counts
@@ -58,19 +57,14 @@ class Problem:
 
     system: System
     base: ModalBase
-    laws: PackedLaws
+    laws: ContactLaws
     outputs: tuple[Dof, ...]
     findings: tuple[Finding, ...]
-    contact_laws: ContactLaws
-    joined: Joined | None = None
 
     def rest(self) -> _State:
         """Everything at rest and unstressed."""
         modes, contacts = len(self.base.frequencies), len(self.system.contacts.limits)
-        width = self.laws.stiffness_shares.shape[1]
-        return _State(
-            np.zeros(modes), np.zeros(modes), np.zeros(contacts), np.zeros(contacts), np.zeros((contacts, width))
-        )
+        return _State(*(np.zeros(size) for size in (modes, modes, contacts, contacts, (contacts, self.laws.states))))
 
 
 def prepare(
@@ -92,13 +86,13 @@ def prepare(
     """
     system = assemble(model)
     refuse_joined(system, plane, normal)
-    laws = pack(system.contacts.laws, pair_counts(model, system))
-    alone = laws.on(system.contacts.stiffness)
+    contacts, ties = system.contacts, couplings(system)
+    laws = contact_laws(contacts.laws[: contacts.tangential], contacts.stiffness, pair_counts(model, system), ties)
     base = modal_base(system, modes=modes, loads=loads)
     dofs = tuple(Dof.parse(dof) for dof in outputs)
     if not dofs:
         raise InputError("no motion to keep", where=system.name, got="no outputs", expected="one DOF or more")
-    return Problem(system, base, laws, dofs, system.findings, alone, joined(system))
+    return Problem(system, base, laws, dofs, system.findings)
 
 
 class Stepper:
@@ -124,11 +118,9 @@ class Stepper:
         self.q = [state.q[part].copy() for part in (self.coupled, self.free)]
         self.p = [state.p[part].copy() for part in (self.coupled, self.free)]
         self.u, self.f, self.z = state.u.copy(), state.f.copy(), state.z.copy()
-        if problem.joined is None:
-            self.z = np.ascontiguousarray(self.z[:, : problem.contact_laws.states])
-            self.exchange, self.memory = problem.contact_laws.exchange(), problem.contact_laws.memory(self.gains)
-            contacts, modes = self.slip.shape
-            self.room = np.zeros((7, modes)), np.zeros((4, contacts)), np.zeros(2 * modes), np.zeros_like(self.z)
+        self.exchange, self.memory = problem.laws.exchange(), problem.laws.memory(self.gains)
+        contacts, modes = self.slip.shape
+        self.room = np.zeros((7, modes)), np.zeros((4, contacts)), np.zeros(2 * modes), np.zeros_like(self.z)
         self.energies = [np.zeros(4), np.zeros(4)]
         self.dissipated, self.sliding = np.zeros(len(self.u)), np.zeros(len(self.u))
         self.limits = problem.system.contacts.limits.copy()
@@ -152,10 +144,7 @@ class Stepper:
         run = room_for(self.problem, steps // every) if into is None else into
         q, p, u, f, energy = (run[name] for name in ("q", "p", "u", "f", "energy"))
         state = self.q[0], self.p[0], self.u, self.f, self.z
-        if self.problem.joined is None:
-            sweeps, residual = self._advance(steps, every, limits, loads, state, (q, p, u, f, energy))
-        else:
-            sweeps, residual = self._advance_joined(steps, every, limits, loads, state, (q, p, u, f, energy))
+        sweeps, residual = self._advance(steps, every, limits, loads, state, (q, p, u, f, energy))
         self.sweeps, self.residual = max(self.sweeps, sweeps), max(self.residual, residual)
         if len(loads):
             flow, loss = self.flow[1], self.loss[1]
@@ -182,11 +171,12 @@ class Stepper:
     def _advance(
         self, steps: int, every: int, limits: np.ndarray, loads: np.ndarray, state: Any, samples: Any
     ) -> tuple[int, float]:
-        """Steps of contacts that each stand alone."""
+        """Steps of the modes that the contacts see."""
         from ema.simulate import transient_kernels
 
         kernels: Any = transient_kernels
-        laws = self.problem.contact_laws
+        laws = self.problem.laws
+        arguments = laws.arguments()
         compliance = self.gains, float(np.abs(self.gains).sum(axis=1).max())
         springs = laws.flexibility, laws.capacity
         contact = self.slip, laws.stiffness, springs, compliance, self.exchange, self.memory
@@ -198,39 +188,10 @@ class Stepper:
             (self.flow[0], self.loss[0], self.squares[0]),
             contact,
             (limits, loads, self.rows[0]),
-            laws.arguments(),
+            arguments if laws.couplings is None else (*arguments, (self.kept, self.done)),
             state,
             books,
             (*strides, _quiet(loads), (*self.room, *reach)),
-        )
-        return int(most), float(worst)
-
-    def _advance_joined(
-        self, steps: int, every: int, limits: np.ndarray, loads: np.ndarray, state: Any, samples: Any
-    ) -> tuple[int, float]:
-        """Steps of contacts that hang together."""
-        from ema.simulate import joined_kernels
-
-        kernels: Any = joined_kernels
-        assert self.problem.joined is not None
-        most, worst = kernels.advance_joined(
-            steps,
-            every,
-            self.h,
-            (self.flow[0], self.loss[0], self.squares[0]),
-            (self.slip, self.gains, self.problem.system.contacts.stiffness),
-            limits,
-            loads,
-            self.rows[0],
-            self.problem.laws.arguments,
-            self.problem.joined.arguments,
-            state,
-            (self.energies[0], self.dissipated, self.sliding),
-            self.limits,
-            self.kept,
-            self.done,
-            self.coupled,
-            samples,
         )
         self.done += steps
         return int(most), float(worst)
@@ -243,7 +204,7 @@ class Stepper:
         if every not in self.strides:
             base, part = self.problem.base, self.coupled
             omega, stiffness = base.frequencies[part], self.problem.system.contacts.stiffness
-            alone = self.problem.contact_laws.elastic_reach and base.damping is None and bool(np.all(omega > 0))
+            alone = self.problem.laws.elastic_reach and base.damping is None and bool(np.all(omega > 0))
             levels = int(np.log2(every)) if alone else 0
             flows, losses = long_coefficients(omega, base.decay[part], self.h, levels)
             turns = omega * self.h * 2.0 ** np.arange(1, levels + 1)[:, None]
@@ -278,15 +239,7 @@ def _quiet(loads: np.ndarray) -> int:
 def _initial(stepper: Stepper, state: _State) -> dict[str, np.ndarray]:
     """The sample at time zero, in the form of ``Stepper.run``."""
     laws, stiffness = stepper.problem.laws, stepper.problem.system.contacts.stiffness
-    if stepper.problem.joined is not None:
-        from ema.simulate.joined_kernels import stored_joined
-
-        table, curve = stepper.problem.joined.pairs, stepper.problem.joined.curve
-        stored = stored_joined(
-            stiffness, laws.codes, laws.stiffness_shares, laws.counts, table, curve, state.u, state.z
-        )
-    else:
-        stored = stepper.problem.contact_laws.stored_energy(state.z)
+    stored = laws.stored_energy(state.z)
     omega = stepper.problem.base.frequencies
     mechanical = 0.5 * (state.p**2 + (omega * state.q) ** 2).sum() - 0.5 * stiffness @ state.u**2
     energy = np.array([[0.0, 0.0, 0.0, 0.0, stored, mechanical]])
@@ -556,7 +509,7 @@ def released(problem: Problem, load: float, dof: Dof, limits: Float[np.ndarray, 
     system = problem.system
     if not is_number(load):
         raise InputError("not a load", where=system.name, got=f"{load} N", expected="a finite force")
-    state = ramp(system, problem.laws, load * system.row(dof), limits=limits, joined=problem.joined)
+    state = ramp(system, problem.laws, load * system.row(dof), limits=limits)
     q = problem.base.shapes.T @ (system.mass @ state.displacements)
     return _State(q, np.zeros_like(q), problem.base.slip @ q, state.forces, state.memory)
 

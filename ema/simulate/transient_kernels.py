@@ -8,7 +8,7 @@ output each: the compiler turns these into vector instructions.
 import numpy as np
 
 from ema.compiled import FAST, compiled, fast, inner, kernel
-from ema.contact.call_kernels import EXCESS, FORCE, LIMIT, SLOPE
+from ema.contact.call_kernels import EXCESS, FORCE, LIMIT, PRESSURE, SLOPE, STIFFNESS
 from ema.contact.linear_kernels import add_rows, copy_into, copy_table, matvec
 from ema.contact.solve_kernels import solve
 
@@ -16,6 +16,11 @@ from ema.contact.solve_kernels import solve
 Q_Q, Q_P, Q_F, P_Q, P_P, P_F = range(6)
 # places in the vector of running energies
 FRICTION, DAMPING, PROJECTION, SUPPLIED = range(4)
+# columns of what is kept of every normal contact: extremes of its force, steps open, first of them, widest opening then
+LEAST, GREATEST, OPEN, START, GAP = range(5)
+_ALONE, _COUPLED = 1e-12, 1e-11
+"""Sought residual of the displacements, of contacts that depend on the structure alone, and on each other: unsymmetric
+equations of stiff contacts leave more of the rounding."""
 
 
 @fast
@@ -152,24 +157,44 @@ def advance_linear(steps, every, flow, loss, squares, loads, rows, q, p, energie
 
 
 @inner
-def lower_limits(limit, last, slip, bounds, f, g, pull, z, energies):
-    """Bring friction forces below slip forces that fell: the forces jump, and with them the accelerations."""
-    flexibility, capacity = bounds
+def across(laws, i):
+    """The contact of the same pair in the other direction, -1 where there is none."""
+    if len(laws) > 3:
+        return laws[3][0][i]
+    return -1
+
+
+@inner
+def lower_limits(limit, last, bounds, laws, f, z, energies):
+    """Bring friction forces below slip forces that fell, in two directions straight back to the circle.
+
+    The forces jump, and with them the accelerations; returns whether one did.
+    """
+    (flexibility, capacity), fell = bounds, False
     for i in range(len(limit)):
-        if limit[i] < last[i]:
-            change = 0.0
+        other = across(laws, i)
+        if limit[i] < last[i] and not 0 <= other < i:
+            fell = True
             for j in range(z.shape[1]):
                 if flexibility[i, j] > 0.0:
                     top = limit[i] * capacity[i, j] if limit[i] > 0.0 else 0.0
-                    held = min(max(z[i, j], -top), top)
-                    energies[PROJECTION] += 0.5 * flexibility[i, j] * (z[i, j] * z[i, j] - held * held)
-                    change += held - z[i, j]
-                    z[i, j] = held
-            f[i] += change
-            g[i] += change
-            for r in range(len(pull)):
-                pull[r] += slip[i, r] * change
-        last[i] = limit[i]
+                    aside = z[other, j] if other >= 0 else 0.0
+                    size = np.sqrt(z[i, j] * z[i, j] + aside * aside)
+                    if size > top:
+                        energies[PROJECTION] += 0.5 * flexibility[i, j] * (size * size - top * top)
+                        lower(f, z, i, j, top, size)
+                        if other >= 0:
+                            lower(f, z, other, j, top, size)
+    copy_into(last, limit)
+    return fell
+
+
+@inner
+def lower(f, z, i, j, top, size):
+    """Keep the share ``top`` / ``size`` of a force of a contact."""
+    held = top * (z[i, j] / size)
+    f[i] += held - z[i, j]
+    z[i, j] = held
 
 
 @fast
@@ -192,19 +217,48 @@ def total(values):
 
 
 @inner
-def book(exchange, stiffness, flexibility, u, f, z, u1, z1, energies, dissipated, sliding):
-    """Friction loss of a step, and the new displacements and forces: work of the mean force, less what is stored."""
+def book(exchange, flexibility, contacts, after, sums):
+    """Friction loss of a step, and the new displacements and forces: work of the mean force, less what is stored.
+
+    A contact without a largest force loses nothing.
+    """
+    (u, f, z), (u1, z1), (energies, dissipated, sliding) = contacts, after, sums
     for i in range(len(u)):
-        way, excess = u1[i] - u[i], exchange[EXCESS, i]
-        if excess != 0.0:
-            own = (f[i] + 0.5 * (excess + stiffness[i] * way)) * way
+        way, excess, k = u1[i] - u[i], exchange[EXCESS, i], exchange[STIFFNESS, i]
+        if excess != 0.0 and exchange[LIMIT, i] < np.inf:
+            own = (f[i] + 0.5 * (excess + k * way)) * way
             for j in range(z.shape[1]):
                 own -= 0.5 * flexibility[i, j] * (z1[i, j] - z[i, j]) * (z1[i, j] + z[i, j])
             dissipated[i] += own
             energies[FRICTION] += own
-            if exchange[SLOPE, i] < -0.5 * stiffness[i]:
+            if exchange[SLOPE, i] < -0.5 * k:
                 sliding[i] += 1.0
         u[i], f[i] = u1[i], exchange[FORCE, i]
+
+
+@inner
+def book_across(exchange, partner, sliding):
+    """In two directions a contact slides where its slope does in their sum, whichever way its force points."""
+    for i in range(len(partner)):
+        if partner[i] >= 0 and exchange[EXCESS, i] != 0.0:
+            own, limit = exchange[SLOPE, i], -0.5 * exchange[STIFFNESS, i]
+            sliding[i] += (own + exchange[SLOPE, partner[i]] < limit) - (own < limit)
+
+
+@inner
+def book_pressures(exchange, u, n, pressures, sliding):
+    """Extremes of the normal contacts, which are the last ones, after step n."""
+    kept, done = pressures
+    for row in range(len(kept)):
+        i, record = len(u) - len(kept) + row, kept[row]
+        normal = exchange[PRESSURE, i]
+        record[LEAST], record[GREATEST] = min(record[LEAST], normal), max(record[GREATEST], normal)
+        if normal <= 0.0:
+            if record[OPEN] == 0.0:
+                record[START] = done + n
+            record[OPEN] += 1.0
+            sliding[i] += 1.0
+            record[GAP] = max(record[GAP], u[i])
 
 
 @fast
@@ -301,7 +355,8 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
     (``ema.contact.laws``), compliance over a step with its norm, tables and memory of ``ema.contact.solve_kernels``.
     drive: slip forces (row, contact), one row for all steps or one per step; external forces at the ends of the steps
     (row, load), no row without them, and how they act on the modes. state: q, p, u, f, z. books: sums of energies,
-    friction loss and steps that slide of every contact, the last slip forces, places of the modes, samples. strides:
+    friction loss and steps that slide of every contact, the last slip forces, places of the modes, samples. laws:
+    where contacts depend on each other also what is kept of the normal ones, and the steps taken before. strides:
     tables of 2, 4, 8 ... steps at once, ``spans`` of ``stride``, and the step from which on they may be taken: that
     motion is the same, with fewer looks at contacts that stick; and room to work in. Returns the largest number of
     Newton steps and the worst residual.
@@ -314,7 +369,7 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
     force, outside, pull, moved, amplitude = of_modes[0], of_modes[1], of_modes[2], of_modes[3], of_modes[4]
     q0, p0, q1, p1, z0 = q, p, of_modes[5], of_modes[6], z
     free, u1, g, margin = of_contacts[0], of_contacts[1], of_contacts[2], of_contacts[3]
-    problem, x = (compliance[0], compliance[1], rate, 1e-12), memory[4]
+    problem, x = (compliance[0], compliance[1], rate, _COUPLED if len(laws) > 3 else _ALONE), memory[4]
     contact_pull(slip, stiffness, u, f, g, pull)
     worst, most, loaded, n, stuck = 0.0, 0, loads.shape[0] > 0, 0, False
     known[0] = 0
@@ -334,7 +389,8 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
             n += 2 << level
         else:
             if n == 0 or limits.shape[0] > 1:
-                lower_limits(limit, last_limits, slip, bounds, f, g, pull, z0, energies)
+                if lower_limits(limit, last_limits, bounds, laws, f, z0, energies):
+                    contact_pull(slip, stiffness, u, f, g, pull)
                 copy_into(exchange[LIMIT], limit)
             if loaded:
                 mean_load(rows, loads, n, outside)
@@ -351,9 +407,14 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
             energies[DAMPING] += lost(flow, loss, squares, q0, p0, force, both)
             if loaded:
                 energies[SUPPLIED] += work(outside, q1, q0)
-            book(exchange, stiffness, bounds[0], u, f, z0, u1, z1, energies, dissipated, sliding)
+            book(exchange, bounds[0], (u, f, z0), (u1, z1), (energies, dissipated, sliding))
             z0, z1 = z1, z0
             n += 1
+            if len(laws) > 3:
+                # the force at the end may be another one than that of the step
+                contact_pull(slip, stiffness, u, f, g, pull)
+                book_across(exchange, laws[3][0], sliding)
+                book_pressures(exchange, u, n, laws[4], sliding)
         q0, q1, p0, p1 = q1, q0, p1, p0
         if n % every == 0:
             contact_pull(slip, stiffness, u, f, g, pull)

@@ -189,7 +189,7 @@ def steady(condensed: Condensed, point: Any) -> _State:
     for u in np.concatenate([motion, motion, motion[:1]]):
         force = np.clip(force + condensed.stiffness * (u - before), -condensed.limits, condensed.limits)
         before = u
-    memory = np.zeros((len(force), condensed.problem.laws.stiffness_shares.shape[1]))
+    memory = np.zeros((len(force), condensed.problem.laws.states))
     memory[:, 0] = force
     return _State(q, p, base.slip @ q, force, memory)
 

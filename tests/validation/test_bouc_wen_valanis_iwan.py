@@ -39,15 +39,6 @@ def oscillator(law):
     return BeamModel(host, wall, (joint,), Damping(), "oscillator")
 
 
-def both_ways():
-    """Friction in x and y."""
-    model = oscillator(BoucWen(1.0, K))
-    dofs = tuple(Dof(1, axis) for axis in ("+X", "+Y", "+Z"))
-    host = Matrices(np.eye(3), np.diag([STIFFNESS, STIFFNESS, 1e9]), dofs)
-    wall = Matrices(1e6 * np.eye(3), 1e16 * np.eye(3), tuple(replace(dof, part="wall") for dof in dofs))
-    return replace(model, host=host, beam=wall, joints=(replace(model.joints[0], directions=("X", "Y")),))
-
-
 def bouc_wen(n, gamma):
     return lambda phi: 1 - abs(phi) ** n * (gamma + (1 - gamma) * np.sign(phi))
 
@@ -165,7 +156,6 @@ def test_exponents_that_make_no_density_are_refused_in_one_sentence(chi):
         (lambda: BoucWen(0.3, K, 1.0, 0.6), "got gamma 0.6, expected -1 or more and up to 0.5"),
         (lambda: BoucWen(0.3, K, float("nan")), "got exponent nan"),
         (lambda: Valanis(0.3, K, 1.0), "got kappa 1, expected 0 or more and up to 0.999"),
-        (lambda: snapback(both_ways(), 1.0, "1:+X", 0.01), "no isotropic form"),
     ],
 )
 def test_bad_parameters_are_refused(make, words):

@@ -13,6 +13,7 @@ from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate import (
+    BoucWen,
     Dahl,
     Iwan,
     LuGre,
@@ -20,7 +21,9 @@ from ema.simulate import (
     PowerContact,
     RegularisedMasing,
     Unilateral,
+    Valanis,
     frf,
+    register_law,
     resonance,
     respond,
 )
@@ -35,6 +38,14 @@ LAWS = [
     LuGre(1.0, K, 5.0, 1.0, 1.2, 1e-2),
 ]
 BOTH, ONE = ("X", "Y"), ("X",)
+
+
+def jenkins(force, du, k, limit, p0, p1, p2, p3):
+    return min(max(force + k * du, -limit), limit)
+
+
+OWN = register_law("jenkins of steady states", jenkins)
+PROJECTED = [OWN(1.0, K), Valanis(1.0, K, 0.6), BoucWen(1.0, K, 2.0, 0.1)]
 
 
 def oscillator(law, directions=BOTH, skew=0.05, lift=0.0, **joint):
@@ -93,6 +104,25 @@ def test_motion_along_a_line_is_the_law_in_one_direction(law):
     assert lost.sum() == pytest.approx(loss.sum(), rel=3e-5)
 
 
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[3], LAWS[1], LAWS[2], *PROJECTED], ids=lambda law: law.name)
+@pytest.mark.parametrize("normal", [None, Unilateral()], ids=["pressed", "parts"])
+def test_the_jacobian_is_the_derivative_of_the_forces(law, normal):
+    """By the own motion, that across and the gap, against central differences of the forces themselves."""
+    joint = {} if normal is None else {"normal_contact": normal, "normal_stiffness": 2e5}
+    condensed = condense(oscillator(law, **joint), 1.0, "1:+X", ["1:+X"], 1e-3)
+    draw, orders = np.random.default_rng(2), 3
+    contacts = len(condensed.limits)
+    motion = 1e-4 * draw.normal(size=(contacts, 2 * orders)) / (1 + np.repeat(condensed.orders(orders), 2)) ** 2
+    jacobian = condensed.contact_forces(motion, 2 * np.pi * F0)[1]
+    for i, across in enumerate(condensed.members):
+        for place, other in enumerate(across):
+            for c in range(2 * orders if other >= 0 else 0):
+                step = np.zeros_like(motion)
+                step[other, c] = 1e-10
+                more, less = (condensed.contact_forces(motion + s * step, 2 * np.pi * F0)[0][i] for s in (1, -1))
+                np.testing.assert_allclose(jacobian[i, place, :, c], (more - less) / 2e-10, atol=2e-3 * K)
+
+
 def test_the_isotropic_law_has_no_preferred_direction():
     """The structure is the same in X and Y: what is driven along X and along Y differs by a quarter turn."""
     model = oscillator(LAWS[0], skew=0.0)
@@ -103,7 +133,7 @@ def test_the_isotropic_law_has_no_preferred_direction():
     np.testing.assert_allclose(one.values, two.values, rtol=1e-6)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", [*LAWS, *PROJECTED], ids=lambda law: law.name)
 def test_isotropic_friction_against_the_time_solver(law):
     model = oscillator(law)
     found = frf(model, np.array([103.0]), 60.0, "1:+X", ["1:+Y"], tolerance=1e-3)
@@ -141,8 +171,8 @@ def test_a_constant_normal_force_is_the_one_of_the_model(law):
 
 @pytest.mark.parametrize("contact", [PowerContact(1.5, FC), Unilateral()], ids=["stiffens", "parts"])
 @pytest.mark.parametrize("force", [10.0, 100.0])
-def test_normal_contact_against_the_time_solver(contact, force):
-    law = Masing(0.5, 2e5)
+@pytest.mark.parametrize("law", [Masing(0.5, 2e5), OWN(0.5, 2e5)], ids=["masing", "own"])
+def test_normal_contact_against_the_time_solver(contact, force, law):
     model = oscillator(law, ONE, lift=0.2, normal_contact=contact, normal_stiffness=2e5)
     found = frf(model, np.array([112.0]), force, "1:+X", ["1:+X"], tolerance=1e-3)
     assert found.converged.all() and found.power_error <= 1e-4

@@ -3,15 +3,20 @@
 Gaul, Roseira and Becker, Shock and Vibration 15 (2008), Sec. 1: the tangential force is divided in x and y.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from ema.contact.call_kernels import CROSS, EXCESS, FORCE, LIMIT, SLOPE, WAY
+from ema.contact.laws import Couplings, compiled, contact_laws
 from ema.data import BeamModel, Joint, Matrices
 from ema.dof import Dof
 from ema.elements import plate_matrices
 from ema.errors import InputError
 from ema.simulate import (
+    BoucWen,
     Dahl,
     Iwan,
     LuGre,
@@ -19,14 +24,13 @@ from ema.simulate import (
     ParallelMasing,
     RegularisedMasing,
     Unilateral,
+    Valanis,
     double_beam,
-    plane_kernels,
     register_law,
     respond,
     snapback,
     snapback_reference,
 )
-from ema.simulate.friction import pack
 from ema.simulate.loops import drive, drive_plane
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
@@ -124,64 +128,107 @@ def test_vector_forms_stay_inside_the_circle_and_dissipate(law):
         assert lost.min() >= -1e-12 * FC * XC
 
 
-def test_tangents_of_the_vector_forms_are_their_derivatives():
+def two_lanes(law):
+    """A law on one contact in two directions, and a function for its increments: force, slopes (2, 2) by the way."""
+    none = np.full(2, -1)
+    laws = contact_laws(
+        [law, law],
+        np.full(2, K),
+        [1, 1],
+        Couplings(np.array([1, 0]), none, np.zeros(2), np.zeros((0, 8)), np.zeros((3, 2))),
+    )
+    (row,), parameters, curves, _ = laws.arguments()
+
+    def increment(way, state):
+        exchange, after = laws.exchange(), np.zeros_like(state)
+        exchange[WAY], exchange[LIMIT] = way, FC
+        compiled(laws.groups[0][0])(row, 1e4, parameters, curves, exchange, state.copy(), after)
+        (xx, yy), (xy, yx) = exchange[SLOPE] + K, exchange[CROSS]
+        return exchange[FORCE].copy(), np.array([[xx, xy], [yx, yy]]), exchange[EXCESS].copy()
+
+    return laws, increment
+
+
+def jenkins(force, du, k, limit, p0, p1, p2, p3):
+    return min(max(force + k * du, -limit), limit)
+
+
+PROJECTED = [register_law("jenkins in a plane", jenkins)(MU, K), BoucWen(MU, K, 1.5, 0.1), Valanis(MU, K, 0.8)]
+
+
+def test_slopes_of_the_vector_forms_are_their_derivatives():
     rng = np.random.default_rng(7)
     # what the Stribeck effect adds to the slope is left out, in two directions as in one
-    for law in (*LAWS[:-1], LuGre(MU, K, bristle_damping=20.0, viscous=5.0)):
-        packed = pack([law, law], [1, 1])
-        width = packed.stiffness_shares.shape[1]
-
-        def force(du, state, law=packed, width=width):
-            new, a, b = np.zeros((2, width)), np.zeros((2, width, 2)), np.zeros((2, width, 2))
-            found = plane_kernels.plane_step(
-                law.codes[0],
-                0,
-                1,
-                K,
-                FC,
-                law.parameters,
-                law.stiffness_shares,
-                law.force_shares,
-                law.counts[0],
-                law.tables,
-                0.0,
-                0.0,
-                du[0],
-                du[1],
-                1e-4,
-                state,
-                new,
-                a,
-                b,
-            )
-            return np.array(found[:2]), np.array(found[2:]).reshape(2, 2), a[:, 0], new[:, 0]
-
+    for law in (*LAWS[:-1], LuGre(MU, K, bristle_damping=20.0, viscous=5.0), *PROJECTED):
+        laws, increment = two_lanes(law)
         for _ in range(20):
-            state, du = np.zeros((2, width)), rng.normal(size=2) * 0.6 * XC
-            state[:, : packed.counts[0]] = 0.2 * FC * packed.force_shares[0, : packed.counts[0]]
+            state, way = np.zeros((2, laws.states)), rng.normal(size=2) * 0.6 * XC
+            springs = laws.flexibility[0] > 0
+            state[:, springs] = 0.2 * FC * np.minimum(laws.capacity[0, springs], 1.0)
             state[:, 1 if law.name == "lugre" else 0] *= -1.0
-            step, bump = 1e-5 * XC, 1e-5 * FC
-            _, slope, a, _ = force(du, state)
-            expected = np.array([force(du + step * e, state)[0] - force(du - step * e, state)[0] for e in np.eye(2)]).T
+            step = 1e-5 * XC
+            force, slope, excess = increment(way, state)
+            expected = np.array(
+                [increment(way + step * e, state)[0] - increment(way - step * e, state)[0] for e in np.eye(2)]
+            ).T
             np.testing.assert_allclose(slope, expected / (2 * step), atol=3e-4 * np.abs(slope).max() + 1e-6 * K)
-            changes = []
-            for e in np.eye(2):
-                high, low = state.copy(), state.copy()
-                high[:, 0] += bump * e
-                low[:, 0] -= bump * e
-                changes.append((force(du, high)[3] - force(du, low)[3]) / (2 * bump))
-            np.testing.assert_allclose(a, np.array(changes).T, atol=3e-4)
+            begun = state[:, springs].sum(axis=1) + (state[:, 1] if law.name == "lugre" else 0.0)
+            np.testing.assert_allclose(excess, force - begun - K * way, atol=1e-12 * FC)
+
+
+def test_laws_of_the_users_own_return_radially():
+    """Radial return (Wilkins 1964): the elastic force, brought straight back to the circle."""
+    rng = np.random.default_rng(3)
+    path = np.cumsum(rng.normal(size=(2, 500)), axis=1) * XC
+    path -= path[:, :1]
+    force, expected = np.zeros(2), []
+    for way in np.diff(path, prepend=path[:, :1]).T:
+        trial = force + K * way
+        force = trial * min(1.0, FC / max(np.hypot(*trial), 1e-300))
+        expected.append(force)
+    np.testing.assert_allclose(drive_plane(PROJECTED[0], path, FN), np.array(expected).T, atol=1e-12 * FC)
+
+
+@pytest.mark.parametrize("law", PROJECTED, ids=lambda law: law.name)
+def test_projected_laws_are_isotropic_and_the_law_in_one_direction(law):
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    t = np.linspace(0, 9, 900)
+    path = np.array([3 * XC * np.sin(t), 2 * XC * np.cos(13 / 9 * t) - 2 * XC])
+    np.testing.assert_allclose(drive_plane(law, turn @ path, FN), turn @ drive_plane(law, path, FN), atol=1e-9 * FC)
+    assert np.hypot(*drive_plane(law, path, FN)).max() <= FC * (1 + 1e-9)
+    for direction in (np.array([1.0, 0.0]), np.array([0.0, -1.0]), np.array([np.cos(0.4), np.sin(0.4)])):
+        along = drive_plane(law, np.outer(direction, path[0]), FN)
+        np.testing.assert_allclose(along, np.outer(direction, drive(law, path[0], FN)), atol=2e-9 * FC)
+
+
+def test_projected_laws_come_to_the_closed_form_on_a_circle():
+    """As for the circle; of first order in the angle of an increment, so half of it leaves half the error."""
+    ratio = 4.0
+    closed, errors = 2 * np.pi * FC * ratio * XC * np.sqrt(1 - 1 / ratio**2), []
+    for samples in (500, 1000, 2000):
+        angle = 2 * np.pi * np.linspace(0, 3, 3 * samples + 1)
+        errors.append(work(PROJECTED[0], ratio * XC * np.array([np.cos(angle), np.sin(angle)])) / closed - 1)
+    assert abs(errors[2]) < 2e-3
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2) and errors[1] / errors[2] == pytest.approx(2.0, rel=0.2)
 
 
 def test_laws_without_isotropic_form_say_so():
-    def jenkins(force, du, k, limit, p0, p1, p2, p3):
-        return min(max(force + k * du, -limit), limit)
+    def one_sided(force, du, k, limit, p0, p1, p2, p3):
+        return min(max(force + k * du, -0.5 * limit), limit)
 
-    mine = register_law("jenkins in a plane", jenkins)(MU, K)
-    with pytest.raises(InputError, match="no isotropic form"):
-        drive_plane(mine, line(0.0, XC, 10), FN)
-    with pytest.raises(InputError, match="no isotropic form"):
-        snapback(strip(mine, ("X", "Y")), 20.0, "plate 2:5:+Z", 0.01)
+    def soft(force, du, k, limit, p0, p1, p2, p3):
+        return min(max(force + p0 * k * du, -limit), limit)
+
+    wrong = (
+        (register_law("one-sided in a plane", one_sided)(MU, K), "1 F_C one way and -0.5 F_C the other"),
+        (register_law("soft in a plane", soft)(MU, K, 0.5), "a first slope of 0.5 k_T"),
+    )
+    for law, words in wrong:
+        with pytest.raises(InputError, match=f"no isotropic form.*{words}") as refused:
+            drive_plane(law, line(0.0, XC, 10), FN)
+        assert "\n" not in str(refused.value)
+        with pytest.raises(InputError, match="no isotropic form"):
+            snapback(strip(law, ("X", "Y")), 20.0, "plate 2:5:+Z", 0.01)
     with pytest.raises(InputError, match="no isotropic friction in two directions"):
         snapback_reference(strip(CIRCLE, ("X", "Y")), 20.0, "plate 2:5:+Z", 0.01)
 
@@ -283,7 +330,14 @@ def test_a_square_set_up_moves_alike_in_every_direction():
 
 @pytest.mark.parametrize(
     "law",
-    [CIRCLE, Iwan(MU, K, springs=6), RegularisedMasing(MU, K), Dahl(MU, K), LuGre(MU, K, bristle_damping=10.0)],
+    [
+        CIRCLE,
+        Iwan(MU, K, springs=6),
+        RegularisedMasing(MU, K),
+        Dahl(MU, K),
+        LuGre(MU, K, bristle_damping=10.0),
+        *PROJECTED,
+    ],
     ids=lambda law: law.name,
 )
 def test_one_mass_in_the_plane_against_its_motion_in_one_direction(law):
@@ -304,9 +358,10 @@ def test_one_mass_in_the_plane_against_its_motion_in_one_direction(law):
         np.testing.assert_allclose(found[key], line, atol=2e-5 * np.abs(line).max())
 
 
-def test_plates_pressed_together_part_in_two_directions():
+@pytest.mark.parametrize("law", [Masing(MU, 5e7), replace(PROJECTED[0], contact_stiffness=5e7)], ids=["masing", "own"])
+def test_plates_pressed_together_part_in_two_directions(law):
     """Both at once: isotropic friction under a normal force that changes, with its energy."""
-    model = two_plates(Masing(MU, 5e7), 60.0).with_normal_contact(Unilateral())
+    model = two_plates(law, 60.0).with_normal_contact(Unilateral())
     times = np.arange(101) / 5000.0
     pull = 80.0 * np.sin(np.pi * times / times[-1])
     loads = np.array([pull, 0.7 * pull, 40.0 * pull / 80.0])
