@@ -52,7 +52,18 @@ def run_sentence(run: RunResult) -> str:
         low, high = str(plain(damping.min(), 2)), str(plain(damping.max(), 2))
         found += f" from {short(frequencies.min())} to {short(frequencies.max())} Hz, damping "
         found += f"{low} %" if low == high else f"{low} to {high} %"
-    return f"Run {run.run.id} ({condition_text(run)}): {found}."
+    return f"Run {run.run.id} ({condition_text(run)}): {found}{_level_text(run)}."
+
+
+def _level_text(run: RunResult) -> str:
+    """What the impacts say about linearity, as the end of a sentence; empty where it was not asked."""
+    codes = {finding.code for finding in run.findings}
+    if "slip-then-ring" in codes:
+        kept = "those of the decay after the joint sticks again" if len(run.modes.poles) else "withheld"
+        return f"; the structure is not linear at this level of impacts, the modes are {kept}"
+    if "linearity-not-testable" in codes:
+        return "; whether it is linear is not testable: repeat at half the level"
+    return "; no sign of a nonlinear structure between its impacts" if "level-tested" in codes else ""
 
 
 def mode_table(run: RunResult, book: Book) -> Block:
@@ -79,6 +90,11 @@ def mode_table(run: RunResult, book: Book) -> Block:
     if modes.covariance is not None:
         basis = modes.uncertainty.basis if modes.uncertainty is not None else ""
         note = f"± is two standard deviations within this run, from {basis or 'noise only'}"
+    if any(finding.code == "slip-then-ring" for finding in run.findings):
+        note = (
+            "of the decay after sticking, for small amplitudes; ± is two standard deviations, from noise and from when "
+        )
+        note += "the decay begins"
     caption = f"Modes of run {name} ({note})."
     return book.table(f"modes_{name}", caption, [*columns, "std f [Hz]", "std ζ [%]"], rows, shown)
 

@@ -1,6 +1,7 @@
 """One run through the chain: records to FRFs to poles to modes, with everything a reader has to know."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +11,9 @@ from ema.data import Finding, FrfSet, HitGallery, ModalModel, PoleTable, Run, Ru
 from ema.progress import Progress, silent
 from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, FitTable
+
+if TYPE_CHECKING:
+    from ema.compare.linearity import Linearity
 
 _FIRST_LINE = 20
 """Lines left out at the low end when nobody states a band: suspension, drift and the windows live there."""
@@ -22,19 +26,24 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
     ------
     InputError : the run cannot be used, or a verb refuses its input.
     """
+    from ema.compare.linearity import level_finding
     from ema.estimate import quality, without_dead
     from ema.fit.record_end import as_recorded
 
     frfs, hits = frfs_of(run, estimate, progress)
     band = fit.band or default_band(frfs, hits)
+    tested = _tested(run, band, progress)
     inside = frfs.band(*band)
     alive = without_dead(inside)
     poles, modes = fitted(alive, fit, progress)
+    if tested is not None and tested.verdict == "not linear":
+        modes = _of_the_decay(run, band, alive, modes)
     reconstruction = synthesis.frfs(
         as_recorded(modes, alive), alive.frequencies, alive.quantity, outputs=alive.outputs, inputs=alive.inputs
     )
     reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=alive.unit)
-    findings = unique(run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
+    noticed = () if tested is None else (level_finding(tested, f"run {run.id}"),)
+    findings = unique(noticed + run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
     return RunResult(
         run=run,
         frfs=_like(frfs, alive),
@@ -47,6 +56,23 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
         hits=hits,
         findings=findings,
     )
+
+
+def _tested(run: Run, band: tuple[float, float], progress: Progress) -> "Linearity | None":
+    """Whether the structure is linear at the level of a hammer test; ``None`` for what else was measured."""
+    from ema.compare.linearity import linearity
+
+    if run.kind != "hammer" or not run.recordings or run.frfs:
+        return None
+    return linearity(run, band, progress)
+
+
+def _of_the_decay(run: Run, band: tuple[float, float], frfs: FrfSet, fitted: ModalModel) -> ModalModel:
+    """Modes of the decay after sticking in place of those fitted to FRFs that no linear structure has."""
+    from ema.compare.decay_modes import modes_after_sticking, sticking, withheld
+
+    found = sticking(run, band)
+    return withheld(fitted) if found is None else modes_after_sticking(found, frfs, fitted)
 
 
 def _like(frfs: FrfSet, chosen: FrfSet) -> FrfSet:

@@ -1,0 +1,328 @@
+"""Whether a hammer test sees one linear structure: what follows the level of the impacts, decided before modes are.
+
+A joint that slips under the impact and sticks afterwards rings as a linear structure, so that the misfit of a linear
+model is small and its modes are wrong. Two things betray it, and both are compared between impacts on the same point,
+where a linear structure has no choice:
+
+- the modal amplitude of the late decay, extrapolated back to the impact, over the force (homogeneity);
+- that amplitude over the one read right behind the impact (backward extrapolation, Allen and Mayes, Mechanical Systems
+  and Signal Processing 24, 2010). It needs no force.
+
+What follows the level is nonlinear. What does not follow it is noise, another place of the impact or a bad force
+window; a test that has more of it than of noise does not decide.
+"""
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from ema.data import Finding, Run
+from ema.estimate.impact_decays import LATE, ImpactDecays, impact_decays
+from ema.progress import Progress, silent
+
+CHANGE = 0.045
+"""Change of the modal constants with the level (relative, per factor e of the force, root mean square over modes and
+points by energy) from which on a structure is named not linear.
+
+Calibrated on 150 tables of `python -m tests.bench.linearity` with seed 101: sound linear tables reach 0.025, tables
+that lose less than 0.5 % of the work of the impacts by slip 0.04 (one in twenty more), those that lose more than 5 %
+exceed 0.05 in 19 of 20. Halved, a fifth of the tables that lose less than 0.5 % is named; doubled, a fifth of those
+that lose more than 5 % is not.
+"""
+DECAY_CHANGE = 0.05
+"""The same for the late decay over what is measured right behind the impact; noisier, and blind to slip within the
+contact. Linear tables reach 0.035 in the same calibration."""
+EXCESS = 3.0
+"""Scatter among impacts on a point that the level does not explain, over that by noise, from which on the place of the
+impacts or the force is suspected, and the level has to explain more than chance would."""
+HARMLESS = 0.005
+"""Relative scatter among impacts on a point that never counts: levels a fifth apart change more by `CHANGE`."""
+CLEAR = 3.0
+"""Change with the level over what noise alone shows of it, from which on it is beyond noise."""
+CHANCE = 0.05
+"""Probability of as large a change with the levels interchanged at random among the impacts of a point."""
+CUT = 0.02
+"""Force at half the sampling rate, over that at 0 Hz, from which on the force was cut off after it was sampled (a force
+window that closes within the contact): it is not the force on the structure, and modal constants say nothing. Forces
+behind an anti-alias filter stay below 0.01, windows that close at a third of the peak reach 0.05."""
+LATER = 0.15
+"""Response, relative to that behind the impact, at which the late decay begins if the joint still slips at `LATE`."""
+PRECISE = 0.003
+"""Relative noise of a modal amplitude above which it counts less than by its energy."""
+USABLE = 0.05
+"""Relative noise of a modal amplitude above which it is not used."""
+FEWEST_POINTS = 12
+"""Points struck once from which on their different levels stand for impacts on one point."""
+_DRAWS = 400
+
+Verdict = Literal["linear", "not linear", "not testable"]
+
+
+@dataclass(frozen=True)
+class LevelDependence:
+    """How much of the modal amplitudes of equal impacts follows their level.
+
+    Parameters
+    ----------
+    size : relative change for a force e times as large, noise taken off.
+    scatter : relative, of single impacts about that, NaN where no point has three impacts; ``noise`` is what noise
+        explains of it.
+    reach : size that noise alone would show.
+    chance : probability of such a size with the levels interchanged at random.
+    """
+
+    size: float
+    scatter: float
+    noise: float
+    reach: float
+    chance: float
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether impacts differ by more than noise and level explain."""
+        return self.scatter > max(EXCESS * self.noise, HARMLESS) and self.chance > CHANCE
+
+    def exceeds(self, limit: float) -> bool:
+        """Whether more follows the level than ``limit``, and more than noise and chance."""
+        sure = self.chance <= CHANCE if np.isnan(self.scatter) else not self.unexplained
+        return sure and self.size >= max(limit, CLEAR * self.reach)
+
+    def excludes(self, limit: float) -> bool:
+        """Whether less follows the level than ``limit``, and so much would be seen."""
+        return self.size < limit and self.reach < limit and not self.unexplained
+
+
+@dataclass(frozen=True)
+class Linearity:
+    """The verdict on a hammer test, and what it rests on.
+
+    ``constants`` is the level dependence of the modal constants, ``decay`` that of the late decay over the early one;
+    ``None`` where it cannot be read. ``reason`` says why nothing was decided.
+    """
+
+    verdict: Verdict
+    constants: LevelDependence | None = None
+    decay: LevelDependence | None = None
+    decays: ImpactDecays | None = None
+    reason: str = ""
+
+
+def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) -> Linearity:
+    """Decide whether a hammer test sees a linear structure, from its records.
+
+    Parameters
+    ----------
+    run : a hammer test; impacts on a point that differ in level by a fifth are enough, twice the level is better.
+    band : Hz, of the modes.
+
+    Raises
+    ------
+    InputError : a record cannot be used.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ema.data import Channel, Condition, Excitation, ModalModel, Run, poles_from
+    >>> from ema.dof import Dof
+    >>> from ema.simulate import RovingHammer, VirtualRig
+    >>> at, poles = Dof(1, "+Z"), poles_from(np.array([300.0]), np.array([0.01]))
+    >>> model = ModalModel(poles, np.ones((1, 1)), (at,), 1 / (2j * poles.imag)[None], (at,), scaling="unit modal mass")
+    >>> acceleration = Channel("acc", at, quantity="acceleration", unit="m/s^2")
+    >>> rig = VirtualRig(model, RovingHammer((at,)), (acceleration,), 4096.0, noise={"acceleration": 0.1, "force": 0.1})
+    >>> linearity(Run("beam", Condition(Excitation(kind="hammer")), tuple(rig.takes())), (200.0, 500.0)).verdict
+    'linear'
+    """
+    result = Linearity("not testable", reason="no decay is long enough to be fitted behind the impacts")
+    for later in (LATE, LATER):
+        decays = impact_decays(run, band, later, progress)
+        if decays is not None:
+            result = judge(decays)
+        if result.verdict != "not testable" or decays is None:
+            break
+    return result
+
+
+def judge(decays: ImpactDecays) -> Linearity:
+    """The verdict on late decays."""
+    points: Sequence[Hashable] = decays.inputs
+    energy = np.sum(np.abs(decays.amplitudes) ** 2, axis=2) / np.abs(decays.poles) ** 2
+    ratio, variance = _over_early(decays)
+    if len(set(points)) == len(points):
+        if len(points) < FEWEST_POINTS:
+            return Linearity("not testable", decays=decays, reason="no point was struck twice")
+        # The points are a range of levels: of the vibration instead of the force.
+        level = np.sqrt(np.sum(energy / np.abs(decays.poles) ** 2, axis=1))
+        decay = level_dependence(ratio, variance, energy, level, [0] * len(points))
+        return _decided(None, decay, decays)
+    whole = float(np.median(decays.cut)) < CUT
+    constants = level_dependence(*_constants(decays), energy, decays.peaks, points) if whole else None
+    decay = level_dependence(ratio, variance, energy, decays.peaks, points)
+    return _decided(constants, decay, decays)
+
+
+def _decided(constants: LevelDependence | None, decay: LevelDependence | None, decays: ImpactDecays) -> Linearity:
+    tests = [(one, limit) for one, limit in ((constants, CHANGE), (decay, DECAY_CHANGE)) if one is not None]
+    if any(one.exceeds(limit) for one, limit in tests):
+        return Linearity("not linear", constants, decay, decays)
+    if any(one.excludes(limit) for one, limit in tests):
+        return Linearity("linear", constants, decay, decays)
+    reason = "the impacts on each point are too equal"
+    if any(one.unexplained for one, _ in tests):
+        reason = "impacts on the same point differ by more than noise and level explain"
+    return Linearity("not testable", constants, decay, decays, reason)
+
+
+def level_dependence(
+    values: Complex[np.ndarray, "impact mode"],
+    variance: Float[np.ndarray, "impact mode"],
+    energy: Float[np.ndarray, "impact mode"],
+    level: Float[np.ndarray, "impact"],
+    points: Sequence[Hashable],
+) -> LevelDependence | None:
+    """How modal values of impacts on the same point follow the level of the impact.
+
+    Least squares of ``value / mean - 1 = slope ln(level)``, one complex slope for each mode and point; the chance is
+    that of one slope for each mode over all points, by interchanging the levels on every point.
+
+    Parameters
+    ----------
+    values, variance : of a linear structure, values are equal on a point but for noise of this variance.
+    energy : weight of modes and points.
+    level : of the impacts, positive.
+    points : where each impact was.
+
+    Returns
+    -------
+    LevelDependence or None
+        ``None`` where no point has two impacts of different level, or every mode is lost in noise.
+    """
+    rows = [np.flatnonzero([point == one for point in points]) for one in dict.fromkeys(points)]
+    rows = [part for part in rows if len(part) > 1 and np.ptp(level[part]) > 0]
+    if not rows:
+        return None
+    x, z, noise, weight = [], [], [], []
+    for part in rows:
+        mean = values[part].mean(axis=0)
+        relative = values[part] / mean - 1
+        x.append(np.log(level[part]) - np.log(level[part]).mean())
+        z.append(relative - relative.mean(axis=0))
+        noise.append(variance[part].mean(axis=0) / np.abs(mean) ** 2)
+        usable = noise[-1] < USABLE**2
+        weight.append(np.where(usable, energy[part].mean(axis=0) / (1 + noise[-1] / PRECISE**2), 0.0))
+    w, v = np.array(weight) / max(float(np.sum(weight)), np.finfo(float).tiny), np.array(noise)
+    spread = np.array([part @ part for part in x])
+    slopes = np.array([part @ change for part, change in zip(x, z)])
+    # One slope for each mode, its size by the energy of the points at which it was read.
+    common = np.sum(w * slopes, axis=0)
+    known = np.sum(w * spread[:, None], axis=0)
+    seen = known > 0
+    if not seen.any():
+        return None
+    common, known = common[seen], known[seen]
+    by_noise = np.sum(w**2 * spread[:, None] * v, axis=0)[seen] / known**2
+    size = np.sum(known * np.abs(common / known) ** 2) / known.sum()
+    reach = np.sum(known * by_noise) / known.sum()
+    left = sum(
+        np.sum(one * np.abs(change - np.outer(part, slope / squares)) ** 2 / max(len(part) - 2, 1))
+        for one, part, change, slope, squares in zip(w, x, z, slopes, spread)
+        if len(part) > 2
+    )
+    repeated = [len(part) > 2 for part in x]
+    share = max(float(np.sum(w[repeated])), np.finfo(float).tiny)
+    scatter = float(np.sqrt(left / share)) if any(repeated) else float("nan")
+    expected = float(np.sqrt(np.sum(w * v)))
+    return LevelDependence(
+        float(np.sqrt(max(size - reach, 0.0))),
+        scatter,
+        expected,
+        float(np.sqrt(reach)),
+        _chance(x, z, w, float(np.sum(np.abs(common) ** 2 / known))),
+    )
+
+
+def _chance(
+    x: Sequence[Float[np.ndarray, "impact"]],
+    z: Sequence[Complex[np.ndarray, "impact mode"]],
+    weight: Float[np.ndarray, "point mode"],
+    explained: float,
+) -> float:
+    """Share of random interchanges of the levels on every point that explain as much."""
+    rng = np.random.default_rng(0)
+    known = np.sum(weight * np.array([part @ part for part in x])[:, None], axis=0)
+    seen, above = known > 0, 0
+    for _ in range(_DRAWS):
+        slopes = np.array([rng.permutation(part) @ change for part, change in zip(x, z)])
+        above += np.sum(np.abs(np.sum(weight * slopes, axis=0)[seen]) ** 2 / known[seen]) >= explained * (1 - 1e-12)
+    return float((1 + above) / (1 + _DRAWS))
+
+
+def _constants(decays: ImpactDecays) -> tuple[Complex[np.ndarray, "impact mode"], Float[np.ndarray, "impact mode"]]:
+    """Late amplitudes over the force, of all responses together, and their variance."""
+    values = decays.amplitudes / decays.forces[:, :, None]
+    variance = decays.variance / np.abs(decays.forces[:, :, None]) ** 2
+    reference = np.empty_like(values)
+    for point in dict.fromkeys(decays.inputs):
+        rows = [row for row, one in enumerate(decays.inputs) if one == point]
+        reference[rows] = values[rows].mean(axis=0)
+    return _together(values, reference, variance)
+
+
+def _over_early(decays: ImpactDecays) -> tuple[Complex[np.ndarray, "impact mode"], Float[np.ndarray, "impact mode"]]:
+    """Late amplitudes over those read right behind the impact, of all responses together, and their variance."""
+    variance = decays.variance + decays.behind_variance
+    return _together(decays.amplitudes, decays.behind, variance)
+
+
+def _together(
+    values: Complex[np.ndarray, "impact mode out"],
+    reference: Complex[np.ndarray, "impact mode out"],
+    variance: Float[np.ndarray, "impact mode out"],
+) -> tuple[Complex[np.ndarray, "impact mode"], Float[np.ndarray, "impact mode"]]:
+    """Least squares of ``values = factor * reference`` over the responses; the factor and its variance."""
+    size = np.sum(np.abs(reference) ** 2 / variance, axis=2)
+    return np.sum(reference.conj() * values / variance, axis=2) / size, 1 / size
+
+
+def level_finding(result: Linearity, where: str) -> Finding:
+    """What a reader has to know about the verdict."""
+    if result.verdict == "not testable":
+        return Finding(
+            "info",
+            "linearity-not-testable",
+            where,
+            f"Whether the structure is linear is not testable: {result.reason}.",
+            advice="Repeat some impacts at half the level, several on each point.",
+        )
+    named = result.verdict == "not linear"
+    texts, value, limit = [], 0.0, CHANGE
+    for one, most, what in (
+        (result.constants, CHANGE, "the modal constants of the late decay"),
+        (
+            result.decay,
+            DECAY_CHANGE,
+            "the late decay, extrapolated back to the impact, over the response measured there",
+        ),
+    ):
+        if one is not None and (one.exceeds(most) if named else one.excludes(most)):
+            texts.append(f"{what} by {one.size:.1%}")
+            if one.size / most > value / limit:
+                value, limit = one.size, most
+    peaks = result.decays.peaks if result.decays is not None else np.zeros(1)
+    told = (
+        f"A force e times as large changes {' and '.join(texts)} (impacts of {peaks.min():.0f} to {peaks.max():.0f} N)"
+    )
+    if not named:
+        return Finding("info", "level-tested", where, f"{told}: no sign of a nonlinear structure.", value, limit)
+    return Finding(
+        "warning",
+        "slip-then-ring",
+        where,
+        f"{told}: the structure is not linear at this level. A joint that slips under the impact and sticks afterwards "
+        "does this while the FRFs still look like those of a linear structure.",
+        value,
+        limit,
+        "Use the modes of the decay after sticking for small amplitudes; measure again at half the level.",
+    )

@@ -1,0 +1,459 @@
+"""What rings after every impact of a hammer test: the modes of the late decay, extrapolated back to the impact.
+
+A joint that slips under the impact sticks again once the vibration has become small, and what follows is the decay of a
+linear structure. It is fitted alone (zeroed early time) and extrapolated backwards, as Allen and Mayes do to find
+when a response becomes nonlinear (Mechanical Systems and Signal Processing 24, 2010, 2096-2117). Poles are those of all
+impacts together, by shift invariance of the signal subspace (Roy and Kailath 1989) and variable projection (Golub and
+Pereyra 1973): residual terms of an FRF fit are not needed, since a free decay is a sum of exponentials and no more.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.signal
+from jaxtyping import Complex, Float
+
+from ema.data import Run, damping_ratios, natural_frequencies
+from ema.dof import Dof
+from ema.estimate import channels
+from ema.estimate.judge import Judged, judge_record
+from ema.progress import Progress, advance, silent
+
+LATE = 0.4
+"""Response, relative to that behind the impact, at which the late decay begins.
+
+Earlier, a slipping joint still slips; later, noise is amplified by the way back: at 0.3 the noise of what follows the
+level is up to twice that at 0.4 (150 tables, 1 % noise).
+"""
+LATEST = 0.4
+"""Part of a block behind which the late decay begins at the latest, so that enough of it is left."""
+_SAMPLES_OF_HIGHEST = 4.0
+"""Samples per period of the upper end of the band that are kept."""
+_ORDER = 40
+_COLUMNS = 60
+_ROWS = 160
+_GAIN = 4.0
+"""What a pole has to explain, over what it explains of noise; noise alone reaches 1.6 with the best of its poles."""
+_HEAVIEST = 0.2
+_CONDITION = 1e-3
+"""Singular value, over the largest, below which modes are not told apart between the impact and the late decay."""
+_FEWEST = 64
+"""Samples of a late decay below which it is too short to hold a few modes."""
+_ROUNDING = 1e-12
+"""Least power of noise over that of the decays: signals without noise are fitted to rounding."""
+_BEHIND = 3
+"""Samples behind the last contact that still hold the foot of the force, smeared by the filters of the front end."""
+
+
+@dataclass(frozen=True)
+class ImpactDecays:
+    """Late decays of all impacts of a run.
+
+    Parameters
+    ----------
+    poles : of the late decay in the band, rad/s, shape (mode,).
+    amplitudes : complex amplitude of every mode in every response at the beginning of the impact, extrapolated from the
+        late decay, without what still rang from the impact before; in the unit of the responses, shape (impact, mode,
+        out). The decay is ``Re amplitude exp(pole t)``.
+    variance : of ``amplitudes`` by noise (real and imaginary part together), same shape.
+    forces : Laplace transform of the force of each impact at the poles, N s, shape (impact, mode): a linear structure
+        answers with amplitudes that are proportional to them.
+    peaks : N, shape (impact,).
+    cut : force at half the sampling rate over that at 0 Hz, shape (impact,): nothing behind an anti-alias filter.
+    inputs : DOF of each impact; ``outputs`` those of the responses.
+    behind : the same amplitudes read between the impact and the late decay, extrapolated back as well, with their
+        ``behind_variance``. In a linear structure they differ from ``amplitudes`` by what other modes leave in them,
+        and that in the same proportion for every impact on a point.
+    deviation : std of natural frequency [Hz] and damping ratio by noise, shape (mode, 2).
+    begins, ends : s after the impact at which the late decay begins and ends (median).
+    early : time in s behind the impact, and rms of all responses as measured and as extrapolated, shape (3, instant).
+    """
+
+    poles: Complex[np.ndarray, "mode"]
+    amplitudes: Complex[np.ndarray, "impact mode out"]
+    variance: Float[np.ndarray, "impact mode out"]
+    forces: Complex[np.ndarray, "impact mode"]
+    peaks: Float[np.ndarray, "impact"]
+    cut: Float[np.ndarray, "impact"]
+    inputs: tuple[Dof, ...]
+    outputs: tuple[Dof, ...]
+    behind: Complex[np.ndarray, "impact mode out"]
+    behind_variance: Float[np.ndarray, "impact mode out"]
+    deviation: Float[np.ndarray, "mode 2"]
+    begins: float
+    ends: float
+    early: Float[np.ndarray, "3 instant"]
+
+    @property
+    def natural_frequencies(self) -> Float[np.ndarray, "mode"]:
+        """Hz."""
+        return natural_frequencies(self.poles)
+
+    @property
+    def damping_ratios(self) -> Float[np.ndarray, "mode"]:
+        """Fractions of critical damping."""
+        return damping_ratios(self.poles)
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Responses behind one impact (out, sample) at the reduced rate, and the force of its contacts.
+
+    ``record`` is the number of its record; ``start``, ``ring`` and ``first`` are the samples of the record at which the
+    impact, the free decay and ``force`` begin.
+    """
+
+    record: int
+    impact: Judged
+    outputs: tuple[Dof, ...]
+    ring: int
+    first: int
+    force: Float[np.ndarray, "contact"]
+    decay: Float[np.ndarray, "out sample"]
+
+
+@dataclass(frozen=True)
+class _Late:
+    """Early and late parts of all blocks (impact, out, sample) at ``rate`` Hz, and the rms noise of each response."""
+
+    signals: Float[np.ndarray, "impact out sample"]
+    early: Float[np.ndarray, "impact out before"]
+    rate: float
+    noise: Float[np.ndarray, "out"]
+
+    @property
+    def first(self) -> int:
+        """Samples between the impact and the late part."""
+        return self.early.shape[-1]
+
+
+def impact_decays(
+    run: Run, band: tuple[float, float], later: float = LATE, progress: Progress = silent
+) -> ImpactDecays | None:
+    """Fit the late decays of a hammer test.
+
+    Parameters
+    ----------
+    run : a hammer test with its records, as for :func:`ema.estimate.hammer_test`.
+    band : Hz, of the modes.
+    later : response, relative to that behind the impact, at which the late decay begins.
+
+    Returns
+    -------
+    ImpactDecays or None
+        ``None`` where no decay is long enough, or the records differ in responses or sampling rate.
+
+    Raises
+    ------
+    InputError : a record cannot be used.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ema.data import Channel, Condition, Excitation, ModalModel, Run, poles_from
+    >>> from ema.simulate import RovingHammer, VirtualRig
+    >>> at, poles = Dof(1, "+Z"), poles_from(np.array([300.0]), np.array([0.01]))
+    >>> model = ModalModel(poles, np.ones((1, 1)), (at,), 1 / (2j * poles.imag)[None], (at,), scaling="unit modal mass")
+    >>> acceleration = Channel("acc", at, quantity="acceleration", unit="m/s^2")
+    >>> rig = VirtualRig(model, RovingHammer((at,)), (acceleration,), 4096.0, noise={"acceleration": 0.01})
+    >>> run = Run("beam", Condition(Excitation(kind="hammer")), tuple(rig.takes()))
+    >>> decays = impact_decays(run, (200.0, 500.0))
+    >>> [round(float(x), 1) for x in np.abs(decays.poles) / (2 * np.pi)]
+    [300.0]
+    """
+    blocks, step = _blocks(run, band, progress)
+    if not blocks:
+        return None
+    rate = run.recordings[0].sampling_rate / step
+    late = _late(blocks, rate, later)
+    if late is None:
+        return None
+    poles = late_poles(late.signals, late.rate, late.noise)
+    frequency = np.abs(poles) / (2 * np.pi)
+    poles = poles[(frequency >= band[0]) & (frequency <= band[1]) & (-poles.real < _HEAVIEST * np.abs(poles))]
+    if not len(poles):
+        return None
+    return _extrapolated(blocks, late, poles, step)
+
+
+def _blocks(run: Run, band: tuple[float, float], progress: Progress) -> tuple[list[_Block], int]:
+    """The free decay behind every impact, at a rate that the band needs, and the step of its samples."""
+    records = channels.recordings_of(run)
+    rate = records[0].sampling_rate
+    low, high = band
+    reduced = 1.5 * high < 0.4 * rate
+    step = max(int(rate // (_SAMPLES_OF_HIGHEST * high)), 1) if reduced else 1
+    # Causal filters: they add poles of their own to a free decay, which die within a few periods, and nothing else.
+    stages = [scipy.signal.butter(2, 0.5 * low, "high", fs=rate, output="sos")]
+    if reduced:
+        stages.append(scipy.signal.butter(4, 1.5 * high, "low", fs=rate, output="sos"))
+    filters = np.vstack(stages)
+    blocks: list[_Block] = []
+    for number, record in enumerate(records):
+        where = channels.describe(run, record)
+        layout = channels.layout(record, where)
+        channels.finite(record, layout, where)
+        if record.sampling_rate != rate or (blocks and layout.outputs != blocks[0].outputs):
+            return [], step
+        impacts = judge_record(record, layout, number, None)
+        signals = np.asarray(record.signals[list(layout.responses)], dtype=np.float64)
+        rest = impacts[0].rest if impacts else signals.mean(axis=1)
+        signals = scipy.signal.sosfilt(filters, signals - rest[:, None], axis=1)
+        force = np.asarray(record.signals[layout.references[0]], dtype=np.float64)
+        for impact in impacts:
+            blocks.append(_block(number, impact, layout, force, signals, step))
+        advance(progress, "late decays", number + 1, len(records))
+    if not blocks:
+        return [], step
+    lengths = np.array([block.decay.shape[1] for block in blocks])
+    usable = [block for block in blocks if not block.impact.asked and not _overloaded(block.impact)]
+    return [block for block in usable if block.decay.shape[1] >= 0.5 * np.median(lengths)], step
+
+
+def _overloaded(impact: Judged) -> bool:
+    return any(reason.code in ("overload", "pre-trigger") and impact.error > 0 for reason in impact.reasons)
+
+
+def _block(
+    record: int,
+    impact: Judged,
+    layout: channels.Layout,
+    force: Float[np.ndarray, "sample"],
+    signals: Float[np.ndarray, "out sample"],
+    step: int,
+) -> _Block:
+    contacts = [(impact.pulse.start, impact.pulse.stop), *((one.first, one.last) for one in impact.contacts)]
+    touching = np.zeros(len(force), bool)
+    for first, last in contacts:
+        touching[max(first - 2, 0) : last + _BEHIND] = True
+    first, last = min(first for first, _ in contacts), max(last for _, last in contacts)
+    part = slice(max(first - 2, 0), last + _BEHIND)
+    ring = last + _BEHIND
+    return _Block(
+        record,
+        impact,
+        layout.outputs,
+        ring,
+        part.start,
+        np.where(touching, force - impact.offset, 0.0)[part],
+        signals[:, ring : impact.start + impact.after : step],
+    )
+
+
+def _late(blocks: Sequence[_Block], rate: float, later: float) -> _Late | None:
+    """The late parts; ``None`` where they are too short for a few modes."""
+    length = min(block.decay.shape[1] for block in blocks)
+    decays = np.array([block.decay[:, :length] for block in blocks])
+    first = _begin_of_late(decays, later)
+    signals = decays[..., first:]
+    count = signals.shape[-1]
+    if count < _FEWEST or first < _FEWEST // 8:
+        return None
+    rich = _subspace_poles(signals, rate, _ORDER)
+    freedom = count - 2 * len(rich)
+    if freedom < count // 4:
+        return None
+    power = np.mean(signals**2, axis=(0, 2))
+    if not power.max() > 0:
+        return None
+    noise = np.sqrt(
+        np.mean(_residual(signals, rich, rate) ** 2, axis=(0, 2)) * count / freedom + _ROUNDING * power.max()
+    )
+    return _Late(signals, decays[..., :first], rate, noise)
+
+
+def _begin_of_late(decays: Float[np.ndarray, "impact out sample"], later: float) -> int:
+    """Sample at which the rms over all responses has fallen to ``later`` of that behind the impacts."""
+    count = decays.shape[-1]
+    width = max(count // 40, 8)
+    power = np.convolve(np.mean(decays**2, axis=(0, 1)), np.ones(width) / width, "same")
+    below = np.flatnonzero(power[width:] < later**2 * power[width : 3 * width].max())
+    return min(int(below[0]) + width if len(below) else count, int(LATEST * count))
+
+
+def late_poles(
+    signals: Float[np.ndarray, "impact out sample"], rate: float, noise: Float[np.ndarray, "out"]
+) -> Complex[np.ndarray, "mode"]:
+    """Poles in rad/s, positive imaginary part, of free decays at ``rate`` Hz with white ``noise`` (rms).
+
+    A pole stays where it explains more than four times what it would of noise.
+    """
+    compressed = _compressed(signals / noise[:, None], _COLUMNS)
+    poles = _subspace_poles(signals / noise[:, None], rate, _ORDER)
+    least = _GAIN * 2 * signals.shape[0] * signals.shape[1]
+    while len(poles) > 1:
+        gains = _explained(compressed, poles, rate) - np.array(
+            [_explained(compressed, np.delete(poles, one), rate) for one in range(len(poles))]
+        )
+        if gains.min() >= least:
+            break
+        poles = np.delete(poles, int(gains.argmin()))
+    return _refined(compressed, poles, rate)
+
+
+def _compressed(signals: Float[np.ndarray, "impact out sample"], columns: int) -> Float[np.ndarray, "sample column"]:
+    """Leading principal components of all signals: linear decays of n modes span 2n of them."""
+    table = signals.reshape(-1, signals.shape[-1]).T
+    if table.shape[1] <= columns:
+        return table
+    left, singular, _ = np.linalg.svd(table, full_matrices=False)
+    return np.asarray(left[:, :columns] * singular[:columns])
+
+
+def _subspace_poles(
+    signals: Float[np.ndarray, "impact out sample"], rate: float, order: int
+) -> Complex[np.ndarray, "pole"]:
+    """Decaying poles of the leading ``order`` directions of all windows of the signals, which a shift preserves."""
+    compressed = _compressed(signals, _ORDER)
+    rows = min(len(compressed) // 3, _ROWS)
+    windows = np.lib.stride_tricks.sliding_window_view(compressed, rows, axis=0).reshape(-1, rows)
+    vectors = np.linalg.eigh(windows.T @ windows)[1][:, ::-1][:, : min(order, rows - 1)]
+    values = np.linalg.eigvals(np.linalg.lstsq(vectors[:-1], vectors[1:], rcond=None)[0])
+    poles = np.log(values.astype(complex)) * rate
+    poles = poles[(poles.imag > 0) & (poles.imag < 0.98 * np.pi * rate) & (poles.real < 0)]
+    return np.asarray(poles[np.argsort(poles.imag)])
+
+
+def _basis(poles: Complex[np.ndarray, "mode"], samples: int, rate: float) -> Float[np.ndarray, "sample column"]:
+    """Real and negative imaginary parts of the exponentials: Re a exp(p t) is a sum of both."""
+    waves = np.exp(np.outer(np.arange(samples) / rate, poles))
+    return np.hstack([waves.real, -waves.imag])
+
+
+def _residual(
+    signals: Float[np.ndarray, "impact out sample"], poles: Complex[np.ndarray, "pole"], rate: float
+) -> Float[np.ndarray, "impact out sample"]:
+    q = np.linalg.qr(_basis(poles, signals.shape[-1], rate))[0]
+    return np.asarray(signals - (signals @ q) @ q.T)
+
+
+def _explained(
+    compressed: Float[np.ndarray, "sample column"], poles: Complex[np.ndarray, "pole"], rate: float
+) -> float:
+    q = np.linalg.qr(_basis(poles, len(compressed), rate))[0]
+    return float(np.sum((q.T @ compressed) ** 2))
+
+
+def _refined(
+    compressed: Float[np.ndarray, "sample column"], poles: Complex[np.ndarray, "mode"], rate: float, steps: int = 10
+) -> Complex[np.ndarray, "mode"]:
+    """Least squares over the poles, the amplitudes eliminated (Golub and Pereyra 1973, Kaufman's approximation)."""
+    damping, count = 1e-3, len(poles)
+    for _ in range(steps):
+        jacobian, left = _jacobian(compressed, poles, rate)
+        cost = float(np.sum(left**2))
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ left.ravel()
+        moved, now = None, cost
+        for _ in range(8):
+            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-300), gradient)
+            trial = poles + step[:count] + 1j * step[count:]
+            if np.all(trial.real < 0) and np.all(trial.imag > 0):
+                now = float(np.sum(compressed**2)) - _explained(compressed, trial, rate)
+                if now < cost:
+                    moved = trial
+                    break
+            damping *= 10
+        if moved is None:
+            break
+        poles, damping = moved, max(damping / 10, 1e-9)
+        if cost - now < 1e-7 * cost:
+            break
+    return poles[np.argsort(np.abs(poles))]
+
+
+def _jacobian(
+    compressed: Float[np.ndarray, "sample column"], poles: Complex[np.ndarray, "mode"], rate: float
+) -> tuple[Float[np.ndarray, "equation unknown"], Float[np.ndarray, "sample column"]]:
+    """Change of the model with the real, then the imaginary parts of the poles; and the residual."""
+    count, times = len(poles), np.arange(len(compressed)) / rate
+    basis = _basis(poles, len(compressed), rate)
+    q, triangle = np.linalg.qr(basis)
+    solved = np.linalg.lstsq(triangle, q.T @ compressed, rcond=None)[0]
+    amplitudes = solved[:count] + 1j * solved[count:]
+    columns = []
+    for factor in (1.0, 1j):
+        for pole, amplitude in zip(poles, amplitudes):
+            change = np.real(factor * np.outer(times * np.exp(pole * times), amplitude))
+            columns.append((change - q @ (q.T @ change)).ravel())
+    return np.array(columns).T, compressed - basis @ solved
+
+
+def _extrapolated(blocks: Sequence[_Block], late: _Late, poles: Complex[np.ndarray, "mode"], step: int) -> ImpactDecays:
+    """Amplitudes of the late decays, taken back to the beginning of the impacts."""
+    rate = late.rate
+    original = rate * step
+    seen, spread = _amplitudes(late.signals, poles, late)
+    early, early_spread = _amplitudes(late.early, poles, late, _CONDITION)
+    gaps = np.array([(block.ring - block.impact.start) / original for block in blocks])
+    begins = gaps + late.first / rate
+    back, shorter = (np.exp(-np.outer(delay, poles))[:, :, None] for delay in (begins, gaps))
+    amplitudes = seen * back
+    forces = np.empty((len(blocks), len(poles)), complex)
+    ringing = np.zeros_like(amplitudes)
+    for number, block in enumerate(blocks):
+        times = (np.arange(len(block.force)) + block.first - block.impact.start) / original
+        forces[number] = np.exp(-np.outer(poles, times)) @ block.force / original
+        before = blocks[number - 1]
+        if number and before.record == block.record:
+            since = (block.impact.start - before.impact.start) / original
+            ringing[number] = amplitudes[number - 1] * np.exp(poles * since)[:, None]
+    return ImpactDecays(
+        poles=poles,
+        amplitudes=amplitudes - ringing,
+        variance=np.abs(back) ** 2 * spread,
+        forces=forces,
+        peaks=np.array([abs(block.impact.pulse.peak) for block in blocks]),
+        cut=np.array([_at_nyquist(block.force) for block in blocks]),
+        inputs=tuple(block.impact.dof for block in blocks),
+        outputs=blocks[0].outputs,
+        behind=early * shorter - ringing,
+        behind_variance=np.abs(shorter) ** 2 * early_spread,
+        deviation=_deviation(late, poles),
+        begins=float(np.median(begins)),
+        ends=float(np.median(begins)) + late.signals.shape[-1] / rate,
+        early=_compared(late, seen, poles, float(np.median(gaps))),
+    )
+
+
+def _at_nyquist(force: Float[np.ndarray, "sample"]) -> float:
+    return abs(float(np.sum(force[::2]) - np.sum(force[1::2]))) / max(abs(float(np.sum(force))), np.finfo(float).tiny)
+
+
+def _amplitudes(
+    signals: Float[np.ndarray, "impact out sample"],
+    poles: Complex[np.ndarray, "mode"],
+    late: _Late,
+    condition: float = 1e-12,
+) -> tuple[Complex[np.ndarray, "impact mode out"], Float[np.ndarray, "mode out"]]:
+    """Amplitudes of known poles at the first sample by least squares, and their variance by noise."""
+    count = len(poles)
+    inverse = np.linalg.pinv(_basis(poles, signals.shape[-1], late.rate), rcond=condition)
+    solved = signals @ inverse.T
+    power = np.sum(inverse**2, axis=1)
+    seen = np.swapaxes(solved[..., :count] + 1j * solved[..., count:], 1, 2)
+    return seen, (power[:count] + power[count:])[:, None] * late.noise**2
+
+
+def _deviation(late: _Late, poles: Complex[np.ndarray, "mode"]) -> Float[np.ndarray, "mode 2"]:
+    """Std of natural frequency [Hz] and damping ratio: the inverse of the normal matrix of the poles, noise being 1."""
+    jacobian, _ = _jacobian(_compressed(late.signals / late.noise[:, None], _COLUMNS), poles, late.rate)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian)
+    variance = np.diag(covariance)
+    real, imaginary = variance[: len(poles)], variance[len(poles) :]
+    size = np.abs(poles)
+    # |p| follows the imaginary part, zeta = -Re p / |p| the real part, up to zeta^2.
+    return np.sqrt(np.maximum(np.column_stack([imaginary / (2 * np.pi) ** 2, real / size**2]), 0.0))
+
+
+def _compared(
+    late: _Late, seen: Complex[np.ndarray, "impact mode out"], poles: Complex[np.ndarray, "mode"], gap: float
+) -> Float[np.ndarray, "3 instant"]:
+    """Time, and rms over all impacts of the early responses as measured and as extrapolated from the late decay."""
+    times = np.arange(-late.first, 0) / late.rate
+    model = np.einsum("imo,mt->iot", seen, np.exp(np.outer(poles, times))).real
+    rows = []
+    for part in np.array_split(np.arange(late.first), max(late.first // 8, 1)):
+        rms = [float(np.sqrt(np.mean(signals[..., part] ** 2))) for signals in (late.early, model)]
+        rows.append([float(times[part].mean()) + late.first / late.rate + gap, *rms])
+    return np.array(rows).T

@@ -1,0 +1,98 @@
+"""The linearity gate on tables that it was not made with: what is named, what is not, and what one level cannot decide.
+
+The figures of `python -m tests.bench.linearity` rest on hundreds of tables; a few of another seed stand for them here.
+The share of the work that slip dissipates is the simulator's energy balance.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ema.compare.decay_modes import sticking
+from ema.compare.linearity import LevelDependence, level_dependence, level_finding, linearity
+from tests.bench import linearity as bench
+
+
+def friction(share: float, seed: int) -> bench.Drawn:
+    """The first table of a seed whose slip takes ``share`` or more of the work."""
+    for number in range(20):
+        table = bench.friction_table(np.random.default_rng([seed, number]))
+        if table.share >= share:
+            return table
+    raise AssertionError("no such table among 20")
+
+
+@pytest.fixture(scope="module")
+def slipping() -> bench.Drawn:
+    return friction(0.05, 2024)
+
+
+def test_a_table_that_loses_a_twentieth_of_the_impact_by_slip_is_named(slipping):
+    found = linearity(slipping.run, slipping.band)
+    assert found.verdict == "not linear"
+    finding = level_finding(found, "table")
+    assert finding.code == "slip-then-ring" and finding.value > finding.limit
+
+
+@pytest.mark.parametrize("kind", bench.LINEAR)
+def test_a_linear_table_is_not_named(kind):
+    table = bench.linear_table(np.random.default_rng([2024, bench.LINEAR.index(kind)]), kind)
+    found = linearity(table.run, table.band)
+    assert found.verdict != "not linear"
+    assert level_finding(found, "table").severity == "info"
+
+
+def test_one_impact_on_each_of_a_few_points_is_not_testable(slipping):
+    first = round((0.05 + 0.5 * bench.SPACING) * bench.RATE)
+    records = tuple(replace(one, signals=one.signals[:, :first]) for one in slipping.run.recordings)
+    found = linearity(replace(slipping.run, recordings=records), slipping.band)
+    assert found.verdict == "not testable" and "half the level" in level_finding(found, "table").advice
+
+
+def test_records_too_short_for_a_decay_are_not_testable():
+    table = bench.linear_table(np.random.default_rng(5), "plain")
+    short = tuple(replace(one, signals=one.signals[:, : round(0.06 * bench.RATE)]) for one in table.run.recordings)
+    assert linearity(replace(table.run, recordings=short), table.band).verdict == "not testable"
+
+
+def test_linear_decays_are_those_of_the_structure():
+    """Modes that ring in the late decay agree with the modal model, within five standard deviations."""
+    rng = np.random.default_rng(31)
+    frequencies, _ = bench.structure(np.random.default_rng(31))
+    table = bench.linear_table(rng, "plain")
+    found = sticking(table.run, table.band)
+    decays = found.decays
+    assert found.keep.sum() >= 2
+    for frequency, std in zip(decays.natural_frequencies[found.keep], decays.deviation[found.keep, 0]):
+        assert np.min(np.abs(frequencies - frequency)) < max(5 * std, 1e-3 * frequency)
+
+
+def made(slope: complex, scatter: float, seed: int = 0, hits: int = 4) -> LevelDependence:
+    """Two modes at 30 points whose values change by ``slope`` per factor e of the level, with noise of 0.1 %."""
+    rng = np.random.default_rng(seed)
+    points = np.repeat(np.arange(30), hits)
+    level = np.exp(rng.uniform(-0.2, 0.2, len(points)))
+    values = (1 + slope * np.log(level))[:, None] * np.ones(2)
+    noise = (rng.normal(size=(2, *values.shape)) / np.sqrt(2)).T.swapaxes(0, 1) @ np.array([1, 1j])
+    values = values + (1e-3 * noise + scatter * rng.normal(size=(len(points), 1)))
+    return level_dependence(values, np.full(values.shape, 1e-6), np.ones(values.shape), level, points.tolist())
+
+
+def test_the_slope_is_read_with_its_noise():
+    found = made(-0.1 - 0.05j, 0.0)
+    assert found.size == pytest.approx(abs(-0.1 - 0.05j), rel=0.03)
+    assert found.noise == pytest.approx(1e-3, rel=0.01) and found.scatter == pytest.approx(1e-3, rel=0.2)
+    assert found.chance < 0.01 and found.exceeds(0.05) and not found.excludes(0.05)
+
+
+def test_scatter_that_does_not_follow_the_level_decides_nothing():
+    """Impacts beside their point by chance: 3 % of scatter, no slope."""
+    verdicts = [made(0.0, 0.03, seed) for seed in range(20)]
+    assert sum(one.exceeds(0.05) for one in verdicts) <= 1
+    assert np.mean([one.unexplained for one in verdicts]) > 0.8
+
+
+def test_no_level_is_read_from_equal_impacts():
+    ones = np.ones((4, 1))
+    assert level_dependence(ones.astype(complex), ones, ones, np.ones(4), [1, 1, 2, 2]) is None
