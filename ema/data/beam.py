@@ -77,6 +77,8 @@ class Joint:
     tangential_loss, normal_loss : loss factors of the sticking contact in the two directions.
     normal_exponent : of a linear normal contact, k_N(F_N) = k_N (F_N / reference)^exponent with the law's reference
         force.
+    contact_length : m along the first tangential direction over which a linear normal contact of one node pair is
+        spread: it resists rocking with k_N l^2 / 12.
     """
 
     name: str
@@ -93,6 +95,7 @@ class Joint:
     tangential_loss: float = 0.0
     normal_loss: float = 0.0
     normal_exponent: float = 0.0
+    contact_length: float = 0.0
 
     def __post_init__(self) -> None:
         freeze(self, force_shares=np.float64, area_shares=np.float64)
@@ -128,7 +131,7 @@ class BeamModel:
 
     ``host`` is given by matrices or is a measured modal model; ``beam`` by matrices. DOFs of the beam carry its part
     name, so that host and beam may use the same node numbers. ``pair_spacing`` is the distance of neighbouring node
-    pairs in m, where known.
+    pairs in m, where known. ``beam_loss`` is the loss factor of the beam's material.
     """
 
     host: Matrices | ModalModel
@@ -138,6 +141,7 @@ class BeamModel:
     name: str = ""
     pair_spacing: float | None = None
     provenance: Provenance = field(default=Provenance(), compare=False)
+    beam_loss: float = 0.0
 
     def with_law(self, law: FrictionLaw) -> "BeamModel":
         """The model with the same law in every joint."""

@@ -1,7 +1,7 @@
 """Where a friction beam may go: the beam, its joints, the places, and what is predicted there."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -28,6 +28,8 @@ class FrictionBeam:
     joints : number of joints, two or more.
     rotary : whether its sections have rotary inertia (Rayleigh), as short thick beams do; the beams of the simulator
         have none.
+    shear : whether its sections shear (Timoshenko), which a beam four times as long as high feels by a tenth.
+    loss : loss factor of its material, with its relative standard uncertainty ``loss_std``.
     """
 
     spacing: float
@@ -39,6 +41,9 @@ class FrictionBeam:
     joints: int = 2
     name: str = ""
     rotary: bool = False
+    loss: float = 0.0
+    loss_std: float = 0.0
+    shear: bool = False
 
     @property
     def length(self) -> float:
@@ -68,6 +73,14 @@ class BoltedJoint:
     tangential_loss, normal_loss : loss factors of the sticking contact.
     friction_std, stiffness_std : relative standard uncertainties of mu and of k_T, alike in all joints.
     scatter : relative standard deviation of mu and of k_T from joint to joint.
+    contact_length : m of contact along the beam over which k_N is spread: it resists rocking with k_N l^2 / 12.
+    normal_std, length_std, force_std : relative standard uncertainties of k_N, of the contact length and of F_N, alike
+        in all joints; ``height_std`` in m that of the height of the surface, ``exponent_std`` that of the exponent of
+        k_T(F_N).
+    form : ``given`` where the law is known to be that of ``law``; ``open`` where only mu and k_T are known: bands then
+        hold Iwan laws of every share of microslip, the sharp corner of one Masing spring among them.
+    normal_contact : ``linear`` where the joint also pulls, ``unilateral`` where it can part: no bands are given for
+        conditions in which it does.
     """
 
     law: FrictionLaw
@@ -79,6 +92,14 @@ class BoltedJoint:
     friction_std: float = 0.0
     stiffness_std: float = 0.0
     scatter: float = 0.0
+    contact_length: float = 0.0
+    normal_std: float = 0.0
+    length_std: float = 0.0
+    force_std: float = 0.0
+    height_std: float = 0.0
+    exponent_std: float = 0.0
+    form: Literal["given", "open"] = "given"
+    normal_contact: Literal["linear", "unilateral"] = "linear"
 
 
 @dataclass(frozen=True)

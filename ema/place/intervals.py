@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ema.data.placement import Candidates, Prediction
+from ema.data.placement import BoltedJoint, Candidates, Prediction
 from ema.dof import Dof, match
 from ema.place.task import Task, predicted
 from ema.progress import Progress, advance, silent
@@ -22,14 +22,24 @@ def samples(
     return tuple(results)
 
 
-def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
-    """The task with draws of the smoothed shapes, of the shapes at the excited DOF, of mu and of k_T.
+MICROSLIP, LAST_SLIDER = (-0.9, 0.0), (0.05, 20.0)
+"""Range of Segalman's exponent chi, uniform, and of beta, logarithmic, of the laws of an open form.
 
-    The shape at a measured DOF is as uncertain as the scatter of the points about the surface; mu and k_T are
-    log-normal with ``friction_std`` and ``stiffness_std`` of the joint, alike in all joints; the scale of all shapes is
-    drawn with ``scale_std`` of the task.
+The small end of beta is a joint whose sliders give way one after the other up to the largest force; from beta = 20 on
+the first harmonic is that of a single Masing spring within 2 %.
+"""
+SPRINGS = 40
+"""Masing springs of such a law."""
+
+
+def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
+    """The task with draws of the smoothed shapes, of the shapes at the excited DOF, and of what the joint leaves open.
+
+    The shape at a measured DOF is as uncertain as the scatter of the points about the surface; the scale of all shapes
+    is drawn with ``scale_std`` of the task. What the joint states with a relative uncertainty is log-normal, alike in
+    all joints (``BoltedJoint``). With ``form`` "open" every draw has another Iwan law with the same mu and k_T.
     """
-    surface, law = task.surface, task.joint.law
+    surface = task.surface
     roots = []
     for covariance in surface.covariance:
         size, turned = np.linalg.eigh(covariance)
@@ -37,22 +47,53 @@ def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
     rows = sorted({row for dof in (task.at, task.output) if dof is not None for row in _rows(task, dof)})
     for _ in range(draws):
         shift = np.stack([root @ rng.standard_normal(len(root)) for root in roots], axis=1)
-        mu = law.friction_coefficient * np.exp(task.joint.friction_std * rng.standard_normal())
-        factor = np.exp(task.joint.stiffness_std * rng.standard_normal())
-        changed = replace(
-            law,
-            friction_coefficient=mu,
-            contact_stiffness=law.contact_stiffness * factor,
-            stiffness_cap=law.stiffness_cap * factor,
-        )
+        joint = _joint(task.joint, rng)
         shapes = task.bare.shapes.copy()
         shapes[rows] += surface.noise * rng.standard_normal((len(rows), len(surface.noise)))
         scale = 1 + task.scale_std * rng.standard_normal() if task.scale_std > 0 else 1.0
         yield task._replace(
             bare=replace(task.bare, shapes=scale * shapes),
-            joint=replace(task.joint, law=changed),
+            joint=joint,
             surface=replace(surface, coefficients=scale * (surface.coefficients + shift)),
+            normal_forces=task.normal_forces * np.exp(task.joint.force_std * rng.standard_normal()),
         )
+
+
+def _joint(joint: BoltedJoint, rng: np.random.Generator) -> BoltedJoint:
+    """One draw of what is not known of the joint."""
+    mu, tangential, normal, length = np.exp(
+        np.array([joint.friction_std, joint.stiffness_std, joint.normal_std, joint.length_std]) * rng.standard_normal(4)
+    )
+    height, exponent = np.array([joint.height_std, joint.exponent_std]) * rng.standard_normal(2)
+    law = joint.law
+    if joint.form == "open":
+        chi, beta = rng.uniform(*MICROSLIP), np.exp(rng.uniform(*np.log(LAST_SLIDER)))
+        law = replace(
+            law, name="iwan", parameters=(("chi", float(chi)), ("beta", float(beta)), ("springs", float(SPRINGS)))
+        )
+    law = replace(
+        law,
+        friction_coefficient=float(law.friction_coefficient * mu),
+        contact_stiffness=float(law.contact_stiffness * tangential),
+        stiffness_cap=float(law.stiffness_cap * tangential),
+        stiffness_exponent=float(max(law.stiffness_exponent + exponent, 0.0)),
+    )
+    return replace(
+        joint,
+        law=law,
+        normal_stiffness=float(joint.normal_stiffness * normal),
+        contact_length=float(joint.contact_length * length),
+        surface_height=float(max(joint.surface_height + height, 0.0)),
+    )
+
+
+def beams_drawn(candidates: Candidates, rng: np.random.Generator) -> Candidates:
+    """The candidates with draws of the loss factors of their beams."""
+    catalogue = tuple(
+        replace(beam, loss=float(beam.loss * np.exp(beam.loss_std * rng.standard_normal())))
+        for beam in candidates.catalogue
+    )
+    return replace(candidates, catalogue=catalogue)
 
 
 def _rows(task: Task, dof: Dof | str) -> list[int]:

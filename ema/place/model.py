@@ -64,9 +64,16 @@ def model_at(
             tangential_loss=joint.tangential_loss,
             normal_loss=joint.normal_loss,
             normal_exponent=joint.normal_exponent,
+            contact_length=joint.contact_length,
         )
         for number, force in enumerate(forces)
     )
     return BeamModel(
-        host, Matrices(mass, stiffness, beam_dofs), joints, Damping(), name=f"place {place}", pair_spacing=None
+        host,
+        Matrices(mass, stiffness, beam_dofs),
+        joints,
+        Damping(),
+        name=f"place {place}",
+        pair_spacing=None,
+        beam_loss=beam.loss,
     )

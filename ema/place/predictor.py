@@ -211,13 +211,34 @@ def beam_matrices(
         rows = slice(3 * place, 3 * place + 6)
         part = element(float(length), beam.width, beam.height, beam.young_modulus, beam.density)
         mass[rows, rows] += part[0] + (_rotary(float(length), beam) if beam.rotary else 0.0)
-        stiffness[rows, rows] += part[1]
+        stiffness[rows, rows] += part[1] + (_sheared(float(length), beam) if beam.shear else 0.0)
     tangential, normal = np.zeros((beam.joints, size)), np.zeros((beam.joints, size))
     for joint in range(beam.joints):
         node = first + joint * ELEMENTS
         tangential[joint, 3 * node], tangential[joint, 3 * node + 2] = 1.0, 0.5 * beam.height
         normal[joint, 3 * node + 1] = 1.0
     return mass, stiffness, tangential, normal
+
+
+def _sheared(length: float, beam: FrictionBeam) -> Float[np.ndarray, "6 6"]:
+    """What shear takes off the bending stiffness of an element (Przemieniecki 1968, section 5.6); G = E/2.6."""
+    bending, result = np.array([1, 2, 4, 5]), np.zeros((6, 6))
+    phi = 12 * 2.6 * (6 / 5) * beam.height**2 / 12 / length**2
+    scale = beam.young_modulus * beam.width * beam.height**3 / 12 / length**3
+
+    def bent(factor: float, near: float, far: float) -> Float[np.ndarray, "4 4"]:
+        """Stiffness of (w, phi) at both ends."""
+        return factor * np.array(
+            [
+                [12, 6 * length, -12, 6 * length],
+                [6 * length, near * length**2, -6 * length, far * length**2],
+                [-12, -6 * length, 12, -6 * length],
+                [6 * length, far * length**2, -6 * length, near * length**2],
+            ]
+        )
+
+    result[np.ix_(bending, bending)] = scale * (bent(1 / (1 + phi), 4 + phi, 2 - phi) - bent(1.0, 4.0, 2.0))
+    return result
 
 
 def _rotary(length: float, beam: FrictionBeam) -> Float[np.ndarray, "6 6"]:

@@ -102,16 +102,19 @@ def eliminate(x):
 
 @compiled(error_model="numpy")
 def unbalanced(k_t, limit, loss, table, x, z, m):
-    """What is left of r + R f(r) = psi q, as real and imaginary parts in the last row of ``x``; its largest entry."""
+    """What is left of r + R f(r) = psi q, as real and imaginary parts in the last row of ``x``; its largest entry.
+
+    ``k_t`` and ``limit`` (joint,).
+    """
     n = z.shape[1]
-    per = k_t / limit if limit > 0 else 0.0
     for b in range(n):
         r = z[SLIP, b]
         amplitude = math.sqrt(r.real * r.real + r.imag * r.imag)
-        kappa, slope = describing(amplitude * per if limit > 0 else 1e30, table)
+        per = k_t[b] / limit[b] if limit[b] > 0 else 0.0
+        kappa, slope = describing(amplitude * per if limit[b] > 0 else 1e30, table)
         slope *= per
-        z[KAPPA, b] = complex(kappa.real, kappa.imag + loss * kappa.real) * k_t
-        z[SLOPE, b] = complex(slope.real, slope.imag + loss * slope.real) * k_t
+        z[KAPPA, b] = complex(kappa.real, kappa.imag + loss * kappa.real) * k_t[b]
+        z[SLOPE, b] = complex(slope.real, slope.imag + loss * slope.real) * k_t[b]
         z[FORCE, b] = z[KAPPA, b] * r
     largest = 0.0
     for i in range(n):
@@ -361,7 +364,8 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
         omega, total = omega0 * math.exp(best), load / q
         ratio = 0.0
         for joint in range(n):
-            ratio = max(ratio, abs(z[SLIP, joint]) * contact[0] / contact[1] if contact[1] > 0 else math.inf)
+            limit = contact[1][joint]
+            ratio = max(ratio, abs(z[SLIP, joint]) * contact[0][joint] / limit if limit > 0 else math.inf)
         slope = -held_ahead(omega, mode, beam, contact, z, m, a) / (1e-4 * omega)
         if not omega < slope < 4 * omega:
             slope = 2 * omega
@@ -378,8 +382,8 @@ def held_ahead(omega, mode, beam, contact, z, m, a):
     total = np.zeros(2, np.complex128)
     kappa, psi = np.zeros(n, np.complex128), np.zeros(n, np.complex128)
     for i in range(n):
-        value, _ = describing(abs(z[SLIP, i]) * k_t / limit if limit > 0 else 1e30, table)
-        kappa[i] = complex(value.real, value.imag + loss * value.real) * k_t
+        value, _ = describing(abs(z[SLIP, i]) * k_t[i] / limit[i] if limit[i] > 0 else 1e30, table)
+        kappa[i] = complex(value.real, value.imag + loss * value.real) * k_t[i]
     for side in range(2):
         here = omega * (1 + 1e-4 * side)
         total[side] = bare_stiffness(here, mode[0], mode[1]) + linear_part(here, beam, z, m, a)
@@ -417,6 +421,7 @@ def all_places(
                     normal[one],
                     rest[one],
                 )
-                contact = (k_t[f], limits[f], loss, table)
+                joints = phi.shape[1]
+                contact = (np.full(joints, k_t[f]), np.full(joints, limits[f]), loss, table)
                 result[c, mode, :, :, f] = one_mode(omega0[mode], zeta0[mode], driver[mode], levels, beam, contact)
     return result

@@ -55,10 +55,17 @@ class BeamTable(Table):
     youngs_modulus: Modulus = 210e9
     density: Density = 7850.0
     rotary: bool = False
+    shear: bool = False
+    loss: Ratio = 0.0
+    loss_std: Ratio = 0.0
 
 
 class PlacedJointTable(Table):
-    """``[joint]``: one joint, its friction law in ``[joint.law]``, and how well it is known."""
+    """``[joint]``: one joint, its friction law in ``[joint.law]``, and how well it is known.
+
+    Uncertainties are standard ones, relative, but ``height_std`` (a length) and ``exponent_std`` (that of the exponent
+    of k_T). ``form = "open"``: of the law only mu and k_T are known. ``normal_contact = "unilateral"``: it can part.
+    """
 
     law: LawTable
     surface_height: HalfHeight
@@ -69,6 +76,14 @@ class PlacedJointTable(Table):
     friction_std: Ratio = 0.0
     stiffness_std: Ratio = 0.0
     scatter: Ratio = 0.0
+    contact_length: HalfHeight = 0.0
+    normal_std: Ratio = 0.0
+    length_std: Ratio = 0.0
+    force_std: Ratio = 0.0
+    height_std: HalfHeight = 0.0
+    exponent_std: float = Field(default=0.0, ge=0)
+    form: Literal["given", "open"] = "given"
+    normal_contact: Literal["linear", "unilateral"] = "linear"
 
 
 class SearchTable(Table):
@@ -101,7 +116,7 @@ class ForecastTable(Table):
 
     normal_force: Forces
     force: Forces | None = None
-    draws: int = Field(default=60, ge=10)
+    draws: int = Field(default=400, ge=10)
     seed: int = 0
     method: Literal["measured", "frozen"] = "measured"
     above: Literal["nothing", "plate"] = "nothing"
@@ -171,6 +186,14 @@ class PlaceRecipe(Table):
             table.friction_std,
             table.stiffness_std,
             table.scatter,
+            table.contact_length,
+            table.normal_std,
+            table.length_std,
+            table.force_std,
+            table.height_std,
+            table.exponent_std,
+            table.form,
+            table.normal_contact,
         )
 
     def catalogue(self) -> tuple[FrictionBeam, ...]:
@@ -186,6 +209,9 @@ class PlaceRecipe(Table):
                 one.joints,
                 one.name or f"beam {number}",
                 one.rotary,
+                one.loss,
+                one.loss_std,
+                one.shear,
             )
             for number, one in enumerate(self.beams, 1)
         )

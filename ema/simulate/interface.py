@@ -65,3 +65,20 @@ def normal_rows(
         _entry(row, node2, "+Z", beam, offset, 1.0, joint.name)
         _entry(row, node1, "+Z", host, 0, -1.0, joint.name)
     return rows
+
+
+def rocking_rows(
+    joint: Joint, host: Sequence[Dof], beam: Sequence[Dof], offset: int, size: int
+) -> Float[np.ndarray, "pair n"]:
+    """Rows of the relative rotation of beam and host about the axis across the first tangential direction.
+
+    Raises
+    ------
+    InputError : a DOF is missing.
+    """
+    turn = _ROTATION[joint.directions[0]]
+    rows = np.zeros((len(joint.pairs), size))
+    for row, (node1, node2) in zip(rows, joint.pairs, strict=True):
+        _entry(row, node2, turn, beam, offset, 1.0, joint.name)
+        _entry(row, node1, turn, host, 0, -1.0, joint.name)
+    return rows

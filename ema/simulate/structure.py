@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, Damping, Finding, FrictionLaw, Joint, Matrices
+from ema.data import BeamModel, Damping, Finding, FrictionLaw, Joint, Matrices, NormalContact
 from ema.dof import Dof, match
 from ema.errors import InputError
 from ema.simulate.contact import NormalPairs, normal_pairs, press, resting
 from ema.simulate.friction import check_isotropic
-from ema.simulate.interface import normal_rows, tangential_rows
+from ema.simulate.interface import normal_rows, rocking_rows, tangential_rows
 from ema.simulate.modal_host import ModalCoordinates, modal_coordinates
 
 RIGID_FACTOR = 1000.0
@@ -143,6 +143,14 @@ def _check_joint(joint: Joint) -> None:
     for name in ("tangential_loss", "normal_loss"):
         if not 0 <= getattr(joint, name) < 1:
             raise wrong("not a loss factor", f"{name} = {getattr(joint, name)}", "0 or more, below 1")
+    if not (np.isfinite(joint.contact_length) and joint.contact_length >= 0):
+        raise wrong("not a contact length", f"{joint.contact_length} m", "0 m or more")
+    if joint.contact_length and (len(joint.pairs) > 1 or joint.normal_contact != NormalContact()):
+        raise wrong(
+            "a contact length where node pairs or the normal law describe the contact",
+            f"{len(joint.pairs)} pairs, {joint.normal_contact}",
+            "one pair and a linear normal spring",
+        )
     if not (np.isfinite(law.friction_coefficient) and law.friction_coefficient >= 0):
         raise wrong(
             "not a friction coefficient",
@@ -262,6 +270,7 @@ def assemble(model: BeamModel) -> System:
     normals = _normals(model, parts, reach)
     bound = normals.rows[normals.elastic]
     stiffness = stiffness + bound.T @ (bound * normals.stiffness[normals.elastic][:, None])
+    stiffness = stiffness + _rocking(model, parts, reach, normals)
     normals = press(normals, mass, stiffness, model.name)
     contacts = _contacts(model, parts, reach, normals)
     held, findings = _rigid_contacts(contacts, mass, stiffness, model.name)
@@ -339,15 +348,38 @@ def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals
     )
 
 
+def _rocking(
+    model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals: NormalPairs
+) -> Float[np.ndarray, "n n"] | float:
+    """What linear normal springs spread over a length add: k_N l^2 / 12 between the rotations of host and beam."""
+    result: Float[np.ndarray, "n n"] | float = 0.0
+    pair = 0
+    for joint in model.joints:
+        count = len(joint.pairs)
+        if joint.contact_length:
+            rows = rocking_rows(joint, *parts)
+            rows = rows if reach is None else rows @ reach
+            springs = normals.stiffness[pair : pair + count] * joint.contact_length**2 / 12
+            result = result + rows.T @ (rows * springs[:, None])
+        pair += count
+    return result
+
+
 def _loss(model: BeamModel, contacts: Contacts, normals: NormalPairs) -> Float[np.ndarray, "n n"] | None:
-    """Stiffness of every contact at rest times its loss factor; ``None`` where no joint has one."""
+    """Stiffness of the beam and of every contact at rest times its loss factor; ``None`` where nothing has one."""
+    own = None
+    if model.beam is not None and model.beam_loss:
+        size, count = contacts.slip.shape[1], len(model.beam.dofs)
+        own = np.zeros((size, size))
+        own[size - count :, size - count :] = model.beam_loss * model.beam.stiffness
     if not any(joint.tangential_loss or joint.normal_loss for joint in model.joints):
-        return None
+        return own
     tangential = np.array([model.joints[number].tangential_loss for number in contacts.joint[: contacts.tangential]])
     slip, springs = contacts.slip[: contacts.tangential], contacts.stiffness[: contacts.tangential]
     normal = np.repeat([joint.normal_loss for joint in model.joints], [len(joint.pairs) for joint in model.joints])
     rows, pressed = normals.rows, normals.stiffness
-    return np.asarray(slip.T @ ((tangential * springs)[:, None] * slip) + rows.T @ ((normal * pressed)[:, None] * rows))
+    lossy = slip.T @ ((tangential * springs)[:, None] * slip) + rows.T @ ((normal * pressed)[:, None] * rows)
+    return np.asarray(lossy if own is None else lossy + own)
 
 
 def pair_counts(model: BeamModel, system: System) -> list[int]:

@@ -1,8 +1,8 @@
-"""The blind table: predicted from blows on the bare table first, then answered by another program.
+"""Do the 95 % bands of a placement hold 95 %? Random hosts, beams and joints, with truths that share no code.
 
-``python -m tests.bench.blind`` makes everything anew in a temporary folder with a seed of today and prints the score;
-``--stored`` renews the files of ``tests/validation/blind_table``; ``--part hammer|predict|truth`` does one step. The
-joints of the truth are drawn by the fingerprint of the stored prediction, so none of it can be known before.
+``python -m tests.bench.blind --hosts 40 --seed 7`` draws hosts, data sheets and joints (``tests.bench.blind_hosts``),
+predicts from noisy FRFs of the bare host, stores the fingerprint of every prediction, then computes the truth in time,
+and prints the score. ``--law`` takes the law the sheet names (JSON), ``--joint`` further keys of ``[joint]``.
 """
 
 import os
@@ -13,127 +13,99 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import hashlib
 import json
-import random
-import shutil
-import subprocess
-import tempfile
 import time
+import warnings
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tests.bench.environments import interpreter
-from tests.validation.blind_table import prediction as predictor
-from tests.validation.blind_table import score as scoring
-
-HERE = predictor.HERE
-FULL_SCALE = 32000
-COMPETITORS = 4
+from tests.bench.blind_hosts import hosts, truth
+from tests.bench.blind_hosts.prediction import DRAWS, FULL, InputError, prediction
+from tests.bench.blind_hosts.score import report
 
 
-def by_opensees(task: str, question: dict[str, Any]) -> dict[str, Any]:
-    """An answer of the program that knows nothing of this project."""
-    with tempfile.TemporaryDirectory() as folder:
-        asked, told = Path(folder, "asked.json"), Path(folder, "told.json")
-        asked.write_text(json.dumps(question), encoding="utf-8")
-        subprocess.run([interpreter("opensees"), "-P", HERE / "truth.py", task, asked, told], check=True)
-        return dict(json.loads(told.read_text(encoding="utf-8")))
+def answered(case: hosts.Case, told: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    """The truth at the predicted place, and at the places whose order was predicted. ``known`` keeps what was run."""
 
+    def resonances(place: list[float], mode: int, force: float, levels: np.ndarray) -> list[list[float]]:
+        key = json.dumps([place, mode, float(force), levels.tolist()])
+        if key not in known:
+            drive = case.measured.points[case.measured.drive]
+            parts = truth.assembled(case.host, case.sheet.bar, case.joint, case.loss, drive, tuple(place))
+            machine = truth.Machine(parts, float(force))
+            band = truth.search_band(parts, float(force), mode)
+            known[key] = [list(machine.resonance(band, float(level), mode))[:2] for level in levels]
+        return known[key]
 
-def hammer(folder: Path, seed: int | None) -> None:
-    """Blows on the bare table as 16 bit counts."""
-    question = predictor.question() | ({} if seed is None else {"seed": seed})
-    told = by_opensees("hammer", question)
-    signals = np.array(told["records"])
-    scale = np.abs(signals).max(axis=(0, 2)) / FULL_SCALE
-    counts = np.round(signals / scale[:, None]).astype(np.int16)
-    np.savez_compressed(folder / "bare.npz", counts=counts, scale=scale, sampling_rate=told["sampling_rate"])
-
-
-def predict(folder: Path) -> None:
-    """The prediction, with the fingerprint of the signals it comes from."""
-    with tempfile.TemporaryDirectory() as measured:
-        answer, told = predictor.prediction(Path(measured), folder / "bare.npz")
-    mapping = {"signals": fingerprint(folder / "bare.npz"), **predictor.as_mapping(answer, told)}
-    (folder / "prediction.json").write_text(json.dumps(mapping, indent=1) + "\n", encoding="utf-8")
-
-
-def truth(folder: Path) -> None:
-    """The placed beam at all conditions, and the competing places at the normal force that suits each."""
-    stored = json.loads((folder / "prediction.json").read_text(encoding="utf-8"))
-    question, mark = predictor.question(), fingerprint(folder / "prediction.json")
-    started = time.process_time()
-    best, *others = rivals(stored["places"], int(mark[:8], 16))
-    asked = [dict(best, normal_forces=stored["normal_forces"])]
-    asked += [dict(one, normal_forces=[one["normal_force"]]) for one in others]
-    question |= {
-        "prediction": mark,
-        "guess": float(np.mean(stored["frequency"])),
-        "asked": [one | {"levels": stored["force_levels"]} for one in asked],
+    grids = np.array([[resonances(told["place"], mode, f, hosts.LEVELS) for f in hosts.FORCES] for mode in case.modes])
+    order = [[resonances(p, m, hosts.FORCES[1], hosts.LEVELS[-1:])[0][1] for p in told["places"]] for m in case.modes]
+    return {
+        "frequency": grids[..., 0].transpose(0, 2, 1).tolist(),
+        "damping": grids[..., 1].transpose(0, 2, 1).tolist(),
+        "ranked": order,
     }
-    told = by_opensees("swept", question)
-    used = os.times()
-    told |= {"prediction": mark, "cpu [s]": round(used.children_user + time.process_time() - started)}
-    (folder / "truth.json").write_text(json.dumps(_rounded(told), indent=None) + "\n", encoding="utf-8")
 
 
-def rivals(places: list[dict[str, Any]], seed: int) -> list[dict[str, Any]]:
-    """The predicted place, two of the next that are no mirror image of one before, and two drawn from all others."""
-    chosen, seen = [], set()
-    for one in places:
-        if _image(one["column"], one["row"]) not in seen and len(chosen) < COMPETITORS - 1:
-            seen.add(_image(one["column"], one["row"]))
-            chosen.append({key: one[key] for key in ("column", "row", "normal_force")})
-    rest = [(c, r) for c in range(1, 8) for r in range(1, 6)]
-    random.Random(seed).shuffle(rest)
-    for column, row in rest:
-        if _image(column, row) not in seen and len(chosen) <= COMPETITORS:
-            seen.add(_image(column, row))
-            chosen.append({"column": column, "row": row, "normal_force": places[0]["normal_force"]})
-    return chosen
-
-
-def _image(column: int, row: int) -> tuple[int, int]:
-    """The same place of a table that looks the same from all four corners."""
-    return min(column, 8 - column), min(row, 6 - row)
-
-
-def fingerprint(path: Path) -> str:
-    """SHA-256."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _rounded(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_rounded(one) for one in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
+def one(number: int, seed: int, law: dict[str, Any], joint: dict[str, Any], draws: int, kept: Path | None) -> dict:
+    """Draw, predict, fix the prediction, then ask the truth."""
+    warnings.simplefilter("ignore", RuntimeWarning)
+    case = hosts.case(seed, number)
+    result: dict[str, Any] = {"host": number, "kind": case.measured.kind, "family": case.joint.family}
+    started = time.process_time()
+    try:
+        told = prediction(case.measured, case.sheet, law, joint, draws)
+    except InputError as error:
+        return result | {"refused": str(error)}
+    text = json.dumps(told, sort_keys=True)
+    result |= {"prediction": json.loads(text), "fingerprint": hashlib.sha256(text.encode()).hexdigest()}
+    result["cpu prediction [s]"] = time.process_time() - started
+    store = None if kept is None else kept / f"{seed}_{number}.json"
+    known = json.loads(store.read_text()) if store is not None and store.exists() else {}
+    result["truth"] = answered(case, told, known)
+    result["bare"] = [float(np.resize(case.host.damping, mode - 2)[mode - 3]) for mode in case.modes]
+    if store is not None:
+        store.write_text(json.dumps(known))
+    result["cpu [s]"] = time.process_time() - started
+    return result
 
 
 def main() -> None:
-    """Signals, prediction, truth, score."""
+    """Hosts one by one, or several at a time; the score at the end."""
+    from concurrent.futures import ProcessPoolExecutor
+
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--stored", action="store_true")
-    options.add_argument("--part", choices=["hammer", "predict", "truth", "score"])
-    options.add_argument("--seed", type=int)
+    options.add_argument("--hosts", type=int, default=40)
+    options.add_argument("--first", type=int, default=0)
+    options.add_argument("--seed", type=int, default=None)
+    options.add_argument("--draws", type=int, default=DRAWS)
+    options.add_argument("--law", type=json.loads, default={"name": "masing"})
+    options.add_argument("--joint", type=json.loads, default=FULL)
+    options.add_argument("--workers", type=int, default=1)
+    options.add_argument("--out", type=Path)
+    options.add_argument("--truths", type=Path, help="folder where truths are kept for another prediction of the hosts")
     chosen = options.parse_args()
-    with tempfile.TemporaryDirectory() as fresh:
-        folder = HERE if chosen.stored else Path(fresh)
-        seed = chosen.seed if chosen.seed is not None or chosen.stored else int(time.time())
-        if not chosen.stored and chosen.part not in (None, "hammer"):
-            shutil.copytree(HERE, folder, dirs_exist_ok=True)
-        steps = {
-            "hammer": lambda: hammer(folder, seed),
-            "predict": lambda: predict(folder),
-            "truth": lambda: truth(folder),
-        }
-        for name, step in steps.items():
-            if chosen.part in (None, name):
-                step()
-        if chosen.part in (None, "truth", "score"):
-            print(scoring.score(folder).text())
+    seed = int(time.time()) if chosen.seed is None else chosen.seed
+    if chosen.truths is not None:
+        chosen.truths.mkdir(parents=True, exist_ok=True)
+    ask = partial(one, seed=seed, law=chosen.law, joint=chosen.joint, draws=chosen.draws, kept=chosen.truths)
+    answers: list[dict[str, Any]] = []
+    with ProcessPoolExecutor(chosen.workers) as pool:
+        for answer in pool.map(ask, range(chosen.first, chosen.first + chosen.hosts)):
+            answers.append(answer)
+            print(
+                answer["host"],
+                answer["kind"],
+                answer["family"],
+                answer.get("refused", f"{answer.get('cpu [s]', 0):.0f} s"),
+                flush=True,
+            )
+            if chosen.out is not None:
+                chosen.out.write_text(json.dumps({"seed": seed, "answers": answers}))
+    scored = [answer for answer in answers if "truth" in answer]
+    print(f"seed {seed}; refused: {len(answers) - len(scored)}")
+    print(report(scored))
 
 
 if __name__ == "__main__":

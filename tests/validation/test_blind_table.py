@@ -1,7 +1,7 @@
 """The blind table: told from blows on the bare table alone, answered by OpenSeesPy.
 
 ``tests/validation/blind_table`` holds the signals, the prediction made from them, and the truth computed afterwards with
-joints drawn by the fingerprint of the prediction. ``python -m tests.bench.blind`` makes all of it anew.
+joints drawn by the fingerprint of the prediction. ``python -m tests.bench.blind_table`` makes all of it anew.
 """
 
 import ast

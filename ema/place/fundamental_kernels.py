@@ -1,0 +1,154 @@
+"""Compiled: the fundamental of a structure with friction contacts, all its modes together, under a harmonic force.
+
+The structure without the tangential contacts has modes of squared frequencies s, decay rates d and loss factors e; the
+slips at its contacts are r = F D - R f(r), with R and D sums of the modal receptances g = 1/(s (1 + j e) - omega^2 +
+j omega d) and f the first harmonic of the friction forces (describing function of the law).
+"""
+
+import math
+
+import numpy as np
+
+from ema.compiled import compiled
+from ema.place.predictor_kernels import COUPLED, DRIVE, FORCE, SLIP, slips
+
+LEFT = 1e-4
+"""Relative error of the contact equation from which a frequency counts as unsolved."""
+
+
+@compiled(error_model="numpy")
+def respond(omega, load, structure, contact, x, z, m, q):
+    """Displacement of the excited DOF and of the output, and the modal amplitudes ``q``; NaN where unsolved.
+
+    ``structure``: squares, decay, loss (mode,), ``rows`` (contact, mode), ``ends`` (2, mode): excited DOF, output;
+    ``bare`` (bare mode, mode): what the modes of the bare structure take part with; ``pressing`` (joint, mode): normal
+    forces of the joints. ``contact``: k_T, slip forces, loss factor, first harmonic of the law, F_N at rest (joint,).
+    """
+    squares, decay, loss, rows, ends, _, _ = structure
+    k_t, limit, tangential_loss, table, _ = contact
+    n, square = rows.shape[0], omega * omega
+    for i in range(n):
+        z[DRIVE, i] = 0j
+        for j in range(n):
+            m[COUPLED, i, j] = 0j
+    for k in range(len(squares)):
+        g = 1 / complex(squares[k] - square, squares[k] * loss[k] + omega * decay[k])
+        q[k] = g
+        for i in range(n):
+            part = rows[i, k] * g
+            z[DRIVE, i] += part * (load * ends[0, k])
+            for j in range(i + 1):
+                m[COUPLED, i, j] += part * rows[j, k]
+    for i in range(n):
+        for j in range(i):
+            m[COUPLED, j, i] = m[COUPLED, i, j]
+    left = slips(k_t, limit, tangential_loss, table, x, z, m)
+    driver, output = 0j, 0j
+    for k in range(len(squares)):
+        pushed = complex(load * ends[0, k], 0.0)
+        for i in range(n):
+            pushed -= rows[i, k] * z[FORCE, i]
+        q[k] *= pushed
+        driver += ends[0, k] * q[k]
+        output += ends[1, k] * q[k]
+    if not left < LEFT:
+        return complex(np.nan, 0.0), complex(np.nan, 0.0)
+    return driver, output
+
+
+@compiled(error_model="numpy")
+def curve(frequencies, load, structure, contact):
+    """Displacement of the output at ascending frequencies in Hz, each started from the one before."""
+    n = structure[3].shape[0]
+    x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
+    m, q = np.zeros((4, n, n), np.complex128), np.zeros(len(structure[0]), np.complex128)
+    result = np.empty(len(frequencies), np.complex128)
+    for k in range(len(frequencies)):
+        result[k] = respond(2 * math.pi * frequencies[k], load, structure, contact, x, z, m, q)[1]
+    return result
+
+
+SPACING, CLOSE, STEPS = 2.5e-3, 2e-5, 16
+"""Spacing of the frequencies that are looked at and the distance from the maximum that no longer matters, in the
+logarithm; steps towards it at most. A spacing twice as wide misses peaks of damping ratios below 0.2 %."""
+
+
+@compiled(error_model="numpy")
+def taking_part(target, bare, q):
+    """Amplitude of the bare mode ``target`` in a motion where no other bare mode moves more; else 0."""
+    wanted, most = 0.0, 0.0
+    for b in range(bare.shape[0]):
+        part = 0j
+        for k in range(len(q)):
+            part += bare[b, k] * q[k]
+        if b == target:
+            wanted = abs(part)
+        else:
+            most = max(most, abs(part))
+    return wanted if wanted >= most else 0.0
+
+
+@compiled(error_model="numpy")
+def peak_of(target, low, high, load, structure, contact):
+    """The peak of the output that belongs to a bare mode: Hz, damping ratio, and how far the joints open, or NaN.
+
+    The third is the amplitude of the normal force over that at rest, of the joint where it is largest.
+    Of the peaks within the band in which that mode moves more than any other bare mode, the one where it moves most.
+    The damping ratio is P/(omega^3 sum |q|^2) with the mean power P that the force supplies: energy lost per period
+    over 4 pi times the largest kinetic energy of the fundamental.
+    """
+    n, count = structure[3].shape[0], max(int(math.log(high / low) / SPACING) + 1, 5)
+    x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
+    m, q = np.zeros((4, n, n), np.complex128), np.zeros(len(structure[0]), np.complex128)
+    step, top, best = math.log(high / low) / (count - 1), -1, 0.0
+    heights, slip, before = np.zeros(count), np.zeros(n, np.complex128), np.zeros(n, np.complex128)
+    moved, moved_before = 0.0, 0.0
+    for k in range(count):
+        before[:] = z[SLIP]
+        output = respond(2 * math.pi * low * math.exp(k * step), load, structure, contact, x, z, m, q)[1]
+        heights[k] = abs(output) if not math.isnan(output.real) else 0.0
+        moved_before, moved = moved, taking_part(target, structure[5], q)
+        if k > 1 and heights[k - 2] < heights[k - 1] >= heights[k] and moved_before > best:
+            top, best = k - 1, moved_before
+            slip[:] = before
+    if top < 0:
+        return np.nan, np.nan, np.nan
+    z[SLIP] = slip
+    at = np.array([top - 1.0, float(top), top + 1.0]) * step
+    y = heights[top - 1 : top + 2].copy()
+    frequency, damping, opening = np.nan, np.nan, np.nan
+    for _ in range(STEPS):
+        left, middle, right = 1 / max(y[0], 1e-300) ** 2, 1 / y[1] ** 2, 1 / max(y[2], 1e-300) ** 2
+        above = (at[1] - at[0]) ** 2 * (middle - right) - (at[1] - at[2]) ** 2 * (middle - left)
+        below = (at[1] - at[0]) * (middle - right) - (at[1] - at[2]) * (middle - left)
+        new = at[1] - 0.5 * above / below if below != 0 else at[1]
+        done = abs(new - at[1]) < CLOSE
+        if done and at[2] - at[0] > 40 * CLOSE:
+            # both neighbours have to be near before the parabola is believed
+            new = at[1] + 8 * CLOSE * (1 if at[2] - at[1] > at[1] - at[0] else -1)
+            done = False
+        new = min(max(new, at[0] + 0.1 * (at[1] - at[0])), at[2] - 0.1 * (at[2] - at[1]))
+        omega = 2 * math.pi * low * math.exp(at[1] if done else new)
+        driver, output = respond(omega, load, structure, contact, x, z, m, q)
+        value = abs(output) if not math.isnan(output.real) else 0.0
+        if done or value > y[1]:
+            energy = 0.0
+            for k in range(len(q)):
+                energy += q[k].real ** 2 + q[k].imag ** 2
+            frequency = omega / (2 * math.pi)
+            damping = -0.5 * load * driver.imag / (omega**2 * energy)
+            opening = 0.0
+            for i in range(structure[6].shape[0]):
+                force = 0j
+                for k in range(len(q)):
+                    force += structure[6][i, k] * q[k]
+                opening = max(opening, abs(force) / contact[4][i])
+        if done:
+            break
+        side = 0 if new < at[1] else 2
+        if value > y[1]:
+            at[2 - side], y[2 - side] = at[1], y[1]
+            at[1], y[1] = new, value
+        else:
+            at[side], y[side] = new, value
+    return frequency, damping, opening

@@ -1,0 +1,162 @@
+"""The draws of a forecast: fundamentals of all modes, the peak that belongs to a mode, and what a joint leaves open."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import minimize_scalar
+
+from ema import place, shapes
+from ema.data import FrictionLaw
+from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
+from ema.place.fundamental import fundamental
+from ema.place.intervals import beams_drawn, drawn
+from ema.place.predictor import beam_matrices
+from ema.place.shortlist import answer, question
+from ema.place.task import predicted
+from ema.simulate import damping_map
+from ema.simulate.structure import assemble
+from tests.unit.placement_rig import bare_table
+
+BEAM = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02)
+STUCK = BoltedJoint(FrictionLaw("masing", 1e6, 2e8), 1e9, 0.045)
+SPOT = Candidates(np.array([[0.3, 0.06]]), np.zeros(1), np.zeros(1, int), (BEAM,))
+
+
+@pytest.fixture(scope="module")
+def task() -> place.Task:
+    bare, geometry = bare_table(0.0)
+    bare, _ = shapes.with_rigid_body(bare, geometry, 130.0)
+    surface = shapes.smooth(bare, geometry)
+    return place.Task(bare, surface, STUCK, "91:+Z", np.array([10.0]), np.array([100.0]), (0, 1, 2))
+
+
+def stuck_peaks(task: place.Task, candidates: Candidates = SPOT) -> list[tuple[float, float]]:
+    """Largest linear response near every target, by dense solutions of the whole matrices: Hz, damping ratio.
+
+    The damping ratio is the power supplied over omega times four times the kinetic energy.
+    """
+    system = assemble(place.model_at(task.bare, task.surface, candidates, 0, task.joint, 100.0))
+    slip, load = system.contacts.slip, system.row(task.at)
+    stiffness = (system.stiffness + slip.T @ (slip * system.contacts.stiffness[:, None])).astype(complex)
+    if system.loss is not None:
+        stiffness += 1j * system.loss
+    damping = np.diag(system.decay * np.diag(system.mass))
+
+    def moved(frequency: float) -> np.ndarray:
+        """Motion of all coordinates under 1 N."""
+        omega = 2 * np.pi * frequency
+        return np.linalg.solve(stiffness + 1j * omega * damping - omega**2 * system.mass, load.astype(complex))
+
+    squares, vectors = eigh(stiffness.real, system.mass)
+    results = []
+    for mode in task.modes:
+        middle = np.sqrt(squares[int(np.argmax(np.abs(vectors[mode])))]) / (2 * np.pi)
+        found = minimize_scalar(
+            lambda f: -abs(load @ moved(f)), bounds=(0.99 * middle, 1.01 * middle), method="bounded"
+        )
+        omega, x = 2 * np.pi * found.x, moved(found.x)
+        power, kinetic = -0.5 * omega * (load @ x).imag, 0.25 * omega**2 * (x.conj() @ system.mass @ x).real
+        results.append((float(found.x), float(power / (4 * omega * kinetic))))
+    return results
+
+
+def test_a_stuck_structure_has_its_linear_peaks(task):
+    """Frequency and damping of every target against dense solutions of the same matrices."""
+    found = fundamental(question(task, predicted(task, SPOT), 0))[:, :2, 0, 0]
+    for (frequency, damping), (peak, ratio) in zip(found, stuck_peaks(task), strict=True):
+        assert frequency == pytest.approx(peak, rel=3e-5)
+        assert damping == pytest.approx(ratio, rel=0.02)
+
+
+def test_the_peak_of_the_mode_is_taken_and_not_a_higher_one_beside_it(task):
+    """The band of mode 2 is opened to the higher peak of mode 1: the answer stays with mode 2, at all harmonics too."""
+    loose = task._replace(joint=replace(STUCK, law=FrictionLaw("masing", 0.2, 2e8)), modes=(1,))
+    asked = question(loose, predicted(loose, SPOT), 0)
+    wide = asked._replace(bands=((400.0, asked.bands[0][1]),))
+    higher = damping_map(wide.model, [10.0], [100.0], wide.at, wide.at, wide.bands[0])
+    assert higher.frequency[0, 0] < 550, "the largest response of the band is that of mode 1"
+    alone, opened = answer(asked), answer(wide)
+    assert alone[0, 0, 0, 0] == pytest.approx(760, rel=0.05)
+    assert opened[0, 0, 0, 0] == pytest.approx(alone[0, 0, 0, 0], rel=2e-4)
+    assert opened[0, 1, 0, 0] == pytest.approx(alone[0, 1, 0, 0], rel=1e-2)
+
+
+def test_shear_adds_its_deflection_to_that_of_bending():
+    """Three-point bending of the beam on its joints: P L^3 / 48 E I + P L / 4 G A_s."""
+    load, beam = 1000.0, replace(BEAM, joints=3, shear=True)
+    inertia, area = 0.06 * 0.05**3 / 12, 0.06 * 0.05
+    shear = 210e9 / 2.6 * area * 5 / 6
+    _, stiffness, _, normal = beam_matrices(beam)
+    middle, ends = normal[1], normal[[0, 2]]
+    held = stiffness + 1e15 * ends.T @ ends + 1e9 * np.outer(np.eye(len(stiffness))[0], np.eye(len(stiffness))[0])
+    deflection = middle @ np.linalg.solve(held, load * middle)
+    assert deflection == pytest.approx(load * 0.3**3 / (48 * 210e9 * inertia) + load * 0.3 / (4 * shear), rel=1e-3)
+
+
+def test_a_contact_length_resists_rocking(task):
+    """Energy of a unit rotation of the beam's joint against the host at rest: k_N l^2 / 24."""
+    long = replace(STUCK, contact_length=0.02)
+    systems = [assemble(place.model_at(task.bare, task.surface, SPOT, 0, joint, 100.0)) for joint in (STUCK, long)]
+    change = systems[1].stiffness - systems[0].stiffness
+    row = next(k for k, dof in enumerate(systems[0].dofs) if dof.part and dof.node == 1 and dof.axis == "RY")
+    turn = np.zeros(len(change))
+    turn[row - len(systems[0].dofs) + len(change)] = 1.0
+    assert 0.5 * turn @ change @ turn == pytest.approx(1e9 * 0.02**2 / 24)
+    assert np.linalg.matrix_rank(change, tol=1e-6 * np.abs(change).max()) == 2
+
+
+def test_a_lossy_beam_damps_by_its_share_of_the_strain_energy(task):
+    """Against dense solutions; the draws leave out that losses couple modes, which steel's loss factors allow."""
+    lossy, steel = (replace(SPOT, catalogue=(replace(BEAM, loss=loss),)) for loss in (0.05, 0.01))
+    without, damping, small = (np.array(stuck_peaks(task, one))[:, 1] for one in (SPOT, lossy, steel))
+    assert answer(question(task, predicted(task, lossy), 0))[:, 1, 0, 0] == pytest.approx(damping, rel=0.01)
+    assert fundamental(question(task, predicted(task, steel), 0))[:, 1, 0, 0] == pytest.approx(small, rel=0.01)
+    assert max(damping / without) > 1.02
+
+
+def test_draws_scatter_as_stated(task):
+    joint = replace(
+        STUCK,
+        friction_std=0.1,
+        stiffness_std=0.15,
+        normal_std=0.2,
+        length_std=0.05,
+        force_std=0.03,
+        height_std=1e-3,
+        exponent_std=0.1,
+        contact_length=0.02,
+        law=FrictionLaw("masing", 0.2, 2e8, stiffness_exponent=0.5),
+        form="open",
+    )
+    some = list(drawn(task._replace(joint=joint), 1500, np.random.default_rng(3)))
+    laws = [one.joint.law for one in some]
+    stated = {
+        0.1: [np.log(law.friction_coefficient) for law in laws],
+        0.15: [np.log(law.contact_stiffness) for law in laws],
+        0.2: [np.log(one.joint.normal_stiffness) for one in some],
+        0.05: [np.log(one.joint.contact_length) for one in some],
+        0.03: [np.log(one.normal_forces[0]) for one in some],
+        1e-3: [one.joint.surface_height for one in some],
+        0.1001: [law.stiffness_exponent for law in laws],
+    }
+    for std, values in stated.items():
+        assert np.std(values) == pytest.approx(std, rel=0.08)
+    assert {law.name for law in laws} == {"iwan"}
+    losses = [
+        beams_drawn(replace(SPOT, catalogue=(replace(BEAM, loss=0.01, loss_std=0.4),)), np.random.default_rng(n))
+        for n in range(800)
+    ]
+    assert np.std([np.log(one.catalogue[0].loss) for one in losses]) == pytest.approx(0.4, rel=0.1)
+
+
+def test_conditions_in_which_a_joint_parts_are_named_and_have_no_band_where_it_cannot_pull(task):
+    law = FrictionLaw("masing", 0.2, 2e8)
+    soft = task._replace(joint=replace(STUCK, law=law, friction_std=0.1), modes=(0,))
+    hard, gentle = 400.0, 2.0
+    pulls = place.forecast(soft, SPOT, 0, [gentle, hard], [20.0], draws=12, method="frozen")
+    assert [one.code for one in pulls.findings] == ["joint-parts"] and np.isfinite(pulls.damping_low).all()
+    parts = soft._replace(joint=replace(soft.joint, normal_contact="unilateral"))
+    told = place.forecast(parts, SPOT, 0, [gentle, hard], [20.0], draws=12, method="frozen")
+    assert np.isfinite(told.damping_low[0, :, 0]).tolist() == [True, False]
