@@ -11,6 +11,7 @@ from ema.data import Campaign, Finding, FrfSet, MapResult, ModalMap, ModalModel,
 from ema.errors import InputError
 from ema.estimate import Steps
 from ema.progress import Progress, advance, silent
+from ema.study.damping_by_height import with_valid_heights
 from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, MapTable
 
@@ -55,9 +56,11 @@ def mapped(campaign: Campaign, table: MapTable, estimate: EstimateTable, progres
         up, down = down, []
     chart = _tracked(up, table, reference)
     order = _places(chart, up)
+    chart, doubtful = with_valid_heights(chart, [point.frfs for point in up], order, reference, table.bandwidths)
     pairs, index, ratio = _gate(up, order, chart)
     findings = [finding for point in points for finding in point.findings]
     findings += _about_map(chart, table.title)
+    findings += [replace(finding, where=table.title) for finding in doubtful]
     findings += _about_levels(pairs, index, ratio, table.title)
     findings += _about_sequence(chart, down, table, reference)
     findings += [finding for run in runs for finding in run.findings]
@@ -334,7 +337,7 @@ def _about_map(chart: ModalMap, where: str) -> list[Finding]:
                 "fit is biased there.",
                 float(bent.max()),
                 _GATE,
-                "Read the damping by height beside it.",
+                "Read the damping by height beside it, where it is shown.",
             )
         )
     return findings

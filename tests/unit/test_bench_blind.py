@@ -1,0 +1,86 @@
+"""The blind bench: its truth shares no code with the predictor, and agrees with closed forms and linear solutions."""
+
+import ast
+import inspect
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from tests.bench.blind_hosts import elements, hosts, prediction, score, truth
+
+
+@pytest.mark.parametrize("module", [elements, hosts, truth])
+def test_hosts_and_truth_import_nothing_of_the_project(module):
+    tree = ast.parse(inspect.getsource(module))
+    names = [str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    names += [name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names]
+    assert not [name for name in names if name.split(".")[0] in ("ema", "acquisition") or name.endswith("prediction")]
+
+
+def test_the_prediction_is_given_test_and_sheet_alone():
+    """Not the case, which holds host and joint."""
+    assert list(inspect.signature(prediction.prediction).parameters)[:2] == ["measured", "sheet"]
+    assert "truth" not in inspect.getsource(prediction).split('"""', 2)[2].lower()
+
+
+def test_the_plate_has_the_frequencies_of_a_free_square_plate():
+    """omega a^2 sqrt(m/D) = 13.49, 19.79, 24.43 at a Poisson's ratio of 0.3 (Leissa 1973, completely free plate)."""
+    plate = elements.Plate((1.0, 1.0), (12, 12), 1.0, (1.0, 1.0, 0.3, 0.35))
+    mass, stiffness = plate.matrices()
+    values = eigh(stiffness, mass, eigvals_only=True, subset_by_index=(0, 5))
+    assert np.abs(values[:3]).max() < 1e-3
+    assert np.sqrt(values[3:]) == pytest.approx([13.49, 19.79, 24.43], rel=0.01)
+
+
+def test_the_bar_has_the_frequency_of_a_free_timoshenko_beam():
+    """Slender: (4.730)^2 sqrt(E I / rho A L^4); a stocky one is lower."""
+    found = []
+    for height in (0.005, 0.05):
+        bar = elements.Bar(0.4, 0.02, 0.03, height, elements=40)
+        omega, _, _ = truth.bar_modes(bar)
+        euler = 4.73004**2 * np.sqrt(210e9 * height**2 / 12 / 7850) / 0.44**2
+        found.append(omega[3] / euler)
+    assert found[0] == pytest.approx(1.0, abs=3e-3) and 0.9 < found[1] < 0.98
+
+
+def test_a_truth_that_sticks_is_the_linear_structure():
+    """Frequency and damping of the time program against dense solutions of the same parts."""
+    case = hosts.case(3, 0)
+    joint = replace(case.joint, friction=1e6, family="uneven", weakening=1.0)
+    place = (*(0.45 * np.array(case.host.plate.size)), 0.0)
+    parts = truth.assembled(
+        case.host, case.sheet.bar, joint, case.loss, case.measured.points[case.measured.drive], place
+    )
+    stiffness = np.diag(parts.squares)
+    offsets = joint.half_length * np.linspace(-1, 1, truth.SLIDERS)
+    for n in range(2):
+        shear, gap, turn = parts.rows[3 * n : 3 * n + 3]
+        stiffness += joint.tangential * joint.uneven[n][1] * np.outer(shear, shear)
+        for offset in offsets:
+            edge = gap + offset * turn
+            stiffness += joint.normal / truth.SLIDERS * np.outer(edge, edge)
+    mode = case.modes[0]
+    frequency, damping, _ = truth.Machine(parts, joint.reference).resonance(
+        truth.search_band(parts, joint.reference, mode), 10.0, mode
+    )
+    lines = frequency * (1 + np.linspace(-1e-3, 1e-3, 201))
+    height, ratio = np.empty(201), np.empty(201)
+    for k, w in enumerate(2 * np.pi * lines):
+        q = np.linalg.solve(stiffness - w**2 * np.eye(len(stiffness)) + 1j * w * np.diag(parts.decay), parts.drive)
+        height[k] = abs(parts.drive @ q)
+        ratio[k] = -0.5 * w * (parts.drive @ q).imag / (w**3 * np.sum(np.abs(q) ** 2))
+    top = int(height.argmax())
+    assert 0 < top < 200 and frequency == pytest.approx(lines[top], rel=1.5e-4)
+    assert damping == pytest.approx(ratio[top], rel=0.01)
+
+
+def test_scores_of_a_made_up_answer():
+    """Half of the bands hold; a miss costs 2/0.05 times its distance."""
+    true = {"frequency": [[[100.0, 100.0]]], "damping": [[[0.02, 0.02]]], "ranked": [[]]}
+    told = {name: [[[100.0, 100.0]]] for name in ("frequency", "frequency_low", "frequency_high")}
+    told |= {"damping": [[[0.02, 0.03]]], "damping_low": [[[0.018, 0.025]]], "damping_high": [[[0.022, 0.035]]]}
+    rows = score.rows({"prediction": told | {"ranked": [[]]}, "truth": true, "bare": [0.01]})
+    assert rows[:, 0].tolist() == [1, 1] and rows[:, 5].tolist() == [1, 0]
+    assert rows[:, 8] == pytest.approx([0.004 / 0.02, (0.010 + 40 * 0.005) / 0.02])
