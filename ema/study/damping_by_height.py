@@ -7,7 +7,8 @@ is |X/F| = A' |1 + n| / (2 omega^2 zeta). Damping by height takes the modal cons
 
 It holds where the beam has not changed the shape (A' = A) and the neighbours are small. The local fit tells A' and, by
 what it leaves to its residual terms at the top, n, where a linear mode explains the FRFs. At a peak that friction bends
-it trades both for damping; there the conditions count which share the normal force and are explained.
+it trades both for damping, and levels at which the joint sticks have another shape: nothing is known there that speaks
+against the height.
 """
 
 from collections.abc import Sequence
@@ -56,9 +57,6 @@ def with_valid_heights(
             raised[row, column] = _at_the_top(one, float(chart.frequency[row, column]), reference, bandwidths)
         except InputError:
             continue
-    for column in map(int, np.flatnonzero(np.isfinite(raised).any(axis=0))):
-        here = raised[:, column]
-        raised[:, column] = np.where(np.isfinite(here), here, np.nanmedian(here))
     # what is not known does not speak against the height
     factor = 1 / np.where(np.isfinite(raised), raised, 1.0)
     wrong = np.isfinite(heights) & (np.abs(factor - 1) > ALLOWED)
