@@ -66,8 +66,7 @@ class ImpactDecays:
         ``behind_variance``. In a linear structure they differ from ``amplitudes`` by what other modes leave in them,
         and that in the same proportion for every impact on a point.
     deviation : std of natural frequency [Hz] and damping ratio by noise, shape (mode, 2).
-    begins, ends : s after the impact at which the late decay begins and ends (median).
-    early : time in s behind the impact, and rms of all responses as measured and as extrapolated, shape (3, instant).
+    begins : s after the impact at which the late decay begins (median).
     """
 
     poles: Complex[np.ndarray, "mode"]
@@ -82,8 +81,6 @@ class ImpactDecays:
     behind_variance: Float[np.ndarray, "impact mode out"]
     deviation: Float[np.ndarray, "mode 2"]
     begins: float
-    ends: float
-    early: Float[np.ndarray, "3 instant"]
 
     @property
     def natural_frequencies(self) -> Float[np.ndarray, "mode"]:
@@ -411,8 +408,6 @@ def _extrapolated(blocks: Sequence[_Block], late: _Late, poles: Complex[np.ndarr
         behind_variance=np.abs(shorter) ** 2 * early_spread,
         deviation=_deviation(late, poles),
         begins=float(np.median(begins)),
-        ends=float(np.median(begins)) + late.signals.shape[-1] / rate,
-        early=_compared(late, seen, poles, float(np.median(gaps))),
     )
 
 
@@ -444,16 +439,3 @@ def _deviation(late: _Late, poles: Complex[np.ndarray, "mode"]) -> Float[np.ndar
     size = np.abs(poles)
     # |p| follows the imaginary part, zeta = -Re p / |p| the real part, up to zeta^2.
     return np.sqrt(np.maximum(np.column_stack([imaginary / (2 * np.pi) ** 2, real / size**2]), 0.0))
-
-
-def _compared(
-    late: _Late, seen: Complex[np.ndarray, "impact mode out"], poles: Complex[np.ndarray, "mode"], gap: float
-) -> Float[np.ndarray, "3 instant"]:
-    """Time, and rms over all impacts of the early responses as measured and as extrapolated from the late decay."""
-    times = np.arange(-late.first, 0) / late.rate
-    model = np.einsum("imo,mt->iot", seen, np.exp(np.outer(poles, times))).real
-    rows = []
-    for part in np.array_split(np.arange(late.first), max(late.first // 8, 1)):
-        rms = [float(np.sqrt(np.mean(signals[..., part] ** 2))) for signals in (late.early, model)]
-        rows.append([float(times[part].mean()) + late.first / late.rate + gap, *rms])
-    return np.array(rows).T
