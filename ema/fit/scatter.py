@@ -166,6 +166,8 @@ def _factors(
     number of resonances; the error is added to the variance.
     """
     noise = changes.noise
+    # A pole that stands still is known by its prior alone: nothing that is seen says how it changes.
+    seen = np.where(fit.share < estimator.ROUNDING, noise, seen)
     size = np.array([fit.poles.real**2, np.abs(fit.poles) ** 2])
     real, imaginary = (widened(*row) for row in zip(seen, noise, size, freedom, (False, True), strict=True))
     error = broadened * (imaginary - 1) * noise[1] / np.abs(fit.poles.real)

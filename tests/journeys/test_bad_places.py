@@ -1,5 +1,6 @@
 """Places that cannot be written, a full disk, Ctrl-C: status, one sentence, and what was there before is still there."""
 
+import contextlib
 import os
 import signal
 import subprocess
