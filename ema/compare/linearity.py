@@ -315,17 +315,17 @@ def level_finding(result: Linearity, where: str) -> Finding:
             if one.size / most > value / limit:
                 value, limit = one.size, most
     peaks = result.decays.peaks if result.decays is not None else np.zeros(1)
-    told = (
+    statement = (
         f"A force e times as large changes {' and '.join(texts)} (impacts of {peaks.min():.0f} to {peaks.max():.0f} N)"
     )
     if not named:
-        return Finding("info", "level-tested", where, f"{told}: no sign of a nonlinear structure.", value, limit)
+        return Finding("info", "level-tested", where, f"{statement}: no sign of a nonlinear structure.", value, limit)
     return Finding(
         "warning",
         "slip-then-ring",
         where,
-        f"{told}: the structure is not linear at this level. A joint that slips under the impact and sticks afterwards "
-        "does this while the FRFs still look like those of a linear structure.",
+        f"{statement}: the structure is not linear at this level. A joint that slips under the impact and sticks "
+        "afterwards does this while the FRFs still look like those of a linear structure.",
         value,
         limit,
         "Use the modes of the decay after sticking for small amplitudes; measure again at half the level.",
