@@ -280,9 +280,7 @@ def late_poles(
     poles = _subspace_poles(signals / noise[:, None], rate, _ORDER)
     least = _GAIN * 2 * signals.shape[0] * signals.shape[1]
     while len(poles) > 1:
-        gains = _explained(compressed, poles, rate) - np.array(
-            [_explained(compressed, np.delete(poles, one), rate) for one in range(len(poles))]
-        )
+        gains = _gains(compressed, poles, rate)
         if gains.min() >= least:
             break
         poles = np.delete(poles, int(gains.argmin()))
@@ -294,8 +292,8 @@ def _compressed(signals: Float[np.ndarray, "impact out sample"], columns: int) -
     table = signals.reshape(-1, signals.shape[-1]).T
     if table.shape[1] <= columns:
         return table
-    left, singular, _ = np.linalg.svd(table, full_matrices=False)
-    return np.asarray(left[:, :columns] * singular[:columns])
+    _, vectors = np.linalg.eigh(table.T @ table)
+    return np.asarray(table @ vectors[:, ::-1][:, :columns])
 
 
 def _subspace_poles(
@@ -330,6 +328,22 @@ def _explained(
 ) -> float:
     q = np.linalg.qr(_basis(poles, len(compressed), rate))[0]
     return float(np.sum((q.T @ compressed) ** 2))
+
+
+def _gains(
+    compressed: Float[np.ndarray, "sample column"], poles: Complex[np.ndarray, "pole"], rate: float
+) -> Float[np.ndarray, "pole"]:
+    """What each pole alone explains: with its amplitudes x and the part C of the inverse normal matrix that belongs to
+    them, leaving it out costs x^T C^-1 x."""
+    q, triangle = np.linalg.qr(_basis(poles, len(compressed), rate))
+    inverse = np.linalg.pinv(triangle)
+    amplitudes, covariance = inverse @ (q.T @ compressed), inverse @ inverse.T
+    count, found = len(poles), []
+    for one in range(count):
+        rows = [one, count + one]
+        own = amplitudes[rows]
+        found.append(float(np.sum(own * (np.linalg.pinv(covariance[np.ix_(rows, rows)]) @ own))))
+    return np.array(found)
 
 
 def _refined(
