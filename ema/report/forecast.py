@@ -1,18 +1,25 @@
 """A forecast of a placed beam in a report, with what was measured afterwards."""
 
 import numpy as np
+from scipy.stats import binom
 
 from ema import show
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import plain
 
+_LEVEL, _RARE = 0.95, 0.01
+"""Level of the bands, and the probability with which fewer values than the stated number lie inside them by chance."""
 
-def verdict(told: ForecastCheck) -> str:
-    """One sentence: how many measured values fell inside their bands."""
-    share = told.inside / max(told.values, 1)
-    close = "as it should be for 95 % bands" if share >= 0.9 else "fewer than 95 % bands promise"
-    return f"{told.inside} of {told.values} measured values lie inside the 95 % bands that were told before, {close}."
+
+def verdict(check: ForecastCheck) -> str:
+    """One sentence: how many measured values fell inside their bands, and how many bands of 95 % hold by chance."""
+    least = int(binom.ppf(_RARE, check.values, _LEVEL))
+    enough = "as many as" if check.inside >= least else "fewer than"
+    return (
+        f"{check.inside} of {check.values} measured values lie inside the 95 % bands predicted before the measurement, "
+        f"{enough} such bands hold ({least} or more in 99 of 100 cases, if the values err independently)."
+    )
 
 
 def forecast_blocks(told: Forecast | ForecastCheck, book: Book) -> list[Block]:
