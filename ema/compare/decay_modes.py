@@ -82,7 +82,7 @@ def modes_after_sticking(found: Sticking, frfs: FrfSet, rejected: ModalModel) ->
     shapes, participation = left[:, :, 0].T, (singular[:, 0, None] * right[:, 0]).T
     largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(len(poles))]
     shapes, participation = shapes / largest, participation * largest
-    where = rejected.name or frfs.name or run_name(decays)
+    where = rejected.name or frfs.name or _name_of(decays)
     return ModalModel(
         poles=poles,
         shapes=shapes,
@@ -115,7 +115,7 @@ def withheld(rejected: ModalModel) -> ModalModel:
     )
 
 
-def run_name(decays: ImpactDecays) -> str:
+def _name_of(decays: ImpactDecays) -> str:
     """How messages call decays without a name."""
     return f"{len(decays.peaks)} impacts"
 

@@ -31,11 +31,15 @@ LATEST = 0.4
 _SAMPLES_OF_HIGHEST = 4.0
 """Samples per period of the upper end of the band that are kept."""
 _ORDER = 40
+"""Poles, with their conjugates, that the subspace of late decays holds at most: twenty modes in a band."""
 _COLUMNS = 60
+"""Principal components of all decays that are kept: those of the modes and some of noise."""
 _ROWS = 160
+"""Samples of a window of the subspace: forty periods at the upper end of the band."""
 _GAIN = 4.0
 """What a pole has to explain, over what a given pole explains of noise."""
 _HEAVIEST = 0.2
+"""Damping ratio above which a pole is no mode, as in a fit of FRFs."""
 _CONDITION = 1e-3
 """Singular value, over the largest, below which modes are not told apart between the impact and the late decay."""
 _FEWEST = 64

@@ -15,7 +15,7 @@ from ema.fit.acceptance import Verdict, judge, surplus
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
 from ema.fit.estimator import Fit
-from ema.fit.narrow import unseen
+from ema.fit.narrow import narrow_peaks
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.record_end import as_recorded, of_whole_vibration
@@ -255,7 +255,7 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
         optimum = refined(band, data, chosen)
         if searches and chosen.trusted and not optimum.misfit:
             searches -= 1
-            more, vectors = unseen(optimum.data, optimum.fit, poles.band)
+            more, vectors = narrow_peaks(optimum.data, optimum.fit, poles.band)
             if len(more):
                 chosen = extended(data, chosen, poles.band, more, vectors)
                 continue

@@ -11,7 +11,7 @@ from ema.fit.policy import POLICY, passes_for_mode
 
 _WIDTHS = (1, 3, 9, 27)
 """Lines over which the energy of the residual is added up; the bins of the selection resolve what is wider."""
-_LOUD = 4.0
+_PROMINENT = 4.0
 """Energy of the residual within such a width, in standard deviations of what noise gives, from which on a peak is
 fitted there. It only saves time: what a mode has to explain corresponds to more in a single FRF, and to as much in a
 few hundred."""
@@ -28,7 +28,7 @@ _FLANK = 4.0
 gives as much (normal distribution, one-sided)."""
 
 
-def unseen(
+def narrow_peaks(
     data: Observations, fit: Fit, band: tuple[float, float]
 ) -> tuple[Complex[np.ndarray, "new"], Complex[np.ndarray, "new in"]]:
     """Poles, and their participation, of narrow peaks that the residual of single lines still shows beyond noise.
@@ -42,7 +42,7 @@ def unseen(
     limit = factor * passes_for_mode(2 * (data.outputs + data.references), len(data.s))
     sharp = fit.poles[-2 * fit.poles.real <= data.line]
     found: list[tuple[float, complex, np.ndarray]] = []
-    for line, width in _loud(energy, frfs):
+    for line, width in _prominent(energy, frfs):
         trials = _trials(data, line, width)
         beside = np.all(np.abs(trials[:, None] - sharp) > _BESIDE * data.line, axis=1)
         trials = trials[beside & inside(trials, band) & (damping_ratios(trials) <= POLICY.heaviest)]
@@ -63,7 +63,7 @@ def unseen(
     )
 
 
-def _loud(energy: Float[np.ndarray, "line"], frfs: int) -> list[tuple[int, int]]:
+def _prominent(energy: Float[np.ndarray, "line"], frfs: int) -> list[tuple[int, int]]:
     """Lines, and widths, at which more energy is than noise gives; ``energy`` is 1 on average, over ``frfs`` FRFs."""
     found = []
     for width in _WIDTHS:
@@ -72,7 +72,7 @@ def _loud(energy: Float[np.ndarray, "line"], frfs: int) -> list[tuple[int, int]]
         # The energy of a complex value of noise has a standard deviation as large as its mean.
         beyond = (np.convolve(energy, np.ones(width) / width, mode="same") - 1) * np.sqrt(frfs * width)
         peaks = 1 + np.flatnonzero((beyond[1:-1] >= beyond[:-2]) & (beyond[1:-1] > beyond[2:]))
-        found += [(float(beyond[line]), int(line), width) for line in peaks if beyond[line] > _LOUD]
+        found += [(float(beyond[line]), int(line), width) for line in peaks if beyond[line] > _PROMINENT]
     chosen: list[tuple[int, int]] = []
     for _, line, width in sorted(found, reverse=True):
         if all(abs(line - other) > max(width, wide) for other, wide in chosen):
@@ -122,7 +122,7 @@ def caution(
 def tones(data: Observations, fit: Fit, narrow: np.ndarray) -> list[int]:
     """Which of the ``narrow`` poles are tones: nothing beside the three lines of their peaks speaks for a resonance.
 
-    So is the weaker of two within a line of each other: what makes good that a peak is narrower than a pole may be.
+    So is the weaker of two within a line of each other: it makes up for a peak that is narrower than a pole may be.
 
     The other lines alone give a shape psi with the information M, all else adapted; the peak alone gives, from the
     information that is missing then, a shape q that does not know of these lines. Where there is nothing but a peak,
