@@ -1,9 +1,8 @@
 """The door: foreign files, foreign units, FE matrices, live rigs."""
 
-from importlib import import_module
-from typing import Any
+from ema.lazy import attach
 
-_NAMES = {
+_HOMES = {
     "Contents": "acquisition.contents",
     "formats": "acquisition.registry",
     "open_campaign": "acquisition.folder",
@@ -14,14 +13,4 @@ _NAMES = {
     "write": "acquisition.registry",
 }
 
-__all__ = [*_NAMES]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _NAMES:
-        return getattr(import_module(_NAMES[name]), name)
-    raise AttributeError(f"module 'acquisition' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)
