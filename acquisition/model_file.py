@@ -5,10 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from acquisition import units
-from acquisition.toml_tables import validated
+from acquisition.former_names import FormerNames, warn
+from acquisition.toml_tables import Table, validated
 from ema.contact.catalogue import CATALOGUE
 from ema.data import BeamModel
 from ema.dof import Dof
@@ -78,12 +79,6 @@ Band = Annotated[list[Frequency], Field(min_length=2, max_length=2)]
 Place = Annotated[Dof, BeforeValidator(_as_dof)]
 Places = Annotated[list[Place], BeforeValidator(_as_list)]
 Ends = Annotated[list[Literal["clamped", "free"]], Field(min_length=2, max_length=2)]
-
-
-class Table(BaseModel):
-    """A table of ``model.toml``: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True, arbitrary_types_allowed=True)
 
 
 class ModelTable(Table):
@@ -384,6 +379,8 @@ TABLES: dict[str, type[BaseModel]] = {
     "map": MapTable,
     "loop": LoopTable,
 }
+_FORMER = FormerNames()
+"""What keys of ``model.toml`` were called before."""
 
 
 def locate(path: str | Path) -> Path:
@@ -399,7 +396,9 @@ def load(path: str | Path) -> ModelFile:
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
-    return validated(ModelFile, read_text(locate(path)), str(locate(path)), TABLES)
+    model = validated(ModelFile, read_text(locate(path)), str(locate(path)), TABLES, former=_FORMER)
+    warn(model.former_names)
+    return model
 
 
 def read_text(path: Path) -> str:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
+from acquisition.former_names import FormerNames
 from acquisition.model_building import law_of
 from acquisition.model_file import (
     Density,
@@ -21,10 +22,9 @@ from acquisition.model_file import (
     Ratio,
     Seconds,
     Stiffness,
-    Table,
     read_text,
 )
-from acquisition.toml_tables import validated
+from acquisition.toml_tables import Table, validated
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.errors import InputError
 from ema.place.objective import Objective
@@ -239,6 +239,8 @@ TABLES: dict[str, type[BaseModel]] = {
     "forecast": ForecastTable,
     "expect": PlaceExpectTable,
 }
+FORMER = FormerNames()
+"""What keys of a placement recipe were called before."""
 
 
 def load(path: Path) -> PlaceRecipe:
@@ -252,4 +254,4 @@ def load(path: Path) -> PlaceRecipe:
         raise InputError(
             "there is no such recipe", where=str(path), expected="a TOML file", advice="docs/placement.md shows one"
         )
-    return validated(PlaceRecipe, read_text(path), str(path), TABLES)
+    return validated(PlaceRecipe, read_text(path), str(path), TABLES, former=FORMER)
