@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container, brief, count, phrase, span
 from ema.data.condition import Condition
 from ema.data.deviations import Deviations
 from ema.data.findings import Finding
@@ -17,8 +18,8 @@ from ema.errors import InputError
 from ema.units import UNSTATED, FrfQuantity
 
 
-@dataclass(frozen=True)
-class FrfSet:
+@dataclass(frozen=True, repr=False)
+class FrfSet(Container):
     """A block of FRFs on one frequency axis, phasor exp(+j w t).
 
     Parameters
@@ -132,3 +133,13 @@ class FrfSet:
     def label(self, output: int, input_: int) -> str:
         """``12:+Z/5:-Z``: response over force."""
         return f"{self.outputs[output]}/{self.inputs[input_]}"
+
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.name) if self.name else "",
+            f"{count(len(self.frequencies), 'line')} {span(self.frequencies, 'Hz')}",
+            f"{count(len(self.outputs), 'output')} x {count(len(self.inputs), 'input')}",
+            f"{self.quantity} [{self.unit}]",
+            self.estimator,
+            count(len(self.findings), "finding") if self.findings else "",
+        )

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container, brief, count, phrase
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import UNSTATED, Quantity
@@ -15,8 +16,8 @@ from ema.units import UNSTATED, Quantity
 Role = Literal["reference", "response", "normal force", "trigger", "other"]
 
 
-@dataclass(frozen=True)
-class Channel:
+@dataclass(frozen=True, repr=False)
+class Channel(Container):
     """One line of the channel table.
 
     ``unit`` is the SI unit of the signal, or ``"unstated"``: then the signal holds the bare numbers of the file.
@@ -41,8 +42,8 @@ class Channel:
         return self.unit != UNSTATED
 
 
-@dataclass(frozen=True)
-class TakeIdentity:
+@dataclass(frozen=True, repr=False)
+class TakeIdentity(Container):
     """Which take a record is, written into its file by the recorder; names of files are not asked.
 
     ``run`` and ``point`` are what was measured, ``number`` counts the takes of a run at a point, rejected ones
@@ -58,8 +59,8 @@ class TakeIdentity:
     remarks: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(Container):
     """Simultaneously sampled signals.
 
     Parameters
@@ -117,4 +118,15 @@ class Recording:
                 return np.asarray(row)
         raise InputError(
             "no such channel", where=self.name, got=name, expected="one of " + ", ".join(c.name for c in self.channels)
+        )
+
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.name) if self.name else "",
+            f"{count(len(self.channels), 'channel')} x {count(self.signals.shape[1], 'sample')}",
+            f"{self.sampling_rate:g} Hz",
+            f"{self.duration:.4g} s",
+            "channels "
+            + ", ".join(channel.name for channel in self.channels[:4])
+            + (", ..." if len(self.channels) > 4 else ""),
         )
