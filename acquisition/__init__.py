@@ -4,12 +4,23 @@ from ema.lazy import attach
 
 _HOMES = {
     "Contents": "acquisition.contents",
+    "Part": "acquisition.setups",
+    "Session": "acquisition.session",
+    "Take": "acquisition.session",
+    "campaign_file": "acquisition.campaign_file",
+    "data_files": "acquisition.assignment",
+    "dataset_folder": "acquisition.datasets",
     "formats": "acquisition.registry",
+    "law_of": "acquisition.model_building",
+    "merge": "acquisition.setups",
+    "model_file": "acquisition.model_file",
     "open_campaign": "acquisition.folder",
-    "open_model": "acquisition.model_file",
+    "open_model": "acquisition.model_building",
     "open_rig": "acquisition.taking",
+    "quantities": "acquisition.quantities",
     "read": "acquisition.registry",
     "record": "acquisition.taking",
+    "rig_file": "acquisition.rig_file",
     "write": "acquisition.registry",
 }
 

@@ -10,12 +10,13 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from acquisition import units
 from acquisition.files.layout import Layout
-from acquisition.former_names import FormerNames
-from acquisition.toml_tables import Table, validated
 from ema.data.condition import ExcitationKind
 from ema.data.recording import Role
 from ema.errors import EmaError, InputError
+from ema.tables import FormerNames, Table, validated
 from ema.units import Quantity
+
+__all__ = ["FILE_NAME", "CampaignFile", "load", "parse"]
 
 FILE_NAME = "campaign.toml"
 

@@ -8,13 +8,14 @@ from pydantic import Field, model_validator
 
 from acquisition import units
 from acquisition.campaign_file import ChannelTable, JointTable, Numbers, Seconds
-from acquisition.former_names import FormerNames, warn
 from acquisition.live.opendaq_rig import OpendaqRig, Wire
 from acquisition.live.trigger import Trigger
-from acquisition.toml_tables import Table, validated
 from ema.data import Channel, Source
 from ema.errors import InputError
+from ema.tables import FormerNames, Table, validated, warn
 from ema.units import SI_UNIT
+
+__all__ = ["FILE_NAME", "RigFile", "load", "open_rig", "wires"]
 
 FILE_NAME = "rig.toml"
 _LEVEL = re.compile(r"^\s*(?P<channel>.+?)\s*>\s*(?P<level>[-+0-9.eE]+\s*\S.*)$")

@@ -6,15 +6,14 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
-from acquisition.former_names import FormerNames
-from acquisition.model_building import law_of
-from acquisition.model_file import (
+from acquisition import law_of
+from acquisition.model_file import LawTable, read_text
+from acquisition.quantities import (
     Density,
     Force,
     Forces,
     Frequency,
     HalfHeight,
-    LawTable,
     Length,
     Mass,
     Modulus,
@@ -22,12 +21,11 @@ from acquisition.model_file import (
     Ratio,
     Seconds,
     Stiffness,
-    read_text,
 )
-from acquisition.toml_tables import Table, validated
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.errors import InputError
 from ema.place.objective import Objective
+from ema.tables import FormerNames, Table, validated
 
 Near = Annotated[
     list[Frequency], BeforeValidator(lambda value: value if isinstance(value, list) else [value]), Field(min_length=1)

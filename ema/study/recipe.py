@@ -6,9 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Discriminator, Field, Tag, ValidationError, model_validator
 
-from acquisition import toml_tables
-from acquisition.former_names import FormerNames
-from acquisition.toml_lines import line_of
+from ema import tables
 from ema.data.results import Verdict
 from ema.errors import InputError
 from ema.place.recipe import FORMER as FORMER_PLACEMENT
@@ -20,7 +18,7 @@ _FILE, _TABLE = "<file>", "<table>"
 Band = Annotated[tuple[float, float], Field(description="Hz")]
 
 
-class Table(toml_tables.Table):
+class Table(tables.Table):
     """A table of a recipe: unknown keys are refused."""
 
     def given(self) -> dict[str, Any]:
@@ -235,7 +233,7 @@ _TABLES: dict[str, type[BaseModel]] = {
     "loop": LoopTable,
     **{f"placement.{name}".rstrip("."): table for name, table in PLACEMENT.items()},
 }
-_FORMER = FormerNames(
+_FORMER = tables.FormerNames(
     keys={f"placement.{name}": new for name, new in FORMER_PLACEMENT.keys.items()},
     choices={f"placement.{name}": new for name, new in FORMER_PLACEMENT.choices.items()},
 )
@@ -262,7 +260,7 @@ def load(path: Path) -> Recipe:
 
 def parse(text: str, where: str = "recipe") -> Recipe:
     """Understand the text of a recipe; raises as :func:`load`."""
-    document, findings = toml_tables.document_of(text, where, _FORMER)
+    document, findings = tables.document_of(text, where, _FORMER)
     try:
         return Recipe.model_validate(document).noting(findings)
     except ValidationError as error:
@@ -275,7 +273,7 @@ def _sentence(error: ValidationError, text: str, where: str) -> InputError:
     detail = details[0]
     # a mark that the checker adds for the parts of an alternative is no place in the file
     steps = [step for step in detail["loc"] if isinstance(step, int) or not step.startswith(_MARKS)]
-    place = f"{where}, line {line_of(text, steps)}"
+    place = f"{where}, line {tables.line_of(text, steps)}"
     name = ".".join(str(step) for step in steps) or "the recipe"
     if detail["type"] == "extra_forbidden":
         table = ".".join(step for step in steps[:-1] if isinstance(step, str))

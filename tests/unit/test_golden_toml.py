@@ -19,13 +19,12 @@ from pydantic import BaseModel
 
 import acquisition
 from acquisition import campaign_file, model_file, rig_file
-from acquisition.former_names import FormerNames, renamed
-from acquisition.toml_tables import Table
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.place import recipe as place_recipe
 from ema.study import Study
 from ema.study import recipe as study_recipe
+from ema.tables import FormerNames, Table, renamed
 from tests.journeys.small_campaign import campaign
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError
 
-from acquisition.former_names import NONE, FormerNames, renamed
-from acquisition.toml_lines import line_of
 from ema.data.findings import Finding
 from ema.errors import EmaError, InputError
+from ema.tables.former import NONE, FormerNames, renamed
+from ema.tables.lines import line_of
 
 
 class Table(BaseModel):

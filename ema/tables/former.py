@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from acquisition.toml_lines import line_of
 from ema.data.findings import Finding
 from ema.errors import InputError
+from ema.tables.lines import line_of
 
 
 @dataclass(frozen=True, kw_only=True)
