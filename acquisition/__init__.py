@@ -1,27 +1,27 @@
 """The door: foreign files, foreign units, FE matrices, live rigs."""
 
-from importlib import import_module
-from typing import Any
+from ema.lazy import attach
 
-_NAMES = {
+_HOMES = {
     "Contents": "acquisition.contents",
+    "Part": "acquisition.setups",
+    "Session": "acquisition.session",
+    "Take": "acquisition.session",
+    "campaign_file": "acquisition.campaign_file",
+    "data_files": "acquisition.assignment",
+    "dataset_folder": "acquisition.datasets",
     "formats": "acquisition.registry",
+    "law_of": "acquisition.model_building",
+    "merge": "acquisition.setups",
+    "model_file": "acquisition.model_file",
     "open_campaign": "acquisition.folder",
-    "open_model": "acquisition.model_file",
+    "open_model": "acquisition.model_building",
     "open_rig": "acquisition.taking",
+    "quantities": "acquisition.quantities",
     "read": "acquisition.registry",
     "record": "acquisition.taking",
+    "rig_file": "acquisition.rig_file",
     "write": "acquisition.registry",
 }
 
-__all__ = [*_NAMES]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _NAMES:
-        return getattr(import_module(_NAMES[name]), name)
-    raise AttributeError(f"module 'acquisition' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from acquisition.campaign_file import FileTable, RunTable
+from acquisition.campaign_file import CampaignFile, FileTable, RunTable
 from acquisition.columns import column, read_columns
 from acquisition.datasets import dataset_folder
 from acquisition.live.take_files import file_name, from_name
@@ -212,3 +212,30 @@ def matches(label: str, patterns: list[str]) -> bool:
     return any(
         _pattern(pattern)[0].fullmatch(name) is not None for pattern in patterns for name in (label, Path(label).name)
     )
+
+
+def data_files(campaign: CampaignFile, folder: Path) -> dict[str, tuple[Path, ...]]:
+    """Return the data files of every run, each once, in the order in which they are read.
+
+    Parameters
+    ----------
+    campaign : CampaignFile
+        What ``campaign.toml`` says.
+    folder : Path
+        Folder of the ``campaign.toml``.
+
+    Returns
+    -------
+    dict
+        Id of each run with its files.
+
+    Raises
+    ------
+    InputError
+        If a run names no file that exists.
+    """
+    data = data_folder(campaign.campaign.files, folder)
+    return {
+        run.id: tuple(dict.fromkeys(item.path for item in items_of(run, data, folder, f"run {run.id}")))
+        for run in campaign.runs
+    }

@@ -6,15 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from acquisition import units
 from acquisition.files.layout import Layout
-from acquisition.toml_tables import validated
 from ema.data.condition import ExcitationKind
 from ema.data.recording import Role
 from ema.errors import EmaError, InputError
+from ema.tables import FormerNames, Table, validated
 from ema.units import Quantity
+
+__all__ = ["FILE_NAME", "CampaignFile", "load", "parse"]
 
 FILE_NAME = "campaign.toml"
 
@@ -77,12 +79,6 @@ Reader = Annotated[dict[str, Any], AfterValidator(_as_reader)]
 Names = Annotated[list[str], BeforeValidator(_as_list)]
 Numbers = Annotated[list[int], BeforeValidator(_as_list)]
 Direction = str | Annotated[list[float], Field(min_length=3, max_length=3)]
-
-
-class Table(BaseModel):
-    """A table of ``campaign.toml``: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True)
 
 
 class CampaignTable(Table):
@@ -350,6 +346,8 @@ _TABLES: dict[str, type[Table]] = {
     "runs.normal_force": NormalForceTable,
     "repairs": RepairTable,
 }
+_FORMER = FormerNames()
+"""What keys of ``campaign.toml`` were called before."""
 
 
 def load(path: str | Path) -> CampaignFile:
@@ -383,4 +381,4 @@ def parse(text: str, where: str = FILE_NAME) -> CampaignFile:
     ------
     InputError : as ``load``.
     """
-    return validated(CampaignFile, text, where, _TABLES)
+    return validated(CampaignFile, text, where, _TABLES, former=_FORMER)

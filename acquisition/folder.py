@@ -127,7 +127,7 @@ def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: boo
         photos=tuple(str(_image(folder, photo, where, "photo")) for photo in header.photos),
         channels=opening.channels,
         inputs=_hashes(described, file, folder, data),
-        findings=tuple(_outside_geometry(geometry, opening.dofs)),
+        findings=(*described.former_names, *_outside_geometry(geometry, opening.dofs)),
         folder=str(folder),
         logo=str(_image(folder, header.logo, where, "logo")) if header.logo else "",
     )

@@ -11,7 +11,6 @@ import numpy as np
 
 from acquisition import model_file as tables
 from acquisition.files import matrices as matrix_files
-from acquisition.toml_lines import line_of
 from ema import store
 from ema.contact.catalogue import CATALOGUE
 from ema.data import (
@@ -28,6 +27,7 @@ from ema.data import (
 from ema.dof import Dof, match
 from ema.elements import Section, double_beam, plate_matrices, stepped_beam
 from ema.errors import EmaError, InputError
+from ema.tables import line_of
 
 
 @dataclass
@@ -270,3 +270,17 @@ def _check_places(model: tables.ModelFile, built: BeamModel, reader: _Reader) ->
             known = [joint.name for joint in built.joints]
             if model.loop.joint not in known:
                 raise InputError("no such joint", got=model.loop.joint, expected=", ".join(known))
+
+
+def open_model(path: str | Path) -> BeamModel:
+    """The structure with friction that a ``model.toml`` describes, in SI.
+
+    Parameters
+    ----------
+    path : the file, or the folder that holds it; the files it names are relative to it.
+
+    Raises
+    ------
+    InputError : a mistake in the file, with its line; a file it names is missing or damaged.
+    """
+    return build(tables.load(path), tables.locate(path))

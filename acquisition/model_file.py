@@ -1,89 +1,51 @@
 """What ``model.toml`` may say: structure, friction beam, joints, damping, and the runs of the simulator."""
 
-import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
-from acquisition import units
-from acquisition.toml_tables import validated
+from acquisition.quantities import (
+    Band,
+    Density,
+    Ends,
+    Force,
+    Forces,
+    Frequency,
+    HalfHeight,
+    Length,
+    Modulus,
+    Nodes,
+    NormalForce,
+    NormalForces,
+    Place,
+    Places,
+    Ratio,
+    Seconds,
+    Stiffness,
+    Tolerance,
+    as_list,
+    in_si,
+)
 from ema.contact.catalogue import CATALOGUE
-from ema.data import BeamModel
-from ema.dof import Dof
-from ema.errors import EmaError, InputError
+from ema.errors import InputError
+from ema.tables import FormerNames, Table, validated, warn
 
 FILE_NAME = "model.toml"
 
 
-def _in_si(quantity: str, plain: bool = False) -> BeforeValidator:
-    """A text with a unit as the number in SI; a bare number only where ``plain`` says it needs no unit."""
-
-    def convert(value: Any) -> Any:
-        if isinstance(value, str):
-            return _told(lambda: units.measure(value, quantity)[0])
-        if plain or isinstance(value, bool) or not isinstance(value, int | float):
-            return value
-        raise ValueError(f'a number without a unit; write it as a text such as "{value} {units.example(quantity)}"')
-
-    return BeforeValidator(convert)
-
-
-def _told(work: Callable[[], Any]) -> Any:
-    """What ``work`` gives; an error of ours becomes one that keeps the line of the text."""
-    try:
-        return work()
-    except EmaError as error:
-        raise ValueError(str(error)) from error
-
-
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
-
-
-def _as_nodes(value: Any) -> Any:
-    """``"3-11"``, ``"3-11 by 2"`` or a list of nodes."""
-    if not isinstance(value, str):
-        return value
-    found = re.fullmatch(r"\s*(\d+)\s*-\s*(\d+)\s*(?:by\s+(\d+)\s*)?", value)
-    if found is None:
-        raise ValueError(f'not a range of nodes: {value!r}; write "3-11", "3-11 by 2" or [3, 5, 8]')
-    first, last, step = int(found[1]), int(found[2]), int(found[3] or 1)
-    if step < 1:
-        raise ValueError("a range of nodes needs a step of 1 or more")
-    return list(range(first, last + 1, step)) if first <= last else list(range(first, last - 1, -step))
-
-
-def _as_dof(value: Any) -> Any:
-    return _told(lambda: Dof.parse(value)) if isinstance(value, str) else value
-
-
-Length = Annotated[float, _in_si("displacement"), Field(gt=0)]
-HalfHeight = Annotated[float, _in_si("displacement"), Field(ge=0)]
-Modulus = Annotated[float, _in_si("pressure"), Field(gt=0)]
-Mass = Annotated[float, _in_si("mass"), Field(gt=0)]
-Density = Annotated[float, _in_si("density"), Field(gt=0)]
-Force = Annotated[float, _in_si("force")]
-NormalForce = Annotated[float, _in_si("force"), Field(ge=0)]
-Stiffness = Annotated[float, _in_si("stiffness"), Field(gt=0)]
-Frequency = Annotated[float, _in_si("frequency"), Field(gt=0)]
-Seconds = Annotated[float, _in_si("time"), Field(gt=0)]
-Ratio = Annotated[float, _in_si("ratio", plain=True), Field(ge=0, lt=1)]
-Tolerance = Annotated[float, _in_si("ratio", plain=True), Field(gt=0, lt=1)]
-Nodes = Annotated[list[int], BeforeValidator(_as_nodes), Field(min_length=1)]
-Forces = Annotated[list[Annotated[float, _in_si("force"), Field(gt=0)]], BeforeValidator(_as_list), Field(min_length=1)]
-NormalForces = Annotated[list[NormalForce], BeforeValidator(_as_list), Field(min_length=1)]
-Band = Annotated[list[Frequency], Field(min_length=2, max_length=2)]
-Place = Annotated[Dof, BeforeValidator(_as_dof)]
-Places = Annotated[list[Place], BeforeValidator(_as_list)]
-Ends = Annotated[list[Literal["clamped", "free"]], Field(min_length=2, max_length=2)]
-
-
-class Table(BaseModel):
-    """A table of ``model.toml``: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True, arbitrary_types_allowed=True)
+__all__ = [
+    "FILE_NAME",
+    "FrfTable",
+    "LawTable",
+    "LoopTable",
+    "MapTable",
+    "ModelFile",
+    "SnapbackTable",
+    "load",
+    "locate",
+    "read_text",
+]
 
 
 class ModelTable(Table):
@@ -122,8 +84,8 @@ class StructureTable(Table):
     mass: str = ""
     stiffness: str = ""
     dofs: str | list[str] = ""
-    length_unit: Annotated[float, _in_si("displacement"), Field(gt=0)] = 1.0
-    mass_unit: Annotated[float, _in_si("mass"), Field(gt=0)] = 1.0
+    length_unit: Annotated[float, in_si("displacement"), Field(gt=0)] = 1.0
+    mass_unit: Annotated[float, in_si("mass"), Field(gt=0)] = 1.0
     file: str = ""
     run: str = ""
 
@@ -175,7 +137,7 @@ class LawTable(Table):
     friction_coefficient: float = Field(ge=0)
     contact_stiffness: Stiffness | None = None
     stiffness_exponent: float = Field(default=0.0, ge=0)
-    reference_force: Annotated[float, _in_si("force"), Field(gt=0)] = 1000.0
+    reference_force: Annotated[float, in_si("force"), Field(gt=0)] = 1000.0
     stiffness_cap: Stiffness = float("inf")
     isotropic: bool = True
     exponent: float | None = Field(default=None, gt=0)
@@ -224,7 +186,7 @@ LAW_PARAMETERS: dict[str, tuple[str, ...]] = {
 class PointTable(Table):
     """A point of a measured curve of the normal contact."""
 
-    penetration: Annotated[float, _in_si("displacement")]
+    penetration: Annotated[float, in_si("displacement")]
     force: Force
 
 
@@ -233,7 +195,7 @@ class ContactTable(Table):
 
     name: Literal["linear", "power", "curve"] = "linear"
     exponent: float = Field(default=1.0, ge=1)
-    reference_force: Annotated[float, _in_si("force"), Field(gt=0)] = 1000.0
+    reference_force: Annotated[float, in_si("force"), Field(gt=0)] = 1000.0
     points: list[PointTable] = []
 
     @model_validator(mode="after")
@@ -260,7 +222,7 @@ class JointTable(Table):
     directions: Annotated[list[Literal["X", "Y"]], Field(min_length=1, max_length=2)] = ["X"]
     force_shares: list[Annotated[float, Field(ge=0)]] | None = None
     area_shares: list[Annotated[float, Field(ge=0)]] | None = None
-    area: Annotated[float, _in_si("area"), Field(gt=0)] | None = None
+    area: Annotated[float, in_si("area"), Field(gt=0)] | None = None
     normal_contact: ContactTable = ContactTable()
     tangential_loss: Ratio = 0.0
     normal_loss: Ratio = 0.0
@@ -287,7 +249,7 @@ class DampingTable(Table):
     """``[damping]``: background damping, without the joints."""
 
     ratio: Ratio = 0.0
-    mass_factor: Annotated[float, _in_si("frequency"), Field(ge=0)] = 0.0
+    mass_factor: Annotated[float, in_si("frequency"), Field(ge=0)] = 0.0
 
 
 class SnapbackTable(Table):
@@ -326,7 +288,7 @@ class MapTable(Table):
 class LoopTable(Table):
     """``[loop]``: hysteresis of one joint under prescribed motion."""
 
-    amplitude: Annotated[list[Length], BeforeValidator(_as_list), Field(min_length=1)]
+    amplitude: Annotated[list[Length], BeforeValidator(as_list), Field(min_length=1)]
     normal_force: NormalForces | None = None
     joint: str = ""
     frequency: Frequency = 1.0
@@ -384,6 +346,8 @@ TABLES: dict[str, type[BaseModel]] = {
     "map": MapTable,
     "loop": LoopTable,
 }
+_FORMER = FormerNames()
+"""What keys of ``model.toml`` were called before."""
 
 
 def locate(path: str | Path) -> Path:
@@ -399,7 +363,9 @@ def load(path: str | Path) -> ModelFile:
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
-    return validated(ModelFile, read_text(locate(path)), str(locate(path)), TABLES)
+    model = validated(ModelFile, read_text(locate(path)), str(locate(path)), TABLES, former=_FORMER)
+    warn(model.former_names)
+    return model
 
 
 def read_text(path: Path) -> str:
@@ -420,19 +386,3 @@ def read_text(path: Path) -> str:
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read as text ({error})", where=str(path), expected="UTF-8 text") from error
-
-
-def open_model(path: str | Path) -> BeamModel:
-    """The structure with friction that a ``model.toml`` describes, in SI.
-
-    Parameters
-    ----------
-    path : the file, or the folder that holds it; the files it names are relative to it.
-
-    Raises
-    ------
-    InputError : a mistake in the file, with its line; a file it names is missing or damaged.
-    """
-    from acquisition.model_building import build
-
-    return build(load(path), locate(path))

@@ -7,13 +7,15 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from acquisition import units
-from acquisition.campaign_file import ChannelTable, JointTable, Numbers, Seconds, Table
+from acquisition.campaign_file import ChannelTable, JointTable, Numbers, Seconds
 from acquisition.live.opendaq_rig import OpendaqRig, Wire
 from acquisition.live.trigger import Trigger
-from acquisition.toml_tables import validated
 from ema.data import Channel, Source
 from ema.errors import InputError
+from ema.tables import FormerNames, Table, validated, warn
 from ema.units import SI_UNIT
+
+__all__ = ["FILE_NAME", "RigFile", "load", "open_rig", "wires"]
 
 FILE_NAME = "rig.toml"
 _LEVEL = re.compile(r"^\s*(?P<channel>.+?)\s*>\s*(?P<level>[-+0-9.eE]+\s*\S.*)$")
@@ -90,6 +92,8 @@ _TABLES: dict[str, type[Table]] = {
     "channels": RigChannelTable,
     "joints": JointTable,
 }
+_FORMER = FormerNames()
+"""What keys of ``rig.toml`` were called before."""
 
 
 def load(path: Path) -> RigFile:
@@ -107,7 +111,9 @@ def load(path: Path) -> RigFile:
         raise InputError(
             f"cannot be read: {reason}", where=str(path), expected="a rig.toml; see docs/record.md"
         ) from error
-    return validated(RigFile, text, str(path), _TABLES)
+    rig = validated(RigFile, text, str(path), _TABLES, former=_FORMER)
+    warn(rig.former_names)
+    return rig
 
 
 def wires(rig: RigFile) -> tuple[Wire, ...]:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from acquisition.live import campaign_entry
+from acquisition import campaign_entry
 from acquisition.live.folder_lock import FolderLock
 from acquisition.live.journal import Journal, normal_forces, peak_force
 from acquisition.live.take_files import (

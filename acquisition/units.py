@@ -1,12 +1,13 @@
 """Unit strings as people write them, turned into factors to SI; the only place that knows anything but SI."""
 
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any
 
-from ema.errors import UnitError
+from ema.errors import FailureError, UnitError
 from ema.units import FRF_UNIT, QUANTITIES, SI_UNIT, STANDARD_GRAVITY, UNSTATED
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
@@ -155,10 +156,21 @@ class Unit:
 
 @cache
 def _registry() -> Any:
-    """The table of units (pint), made on first use."""
-    import pint
+    """The table of units (pint), made on first use.
 
-    registry: Any = pint.UnitRegistry(cache_folder=None)
+    Raises
+    ------
+    FailureError : pint cannot be used as it is installed.
+    """
+    try:
+        import pint
+
+        registry: Any = pint.UnitRegistry(cache_folder=None)
+    except Exception as error:  # whatever it is, it says nothing about the unit that was asked for
+        raise FailureError(
+            f"the table of units cannot be loaded ({type(error).__name__}: {error})",
+            advice=f'repair it with: "{sys.executable}" -m pip install -U pint',
+        ) from error
     registry.define(f"accel_g = {STANDARD_GRAVITY!r} * meter / second ** 2")
     registry.define("strain_unit = []")
     registry.define("microstrain_unit = 1e-6 * strain_unit")
@@ -278,8 +290,8 @@ def _resolve(text: str) -> tuple[Any, float, float]:
     """Units of the table with the factor and offset to SI base units."""
     if not text or len(text) > 40:
         raise _refuse(text, "not a unit" if text else "a unit is missing")
+    registry = _registry()
     try:
-        registry = _registry()
         units = registry.Unit("")
         for name, power in _powers(text).items():
             units *= registry.parse_units(name, as_delta=False) ** power

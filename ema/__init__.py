@@ -3,8 +3,7 @@
 Rooms are imported when first used: ``ema.estimate``, ``ema.fit``, ``ema.simulate``, ``ema.show``, ``ema.report`` ...
 """
 
-from importlib import import_module
-from typing import Any
+from ema.lazy import attach
 
 __version__ = "0.1.0"
 
@@ -23,28 +22,17 @@ _ROOMS = (
     "study",
     "synthesis",
 )
-_NAMES = {
+_HOMES = {room: f"ema.{room}" for room in _ROOMS} | {
     "Dof": "ema.dof",
     "EmaError": "ema.errors",
+    "Finding": "ema.data",
     "FrfSet": "ema.data",
+    "Geometry": "ema.data",
     "ModalModel": "ema.data",
     "PoleTable": "ema.data",
     "Recording": "ema.data",
-    "Geometry": "ema.data",
-    "Finding": "ema.data",
     "Study": "ema.study",
 }
 
-__all__ = ["__version__", *_ROOMS, *_NAMES]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _ROOMS:
-        return import_module(f"ema.{name}")
-    if name in _NAMES:
-        return getattr(import_module(_NAMES[name]), name)
-    raise AttributeError(f"module 'ema' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)
+__all__ += ["__version__"]

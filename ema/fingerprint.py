@@ -7,7 +7,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-_PACKAGES = ("numpy", "scipy", "h5py", "numba", "pandas", "pint", "pyuff")
+_PACKAGES = ("numpy", "scipy", "h5py", "numba", "pandas", "pint")
 """Packages whose results are in ours."""
 
 _SHOWN = ("cli", "app", "report", "show")

@@ -15,12 +15,12 @@ def begin() -> None:
     sys.path.extend(folder for folder in sys.argv[1:] if folder not in sys.path)
     sys.path.insert(0, root)
     import acquisition
-    import ema
+    from ema import __version__
 
     sys.path.remove(root)
     from acquisition.isolated.worker import serve
 
-    serve(os.path.dirname(os.path.abspath(acquisition.__file__)), ema.__version__)
+    serve(os.path.dirname(os.path.abspath(acquisition.__file__)), __version__)
 
 
 if __name__ == "__main__":

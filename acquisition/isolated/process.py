@@ -10,9 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import ema.errors
 from acquisition.isolated import wire
 from acquisition.isolated.limits import Limits
+from ema import errors
 from ema.errors import FailureError, InputError
 
 START_SECONDS = 120.0
@@ -197,7 +197,7 @@ def _result(reply: dict[str, Any]) -> Any:
         return reply["result"]
     if "error" in reply:
         fields = dict(reply["error"])
-        kind = getattr(ema.errors, fields.pop("type"), InputError)
+        kind = getattr(errors, fields.pop("type"), InputError)
         raise kind(fields.pop("what"), **{name: value for name, value in fields.items() if value})
     if reply.get("system"):
         raise OSError(reply["exception"])

@@ -1,14 +1,10 @@
 """The browser: pick poles, watch shapes, exclude blows."""
 
-from importlib import import_module
-from typing import Any
+from ema.lazy import attach
 
-_WHERE = {"Workbench": "ema.app.state", "serve": "ema.app.server"}
+_HOMES = {
+    "Workbench": "ema.app.state",
+    "serve": "ema.app.server",
+}
 
-__all__ = [*_WHERE]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _WHERE:
-        return getattr(import_module(_WHERE[name]), name)
-    raise AttributeError(f"module 'ema.app' has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)

@@ -161,7 +161,9 @@ def _against_model(
             advice="docs/simulate.md shows what stands there",
         )
     at, output, band = table.at, table.output or table.at, (table.band[0], table.band[1])
-    tables, nouns, findings = {}, {}, []
+    tables: dict[str, Any] = {}
+    nouns: dict[str, Any] = {}
+    findings: list[Any] = []
     if free or not levels:
         fitted = compare.update(model, found, free, at, output, band, known_level=levels, progress=bars)
         model, findings = fitted.model, list(fitted.findings)

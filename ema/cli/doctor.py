@@ -14,7 +14,7 @@ from pathlib import Path
 import ema
 from ema.progress import Progress, advance
 
-_PACKAGES = ("numpy", "scipy", "pandas", "h5py", "matplotlib", "pyvista", "numba", "pydantic", "pint", "pyuff")
+_PACKAGES = ("numpy", "scipy", "pandas", "h5py", "matplotlib", "numba", "pydantic", "pint")
 _ROOM = 2**30
 _GRAPHICS = "libegl1 libgl1-mesa-dri libxrender1"
 _TYPESETTING = "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0"
@@ -179,13 +179,17 @@ def _renderer() -> list[Check]:
     """VTK kills the process where it cannot draw, so it is tried in another one."""
     from ema.show.renderer import renderer_works
 
+    check = _extra("pictures by VTK", "pyvista", "drawn")
+    if not check.works:
+        return [check]
     works = renderer_works()
     detail = "draws off screen" if works else "VTK cannot draw off screen; reports use matplotlib instead"
-    return [Check("renderer", works, detail, False, f"sudo apt-get install -y {_GRAPHICS}" if _debian() else "")]
+    remedy = f"sudo apt-get install -y {_GRAPHICS}" if _debian() else ""
+    return [check, Check("renderer", works, detail, False, remedy)]
 
 
 def _datasets() -> list[Check]:
-    from acquisition.datasets import dataset_folder
+    from acquisition import dataset_folder
 
     folder = dataset_folder()
     found = folder.is_dir()

@@ -14,8 +14,8 @@ from ema.data import Channel, Recording, Run, Source
 from ema.errors import EmaError, FailureError
 
 if TYPE_CHECKING:
+    from acquisition import Session, Take
     from acquisition.rig_file import RigFile
-    from acquisition.session import Session, Take
     from ema.simulate import VirtualRig
 
 app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
@@ -32,8 +32,7 @@ def record(
     takes: Annotated[int | None, typer.Option("--takes", help="Stop after so many takes.", min=1)] = None,
 ) -> int:
     """Measure a hammer test: each take is judged and on disk before the next is armed; the same command goes on."""
-    from acquisition import rig_file
-    from acquisition.session import Session
+    from acquisition import Session, rig_file
     from ema.estimate import check_impact
 
     rig = rig_file.load(folder)

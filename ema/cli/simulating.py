@@ -1,7 +1,6 @@
 """`ema simulate`: a model file, one of four jobs, the result in a store, its pictures, and a table."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,11 +8,10 @@ import typer
 
 from ema.cli.common import Json, Limit, jsonable, save_pictures, status
 from ema.cli.ending import ends_well
+from ema.cli.simulation_job import Job
 from ema.errors import FailureError, InputError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from acquisition.model_file import ModelFile
     from ema.data import BeamModel, Finding
     from ema.progress import Progress
@@ -58,16 +56,6 @@ NormalForce = Annotated[
     list[float] | None, typer.Option("--normal-force", help="Normal force of every joint in N (may be repeated).")
 ]
 ForceLevels = Annotated[list[float] | None, typer.Option("--force", help="Force amplitude in N (may be repeated).")]
-
-
-@dataclass
-class Job:
-    """What a job found: nouns for the store, pictures, rows of the table, findings."""
-
-    nouns: dict[str, Any]
-    pictures: dict[str, "Figure"]
-    rows: list[dict[str, Any]]
-    findings: list["Finding"] = field(default_factory=list)
 
 
 def _ended(

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from acquisition.model_file import FrfTable, LoopTable, MapTable, SnapbackTable
 from ema import show, simulate
-from ema.cli.simulating import Job
+from ema.cli.simulation_job import Job
 from ema.data import BeamModel, Decay, HarmonicResponse, Joint, Loop, ModalMap, Response
 from ema.dof import Dof
 from ema.errors import EmaError, InputError

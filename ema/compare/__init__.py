@@ -1,22 +1,18 @@
 """Measured against simulated, and what it says about the model."""
 
-from importlib import import_module
-from typing import Any
+from ema.lazy import attach
 
-_HOME = {
+_HOMES = {
+    "conditions": "ema.compare.scatter",
+    "difference": "ema.compare.scatter",
     "maps": "ema.compare.damping_maps",
     "measure": "ema.compare.replay",
     "modes": "ema.compare.pairing",
+    "repeat_findings": "ema.compare.scatter",
+    "repeats": "ema.compare.scatter",
     "signals": "ema.compare.decays",
     "update": "ema.compare.fitting",
+    "variance_components": "ema.compare.components",
 }
-_HOME |= dict.fromkeys(("conditions", "difference", "repeat_findings", "repeats"), "ema.compare.scatter")
-_HOME["variance_components"] = "ema.compare.components"
 
-__all__ = list(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'ema.compare' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)

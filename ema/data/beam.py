@@ -7,14 +7,15 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.data.modal import ModalModel
 from ema.data.provenance import Provenance
 from ema.dof import Dof
 from ema.errors import InputError
 
 
-@dataclass(frozen=True)
-class FrictionLaw:
+@dataclass(frozen=True, repr=False)
+class FrictionLaw(Container):
     """A tangential contact law by name and parameters.
 
     Parameters
@@ -38,8 +39,8 @@ class FrictionLaw:
     isotropic: bool = True
 
 
-@dataclass(frozen=True)
-class NormalContact:
+@dataclass(frozen=True, repr=False)
+class NormalContact(Container):
     """How the surfaces of a joint resist being pressed together, by name and parameters.
 
     Parameters
@@ -58,8 +59,8 @@ class NormalContact:
     points: tuple[tuple[float, float], ...] = ()
 
 
-@dataclass(frozen=True)
-class Joint:
+@dataclass(frozen=True, repr=False)
+class Joint(Container):
     """Node pairs of host and friction beam that are pressed together.
 
     Parameters
@@ -101,8 +102,8 @@ class Joint:
         freeze(self, force_shares=np.float64, area_shares=np.float64)
 
 
-@dataclass(frozen=True)
-class Matrices:
+@dataclass(frozen=True, repr=False)
+class Matrices(Container):
     """Mass (kg, kg m^2) and stiffness (N/m, N m) matrices, shape (n, n), and the DOFs of their rows."""
 
     mass: Float[np.ndarray, "n n"]
@@ -113,8 +114,8 @@ class Matrices:
         freeze(self, mass=np.float64, stiffness=np.float64)
 
 
-@dataclass(frozen=True)
-class Damping:
+@dataclass(frozen=True, repr=False)
+class Damping(Container):
     """Background damping, without the joints.
 
     ``ratio`` is the modal damping ratio of every mode of the structure with stuck joints; ``mass_factor`` in 1/s
@@ -125,8 +126,8 @@ class Damping:
     mass_factor: float = 0.0
 
 
-@dataclass(frozen=True)
-class BeamModel:
+@dataclass(frozen=True, repr=False)
+class BeamModel(Container):
     """A host structure, a friction beam, and the joints between them.
 
     ``host`` is given by matrices or is a measured modal model; ``beam`` by matrices. DOFs of the beam carry its part

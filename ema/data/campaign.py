@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
+from ema.data._summary import Container, brief, count, phrase
 from ema.data.condition import Condition
 from ema.data.findings import Finding
 from ema.data.frf import FrfSet
@@ -40,8 +41,8 @@ class Lazy(Sequence[T]):
             yield maker()
 
 
-@dataclass(frozen=True)
-class Repair:
+@dataclass(frozen=True, repr=False)
+class Repair(Container):
     """A correction of metadata that leaves the raw data untouched: what, by whom and why."""
 
     what: str
@@ -50,8 +51,8 @@ class Repair:
     why: str
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, repr=False)
+class Run(Container):
     """Measurements under one condition: raw records, or FRFs that the measuring system has already computed.
 
     ``repeat`` is the label shared by runs that repeat the same condition (re-torqued, re-mounted, loaded anew).
@@ -73,9 +74,19 @@ class Run:
         """Kind of excitation."""
         return self.condition.excitation.kind
 
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.id),
+            self.kind,
+            ", ".join(f"F_N {joint.joint} {joint.mean:.4g} N" for joint in self.condition.joints[:4]),
+            count(len(self.recordings), "record") if len(self.recordings) else "",
+            count(len(self.frfs), "FRF set") if len(self.frfs) else "",
+            count(len(self.findings), "finding") if self.findings else "",
+        )
 
-@dataclass(frozen=True)
-class Campaign:
+
+@dataclass(frozen=True, repr=False)
+class Campaign(Container):
     """A folder of measurements, opened."""
 
     name: str
@@ -119,3 +130,15 @@ class Campaign:
             row |= {f"F_N {joint.joint} [N]": joint.mean for joint in run.condition.joints}
             rows.append(row | {"records": len(run.recordings), "FRF sets": len(run.frfs)})
         return pd.DataFrame(rows).set_index("run")
+
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.name),
+            count(len(self.runs), "run")
+            + ": "
+            + ", ".join(run.id for run in self.runs[:4])
+            + (", ..." if len(self.runs) > 4 else ""),
+            count(len(self.geometry.nodes), "node") if self.geometry is not None else "no geometry",
+            count(len(self.channels), "channel"),
+            count(len(self.findings), "finding") if self.findings else "",
+        )

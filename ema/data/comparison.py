@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.data.beam import BeamModel
 from ema.data.findings import Finding
 from ema.data.maps import ModalMap
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, repr=False)
+class Verdict(Container):
     """Whether a model agrees with a measurement, and why, in sentences."""
 
     agrees: bool
@@ -27,8 +28,8 @@ class Verdict:
         return ("The model agrees. " if self.agrees else "The model does not agree. ") + " ".join(self.sentences)
 
 
-@dataclass(frozen=True)
-class ModeComparison:
+@dataclass(frozen=True, repr=False)
+class ModeComparison(Container):
     """Paired modes of a measurement (a) and a model (b).
 
     ``pairs`` (mode of a, mode of b), from 0; over the pairs: ``frequency`` (pair, 2) Hz, ``damping`` (pair, 2),
@@ -70,8 +71,8 @@ class ModeComparison:
         return pd.DataFrame(columns if self.mac_std is None else columns | {"std MAC": self.mac_std})
 
 
-@dataclass(frozen=True)
-class SignalComparison:
+@dataclass(frozen=True, repr=False)
+class SignalComparison(Container):
     """A simulated against a measured signal of one free decay.
 
     ``error`` rms of the difference over the rms of the measured signal; ``peak_frequencies`` Hz of measured and
@@ -87,8 +88,8 @@ class SignalComparison:
     verdict: Verdict
 
 
-@dataclass(frozen=True)
-class MapComparison:
+@dataclass(frozen=True, repr=False)
+class MapComparison(Container):
     """A simulated against a measured damping map, on the points of the measured one.
 
     ``frequency_error`` (level, force) relative, ``damping_ratio`` (level, force) simulated over measured;
@@ -108,8 +109,8 @@ class MapComparison:
         freeze(self, frequency_error=np.float64, damping_ratio=np.float64, ridge=np.float64)
 
 
-@dataclass(frozen=True)
-class ModelUpdate:
+@dataclass(frozen=True, repr=False)
+class ModelUpdate(Container):
     """Joint parameters that make a model fit a measured map, and how well the map tells them.
 
     ``names`` of the parameters; ``values`` and ``intervals`` (95 %) in their units; ``identifiable`` says of each

@@ -7,13 +7,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 
 ExcitationKind = Literal["hammer", "sweep", "stepped sine", "random", "snap-back", "unknown"]
 LoadingSequence = Literal["up", "down", "unstated"]
 
 
-@dataclass(frozen=True)
-class Excitation:
+@dataclass(frozen=True, repr=False)
+class Excitation(Container):
     """How the structure was driven.
 
     ``level`` and ``std`` are the force level (peak of a blow, force at resonance of a shaker) and its scatter in N;
@@ -28,8 +29,8 @@ class Excitation:
     period: float = float("nan")
 
 
-@dataclass(frozen=True)
-class JointForce:
+@dataclass(frozen=True, repr=False)
+class JointForce(Container):
     """Normal force of one joint during a measurement.
 
     ``mean``, ``std`` (dynamic rms and scatter over the run) and ``drift`` (end minus start) in N; a mean of NaN says
@@ -57,8 +58,8 @@ class JointForce:
         return bool(np.isfinite(self.mean))
 
 
-@dataclass(frozen=True)
-class Condition:
+@dataclass(frozen=True, repr=False)
+class Condition(Container):
     """Excitation, normal force per joint and temperature (K) of a measurement.
 
     An empty ``joints`` means that there is no friction beam, which is not the same as 0 N.

@@ -7,10 +7,11 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 
 
-@dataclass(frozen=True)
-class Deviations:
+@dataclass(frozen=True, repr=False)
+class Deviations(Container):
     """Deviations of an averaged FRF by the single blows (or blocks, or sweeps) that it is the average of.
 
     Each is the share of the blow in the average times the difference of its FRF from the average, over the root of one

@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from ema.data._summary import Container
+
 Severity = Literal["info", "warning", "error"]
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+@dataclass(frozen=True, repr=False, slots=True)
+class Finding(Container):
     """One thing a reader of the results has to know.
 
     Parameters

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
 from ema.errors import InputError
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
-class Forecast:
+@dataclass(frozen=True, repr=False)
+class Forecast(Container):
     """Frequency Hz and damping of the target modes over (F_E, F_N) with 95 % bands, shape (mode, level, force).
 
     Parameters
@@ -98,8 +99,8 @@ class Forecast:
         return pd.DataFrame(rows, columns=names)
 
 
-@dataclass(frozen=True)
-class ForecastCheck:
+@dataclass(frozen=True, repr=False)
+class ForecastCheck(Container):
     """A forecast held against measured maps: ``(mode, level, force)`` arrays, NaN where nothing was measured.
 
     ``measured_frequency`` Hz and ``measured_damping``; ``inside`` counts the values within their band, of ``values``.

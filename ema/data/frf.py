@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container, brief, count, phrase, span
 from ema.data.condition import Condition
 from ema.data.deviations import Deviations
 from ema.data.findings import Finding
@@ -14,11 +16,14 @@ from ema.data.provenance import Provenance
 from ema.data.set_ups import SetUps
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.units import UNSTATED, FrfQuantity
+from ema.units import FRF_UNIT, UNSTATED, FrfQuantity
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
-@dataclass(frozen=True)
-class FrfSet:
+@dataclass(frozen=True, repr=False)
+class FrfSet(Container):
     """A block of FRFs on one frequency axis, phasor exp(+j w t).
 
     Parameters
@@ -70,6 +75,87 @@ class FrfSet:
             variance=np.float64,
             averages=np.float64,
         )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frequencies: "np.ndarray | Sequence[float]",
+        values: "np.ndarray",
+        *,
+        outputs: "Sequence[Dof | str]",
+        inputs: "Sequence[Dof | str]",
+        quantity: str,
+        name: str = "",
+    ) -> "FrfSet":
+        """Make a set of FRFs in SI from arrays of another program.
+
+        Parameters
+        ----------
+        frequencies : array of shape (freq,)
+            Hz, increasing.
+        values : array of shape (freq,), (freq, out) or (freq, out, in)
+            Complex FRFs in SI, phasor exp(+j w t): m/N, (m/s)/N or (m/s^2)/N.
+        outputs, inputs : sequence of Dof or str
+            DOFs of responses and forces, such as ``"12:+Z"``.
+        quantity : {"receptance", "mobility", "accelerance", "unstated"}
+            Kind of the FRFs.
+        name : str
+            What the set is called in messages.
+
+        Returns
+        -------
+        FrfSet
+            The set, with the SI unit of its quantity.
+
+        Raises
+        ------
+        InputError
+            If shapes and DOFs do not fit together, the frequencies do not increase, or the quantity is unknown.
+
+        Examples
+        --------
+        >>> frequencies = np.arange(1.0, 5.0)
+        >>> values = 1 / (1 - frequencies**2 + 0.1j)
+        >>> FrfSet.from_arrays(frequencies, values, outputs=["1:+Z"], inputs=["1:+Z"], quantity="receptance")
+        FrfSet(4 lines 1 to 4 Hz, 1 output x 1 input, receptance [m/N])
+        """
+        lines = np.asarray(frequencies, dtype=np.float64)
+        block: Any = np.asarray(values, dtype=np.complex128)
+        if quantity not in FRF_UNIT:
+            raise InputError("unknown kind of FRF", where=name, got=repr(quantity), expected=", ".join(FRF_UNIT))
+        if lines.ndim != 1 or not np.all(np.diff(lines) > 0):
+            raise InputError("frequencies are not increasing", where=name, expected="an array (freq,) in Hz")
+        block = block.reshape(block.shape + (1,) * max(0, 3 - block.ndim))
+        wanted = (len(lines), len(outputs), len(inputs))
+        if block.shape != wanted:
+            raise InputError(
+                "the FRFs and their axes disagree",
+                where=name,
+                got=f"values of shape {np.shape(values)}",
+                expected=f"(freq, out, in) = {wanted}",
+            )
+        places = [tuple(Dof.parse(dof) if isinstance(dof, str) else dof for dof in dofs) for dofs in (outputs, inputs)]
+        kind = cast(FrfQuantity, quantity)
+        return cls(lines, block, places[0], places[1], kind, FRF_UNIT[quantity], name=name)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return the FRFs as a table of pandas.
+
+        Returns
+        -------
+        DataFrame
+            One complex column per FRF, named response over force (``12:+Z/5:-Z``), over the frequencies in Hz;
+            ``attrs`` holds quantity and unit.
+        """
+        import pandas as pd
+
+        labels = [
+            self.label(output, input_) for output in range(len(self.outputs)) for input_ in range(len(self.inputs))
+        ]
+        index = pd.Index(self.frequencies, name="frequency [Hz]")
+        table = pd.DataFrame(self.values.reshape(len(self.frequencies), -1), index=index, columns=labels)
+        table.attrs |= {"quantity": self.quantity, "unit": self.unit}
+        return table
 
     @property
     def frequency_step(self) -> float:
@@ -132,3 +218,13 @@ class FrfSet:
     def label(self, output: int, input_: int) -> str:
         """``12:+Z/5:-Z``: response over force."""
         return f"{self.outputs[output]}/{self.inputs[input_]}"
+
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.name) if self.name else "",
+            f"{count(len(self.frequencies), 'line')} {span(self.frequencies, 'Hz')}",
+            f"{count(len(self.outputs), 'output')} x {count(len(self.inputs), 'input')}",
+            f"{self.quantity} [{self.unit}]",
+            self.estimator,
+            count(len(self.findings), "finding") if self.findings else "",
+        )

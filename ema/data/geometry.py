@@ -6,12 +6,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container, brief, count, phrase
 from ema.dof import SCALAR, Dof
 from ema.errors import InputError
 
 
-@dataclass(frozen=True)
-class Geometry:
+@dataclass(frozen=True, repr=False)
+class Geometry(Container):
     """Points of the structure, and the lines and faces that draw it.
 
     Parameters
@@ -60,3 +61,13 @@ class Geometry:
         axis = "XYZ".index(dof.axis[-1])
         basis = np.eye(3) if self.axes is None else self.axes[self.place(dof.node)]
         return dof.sign * np.asarray(basis[axis], dtype=np.float64)
+
+    def _headline(self) -> str:
+        sides = np.ptp(self.xyz, axis=0) if len(self.nodes) else np.zeros(3)
+        return phrase(
+            brief(self.name) if self.name else "",
+            count(len(self.nodes), "node"),
+            count(len(self.lines), "line"),
+            count(len(self.faces), "face"),
+            " x ".join(f"{side:.4g}" for side in sides) + " m",
+        )

@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.dof import Dof
 
 
-@dataclass(frozen=True)
-class Hit:
+@dataclass(frozen=True, repr=False)
+class Hit(Container):
     """One impact.
 
     ``recording`` and ``index`` (from 0, in order of time) say which; ``dof`` is where and in which direction; ``time``
@@ -35,8 +36,8 @@ class Hit:
         freeze(self, pulse=np.float64)
 
 
-@dataclass(frozen=True)
-class HitGallery:
+@dataclass(frozen=True, repr=False)
+class HitGallery(Container):
     """All impacts of a run and the force autospectrum of the accepted ones.
 
     ``force_spectrum`` (freq,) N^2 s^2 (energy spectral density, mean over accepted impacts) at ``frequencies`` Hz;

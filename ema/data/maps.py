@@ -7,12 +7,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container, brief, count, phrase, span
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
 
 
-@dataclass(frozen=True)
-class ModalMap:
+@dataclass(frozen=True, repr=False)
+class ModalMap(Container):
     """One mode over (F_E, F_N); holes are NaN.
 
     ``force_levels`` (level,) and ``normal_forces`` (force,) are the nominal axes in N; ``force_at_resonance`` N,
@@ -53,4 +54,14 @@ class ModalMap:
             joint_forces=float,
             quadrature_damping=float,
             misfit=float,
+        )
+
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.name) if self.name else "",
+            f"{count(len(self.force_levels), 'level')} {span(self.force_levels, 'N')}",
+            f"{count(len(self.normal_forces), 'normal force')} {span(self.normal_forces, 'N')}",
+            f"frequency {span(self.frequency, 'Hz')}",
+            f"damping {span(100 * self.damping, '%')}",
+            self.method,
         )

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container, brief, count, phrase, span
 from ema.data.condition import Condition
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
@@ -42,8 +43,8 @@ def poles_from(
     return -zeta * omega + 1j * omega * np.sqrt(1 - zeta**2)
 
 
-@dataclass(frozen=True)
-class PoleTable:
+@dataclass(frozen=True, repr=False)
+class PoleTable(Container):
     """Poles of all model orders: what a stabilisation diagram draws.
 
     ``poles`` in rad/s with positive imaginary part, already free of any decay that a window added. ``letter`` is one
@@ -81,9 +82,18 @@ class PoleTable:
         """Fractions of critical damping."""
         return damping_ratios(self.poles)
 
+    def _headline(self) -> str:
+        orders = span(self.order, "")
+        return phrase(
+            count(len(self.poles), "pole"),
+            f"orders {orders.strip()}" if orders else "",
+            f"band {self.band[0]:g} to {self.band[1]:g} Hz",
+            count(len(self.references), "reference"),
+        )
 
-@dataclass(frozen=True)
-class Residuals:
+
+@dataclass(frozen=True, repr=False)
+class Residuals(Container):
     """What lies outside the modes of a model, as receptance: lower / (j w)^2 + upper + extra poles.
 
     ``lower``, ``upper`` (dof, in); ``poles`` (extra,) rad/s with positive imaginary part and their ``residues``
@@ -99,8 +109,8 @@ class Residuals:
         freeze(self, lower=np.complex128, upper=np.complex128, poles=np.complex128, residues=np.complex128)
 
 
-@dataclass(frozen=True)
-class ModalUncertainty:
+@dataclass(frozen=True, repr=False)
+class ModalUncertainty(Container):
     """Uncertainty of a modal model by the noise of the FRFs, by linearisation at the optimum (GUM, JCGM 100).
 
     Variances of complex values are 2 x 2, of real and imaginary part; 95 % coverage intervals are 1.96 standard
@@ -137,8 +147,8 @@ class ModalUncertainty:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Candidate(Container):
     """A pole that the FRFs ask for and that is not accepted as a mode.
 
     Parameters
@@ -157,8 +167,8 @@ class Candidate:
     reason: str
 
 
-@dataclass(frozen=True)
-class ModalModel:
+@dataclass(frozen=True, repr=False)
+class ModalModel(Container):
     """Modes of a structure at one condition.
 
     Receptance: ``sum_r [R_r / (j w - p_r) + conj(R_r) / (j w - conj(p_r))] + residuals`` with the residue matrix
@@ -257,3 +267,14 @@ class ModalModel:
         for joint in self.condition.joints:
             columns[f"F_N {joint.joint} [N]"] = np.full(len(self.poles), joint.mean)
         return pd.DataFrame(columns, index=pd.RangeIndex(1, len(self.poles) + 1, name="mode"))
+
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.name) if self.name else "",
+            f"{count(len(self.poles), 'mode')} {span(self.natural_frequencies, 'Hz')}",
+            f"damping {span(100 * self.damping_ratios, '%')}" if len(self.poles) else "",
+            count(len(self.dofs), "DOF"),
+            self.scaling,
+            count(len(self.candidates), "candidate") if self.candidates else "",
+            count(len(self.findings), "finding") if self.findings else "",
+        )

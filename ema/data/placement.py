@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.data.beam import FrictionLaw
 from ema.data.findings import Finding
 from ema.data.forecast import Forecast
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
-class FrictionBeam:
+@dataclass(frozen=True, repr=False)
+class FrictionBeam(Container):
     """A straight friction beam of rectangular section, pressed on a surface at joints spread evenly along it.
 
     Parameters
@@ -61,8 +62,8 @@ class FrictionBeam:
         return np.linspace(-0.5, 0.5, self.joints) * self.spacing
 
 
-@dataclass(frozen=True)
-class BoltedJoint:
+@dataclass(frozen=True, repr=False)
+class BoltedJoint(Container):
     """One joint of a friction beam: the law of its contact, its normal stiffness, and how well both are known.
 
     Parameters
@@ -102,8 +103,8 @@ class BoltedJoint:
     normal_contact: Literal["linear", "unilateral"] = "linear"
 
 
-@dataclass(frozen=True)
-class Candidates:
+@dataclass(frozen=True, repr=False)
+class Candidates(Container):
     """Places for a beam on a plane surface.
 
     ``centres`` (candidate, 2) m in the coordinates of the surface, ``angles`` (candidate,) rad from its first axis,
@@ -128,8 +129,8 @@ class Candidates:
         return np.asarray(self.centres[candidate] + along[:, None] * np.array([np.cos(angle), np.sin(angle)]))
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Container):
     """Modes with a friction beam at every candidate place, over excitation and normal force; holes are NaN.
 
     ``bare_frequencies`` Hz and ``bare_damping`` of the target modes (mode,); ``force_levels`` (level,) and
@@ -172,8 +173,8 @@ class Prediction:
         freeze(self, **dict.fromkeys(names, np.float64))
 
 
-@dataclass(frozen=True)
-class Place:
+@dataclass(frozen=True, repr=False)
+class Place(Container):
     """One place of the ranking.
 
     Parameters
@@ -223,8 +224,8 @@ class Place:
         freeze(self, **dict.fromkeys(names, np.float64))
 
 
-@dataclass(frozen=True)
-class Ranking:
+@dataclass(frozen=True, repr=False)
+class Ranking(Container):
     """Places in the order of an objective.
 
     ``scores`` (candidate,) of all by the one-mode predictor, ``places`` the best. ``checked`` holds the shortlist with
@@ -272,8 +273,8 @@ class Ranking:
         return pd.DataFrame(rows).set_index("rank")
 
 
-@dataclass(frozen=True)
-class ControlLine:
+@dataclass(frozen=True, repr=False)
+class ControlLine(Container):
     """One law of the normal force after a release: ``energy`` s, the integral of E/E0 over time.
 
     ``to_five``, ``to_two`` s until the amplitude stays below 5 % and 2 % of that at the start; ``nan`` where it does
@@ -292,8 +293,8 @@ class ControlLine:
         freeze(self, times=np.float64, energies=np.float64)
 
 
-@dataclass(frozen=True)
-class ControlStudy:
+@dataclass(frozen=True, repr=False)
+class ControlStudy(Container):
     """What a controlled normal force adds to the best constant one, for one place.
 
     ``lines`` of the ring-downs: the best constant force first, then the best of every law. ``force_levels``,
@@ -328,8 +329,8 @@ class ControlStudy:
         ).set_index("law")
 
 
-@dataclass(frozen=True)
-class Placement:
+@dataclass(frozen=True, repr=False)
+class Placement(Container):
     """The answer to a placement task: the ranking, where the plane of its coordinates lies, and how far to trust it.
 
     ``origin`` (3,) m and ``axes`` (3, 3) of the plane, ``extent`` (2, 2) m of the measured rectangle, ``keep_out``

@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.data.findings import Finding
 
 
-@dataclass(frozen=True)
-class ContactPressure:
+@dataclass(frozen=True, repr=False)
+class ContactPressure(Container):
     """Normal forces of all node pairs.
 
     Parameters

@@ -3,9 +3,11 @@
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from ema.data._summary import Container
 
-@dataclass(frozen=True)
-class Provenance:
+
+@dataclass(frozen=True, repr=False)
+class Provenance(Container):
     """Inputs with their hashes, versions and options behind a result.
 
     ``inputs`` holds ``(name, sha256)``; ``versions`` holds ``(package, version)``; ``options`` holds ``(name, value as

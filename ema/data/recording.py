@@ -1,22 +1,27 @@
 """Time signals as measured, in SI."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container, brief, count, phrase
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import UNSTATED, Quantity
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Role = Literal["reference", "response", "normal force", "trigger", "other"]
 
 
-@dataclass(frozen=True)
-class Channel:
+@dataclass(frozen=True, repr=False)
+class Channel(Container):
     """One line of the channel table.
 
     ``unit`` is the SI unit of the signal, or ``"unstated"``: then the signal holds the bare numbers of the file.
@@ -41,8 +46,8 @@ class Channel:
         return self.unit != UNSTATED
 
 
-@dataclass(frozen=True)
-class TakeIdentity:
+@dataclass(frozen=True, repr=False)
+class TakeIdentity(Container):
     """Which take a record is, written into its file by the recorder; names of files are not asked.
 
     ``run`` and ``point`` are what was measured, ``number`` counts the takes of a run at a point, rejected ones
@@ -58,8 +63,8 @@ class TakeIdentity:
     remarks: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(Container):
     """Simultaneously sampled signals.
 
     Parameters
@@ -91,6 +96,72 @@ class Recording:
             self, signals=signals.dtype if signals.dtype in (np.float32, np.float64) else np.float64, overloads=np.bool_
         )
 
+    @classmethod
+    def from_arrays(
+        cls,
+        signals: "np.ndarray",
+        sampling_rate: float,
+        *,
+        channels: "Sequence[Channel | str]",
+        name: str = "",
+    ) -> "Recording":
+        """Make a record from an array of another program.
+
+        Parameters
+        ----------
+        signals : array of shape (channel, sample) or (sample,)
+            SI values, or bare numbers of channels whose unit is unstated.
+        sampling_rate : float
+            Hz.
+        channels : sequence of Channel or str
+            One per row; a name alone is a response of unstated unit.
+        name : str
+            What the record is called in messages.
+
+        Returns
+        -------
+        Recording
+            The record.
+
+        Raises
+        ------
+        InputError
+            If rows and channels disagree, the array stands the other way round, or the rate is not positive.
+
+        Examples
+        --------
+        >>> hammer = Channel("hammer", quantity="force", role="reference", unit="N")
+        >>> Recording.from_arrays(np.zeros((2, 1000)), 1000.0, channels=[hammer, "acc 1"])
+        Recording(2 channels x 1000 samples, 1000 Hz, 1 s, channels hammer, acc 1)
+        """
+        rows = np.atleast_2d(np.asarray(signals))
+        if rows.ndim != 2 or len(rows) != len(channels):
+            turned = rows.ndim == 2 and rows.shape[1] == len(channels)
+            raise InputError(
+                "the signals and their channels disagree",
+                where=name,
+                got=f"an array of shape {np.shape(signals)} for {len(channels)} channels",
+                expected="(channel, sample)",
+                advice="turn it by signals.T" if turned else "",
+            )
+        if not sampling_rate > 0:
+            raise InputError("not a sampling rate", where=name, got=f"{sampling_rate:g} Hz", expected="above 0")
+        lines = tuple(Channel(channel) if isinstance(channel, str) else channel for channel in channels)
+        return cls(rows, float(sampling_rate), lines, name=name)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return the signals as a table of pandas.
+
+        Returns
+        -------
+        DataFrame
+            One column per channel, named with its unit, over the time in s.
+        """
+        import pandas as pd
+
+        names = [f"{channel.name} [{channel.unit}]" for channel in self.channels]
+        return pd.DataFrame(self.signals.T, index=pd.Index(self.times, name="time [s]"), columns=names)
+
     @property
     def duration(self) -> float:
         """Length of the record in s."""
@@ -117,4 +188,15 @@ class Recording:
                 return np.asarray(row)
         raise InputError(
             "no such channel", where=self.name, got=name, expected="one of " + ", ".join(c.name for c in self.channels)
+        )
+
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.name) if self.name else "",
+            f"{count(len(self.channels), 'channel')} x {count(self.signals.shape[1], 'sample')}",
+            f"{self.sampling_rate:g} Hz",
+            f"{self.duration:.4g} s",
+            "channels "
+            + ", ".join(channel.name for channel in self.channels[:4])
+            + (", ..." if len(self.channels) > 4 else ""),
         )

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.data.condition import Condition
 from ema.data.findings import Finding
 from ema.data.modal import ModalModel
@@ -18,8 +19,8 @@ NOISE_ONLY = "noise only; assembly scatter unknown"
 """What is said of every interval and every difference that no repeats stand behind."""
 
 
-@dataclass(frozen=True)
-class VarianceComponents:
+@dataclass(frozen=True, repr=False)
+class VarianceComponents(Container):
     """One quantity of every mode over the repeats of a condition; NaN where it cannot be told.
 
     ``mean`` over the assemblies. Standard deviations: ``noise`` within one take (stated by the fit), ``takes`` between
@@ -43,8 +44,8 @@ class VarianceComponents:
         freeze(self, **dict.fromkeys(names, np.float64), assemblies=np.int64)
 
 
-@dataclass(frozen=True)
-class RepeatGroup:
+@dataclass(frozen=True, repr=False)
+class RepeatGroup(Container):
     """The runs that repeat one condition, with their modes paired.
 
     ``assemblies`` (one text per run): runs with the same text were taken without anything being loosened in between.
@@ -93,8 +94,8 @@ class RepeatGroup:
         return pd.DataFrame(columns, index=pd.RangeIndex(1, len(self.frequency.mean) + 1, name="mode"))
 
 
-@dataclass(frozen=True)
-class ConditionDifference:
+@dataclass(frozen=True, repr=False)
+class ConditionDifference(Container):
     """What changed from one condition to another, mode by mode.
 
     ``pairs`` (mode of the first, mode of the second), from 0; ``frequency`` (pair, 2) Hz and ``damping`` (pair, 2) are

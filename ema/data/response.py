@@ -6,14 +6,15 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.data.findings import Finding
 from ema.data.pressure import ContactPressure
 from ema.data.provenance import Provenance
 from ema.dof import Dof
 
 
-@dataclass(frozen=True)
-class EnergyBalance:
+@dataclass(frozen=True, repr=False)
+class EnergyBalance(Container):
     """Energies in J over time, shape (sample,): the sum of all but ``supplied`` minus ``supplied`` stays constant.
 
     ``mechanical`` is kinetic and elastic energy of the structure, ``contact`` what the contact springs hold;
@@ -45,8 +46,8 @@ class EnergyBalance:
         return float(np.max(np.abs(balance - balance[0])) / scale) if scale > 0 else 0.0
 
 
-@dataclass(frozen=True)
-class Response:
+@dataclass(frozen=True, repr=False)
+class Response(Container):
     """A motion in time.
 
     Parameters
@@ -84,8 +85,8 @@ class Response:
         freeze(self, **dict.fromkeys(names, np.float64))
 
 
-@dataclass(frozen=True)
-class HarmonicResponse:
+@dataclass(frozen=True, repr=False)
+class HarmonicResponse(Container):
     """Steady states under a harmonic force, x(t) = Re sum_k X_k exp(j k w t).
 
     Parameters
@@ -129,8 +130,8 @@ class HarmonicResponse:
         return float(np.nanmax(np.abs(self.input_power - lost) / scale)) if len(scale) else 0.0
 
 
-@dataclass(frozen=True)
-class Loop:
+@dataclass(frozen=True, repr=False)
+class Loop(Container):
     """Hysteresis: relative displacement in m and force in N over time, shape (sample,), and the energy per cycle.
 
     ``area`` in J per cycle (mean over the whole cycles in the record); ``normal_force`` in N, NaN where unknown.
@@ -150,8 +151,8 @@ class Loop:
         freeze(self, displacements=np.float64, forces=np.float64, times=np.float64)
 
 
-@dataclass(frozen=True)
-class Decay:
+@dataclass(frozen=True, repr=False)
+class Decay(Container):
     """Ring-down of one mode: instantaneous frequency in Hz and damping ratio over the amplitude, shape (sample,).
 
     ``knee`` is the time in s at which sliding gives way to sticking, NaN where there is none. ``frequency_reach`` in Hz

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container, brief, count, phrase
 from ema.data.campaign import Campaign, Repair, Run
 from ema.data.findings import Finding
 from ema.data.forecast import ForecastCheck
@@ -20,8 +21,8 @@ from ema.data.repeats import ConditionDifference, RepeatGroup
 from ema.data.response import Decay, Loop
 
 
-@dataclass(frozen=True)
-class ModeQuality:
+@dataclass(frozen=True, repr=False)
+class ModeQuality(Container):
     """Indicators of each mode: MPC (0 ... 1), MPD and mean phase in degrees, all of shape (mode,)."""
 
     modal_phase_collinearity: Float[np.ndarray, "mode"]
@@ -32,8 +33,8 @@ class ModeQuality:
         freeze(self, modal_phase_collinearity=float, mean_phase=float, mean_phase_deviation=float)
 
 
-@dataclass(frozen=True)
-class RunResult:
+@dataclass(frozen=True, repr=False)
+class RunResult(Container):
     """Everything computed from one run.
 
     ``reconstruction`` is the FRF set of the model on the lines of ``frfs``; ``reconstruction_error`` (out, in) its
@@ -54,9 +55,12 @@ class RunResult:
     def __post_init__(self) -> None:
         freeze(self, reconstruction_error=np.float64, auto_mac=np.float64)
 
+    def _headline(self) -> str:
+        return phrase(brief(self.run.id), repr(self.modes), count(len(self.findings), "finding"))
 
-@dataclass(frozen=True)
-class Expectation:
+
+@dataclass(frozen=True, repr=False)
+class Expectation(Container):
     """A number the recipe expects, what was found, and whether it is within the tolerance (all in the same unit)."""
 
     what: str
@@ -66,8 +70,8 @@ class Expectation:
     met: bool
 
 
-@dataclass(frozen=True)
-class MapResult:
+@dataclass(frozen=True, repr=False)
+class MapResult(Container):
     """A map of one mode measured over (F_E, F_N), and whether one linear model holds between its levels.
 
     ``pairs`` (pair, 3): normal force and the lower and the higher force level in N that were compared;
@@ -92,8 +96,8 @@ class MapResult:
 Verdict = Literal["matched", "matched with an implausible parameter", "undecided", "not matched", "not testable here"]
 
 
-@dataclass(frozen=True)
-class Statement:
+@dataclass(frozen=True, repr=False)
+class Statement(Container):
     """A statement of a publication, or a reading of ours, and whether the measurement bears it out.
 
     ``sentence`` is the publication's, word for word; without it the statement is a reading of ours. ``text`` says what
@@ -126,8 +130,8 @@ class Statement:
         return self.verdict == self.stated
 
 
-@dataclass(frozen=True)
-class StudyResult:
+@dataclass(frozen=True, repr=False)
+class StudyResult(Container):
     """A finished study: the campaign, the result of each run, repairs, findings and provenance.
 
     ``conditions`` gathers the runs by what they repeat; ``differences`` holds each of them against the first one.
@@ -151,3 +155,15 @@ class StudyResult:
     loops: tuple[Loop, ...] = ()
     placement: Placement | None = None
     forecast_check: ForecastCheck | None = None
+
+    def _headline(self) -> str:
+        return phrase(
+            brief(self.title or self.campaign.name),
+            count(len(self.runs), "run"),
+            count(len(self.maps), "map") if self.maps else "",
+            "placement" if self.placement is not None else "",
+            f"{sum(one.met for one in self.expectations)} of {count(len(self.expectations), 'expectation')} met"
+            if self.expectations
+            else "",
+            count(len(self.findings), "finding"),
+        )

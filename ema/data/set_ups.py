@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 
 ShiftCause = Literal["none", "common shift", "mass loading", "unknown"]
 
 
-@dataclass(frozen=True)
-class SetUps:
+@dataclass(frozen=True, repr=False)
+class SetUps(Container):
     """Which set-up each FRF was measured in.
 
     Parameters
@@ -33,8 +34,8 @@ class SetUps:
         return SetUps(self.names, self.number[list(rows)][:, list(columns)])
 
 
-@dataclass(frozen=True, kw_only=True)
-class SetUpShifts:
+@dataclass(frozen=True, repr=False, kw_only=True)
+class SetUpShifts(Container):
     """Natural frequencies of the set-ups of a test, relative to their mean over the set-ups.
 
     Parameters

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from ema.data._arrays import freeze
+from ema.data._summary import Container
 from ema.data.condition import Condition
 from ema.data.findings import Finding
 from ema.data.modal import poles_from
@@ -16,8 +17,8 @@ from ema.dof import Dof
 SingleModeMethod = Literal["peak picking", "circle fit", "local fit"]
 
 
-@dataclass(frozen=True)
-class SingleMode:
+@dataclass(frozen=True, repr=False)
+class SingleMode(Container):
     """A mode as one peak shows it; NaN stands for what the method could not tell.
 
     Parameters

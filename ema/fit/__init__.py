@@ -1,9 +1,8 @@
 """FrfSet -> PoleTable -> ModalModel."""
 
-from importlib import import_module
-from typing import Any
+from ema.lazy import attach
 
-_HOME = {
+_HOMES = {
     "circle_fit": "ema.fit.nyquist",
     "cmif": "ema.fit.indicators",
     "era": "ema.fit.eigensystem",
@@ -18,10 +17,4 @@ _HOME = {
     "track": "ema.fit.tracking",
 }
 
-__all__ = list(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'ema.fit' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)

@@ -128,7 +128,7 @@ def place(
         recipe.keep_out(),
         _warning(verdict),
         study,
-        (*ranking.findings, *hung, *beyond, *_about_verdict(verdict)),
+        (*ranking.findings, *recipe.former_names, *hung, *beyond, *_about_verdict(verdict)),
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
         geometry,
         told,

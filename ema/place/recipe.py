@@ -6,14 +6,14 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
-from acquisition.model_building import law_of
-from acquisition.model_file import (
+from acquisition import law_of
+from acquisition.model_file import LawTable, read_text
+from acquisition.quantities import (
     Density,
     Force,
     Forces,
     Frequency,
     HalfHeight,
-    LawTable,
     Length,
     Mass,
     Modulus,
@@ -21,13 +21,11 @@ from acquisition.model_file import (
     Ratio,
     Seconds,
     Stiffness,
-    Table,
-    read_text,
 )
-from acquisition.toml_tables import validated
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.errors import InputError
 from ema.place.objective import Objective
+from ema.tables import FormerNames, Table, validated
 
 Near = Annotated[
     list[Frequency], BeforeValidator(lambda value: value if isinstance(value, list) else [value]), Field(min_length=1)
@@ -239,6 +237,8 @@ TABLES: dict[str, type[BaseModel]] = {
     "forecast": ForecastTable,
     "expect": PlaceExpectTable,
 }
+FORMER = FormerNames()
+"""What keys of a placement recipe were called before."""
 
 
 def load(path: Path) -> PlaceRecipe:
@@ -252,4 +252,4 @@ def load(path: Path) -> PlaceRecipe:
         raise InputError(
             "there is no such recipe", where=str(path), expected="a TOML file", advice="docs/placement.md shows one"
         )
-    return validated(PlaceRecipe, read_text(path), str(path), TABLES)
+    return validated(PlaceRecipe, read_text(path), str(path), TABLES, former=FORMER)

@@ -1,13 +1,7 @@
 """Results -> sections -> HTML, PDF, Word."""
 
-from typing import Any
+from ema.lazy import attach
 
-__all__ = ["write"]
+_HOMES = {"write": "ema.report.writing"}
 
-
-def __getattr__(name: str) -> Any:
-    if name == "write":
-        from ema.report.writing import write
-
-        return write
-    raise AttributeError(f"module 'ema.report' has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)

@@ -23,26 +23,69 @@ def _unit_columns(shapes: Inexact[np.ndarray, "row column"]) -> Inexact[np.ndarr
 
 
 def mac(
-    a: Inexact[np.ndarray, "dof mode_a"], b: Inexact[np.ndarray, "dof_b mode_b"]
+    a: Inexact[np.ndarray, "dof mode_a"] | ModalModel, b: Inexact[np.ndarray, "dof_b mode_b"] | ModalModel
 ) -> Float[np.ndarray, "mode_a mode_b"]:
     """Modal assurance criterion between every shape of ``a`` and every shape of ``b``.
 
     Parameters
     ----------
-    a, b : shapes on the same DOFs in the same order and sense, shapes (dof, mode_a) and (dof, mode_b); any scale and
-        phase. A shape of zeros gives NaN.
+    a, b : array or ModalModel
+        Two modal models: their shapes on the DOFs that both have, opposite senses turned. Or two arrays of shapes on
+        the same DOFs in the same order and sense, shapes (dof, mode_a) and (dof, mode_b); any scale and phase.
+
+    Returns
+    -------
+    array of shape (mode_a, mode_b)
+        Between 0 and 1; NaN for a shape of zeros.
 
     Raises
     ------
-    InputError : a value is not finite, there is no DOF, or the numbers of DOFs differ.
+    InputError
+        If a value is not finite, the models have no DOF in common, the numbers of DOFs differ, or one is a model and
+        the other an array.
 
-    Source: Allemang and Brown (1982).
+    References
+    ----------
+    Allemang and Brown (1982): A correlation coefficient for modal vector analysis.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> mac(np.array([[1.0], [1.0]]), np.array([[2.0, 1.0], [2.0, -1.0]]))
+    array([[1., 0.]])
     """
+    if isinstance(a, ModalModel) and isinstance(b, ModalModel):
+        first, second, _ = _on_common_dofs(a, b)
+        return mac(first, second)
+    if isinstance(a, ModalModel) or isinstance(b, ModalModel):
+        raise InputError(
+            "one is a modal model and the other is not",
+            got=f"{type(a).__name__} and {type(b).__name__}",
+            expected="two models, or two arrays of shapes (dof, mode) on the same DOFs",
+        )
     if len(a) != len(b):
         raise InputError(
             "shapes on different DOFs", got=f"{len(a)} and {len(b)} rows", expected="the same DOFs in both"
         )
     return np.minimum(np.abs(_unit_columns(a).conj().T @ _unit_columns(b)) ** 2, 1.0)
+
+
+def _on_common_dofs(a: ModalModel, b: ModalModel) -> tuple[np.ndarray, np.ndarray, tuple[Dof, ...]]:
+    """Shapes of both models on the DOFs that both have, in the sense of ``a``, and these DOFs.
+
+    Raises
+    ------
+    InputError : the models have no DOF in common.
+    """
+    common = match(a.dofs, b.dofs)
+    if not common:
+        raise InputError(
+            "the models have no DOF in common",
+            got=f"{len(a.dofs)} and {len(b.dofs)} DOFs",
+            advice="compare runs measured on the same points, or rename the nodes of one of them",
+        )
+    rows, places, signs = (np.array(column) for column in zip(*common, strict=True))
+    return a.shapes[rows], b.shapes[places] * signs[:, None], tuple(a.dofs[row] for row in rows)
 
 
 def auto_mac(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mode mode"]:
@@ -136,15 +179,8 @@ def compare(a: ModalModel, b: ModalModel, threshold: float = 0.5) -> Comparison:
     """
     from scipy.optimize import linear_sum_assignment
 
-    common = match(a.dofs, b.dofs)
-    if not common:
-        raise InputError(
-            "the models have no DOF in common",
-            got=f"{len(a.dofs)} and {len(b.dofs)} DOFs",
-            advice="compare runs measured on the same points, or rename the nodes of one of them",
-        )
-    rows, places, signs = (np.array(column) for column in zip(*common, strict=True))
-    table = mac(a.shapes[rows], b.shapes[places] * signs[:, None])
+    first, second, dofs = _on_common_dofs(a, b)
+    table = mac(first, second)
     left, right = linear_sum_assignment(np.nan_to_num(table), maximize=True)
     pairs = tuple((int(i), int(j)) for i, j in zip(left, right, strict=True) if table[i, j] >= threshold)
-    return Comparison(table, tuple(a.dofs[row] for row in rows), pairs)
+    return Comparison(table, dofs, pairs)

@@ -1,9 +1,8 @@
 """Nouns -> pictures; figures are returned, never shown or saved."""
 
-from importlib import import_module
-from typing import Any
+from ema.lazy import attach
 
-_WHERE = {
+_HOMES = {
     "coherence": "ema.show.frf",
     "complexity": "ema.show.polar",
     "contact_loops": "ema.show.simulated",
@@ -13,8 +12,8 @@ _WHERE = {
     "error_map": "ema.show.matrices",
     "force_spectrum": "ema.show.blows",
     "forecast_bands": "ema.show.foretold",
-    "frequency_map": "ema.show.maps",
     "free_vibration": "ema.show.vibration",
+    "frequency_map": "ema.show.maps",
     "frf_overlay": "ema.show.overlaid",
     "frf_overview": "ema.show.frf",
     "hits": "ema.show.blows",
@@ -37,14 +36,4 @@ _WHERE = {
     "velocity_comparison": "ema.show.vibration",
 }
 
-__all__ = list(_WHERE)
-
-
-def __getattr__(name: str) -> Any:
-    if name in _WHERE:
-        return getattr(import_module(_WHERE[name]), name)
-    raise AttributeError(f"module 'ema.show' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)

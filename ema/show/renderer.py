@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ema.data import Geometry, ModalModel
-from ema.errors import FailureError
+from ema.errors import FailureError, MissingExtraError
 from ema.shapes import expand, realise
 from ema.show.style import COLOUR_MAP, FAINT, new_figure, styled
 
@@ -36,6 +36,22 @@ def renderer_works(timeout: float = 60.0) -> bool:
         return False
 
 
+def _pyvista() -> Any:
+    """The package that draws; nothing but these pictures needs it.
+
+    Raises
+    ------
+    MissingExtraError : it is not installed, or not whole.
+    """
+    try:
+        return import_module("pyvista")
+    except ImportError as error:
+        raise MissingExtraError(
+            f"pictures by VTK need the package pyvista, which cannot be imported ({error})",
+            advice=f'install it with: "{sys.executable}" -m pip install pyvista; ema.show.mode_shapes draws without it',
+        ) from error
+
+
 @styled
 def rendered_shape(model: ModalModel, geometry: Geometry, mode: int, amplitude: float = 0.16) -> Figure:
     """One mode shape drawn by VTK with hidden surfaces, as an image in a figure.
@@ -47,11 +63,12 @@ def rendered_shape(model: ModalModel, geometry: Geometry, mode: int, amplitude: 
 
     Raises
     ------
+    MissingExtraError : pyvista is not installed.
     FailureError : VTK cannot draw here; ``show.mode_shapes`` needs no VTK.
     """
+    pyvista = _pyvista()
     if not renderer_works():
         raise FailureError("VTK cannot draw off screen on this machine", advice="use ema.show.mode_shapes instead")
-    pyvista: Any = import_module("pyvista")
     motion = realise(expand(model, geometry, True).displacement[:, :, mode].reshape(-1, 1)).reshape(-1, 3)
     motion = motion / (np.max(np.linalg.norm(motion, axis=1), initial=0.0) or 1.0)
     size = float(np.linalg.norm(np.ptp(geometry.xyz, axis=0))) or 1.0

@@ -1,150 +1,54 @@
 """The friction-beam simulator and the virtual rig."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from ema.lazy import attach
 
-if TYPE_CHECKING:
-    from ema.elements import beam, double_beam, plate_matrices
-    from ema.simulate.contact import ContactCurve, PowerContact, Unilateral, own_contact, preload
-    from ema.simulate.control import controlled_snapback
-    from ema.simulate.events import snapback_reference
-    from ema.simulate.friction import (
-        BoucWen,
-        Coulomb,
-        Dahl,
-        Iwan,
-        LuGre,
-        Masing,
-        ModifiedIwan,
-        ParallelMasing,
-        RegularisedMasing,
-        Valanis,
-        register_law,
-    )
-    from ema.simulate.friction_rig import FrictionRig
-    from ema.simulate.harmonic import frf
-    from ema.simulate.hysteresis import measured_loop
-    from ema.simulate.identification import identify
-    from ema.simulate.inputs import (
-        Blow,
-        Fault,
-        RandomShakers,
-        RecordedForces,
-        RovingHammer,
-        Shaker,
-        SnapBack,
-        SteppedSine,
-        SweptShaker,
-    )
-    from ema.simulate.loops import loop
-    from ema.simulate.maps import backbone, damping_map, resonance
-    from ema.simulate.rig import RingCell
-    from ema.simulate.structure import assemble
-    from ema.simulate.transient import respond, snapback
-    from ema.simulate.virtual import VirtualRig
-    from ema.simulate.waveforms import hammer_pulse, stepped_sine, swept_sine
-
-_NAMES = {
-    "Blow": "inputs",
-    "ContactCurve": "contact",
-    "BoucWen": "friction",
-    "Coulomb": "friction",
-    "Dahl": "friction",
-    "Fault": "inputs",
-    "FrictionRig": "friction_rig",
-    "Iwan": "friction",
-    "LuGre": "friction",
-    "Masing": "friction",
-    "ModifiedIwan": "friction",
-    "ParallelMasing": "friction",
-    "PowerContact": "contact",
-    "RandomShakers": "inputs",
-    "RecordedForces": "inputs",
-    "RegularisedMasing": "friction",
-    "RingCell": "rig",
-    "RovingHammer": "inputs",
-    "Shaker": "inputs",
-    "SnapBack": "inputs",
-    "SteppedSine": "inputs",
-    "SweptShaker": "inputs",
-    "Unilateral": "contact",
-    "Valanis": "friction",
-    "VirtualRig": "virtual",
-    "assemble": "structure",
-    "backbone": "maps",
+_HOMES = {
+    "Blow": "ema.simulate.inputs",
+    "BoucWen": "ema.simulate.friction",
+    "ContactCurve": "ema.simulate.contact",
+    "Coulomb": "ema.simulate.friction",
+    "Dahl": "ema.simulate.friction",
+    "Fault": "ema.simulate.inputs",
+    "FrictionRig": "ema.simulate.friction_rig",
+    "Iwan": "ema.simulate.friction",
+    "LuGre": "ema.simulate.friction",
+    "Masing": "ema.simulate.friction",
+    "ModifiedIwan": "ema.simulate.friction",
+    "ParallelMasing": "ema.simulate.friction",
+    "PowerContact": "ema.simulate.contact",
+    "RandomShakers": "ema.simulate.inputs",
+    "RecordedForces": "ema.simulate.inputs",
+    "RegularisedMasing": "ema.simulate.friction",
+    "RingCell": "ema.simulate.rig",
+    "RovingHammer": "ema.simulate.inputs",
+    "Shaker": "ema.simulate.inputs",
+    "SnapBack": "ema.simulate.inputs",
+    "SteppedSine": "ema.simulate.inputs",
+    "SweptShaker": "ema.simulate.inputs",
+    "Unilateral": "ema.simulate.contact",
+    "Valanis": "ema.simulate.friction",
+    "VirtualRig": "ema.simulate.virtual",
+    "assemble": "ema.simulate.structure",
+    "backbone": "ema.simulate.maps",
     "beam": "ema.elements",
-    "controlled_snapback": "control",
-    "damping_map": "maps",
+    "controlled_snapback": "ema.simulate.control",
+    "damping_map": "ema.simulate.maps",
     "double_beam": "ema.elements",
-    "frf": "harmonic",
-    "hammer_pulse": "waveforms",
-    "identify": "identification",
-    "loop": "loops",
-    "measured_loop": "hysteresis",
-    "own_contact": "contact",
+    "frf": "ema.simulate.harmonic",
+    "hammer_pulse": "ema.simulate.waveforms",
+    "identify": "ema.simulate.identification",
+    "loop": "ema.simulate.loops",
+    "measured_loop": "ema.simulate.hysteresis",
+    "own_contact": "ema.simulate.contact",
     "plate_matrices": "ema.elements",
-    "preload": "contact",
-    "register_law": "friction",
-    "resonance": "maps",
-    "respond": "transient",
-    "snapback": "transient",
-    "snapback_reference": "events",
-    "stepped_sine": "waveforms",
-    "swept_sine": "waveforms",
+    "preload": "ema.simulate.contact",
+    "register_law": "ema.simulate.friction",
+    "resonance": "ema.simulate.maps",
+    "respond": "ema.simulate.transient",
+    "snapback": "ema.simulate.transient",
+    "snapback_reference": "ema.simulate.events",
+    "stepped_sine": "ema.simulate.waveforms",
+    "swept_sine": "ema.simulate.waveforms",
 }
 
-__all__ = [
-    "Blow",
-    "BoucWen",
-    "ContactCurve",
-    "Coulomb",
-    "Dahl",
-    "Fault",
-    "FrictionRig",
-    "Iwan",
-    "LuGre",
-    "Masing",
-    "ModifiedIwan",
-    "ParallelMasing",
-    "PowerContact",
-    "RandomShakers",
-    "RecordedForces",
-    "RegularisedMasing",
-    "RingCell",
-    "RovingHammer",
-    "Shaker",
-    "SnapBack",
-    "SteppedSine",
-    "SweptShaker",
-    "Unilateral",
-    "Valanis",
-    "VirtualRig",
-    "assemble",
-    "backbone",
-    "beam",
-    "controlled_snapback",
-    "damping_map",
-    "double_beam",
-    "frf",
-    "hammer_pulse",
-    "identify",
-    "loop",
-    "measured_loop",
-    "own_contact",
-    "plate_matrices",
-    "preload",
-    "register_law",
-    "resonance",
-    "respond",
-    "snapback",
-    "snapback_reference",
-    "stepped_sine",
-    "swept_sine",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _NAMES:
-        home = _NAMES[name]
-        return getattr(import_module(home if "." in home else f"ema.simulate.{home}"), name)
-    raise AttributeError(f"module 'ema.simulate' has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)

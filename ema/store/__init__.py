@@ -5,28 +5,16 @@ that are larger than memory, ``describe`` tells what a file holds without readin
 atomically.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from ema.store.atomic import replacing
-    from ema.store.reading import blocks, describe, is_store, load
-    from ema.store.writing import Writer, save
+from ema.lazy import attach
 
 _HOMES = {
-    "save": "writing",
-    "Writer": "writing",
-    "load": "reading",
-    "blocks": "reading",
-    "describe": "reading",
-    "is_store": "reading",
-    "replacing": "atomic",
+    "Writer": "ema.store.writing",
+    "blocks": "ema.store.reading",
+    "describe": "ema.store.reading",
+    "is_store": "ema.store.reading",
+    "load": "ema.store.reading",
+    "replacing": "ema.store.atomic",
+    "save": "ema.store.writing",
 }
 
-__all__ = ["Writer", "blocks", "describe", "is_store", "load", "replacing", "save"]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(f"ema.store.{_HOMES[name]}"), name)
-    raise AttributeError(f"module 'ema.store' has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)

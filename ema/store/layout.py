@@ -8,7 +8,7 @@ arrays and the documents carry a Fletcher sum in each chunk instead or as well.
 """
 
 SCHEMA_VERSION = 1
-"""Raised when a change makes older programs misread a file; every version is read forever."""
+"""Raised when a change makes older programs misread a file or renames what is in it; every version is read forever."""
 
 FORMAT = "friction-ema store"
 CONTENTS = "contents"

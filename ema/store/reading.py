@@ -18,6 +18,7 @@ from ema.errors import EmaError, InputError
 from ema.store import untrusted
 from ema.store.document import decode
 from ema.store.layout import CONTENTS, DOCUMENT, FORMAT, ITEMS, SCHEMA_VERSION
+from ema.store.migrations import migrated
 
 _FILTERS = frozenset({h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
 _PIECE = 1 << 20
@@ -111,9 +112,10 @@ def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[
         group = f"{ITEMS}/{0 if name is None else names.index(name)}"
         if _tree(file, group).get("$noun") != "Recording":
             raise InputError("not a record", where=str(path), got=_tree(file, group).get("$noun"))
-        signals = _dataset(file[group], "signals")
+        node = _tree(file, group)["signals"]
+        signals = _dataset(file[group], node["$array"])
         whole, _ = _without_samples(file, group)
-        _check_pieces(signals, _tree(file, group)["signals"].get("crc32"), max(samples, _PIECE))
+        _check_pieces(signals, node.get("crc32"), max(samples, _PIECE))
         for start in range(0, signals.shape[1], samples):
             moment = None if whole.start is None else whole.start + timedelta(seconds=start / whole.sampling_rate)
             yield replace(whole, signals=signals[:, start : start + samples], start=moment)
@@ -246,11 +248,13 @@ def _header(file: h5py.File, group: str, name: str) -> Header:
 
 
 def _without_samples(file: h5py.File, group: str) -> tuple[Recording, int]:
-    signals = _dataset(file[group], "signals")
+    tree = _tree(file, group)
+    path = tree["signals"]["$array"]
+    signals = _dataset(file[group], path)
     empty = np.zeros((signals.shape[0], 0), signals.dtype)
     record = decode(
-        _tree(file, group),
-        lambda part, checksum: empty if part == "signals" else _array(file[group], part, checksum),
+        tree,
+        lambda part, checksum: empty if part == path else _array(file[group], part, checksum),
         _no_items,
     )
     return record, int(signals.shape[1])
@@ -261,10 +265,11 @@ def _no_items(path: str, place: int) -> Any:
 
 
 def _tree(file: h5py.File, group: str) -> dict[str, Any]:
+    """The document of an item under today's names."""
     tree = json.loads(_document(file, f"{group}/{DOCUMENT}"))
     if not isinstance(tree, dict):
         raise InputError("holds a document that is no noun")
-    return tree
+    return migrated(tree, int(file.attrs["schema_version"]))
 
 
 def _document(file: h5py.File, path: str) -> str:

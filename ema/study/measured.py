@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from acquisition.setups import Part, merge
+from acquisition import Part, merge
 from ema.data import FrfSet, HitGallery, Run
 from ema.errors import InputError
 from ema.progress import Progress, silent

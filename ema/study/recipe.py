@@ -1,15 +1,15 @@
 """What a recipe may say: a TOML file in ``reports/``, every key checked before anything is computed."""
 
 import difflib
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import BaseModel, Discriminator, Field, Tag, ValidationError, model_validator
 
-from acquisition.toml_lines import line_of
+from ema import tables
 from ema.data.results import Verdict
 from ema.errors import InputError
+from ema.place.recipe import FORMER as FORMER_PLACEMENT
 from ema.place.recipe import TABLES as PLACEMENT
 from ema.place.recipe import PlaceRecipe
 
@@ -18,10 +18,8 @@ _FILE, _TABLE = "<file>", "<table>"
 Band = Annotated[tuple[float, float], Field(description="Hz")]
 
 
-class Table(BaseModel):
+class Table(tables.Table):
     """A table of a recipe: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True)
 
     def given(self) -> dict[str, Any]:
         """The keys that were written, for a verb that has its own defaults for the others."""
@@ -235,6 +233,11 @@ _TABLES: dict[str, type[BaseModel]] = {
     "loop": LoopTable,
     **{f"placement.{name}".rstrip("."): table for name, table in PLACEMENT.items()},
 }
+_FORMER = tables.FormerNames(
+    keys={f"placement.{name}": new for name, new in FORMER_PLACEMENT.keys.items()},
+    choices={f"placement.{name}": new for name, new in FORMER_PLACEMENT.choices.items()},
+)
+"""What keys of a recipe were called before."""
 
 
 _MARKS = ("tuple[", "list[", _FILE, _TABLE)
@@ -257,10 +260,9 @@ def load(path: Path) -> Recipe:
 
 def parse(text: str, where: str = "recipe") -> Recipe:
     """Understand the text of a recipe; raises as :func:`load`."""
+    document, findings = tables.document_of(text, where, _FORMER)
     try:
-        return Recipe.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not TOML: {error}", where=where, advice="text values stand in quotation marks") from error
+        return Recipe.model_validate(document).noting(findings)
     except ValidationError as error:
         raise _sentence(error, text, where) from error
 
@@ -271,7 +273,7 @@ def _sentence(error: ValidationError, text: str, where: str) -> InputError:
     detail = details[0]
     # a mark that the checker adds for the parts of an alternative is no place in the file
     steps = [step for step in detail["loc"] if isinstance(step, int) or not step.startswith(_MARKS)]
-    place = f"{where}, line {line_of(text, steps)}"
+    place = f"{where}, line {tables.line_of(text, steps)}"
     name = ".".join(str(step) for step in steps) or "the recipe"
     if detail["type"] == "extra_forbidden":
         table = ".".join(step for step in steps[:-1] if isinstance(step, str))

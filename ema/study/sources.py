@@ -6,7 +6,6 @@ from typing import Any
 
 import acquisition
 from acquisition import campaign_file
-from acquisition.assignment import data_folder, items_of
 from ema import store
 from ema.data import Campaign, Condition, Excitation, FrfSet, Geometry, Lazy, ModalModel, Recording, Run
 from ema.errors import InputError
@@ -71,16 +70,12 @@ def data_of(path: Path, progress: Progress = silent) -> dict[str, tuple[tuple[st
     """For each run the fingerprint of its data files, as ``(what, sha256)``."""
     if path.is_file() and path.suffix.lower() != ".toml":
         return {path.stem: ((path.name, of_files([path])),)}
-    described = campaign_file.load(path)
-    folder = _folder(path)
-    data = data_folder(described.campaign.files, folder)
+    files = acquisition.data_files(campaign_file.load(path), _folder(path))
     prints: dict[str, tuple[tuple[str, str], ...]] = {}
-    for number, run in enumerate(described.runs):
-        advance(progress, "fingerprints of the data", number, len(described.runs))
-        files = [item.path for item in items_of(run, data, folder, f"run {run.id}")]
-        unique = list(dict.fromkeys(files))
-        what = unique[0].name if len(unique) == 1 else f"run {run.id}, {len(unique)} data files"
-        prints[run.id] = ((what, of_files(unique)),)
+    for number, (run, paths) in enumerate(files.items()):
+        advance(progress, "fingerprints of the data", number, len(files))
+        what = paths[0].name if len(paths) == 1 else f"run {run}, {len(paths)} data files"
+        prints[run] = ((what, of_files(paths)),)
     return prints
 
 

@@ -218,7 +218,7 @@ class Study:
         from ema import compare, report
 
         conditions, differences = compare.conditions(runs)
-        findings = campaign.findings + compare.repeat_findings([one.run for one in runs])
+        findings = self.recipe.former_names + campaign.findings + compare.repeat_findings([one.run for one in runs])
         findings += tuple(finding for one in conditions for finding in one.findings)
         findings += tuple(finding for one in maps for finding in one.findings)
         decays, loops, placement = beside

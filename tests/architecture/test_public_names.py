@@ -24,6 +24,7 @@ ROOMS = (
     "ema.simulate",
     "ema.store",
     "ema.study",
+    "ema.tables",
     "acquisition",
 )
 SNAPSHOT = Path(__file__).with_name("public_names.txt")

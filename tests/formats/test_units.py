@@ -3,7 +3,7 @@
 import pytest
 
 from acquisition import units
-from ema.errors import UnitError
+from ema.errors import FailureError, UnitError
 
 G = 9.80665
 LBF = 4.4482216152605
@@ -116,3 +116,21 @@ def test_the_wrong_quantity_is_refused() -> None:
 )
 def test_units_in_column_titles(title: str, expected: tuple[str, str]) -> None:
     assert units.bracketed(title) == expected
+
+
+def test_a_broken_table_of_units_is_not_blamed_on_the_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A version of the table that does not fit said of "mm" that it is no unit."""
+
+    def broken(*_: object, **__: object) -> None:
+        raise TypeError("metaclass conflict")
+
+    monkeypatch.setattr("pint.UnitRegistry", broken)
+    units._registry.cache_clear()
+    units.parse.cache_clear()
+    try:
+        with pytest.raises(
+            FailureError, match=r"table of units cannot be loaded .*metaclass conflict.*pip install -U pint"
+        ):
+            units.parse("mm")
+    finally:
+        units._registry.cache_clear()

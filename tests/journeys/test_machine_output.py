@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.golden_json import assert_keys
 from tests.journeys.small_campaign import COMMAND, campaign, ema_command
 
 CAMPAIGNS = ("freefree_beam", "hammer_blows", "plate_sweep", "sdof", "steel_subframe")
@@ -27,6 +28,7 @@ def only_json(ended):
 def test_run_and_report(four, tmp_path, capsys):
     ended = ema_command(capsys, "run", four, "--output", tmp_path, "--json")
     told = only_json(ended)
+    assert_keys("run", told)
     assert ended.status == 0 and [run["run"] for run in told["runs"]] == ["bare"]
     assert [round(mode["natural_frequency"]) for mode in told["runs"][0]["modes"]] == [60, 105, 170]
     first = Path(told["report"]).read_text(encoding="utf-8")
@@ -40,6 +42,7 @@ def test_run_and_report(four, tmp_path, capsys):
 @pytest.mark.parametrize("command", [["check"], ["fit", "--near", "105"]])
 def test_check_and_fit(four, capsys, command):
     told = only_json(ema_command(capsys, command[0], four, *command[1:], "--json"))
+    assert_keys(command[0], told)
     if command[0] == "check":
         assert told["runs"][0]["hits"] == {"all": 12, "used": 12}
     else:
@@ -48,7 +51,9 @@ def test_check_and_fit(four, capsys, command):
 
 @pytest.mark.parametrize("command", ["formats", "doctor"])
 def test_formats_and_doctor(capsys, command):
-    assert only_json(ema_command(capsys, command, "--json"))
+    told = only_json(ema_command(capsys, command, "--json"))
+    assert told
+    assert_keys(command, told)
 
 
 @pytest.mark.parametrize("name", CAMPAIGNS)

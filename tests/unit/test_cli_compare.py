@@ -17,6 +17,7 @@ from ema.data import MapComparison, ModalModel, ModeComparison, ModelUpdate
 from ema.data.modal import poles_from
 from ema.dof import Dof
 from ema.simulate import damping_map
+from tests.golden_json import assert_keys
 
 MODEL = """
 [model]
@@ -83,6 +84,7 @@ def test_two_files_of_modes(tmp_path):
     bad = call(tmp_path / "a.h5", tmp_path / "c.h5", "--out", tmp_path / "bad", "--json")
     assert bad.exit_code == 1
     told = json.loads(bad.output)
+    assert_keys("compare modes", told)
     assert told["agrees"] is False
     assert told["tables"]["modes"][0]["MAC"] == pytest.approx(1)
 
@@ -95,7 +97,9 @@ def test_a_map_against_a_model_before_and_after_an_update(measured, model, tmp_p
     command = [Path(sys.executable).with_name("ema"), "compare", measured, model, "--update", "friction_coefficient"]
     after = subprocess.run([*command, "--out", tmp_path / "after", "--json"], capture_output=True, text=True)
     assert after.returncode == 0, after.stdout + after.stderr
-    (row,) = json.loads(after.stdout)["tables"]["parameters"]
+    told = json.loads(after.stdout)
+    assert_keys("compare map", told)
+    (row,) = told["tables"]["parameters"]
     assert row["value"] == pytest.approx(0.2, rel=0.02)
     assert row["low"] < row["value"] < row["high"]
     kept = store.load(tmp_path / "after/comparison.h5")

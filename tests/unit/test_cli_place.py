@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from ema import store
 from ema.cli.app import app
 from ema.data import Placement
+from tests.golden_json import assert_keys
 from tests.unit.placement_rig import RECIPE, write_recipe
 
 DATASETS = Path(__file__).parents[2] / "datasets"
@@ -31,6 +32,7 @@ def test_a_recipe_gives_a_place_a_normal_force_and_bounds(done):
     _folder, _recipe, result = done
     assert result.exit_code == 0, result.output
     told = json.loads(result.stdout)
+    assert_keys("place", told)
     assert told["warning"] == "" and told["candidates"] > 5 and told["checked"] >= 3
     best = told["places"][0]
     assert best["mode 1 zeta [%]"] > 1.3 * 0.638

@@ -19,6 +19,7 @@ from ema.cli.app import app
 from ema.data import BeamModel, Decay, HarmonicResponse, Loop, ModalMap, Response
 from ema.errors import InputError
 from ema.simulate import beam, frf
+from tests.golden_json import assert_keys
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 
@@ -74,6 +75,7 @@ def told(*arguments):
 
 def test_snapback_writes_response_ring_down_and_pictures(model, tmp_path):
     found = told("snapback", model, "--out", tmp_path, "--normal-force", 100, "--normal-force", 400)
+    assert_keys("simulate snapback", found)
     assert [row["F_N"] for row in found["rows"]] == ["100 N", "400 N"]
     assert found["rows"][0]["f [Hz]"] == pytest.approx(16.7, abs=0.3)
     assert all(row["energy balance"] < 1e-6 for row in found["rows"])
@@ -143,14 +145,20 @@ def test_the_reference_mode_states_its_error_and_says_what_it_does_not_take(mode
 
 
 def test_frf_map_and_loop(model, tmp_path):
-    rows = told("frf", model, "--out", tmp_path)["rows"]
+    found = told("frf", model, "--out", tmp_path)
+    assert_keys("simulate frf", found)
+    rows = found["rows"]
     assert [row["F_E [N]"] for row in rows] == [2.0, 4.0] and all(row["solved"] == "25 of 25" for row in rows)
     steady = store.load(tmp_path / "frf.h5")["steady states 2 N, F_N 200 N"]
     assert isinstance(steady, HarmonicResponse) and steady.frequencies[-1] == 22.0
-    rows = told("map", model, "--out", tmp_path)["rows"]
+    found = told("map", model, "--out", tmp_path)
+    assert_keys("simulate map", found)
+    rows = found["rows"]
     chart = store.load(tmp_path / "map.h5")["map"]
     assert isinstance(chart, ModalMap) and rows[1]["zeta there [%]"] == pytest.approx(100 * chart.damping[1].max())
-    rows = told("loop", model, "--out", tmp_path)["rows"]
+    found = told("loop", model, "--out", tmp_path)
+    assert_keys("simulate loop", found)
+    rows = found["rows"]
     assert rows[1]["energy per cycle [J]"] == pytest.approx(4 * 60.0 * (3e-6 - 60.0 / 1e9), rel=1e-3)
     loop = store.load(tmp_path / "loop.h5")["loop 3 µm, F_N 200 N"]
     assert isinstance(loop, Loop) and loop.area == rows[1]["energy per cycle [J]"]

@@ -14,6 +14,7 @@ from ema.data import Channel, FrfSet, MapResult, Recording
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.study import mapping, recipe
+from tests.golden_json import assert_keys
 
 RATE, LINES = 4096.0, np.arange(470.0, 530.0, 1.5)
 HEAD = """
@@ -73,6 +74,7 @@ def test_command_writes_table_csv_pictures_and_store(tmp_path):
     done = CliRunner().invoke(app, ["map", str(folder), "--near", "495", "--out", str(tmp_path / "out"), "--json"])
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
+    assert_keys("map", told)
     (chart,) = told["maps"]
     for point in chart["points"]:
         natural, zeta = damped(point["force_level"], point["normal_force"])

@@ -31,7 +31,7 @@ def test_a_controlled_force_is_told_against_the_best_constant_one(table):
 
 
 def recipe() -> PlaceRecipe:
-    from acquisition.toml_tables import validated
+    from ema.tables import validated
 
     return validated(PlaceRecipe, RECIPE.replace("shortlist = 3", "shortlist = 1").replace("= 20", "= 0"), "r", TABLES)
 

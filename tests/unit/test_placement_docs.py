@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.toml_tables import validated
 from ema.place.recipe import TABLES, PlaceRecipe
+from ema.tables import validated
 
 PAGE = Path(__file__).parents[2] / "docs" / "placement.md"
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import acquisition
 from acquisition import model_file
 
 ROOT = Path(__file__).parents[2]
@@ -15,7 +16,7 @@ TEXT = (ROOT / "docs" / "simulate.md").read_text(encoding="utf-8")
 def test_the_example_is_a_model(tmp_path):
     (block,) = re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)
     (tmp_path / "model.toml").write_text(block)
-    model = model_file.open_model(tmp_path)
+    model = acquisition.open_model(tmp_path)
     assert model.name == "beam on a beam" and len(model.joints[0].pairs) == 5
 
 

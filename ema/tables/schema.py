@@ -5,31 +5,61 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError
 
-from acquisition.toml_lines import line_of
+from ema.data.findings import Finding
 from ema.errors import EmaError, InputError
+from ema.tables.former import NONE, FormerNames, renamed
+from ema.tables.lines import line_of
 
-T = TypeVar("T", bound=BaseModel)
 
+class Table(BaseModel):
+    """A table of one of our TOML files: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True, arbitrary_types_allowed=True)
+    _former_names: tuple[Finding, ...] = PrivateAttr(default=())
+
+    @property
+    def former_names(self) -> tuple[Finding, ...]:
+        """For the whole file, one finding for every key or choice that is called otherwise today."""
+        return self._former_names
+
+    def noting(self: "T", findings: tuple[Finding, ...]) -> "T":
+        """The same with findings about former names."""
+        self._former_names = findings
+        return self
+
+
+T = TypeVar("T", bound=Table)
 
 Tables = Mapping[str, type[BaseModel]]
 """The tables of a file by their dotted names: the keys that may be offered instead of an unknown one."""
 
 
-def validated(kind: type[T], text: str, where: str, tables: Tables) -> T:
+def document_of(text: str, where: str, former: FormerNames) -> tuple[dict[str, Any], tuple[Finding, ...]]:
+    """What is in the text of a TOML file under present names, with findings about former ones.
+
+    Raises
+    ------
+    InputError : no TOML, or a key under two names.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not TOML: {error}", where=where, advice="text values stand in quotation marks") from error
+    return renamed(document, text, where, former)
+
+
+def validated(kind: type[T], text: str, where: str, tables: Tables, *, former: FormerNames = NONE) -> T:
     """Understand the text of a TOML file.
 
     Raises
     ------
     InputError : no TOML, or a key that is unknown, missing or wrong, with its line.
     """
+    document, findings = document_of(text, where, former)
     try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not TOML: {error}", where=where, advice="text values stand in quotation marks") from error
-    try:
-        return kind.model_validate(document)
+        return kind.model_validate(document).noting(findings)
     except ValidationError as error:
         raise _sentence(error, document, text, where, tables) from error
 

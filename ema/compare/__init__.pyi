@@ -1,0 +1,10 @@
+from ema.compare.components import variance_components as variance_components
+from ema.compare.damping_maps import maps as maps
+from ema.compare.decays import signals as signals
+from ema.compare.fitting import update as update
+from ema.compare.pairing import modes as modes
+from ema.compare.replay import measure as measure
+from ema.compare.scatter import conditions as conditions
+from ema.compare.scatter import difference as difference
+from ema.compare.scatter import repeat_findings as repeat_findings
+from ema.compare.scatter import repeats as repeats

@@ -1,0 +1,12 @@
+from ema.fit.eigensystem import era as era
+from ema.fit.indicators import cmif as cmif
+from ema.fit.indicators import mode_indicator as mode_indicator
+from ema.fit.indicators import multivariate_mode_indicator as multivariate_mode_indicator
+from ema.fit.modal import modes as modes
+from ema.fit.modal import reconstruction_error as reconstruction_error
+from ema.fit.nyquist import circle_fit as circle_fit
+from ema.fit.opinion import second_opinion as second_opinion
+from ema.fit.peaks import peak_picking as peak_picking
+from ema.fit.single import local_fit as local_fit
+from ema.fit.stabilisation import stabilise as stabilise
+from ema.fit.tracking import track as track

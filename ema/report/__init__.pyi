@@ -1,0 +1,1 @@
+from ema.report.writing import write as write

@@ -1,0 +1,2 @@
+from ema.study.plain import summary as summary
+from ema.study.study import Study as Study

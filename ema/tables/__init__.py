@@ -1,0 +1,15 @@
+"""Our TOML files: tables whose every key is checked, mistakes with their line, names of earlier versions."""
+
+from ema.lazy import attach
+
+_HOMES = {
+    "FormerNames": "ema.tables.former",
+    "Table": "ema.tables.schema",
+    "document_of": "ema.tables.schema",
+    "line_of": "ema.tables.lines",
+    "renamed": "ema.tables.former",
+    "validated": "ema.tables.schema",
+    "warn": "ema.tables.former",
+}
+
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES)
