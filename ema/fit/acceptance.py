@@ -12,7 +12,7 @@ from ema.fit import estimator
 from ema.fit.estimator import Fit
 from ema.fit.policy import SelectionPolicy
 from ema.fit.refinement import Refined
-from ema.fit.search import macs
+from ema.fit.search import evidence, macs
 from ema.fit.uncertainty import PoleErrors
 
 _SHAPE_FREEDOM = 6
@@ -70,8 +70,10 @@ def judge(
     narrow_at = natural_frequencies(fit.poles), possible & (damping * unit < policy.unresolved)
     tones = _tones(*narrow_at, dropped, policy, 1.5 * optimum.data.line / (2 * np.pi))
     unresolved = narrow & visible & (std_z > limit * damping) & ~tones
+    # In a misfit, poles explain what is no noise: the search has judged them there.
+    explained = np.full(len(fit.poles), np.inf) if optimum.misfit else evidence(optimum.data, fit)
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
-    resonant = possible & ((std_z <= limit * damping) | unresolved) & ~tones
+    resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~tones
     spacing, apart = _distances(fit, group, resonant)
     confidence = _confidence(fit, errors, group, resonant, policy.shape_scatter)
     accepted, reasons = possible.copy(), [""] * len(fit.poles)
@@ -79,6 +81,8 @@ def judge(
         reason = ""
         if tones[pole]:
             reason = "it is narrower than a frequency line and at a multiple of the mains frequency"
+        elif explained[pole] < 1:
+            reason = f"it explains {explained[pole]:.2g} times what noise may"
         elif not resonant[pole]:
             reason = f"its damping is uncertain by {std_z[pole] / damping[pole]:.0%}"
         elif std_f[pole] > policy.frequency_uncertainty * spacing[pole]:

@@ -21,7 +21,7 @@ from ema.fit.prepare import Prepared, prepare
 from ema.fit.record_end import as_recorded, of_whole_vibration
 from ema.fit.refinement import Refined, refined
 from ema.fit.scaling import scale_to_unit_modal_mass
-from ema.fit.selection import Dropped, extended, reduced, select
+from ema.fit.selection import Dropped, extended, reduced, select, with_weak
 from ema.fit.stabilisation import stabilise
 from ema.fit.uncertainty import PoleErrors
 from ema.progress import Progress, advance, silent
@@ -248,7 +248,7 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
     """Fit and judge all poles of FRFs as they are."""
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
-    chosen = select(data, poles, band.added_decay)
+    chosen = with_weak(select(data, poles, band.added_decay), poles.band)
     advance(progress, "residues", 1, 2)
     searches = _SEARCHES
     while True:

@@ -1,7 +1,7 @@
 """Peaks of few frequency lines: modes that bins have averaged away, and tones that are no modes."""
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from ema.data import damping_ratios
 from ema.fit import estimator
@@ -23,6 +23,9 @@ _BESIDE = 3.0
 """Lines on each side of a pole narrower than a line whose residual is its own: a peak may be narrower than a pole."""
 _NARROW, _CAUTION = 3.0, 2.0
 """Bandwidth in lines below which a pole on another one's peak must explain more, and how much more."""
+_FEW, _REACH = 10.0, 3.0
+"""Lines within the bandwidth of a peak that are few, and decay rates from its pole that are on it: with noise in
+proportion to the FRF, nine tenths of the noise energy lie there."""
 _FLANK = 4.0
 """Evidence, in standard deviations, that the flanks of a narrow peak have to give for a resonance. Of tones 1 in 30,000
 gives as much (normal distribution, one-sided)."""
@@ -112,11 +115,17 @@ def caution(
     There noise is largest, and the few lines of the peak tell it badly. ``line`` is the distance of lines in the unit
     of the poles.
     """
-    peaks = others[-2 * others.real < 10 * line]
+    return np.where(on_narrow_peak(poles, others, line) & (-2 * poles.real < _NARROW * line), _CAUTION, 1.0)
+
+
+def on_narrow_peak(
+    poles: Complex[np.ndarray, "pole"], others: Complex[np.ndarray, "other"], line: float
+) -> Bool[np.ndarray, "pole"]:
+    """Which poles lie on a peak of another one that few lines tell."""
+    peaks = others[-2 * others.real < _FEW * line]
     distance = np.abs(poles[:, None] - peaks[None, :])
     distance[distance == 0] = np.inf
-    on_peak = np.any(distance < 3 * np.abs(peaks.real), axis=1)
-    return np.where(on_peak & (-2 * poles.real < _NARROW * line), _CAUTION, 1.0)
+    return np.asarray(np.any(distance < _REACH * np.abs(peaks.real), axis=1))
 
 
 def tones(data: Observations, fit: Fit, narrow: np.ndarray) -> list[int]:

@@ -58,12 +58,17 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     start = _start(flat, data, chosen)
     known, basis = _known(band, data)
     misfit = _misfit(flat, start, data.derivative, known)
-    # What nothing needs is not free to go somewhere else.
+    # What nothing needs is not free to go somewhere else, nor what the noise of single lines explains.
     fit, kept = estimator.determined(flat, start)
+    dropped: tuple[Dropped, ...] = ()
+    if not misfit:
+        weighted = replace(flat, weights=_weights(flat, fit, data.derivative, known, misfit))
+        there = estimator.evaluate(weighted, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
+        _, left, dropped = _pruned(weighted, there, chosen, kept)
+        fit, kept = estimator.drop(flat, fit, np.isin(kept, left)), left
     fit = _optimum(flat, fit)
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
-    dropped: tuple[Dropped, ...] = ()
     # Few values: what the start was still off by shows in their noise.
     again = 2 if known is None and not misfit and flat.signals.size <= _ENOUGH else 1
     for turn in range(_ROUNDS):
@@ -79,7 +84,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
             dropped = (*dropped, *gone)
         if turn >= again and len(fit.poles) == before:
             break
-        fit = _optimum(flat, _spared(flat, fit))
+        fit = _optimum(flat, fit)
     factor = fit.variance_factor(flat)
     of_poles, of_shapes = _loss(flat, fit)
     between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
@@ -147,69 +152,39 @@ def _between(
     return np.max(list(found.values()), axis=0), basis
 
 
-def _spared(flat: Observations, fit: Fit) -> Fit:
-    """The fit without the last residual terms, as long as noise explains them for all FRFs together.
-
-    A set of terms is left out when its gain, poles adapted, stays within two standard deviations of what noise gives to
-    as many unknowns.
-    """
-    noise = fit.variance_factor(flat)
-    gained = _promised(fit)
-    while fit.rest.shape[-1]:
-        fewer = estimator.with_terms(flat, fit, max(fit.rest.shape[-1] - 2, 0))
-        count = fit.rest.size - fewer.rest.size
-        lost = (fewer.cost - _promised(fewer)) - (fit.cost - gained)
-        if lost > noise * (count + estimator.DOUBT * np.sqrt(2 * count)):
-            break
-        fit, gained = fewer, _promised(fewer)
-    return fit
-
-
-def _promised(fit: Fit) -> float:
-    """What a Gauss-Newton step would take off the cost."""
-    by_cause = estimator.root(fit)
-    return float(np.sum((by_cause.T @ fit.gradient) ** 2))
-
-
 def _pruned(
     data: Observations, fit: Fit, chosen: Selection, kept: Int[np.ndarray, "mode"]
 ) -> tuple[Fit, Int[np.ndarray, "left"], tuple[Dropped, ...]]:
-    """The fit without poles that noise explains, which poles of the selection stay, and the modes that do not."""
+    """The fit without poles that noise explains, which poles of the selection stay, and those in the band that do not.
+
+    Here every line of every FRF has its own noise, which the selection knows on the average only. Background stays as
+    long as it does more than noise at its place, a pole in the band as long as it does more than noise anywhere there;
+    whether it is a mode is judged at the end.
+    """
     dropped: tuple[Dropped, ...] = ()
+    unknowns = 2 * (data.outputs + data.references)
     while True:
-        gone, share = _needless(data, fit, chosen, kept)
-        if not len(gone):
+        share = estimator.gains(fit) / max(fit.variance_factor(data), 1e-300)
+        background = unknowns + estimator.DOUBT * np.sqrt(2 * unknowns)
+        in_band = search.passes_for_weak(unknowns) * search.caution(fit.poles, fit.poles, data.line)
+        share /= np.where(chosen.possible[kept], in_band, background)
+        gone: list[int] = []
+        for k in np.argsort(share):
+            if share[k] > 1:
+                break
+            # Leaving one out can make its neighbours needed.
+            reach = 4 * (np.abs(fit.poles[gone].real) + abs(fit.poles[k].real))
+            if np.all(np.abs(fit.poles[gone] - fit.poles[k]) > reach):
+                gone.append(int(k))
+        if not gone:
             return fit, kept, dropped
         dropped += tuple(
-            Dropped(complex(chosen.fit.poles[kept[k]]), f"it explains {part:.2g} times what noise of its lines would")
-            for k, part in zip(gone, share, strict=True)
+            Dropped(complex(fit.poles[k]), f"it explains {share[k]:.2g} times what noise of its lines would")
+            for k in gone
             if chosen.possible[kept[k]]
         )
         left = np.setdiff1d(np.arange(len(fit.poles)), gone)
         fit, kept = estimator.drop(data, fit, left), kept[left]
-
-
-def _needless(
-    data: Observations, fit: Fit, chosen: Selection, kept: Int[np.ndarray, "mode"]
-) -> tuple[Int[np.ndarray, "gone"], Float[np.ndarray, "gone"]]:
-    """Poles that noise explains, none of them near another one of them, and their energy over what noise explains.
-
-    Here every line of every FRF has its own noise, which the selection knows on the average only. A mode has to exceed
-    what noise does anywhere in the band; background stays as long as it does more than noise at its place.
-    """
-    gain = estimator.gains(fit) / max(fit.variance_factor(data), 1e-300)
-    unknowns = 2 * (data.outputs + data.references)
-    mode = search.passes_for_mode(unknowns, len(data.s)) * search.caution(fit.poles, fit.poles, data.line)
-    is_mode = chosen.possible[kept]
-    share = gain / np.where(is_mode, mode, unknowns + estimator.DOUBT * np.sqrt(2 * unknowns))
-    gone: list[int] = []
-    for k in np.argsort(share):
-        if share[k] > 1:
-            break
-        reach = 4 * (np.abs(fit.poles[gone].real) + abs(fit.poles[k].real))
-        if np.all(np.abs(fit.poles[gone] - fit.poles[k]) > reach):
-            gone.append(int(k))
-    return np.array(gone, int), share[gone]
 
 
 def _known(band: FrfSet, data: Prepared) -> tuple[Float[np.ndarray, "out in freq"] | None, str]:

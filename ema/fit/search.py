@@ -10,7 +10,7 @@ from ema.data import damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
-from ema.fit.narrow import caution, tones
+from ema.fit.narrow import caution, on_narrow_peak, tones
 from ema.fit.policy import POLICY, passes_for_mode
 
 MISFIT = 0.2
@@ -30,7 +30,11 @@ _TRIAL_DAMPING = np.array([0.001, 0.005, 0.02, 0.06])
 _OUTSIDE = np.array([0.003, 0.01, 0.02, 0.04, 0.08, 0.16])
 """Distances from the edges of the band, over its width, at which resonances outside it are tried."""
 _CHANCE = 0.01
-"""Probability with which noise alone passes for a resonance outside the band."""
+"""Probability with which noise alone passes for a resonance outside the band, or for a weak one somewhere in it."""
+_TRIED = 200
+"""Trial poles in one search: the best of so many explains by chance what a single one hardly ever does."""
+_WEAK = 6
+"""Weak resonances that are added in one search at most. Of 180 random systems few have more than two."""
 
 
 def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int) -> Fit:
@@ -127,6 +131,51 @@ def beyond(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
         if kept and fit.cost - larger.cost > required and np.all(larger.share >= estimator.RANK):
             fit = larger
     return fit
+
+
+def weak(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
+    """Add resonances in the band that noise hardly explains, though they explain less than a mode has to.
+
+    They stay in the background. Left out, they move wide modes beside them, whose intervals do not know of them. Takes
+    the residual for noise.
+    """
+    freedom = 2 * (data.outputs + data.references)
+    tried = np.zeros(0, complex)
+    for _ in range(_WEAK):
+        noise = Noise.of(data, fit)
+        trials = np.concatenate([_trials(band, _peaks(data, noise.power.mean(axis=0))), _around(fit, band)])
+        trials = trials[np.all(np.abs(trials[:, None] - tried) > np.abs(trials.real)[:, None], axis=1)]
+        # There noise is largest, and the average over FRFs and lines does not know how large.
+        trials = trials[~on_narrow_peak(trials, fit.poles, data.line)]
+        if not len(trials):
+            break
+        gain, vectors = mode_gains(data, fit, trials)
+        limit = passes_for_weak(freedom) / passes_for_mode(freedom, len(data.s))
+        required = limit * noise.explains(data, trials, vectors, fit, gain)
+        best = int(np.argmax(gain / required))
+        if gain[best] <= required[best]:
+            break
+        larger = estimator.refine(data, estimator.with_modes(data, fit, trials[[best]], vectors[[best]]), 30)
+        sound = np.all(larger.poles.real < 0) and np.all(larger.share >= estimator.RANK)
+        sound &= not on_narrow_peak(larger.poles[-1:], larger.poles[:-1], data.line)[0]
+        if sound and fit.cost - larger.cost > required[best]:
+            fit = larger
+        else:
+            tried = np.append(tried, trials[best])
+            if len(tried) > _FAILURES:
+                break
+    return fit
+
+
+def passes_for_weak(freedom: int) -> float:
+    """Energy that noise hardly explains at the best of all trial poles (Bonferroni), for so many unknowns."""
+    return float(scipy.stats.chi2.isf(_CHANCE / _TRIED, freedom))
+
+
+def evidence(data: Observations, fit: Fit) -> Float[np.ndarray, "pole"]:
+    """Energy that each pole explains over what a mode has to explain, for it does so somewhere in noise."""
+    noise = passes_for_mode(2 * (data.outputs + data.references), len(data.s)) * fit.variance_factor(data)
+    return estimator.gains(fit) / np.maximum(noise * caution(fit.poles, fit.poles, data.line), 1e-300)
 
 
 @dataclass(frozen=True)

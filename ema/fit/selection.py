@@ -20,7 +20,7 @@ from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
 from ema.fit.policy import POLICY, passes_for_mode
 from ema.fit.prepare import Prepared
-from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prune, search
+from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prune, search, weak
 
 _ROUNDS = 100
 _SPREAD = 2.0
@@ -98,6 +98,15 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
         trusted=trusted,
         dropped=tuple(lost),
     )
+
+
+def with_weak(chosen: Selection, band: tuple[float, float]) -> Selection:
+    """The selection with the resonances that are too weak to be modes (`ema.fit.search.weak`), where it is noise that
+    they are weak against.
+    """
+    fit = weak(chosen.data, chosen.fit, band) if chosen.trusted else chosen.fit
+    added = np.ones(len(fit.poles) - len(chosen.fit.poles))
+    return replace(chosen, fit=fit, possible=like_modes(fit.poles, band), alone=np.append(chosen.alone, added))
 
 
 def extended(
