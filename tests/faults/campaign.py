@@ -124,7 +124,9 @@ def _judged(subject: Any, folder: Path, what: str, status: int, lines: list[str]
         subject.check(folder, list(announced))
         again, more = ended(*forked(lambda report: subject.work(folder, 1, report)))
         assert again == FINE, f"the next start ended with {again}: {' '.join(more[-12:])}"
-        subject.check(folder, [line for line in announced if " " in line] if subject.name == "record" else more)
+        twice = [line for line in more if line.startswith("computing ") and f"finished {line[10:]}" in announced]
+        assert not twice, f"finished before, and again {twice}"
+        subject.check(folder, [*announced, *more])
         subject.finished(folder)
     except Exception as error:
         return Outcome(what, status, announced, f"{type(error).__name__}: {str(error)[:500]}")

@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 pytest.importorskip("fcntl", reason="processes are forked")
 
 from ema import report
+from ema.place import shortlist
 from ema.study import chain
 from tests.faults import campaign
 from tests.faults.operations import HOWS
-from tests.faults.subjects import Measuring, Saving, Studying
+from tests.faults.subjects import Mapping, Measuring, Placing, Saving, Studying
 
 SAMPLE = {"save": 4, "record": 3}
 """Disturbances of each kind that the suite has time for."""
@@ -41,14 +43,19 @@ def test_at_any_moment(subject, name: str):
 
 
 @pytest.mark.slow
-def test_a_study_at_some_operations(monkeypatch):
-    for module, name in ((chain, "analyse"), (report, "write")):
-        # The subject replaces them in its own process, which is that of all other tests.
+@pytest.mark.parametrize("subject", [Studying(report=False), Mapping(), Placing()], ids=lambda one: one.name)
+def test_a_study_a_map_and_a_placement_at_some_operations(subject, monkeypatch):
+    for module, name in (
+        (chain, "analyse"),
+        (report, "write"),
+        (Figure, "savefig"),
+        (shortlist, "answer"),
+    ):
+        # The subjects replace them in their own process, which is that of all other tests.
         monkeypatch.setattr(module, name, getattr(module, name))
-    subject = Studying(report=False)
     operations = campaign.operations_of(subject)
     renames = [n for n, one in enumerate(operations) if one.startswith("rename")]
-    for number, how in zip(renames, ("before", "after", "full"), strict=True):
+    for number, how in zip((renames[0], renames[1], renames[-1]), ("before", "after", "full"), strict=True):
         assert campaign.at_operation(subject, number, how).wrong == ""
 
 
