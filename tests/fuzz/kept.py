@@ -39,6 +39,10 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "no-direction.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # the sign of a direction is another byte, which Python takes for a blank
     "sign-of-a-direction.uff": lambda one: one.named == 1 and len(one.signals) == 1,
+    # a byte in front of the number of a node that Python takes for a blank; a value of the next function is changed
+    "blank-of-a-node.uff": lambda one: one.named == 1 and len(one.signals) == 2,
+    # the same in the node of the reference
+    "blank-of-a-reference.uff": lambda one: "is no number" in one.refusal,
     # the last number of a line cut away between two full lines, in a function of three lines
     "line-cut.uff": lambda one: one.named == 1 and len(one.signals) == 1,
     # rows that are none: in front of, within and behind the table
