@@ -1,5 +1,6 @@
 """Disturb a subject in a forked process, check what is left, and let the next start finish the work."""
 
+import atexit
 import os
 import shutil
 import signal
@@ -141,6 +142,7 @@ class _prepared:
     def __init__(self, subject: Any) -> None:
         if subject.name not in self._masters:
             master = Path(tempfile.mkdtemp(prefix=f"faults-{subject.name}-"))
+            atexit.register(shutil.rmtree, master, ignore_errors=True)
             subject.prepare(master)
             self._masters[subject.name] = master
         self._base = Path(tempfile.mkdtemp(prefix="faults-"))

@@ -77,9 +77,11 @@ def _signal(values: Any) -> tuple[Any, Any]:
 
 def _mode(pole: complex, nodes: Any, shape: Any, modal_a: complex) -> dict[str, tuple[Any, Any]]:
     """A mode by its pole: pole, and squares of its values for unit modal mass, which fix no sign."""
-    scale = 2j * pole.imag / modal_a
     name = f"mode at {abs(pole.imag):.3g}"
     found = {name: _signal([pole])}
+    if not modal_a:
+        return found
+    scale = 2j * pole.imag / modal_a
     return found | {f"{name}, node {node}": _signal(scale * np.array(row) ** 2) for node, row in zip(nodes, shape)}
 
 
@@ -134,6 +136,8 @@ class UffModel:
         first = len(_UNITS)
         changed, what, place, goal = line_damage(draw, lines, first, len(lines))
         blind = "records exchanged" if what == "line moved" else ""
+        if what == "line lost" and made.old and len(lines[place].split()) == 7:
+            blind = "a node lost: data set 15 holds no count"
         if what == "line shortened" and len(lines[place].split()) == 1:
             blind = "digits of a number that stands alone"
         return Case(b"\n".join(changed) + b"\n", "damage", f"{what} {place} to {goal}", truth, blind)
