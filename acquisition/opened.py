@@ -29,6 +29,7 @@ class Files:
     def __init__(self, kept: int = _KEPT) -> None:
         self._budget, self._size = kept, 0
         self._contents: OrderedDict[tuple[Path, str], Contents] = OrderedDict()
+        self._stored: dict[Path, bool] = {}
 
     def contents(self, path: Path, options: dict[str, Any]) -> Contents:
         """Everything in the file.
@@ -50,9 +51,15 @@ class Files:
                 self._size -= _size(dropped)
         return found
 
+    def _is_stored(self, path: Path) -> bool:
+        """Whether it is a file of ours; found out once."""
+        if path not in self._stored:
+            self._stored[path] = store.is_store(path)
+        return self._stored[path]
+
     def findings(self, path: Path, options: dict[str, Any]) -> tuple[Finding, ...]:
         """What the reader of the file has to say about it."""
-        return () if store.is_store(path) else self.contents(path, options).findings
+        return () if self._is_stored(path) else self.contents(path, options).findings
 
     def takes(self, path: Path, options: dict[str, Any]) -> tuple[Take, ...]:
         """The records in the file; those of our own files stay on disk until they are read.
@@ -61,7 +68,7 @@ class Files:
         ------
         InputError : the file cannot be read.
         """
-        if store.is_store(path):
+        if self._is_stored(path):
             return tuple(
                 Take(header.record, header.samples, _reader_of(path, header.name, place))
                 for place, header in enumerate(store.describe(path))

@@ -3,6 +3,7 @@
 import re
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 _DIRECTION = re.compile(r"[-+](R?[XYZ])?")
 
 
@@ -11,9 +12,10 @@ def as_text(cell: str) -> str:
 
     Numbers and directions (``-1.5e3``, ``+Z``) stay as they are.
 
-    Source: OWASP, CSV Injection: cells that begin with ``=``, ``+``, ``-``, ``@``, tab or carriage return.
+    Source: OWASP, CSV Injection: cells that begin with ``=``, ``+``, ``-``, ``@``, their full-width
+    forms, tab or a line end.
     """
-    if cell[:1] not in ("=", "+", "-", "@", "\t", "\r", "\n") or not cell:
+    if not cell.startswith(_STARTS):
         return cell
     if _NUMBER.fullmatch(cell) or _DIRECTION.fullmatch(cell):
         return cell

@@ -188,7 +188,11 @@ def _values(rows: list[str], separator: str, decimal: str, columns: int, name: s
     try:
         if decimal == ",":
             rows = [row.replace(",", ".") for row in rows]
-        table_ = [[float(cell) if cell.strip() else np.nan for cell in row.split(separator)[:columns]] for row in rows]
+        cells = [row.split(separator)[:columns] for row in rows]
+        odd = next((cell for row in cells for cell in row if "_" in cell), None)
+        if odd is not None:  # which Python takes for a mark between digits
+            raise ValueError(f"could not convert string to float: {odd!r}")
+        table_ = [[float(cell) if cell.strip() else np.nan for cell in row] for row in cells]
         return np.array([row + [np.nan] * (columns - len(row)) for row in table_])
     except ValueError as error:
         raise InputError(f"a row is no numbers: {error}", where=name) from error

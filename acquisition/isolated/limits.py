@@ -2,10 +2,13 @@
 
 import os
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from zipfile import ZipFile
 
+from acquisition.isolated.memory import Job
 from ema.errors import InputError
 
 _MB = 1 << 20
@@ -14,6 +17,8 @@ SECONDS, SECONDS_PER_MB = 60.0, 20.0
 MB; the rest is for busy machines and slow disks. Halved or doubled, only the wait for a hanging parser changes."""
 CPU_SECONDS, CPU_SECONDS_PER_MB = 5, 10.0
 """The same in processor time, which a busy machine does not lengthen: three times what workbooks take."""
+TOO_MUCH = "it needs more memory than a file of its size should"
+"""What is said of a parser that grows beyond its memory."""
 MEMORY, MEMORY_PER_BYTE = 512 * _MB, 40
 """Bytes beyond the loaded packages, and for each byte of the file: measured peaks are below 15 bytes per byte."""
 UNPACKED, RATIO = 64 * _MB, 100
@@ -78,8 +83,13 @@ def check_zip(path: Path) -> None:
 
 
 def apply(limits: Limits) -> None:
-    """Limit this process from now on: memory where the system can (Linux), processor time (Linux, macOS)."""
+    """Limit this process from now on: memory (Linux, Windows), processor time (Linux, macOS).
+
+    On macOS the parent watches the memory, see :mod:`acquisition.isolated.memory`.
+    """
     if os.name == "nt":
+        with suppress(OSError):  # without a job object the bounds on unpacked data hold
+            _job().limit(limits.memory)
         return
     import resource
     import signal
@@ -98,9 +108,18 @@ def apply(limits: Limits) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (soft if hard == resource.RLIM_INFINITY else min(soft, hard), hard))
 
 
+@cache
+def _job() -> Job:
+    import ctypes
+
+    return Job(ctypes.WinDLL("kernel32"))  # type: ignore[attr-defined]
+
+
 def lift() -> None:
     """Take the limits off between two calls, in which packages are loaded."""
     if os.name == "nt":
+        with suppress(OSError):
+            _job().lift()
         return
     import resource
     import signal

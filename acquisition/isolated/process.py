@@ -10,14 +10,22 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from acquisition.isolated import wire
-from acquisition.isolated.limits import Limits
+from acquisition.isolated import memory, wire
+from acquisition.isolated.limits import TOO_MUCH, Limits
 from ema import errors
 from ema.errors import FailureError, InputError
 
 START_SECONDS = 120.0
 """Seconds for a process to begin or to load a package; a cold disk needs ten."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
+
+WATCHED = sys.platform == "darwin"
+"""Whether the parent watches the memory of the process: macOS has no limit that a process can set for itself."""
+
+
+class _TooMuch(Exception):
+    """The process grew beyond its memory."""
 
 
 class ParserError(Exception):
@@ -42,7 +50,7 @@ class Parsers:
                 wire.send(process.stdin, request)  # type: ignore[arg-type]
                 reply = self._reply(process, START_SECONDS)
                 if "ready" in reply:
-                    reply = self._reply(process, limits.seconds)
+                    reply = self._parsed(process, limits)
             except TimeoutError as error:
                 self._kill()
                 raise InputError(
@@ -51,6 +59,9 @@ class Parsers:
                     got=f"more than {error} s",
                     advice="copy or export it again",
                 ) from error
+            except _TooMuch as error:
+                self._kill()
+                raise ParserError(TOO_MUCH) from error
             except (wire.Broken, OSError) as error:
                 raise self._crashed(path) from error
             except BaseException:  # interrupted inside a message: what follows in the stream is of no use
@@ -82,6 +93,24 @@ class Parsers:
                 self._kill()
                 raise _not_started(f"it found another version at {about['package']}")
         return self._process
+
+    def _parsed(self, process: "subprocess.Popen[bytes]", limits: Limits) -> Any:
+        """The answer of the parser, its memory watched where it cannot limit itself."""
+        if not WATCHED:
+            return self._reply(process, limits.seconds)
+        grown = threading.Event()
+
+        def stop() -> None:
+            grown.set()
+            process.kill()
+
+        with memory.watched(process.pid, limits.memory, stop):
+            try:
+                return self._reply(process, limits.seconds)
+            except wire.Broken:
+                if grown.is_set():
+                    raise _TooMuch from None
+                raise
 
     def _reply(self, process: "subprocess.Popen[bytes]", seconds: float) -> Any:
         """The next message.

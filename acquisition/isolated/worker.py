@@ -71,7 +71,7 @@ def _answer(request: dict[str, Any], sink: Any) -> None:
         fields = {name: None if value is None else str(value) for name, value in fields.items()}
         wire.send(sink, {"error": {"type": type(error).__name__, **fields}})
     except MemoryError:
-        wire.send(sink, {"exception": "it needs more memory than a file of its size should", "system": False})
+        wire.send(sink, {"exception": limits.TOO_MUCH, "system": False})
     except OSError as error:
         wire.send(sink, {"exception": error.strerror or str(error), "system": error.errno is not None})
     except Exception as error:

@@ -6,6 +6,7 @@ import hashlib
 import os
 import platform
 import secrets
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -105,13 +106,17 @@ def mark() -> str:
 
 
 def remove_abandoned(folder: Path, stem: str, suffix: str) -> None:
-    """Remove temporary files ``<stem><mark>-...<suffix>`` whose process was killed on this machine."""
+    """Remove temporary files and folders ``<stem><mark>-...<suffix>`` whose process was killed on this machine."""
     machine = mark().partition("-")[0]
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):
             owner = name.removeprefix(stem).removesuffix(suffix).split("-")
             ours = name.startswith(stem) and name.endswith(suffix) and len(owner) == 3 and owner[0] == machine
-            if ours and owner[1].isdigit() and not _alive(int(owner[1])):
+            if not ours or not owner[1].isdigit() or _alive(int(owner[1])):
+                continue
+            if (folder / name).is_dir():
+                shutil.rmtree(folder / name, ignore_errors=True)
+            else:
                 (folder / name).unlink(missing_ok=True)
 
 

@@ -27,6 +27,10 @@ _KINDS = "biufcS"
 _DAMAGED = "the file is damaged or was not written to its end; read it from a backup or measure again"
 
 
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""How HDF5 files begin that hold nothing in front, as ours do."""
+
+
 @dataclass(frozen=True)
 class Header:
     """What an item of a file is: for a record, all of it but its ``samples`` samples."""
@@ -40,6 +44,9 @@ class Header:
 def is_store(path: str | Path) -> bool:
     """Whether ``path`` is one of our files (of any schema version)."""
     try:
+        with open(path, "rb") as plain:
+            if plain.read(len(_SIGNATURE)) != _SIGNATURE:
+                return False
         with h5py.File(path, "r", locking=False) as file:
             return _ours(file)
     except (OSError, RuntimeError, KeyError):

@@ -17,6 +17,7 @@ from ema.data import Channel, ModalModel
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate import Fault, RovingHammer, VirtualRig
+from ema.store import atomic
 from ema.study import table, work_table, work_table_hammer, work_table_placed, work_table_shaker
 
 VERSION = 2
@@ -47,8 +48,10 @@ def ensure(folder: Path, generator: str, progress: Progress = silent) -> bool:
         )
     if is_generated(folder):
         return False
+    atomic.remove_abandoned(folder, ".raw-", "")
     try:
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".raw-", ignore_cleanup_errors=True) as scratch:
+        prefix = f".raw-{atomic.mark()}-"
+        with tempfile.TemporaryDirectory(dir=folder, prefix=prefix, ignore_cleanup_errors=True) as scratch:
             target = Path(scratch) / RAW
             target.mkdir()
             GENERATORS[generator](target, progress)

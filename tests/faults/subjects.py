@@ -1,6 +1,8 @@
 """Work that writes, and what must hold after it was disturbed: nothing finished lost, the next start goes on."""
 
+import contextlib
 import csv
+import io
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -12,11 +14,12 @@ import numpy as np
 
 import acquisition
 from ema import store
-from ema.data import Channel, Recording, Run, RunResult
+from ema.data import Channel, MapResult, Placement, Recording, Run, RunResult
+from ema.errors import FailureError
 from tests.unit.recording_rig import DrawnImpacts, nothing, rig_folder, session
 
 Report = Callable[[str], None]
-"""What the work has announced as finished, one line each."""
+"""What the work announces, one line each: ``finished X``, ``computing X``, or words of the subject's own."""
 
 
 class Subject(Protocol):
@@ -160,13 +163,13 @@ class Studying:
 
     def work(self, folder: Path, seed: int, report: Report) -> None:
         """Run it, taking what is finished."""
-        from ema.study import Study
+        from ema.study import Study, chain
 
         if not self.report:
-            from ema import report as reports
-
-            reports.write = lambda result, path, formats=(): path
-        Study.load(folder / "recipe.toml").run(progress=_Reporting(report), resume=True)
+            _without_report()
+        chain.analyse = _announced(chain.analyse, report, "computing", lambda run, *rest: run.id)
+        Study._one = _announced(Study._one, report, "finished", lambda study, run, *rest: run.id)  # type: ignore
+        Study.load(folder / "recipe.toml").run(resume=True)
         report("finished")
 
     def check(self, folder: Path, announced: list[str]) -> None:
@@ -186,15 +189,172 @@ class Studying:
 
 
 @dataclass
-class _Reporting:
-    report: Report
+class Mapping:
+    """``map``: a map in a study, which is kept and taken up again, and the files of ``ema map``."""
 
-    def __call__(self, what: str, done: int, total: int) -> None:
-        """Nothing to show."""
+    name: str = "map"
 
-    def note(self, sentence: str) -> None:
-        """Pass it on."""
-        self.report(sentence)
+    def prepare(self, folder: Path) -> None:
+        """Stepped sines at two levels and two normal forces; what has to be compiled or loaded is."""
+        from tests.unit import test_map_campaign
+
+        test_map_campaign.campaign(folder / "campaign")
+        (folder / "recipe.toml").write_text('campaign = "campaign"\n[[map]]\nnear = 495\n', encoding="utf-8")
+        _without_report()
+        _blank_pictures()
+        self.work(folder, 0, lambda line: None)
+        shutil.rmtree(folder / "_build")
+        shutil.rmtree(folder / "out")
+
+    def work(self, folder: Path, seed: int, report: Report) -> None:
+        """The study, and the command."""
+        from ema.study import Study, mapping
+
+        computed = mapping.mapped
+        mapping.mapped = _announced(computed, report, "computing", lambda *rest: "map")
+        saved, Study._map = Study._map, _announced(Study._map, report, "finished", lambda *rest: "map")  # type: ignore
+        Study.load(folder / "recipe.toml").run(resume=True)
+        mapping.mapped, Study._map = computed, saved  # type: ignore[method-assign]
+        command("map", str(folder / "campaign"), "--near", "495", "--out", str(folder / "out"))
+        report("finished")
+
+    def check(self, folder: Path, announced: list[str]) -> None:
+        """What is there can be read, and all of it is there when the command has ended."""
+        for path in [*folder.glob("_build/**/*.h5"), *folder.glob("out/*.h5")]:
+            assert store.load(path) is not None
+        for path in folder.glob("out/*.csv"):
+            assert len(path.read_text(encoding="utf-8").splitlines()) == 5
+        for path in folder.glob("out/*.svg"):
+            assert path.read_text(encoding="utf-8").rstrip().endswith("</svg>")
+        for path in folder.glob("out/*.png"):
+            assert b"IEND" in path.read_bytes()[-12:]
+        if "finished" in announced:
+            assert len(list((folder / "out").iterdir())) == 8
+
+    def finished(self, folder: Path) -> None:
+        """Eight files of the command, and nothing else."""
+        assert isinstance(store.load(folder / "out" / "mode_near_495_Hz.h5"), MapResult)
+        assert len(store.load(folder / "_build" / "recipe.h5").maps) == 1
+        assert len(list((folder / "out").iterdir())) == 8 and remains(folder) == []
+
+
+@dataclass
+class Placing:
+    """``place``: the search for the place of a beam on the work table, with pictures and report."""
+
+    name: str = "place"
+
+    def prepare(self, folder: Path) -> None:
+        """Modes of the table and a recipe; places are computed once and their answers kept in this process."""
+        from ema.place import shortlist
+        from tests.unit.placement_rig import write_recipe
+
+        write_recipe(folder)
+        solved, known = shortlist.answer, dict[str, Any]()
+
+        def once(question: shortlist.Question) -> Any:
+            name = shortlist.fingerprint_of(question)
+            if name not in known:
+                known[name] = solved(question)
+            return known[name]
+
+        shortlist.answer = once
+        _blank_pictures()
+        self.work(folder, 0, lambda line: None)
+        shutil.rmtree(folder / "out")
+
+    def work(self, folder: Path, seed: int, report: Report) -> None:
+        """The command."""
+        from ema.place import shortlist
+
+        solved, kept, keep = shortlist.answer, shortlist.KeptPlaces, shortlist.KeptPlaces.keep
+        shortlist.answer = _announced(solved, report, "computing", shortlist.fingerprint_of)
+        kept.keep = _announced(keep, report, "finished", lambda places, question, answer: question)  # type: ignore
+        command("place", str(folder / "place.toml"), "--output", str(folder / "out"), "--resume")
+        shortlist.answer, kept.keep = solved, keep  # type: ignore[method-assign]
+        report("finished")
+
+    def check(self, folder: Path, announced: list[str]) -> None:
+        """Places announced are there, and what is there can be read."""
+        for line in announced:
+            what, _, place = line.partition(" ")
+            assert what != "finished" or not place or list(folder.glob(f"out/checked/{place}-*.npy")), line
+        for path in folder.glob("out/checked/*.npy"):
+            np.load(path, allow_pickle=False)
+        for path in folder.glob("out/*.h5"):
+            assert isinstance(store.load(path), Placement)
+        for path in folder.glob("out/*.html"):
+            assert path.read_text(encoding="utf-8").rstrip().endswith("</html>")
+        if "finished" in announced:
+            assert (folder / "out" / "placement.html").is_file()
+
+    def finished(self, folder: Path) -> None:
+        """Places, store, pictures, report and tables, and nothing else."""
+        places = store.load(folder / "out" / "placement.h5").ranking
+        assert len(list((folder / "out" / "checked").iterdir())) == len(places.shortlist) >= 3
+        assert (folder / "out" / "placement.html").stat().st_size > 10_000
+        assert len(list((folder / "out").glob("*.svg"))) == len(list((folder / "out").glob("*.png"))) == 2
+        assert (folder / "out" / "placement_tables" / "places.csv").is_file()
+        assert remains(folder) == []
+
+
+def command(*arguments: str) -> None:
+    """A command of ``ema`` in this process.
+
+    Raises
+    ------
+    FailureError : it ended with one sentence.
+    KeyboardInterrupt : it was interrupted.
+    AssertionError : it ended in any other way.
+    """
+    from ema.cli.app import app
+
+    said, status = io.StringIO(), 0
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+        try:
+            app(list(arguments), standalone_mode=False)
+        except SystemExit as ended:
+            status = int(ended.code or 0)
+    lines = said.getvalue().splitlines()
+    sentences = [line for line in lines if line.startswith("ema: ")]
+    if status == 130:
+        raise KeyboardInterrupt
+    if status not in (0, 1):
+        assert len(sentences) == 1 and lines[-1] == sentences[0] and "a fault in ema itself" not in lines[-1], lines
+        raise FailureError(sentences[0])
+
+
+def _announced(work: Callable[..., Any], report: Report, what: str, name: Callable[..., str]) -> Callable[..., Any]:
+    """``work``, which announces what it is about to compute, or what is finished after it."""
+
+    def announcing(*arguments: Any) -> Any:
+        if what == "computing":
+            report(f"{what} {name(*arguments)}")
+        result = work(*arguments)
+        if what == "finished":
+            report(f"{what} {name(*arguments)}")
+        return result
+
+    return announcing
+
+
+def _blank_pictures() -> None:
+    """Pictures are written as ever but show nothing: drawing takes most of the time, and no operation on the disk."""
+    from matplotlib.figure import Figure
+
+    save = Figure.savefig
+
+    def blank(figure: Figure, *arguments: Any, **options: Any) -> None:
+        figure.clear()
+        save(figure, *arguments, **options)
+
+    Figure.savefig = blank  # type: ignore[method-assign]
+
+
+def _without_report() -> None:
+    from ema import report as reports
+
+    reports.write = lambda result, path, formats=(): path
 
 
 @dataclass
@@ -214,4 +374,6 @@ SUBJECTS: dict[str, Callable[[], Any]] = {
     "record": Measuring,
     "run": Studying,
     "run-without-report": partial(Studying, report=False),
+    "map": Mapping,
+    "place": Placing,
 }

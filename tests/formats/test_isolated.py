@@ -1,19 +1,22 @@
 """Foreign parsers run in a process of their own: crashes, hangs and growth of theirs end in one sentence here."""
 
+import ctypes
 import gzip
 import os
 import subprocess
 import sys
+import threading
 import time
 import zipfile
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import acquisition
-from acquisition.isolated import limits, process, wire
+from acquisition.isolated import limits, memory, process, wire
 from ema.errors import InputError
 
 ROOT = Path(acquisition.__file__).resolve().parent.parent
@@ -73,7 +76,6 @@ def test_a_parser_that_never_ends_is_stopped(
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 def test_a_crash_is_one_sentence(tmp_path: Path, npz: Path, parsers: process.Parsers) -> None:
     import signal
-    import threading
 
     parsers.call("npz", npz, {})
     os.mkfifo(tmp_path / "never.gz")
@@ -260,3 +262,87 @@ def test_messages_hold_arrays_and_texts_and_nothing_that_runs(tmp_path: Path) ->
             file.seek(0)
             with pytest.raises(wire.Broken):
                 wire.receive(file)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a named pipe")
+def test_a_parser_that_grows_is_ended_by_the_parent_where_it_cannot_limit_itself(
+    tmp_path: Path, npz: Path, parsers: process.Parsers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on macOS: 50 MB come out of a pipe that then stays open, 20 MB more than at the beginning are allowed."""
+    parsers.call("npz", npz, {})
+    if not memory.resident(os.getpid()):
+        pytest.skip("this system does not tell how much memory a process holds")
+    monkeypatch.setattr(process, "WATCHED", True)
+    monkeypatch.setattr(limits, "MEMORY", 20 << 20)
+    os.mkfifo(tmp_path / "grows.gz")
+    release = threading.Event()
+
+    def feed() -> None:
+        with suppress(BrokenPipeError), (tmp_path / "grows.gz").open("wb") as pipe:
+            pipe.write(gzip.compress(bytes(50 << 20)))
+            pipe.flush()
+            release.wait(60)
+
+    feeder = threading.Thread(target=feed)
+    feeder.start()
+    try:
+        with pytest.raises(process.ParserError, match="more memory than a file of its size should"):
+            parsers.call("gzip", tmp_path / "grows.gz", {})
+    finally:
+        release.set()
+        feeder.join()
+    assert parsers.call("npz", npz, {})["left"] == []
+
+
+class Kernel:
+    """Stands for kernel32: keeps what it is called with, and says that 1 GB is committed."""
+
+    def __init__(self, refusing: str = "") -> None:
+        self.limits: list[tuple[int, int, int]] = []
+        for name in ("GetCurrentProcess", "CreateJobObjectW", "AssignProcessToJobObject"):
+            setattr(self, name, self._function(0 if name == refusing else 7))
+        self.K32GetProcessMemoryInfo = self._commit
+        self.SetInformationJobObject = self._set
+
+    def _function(self, value: int):
+        def function(*arguments: object) -> int:
+            return value
+
+        return function
+
+    def _commit(self, handle: object, counters, size: ctypes.c_uint32) -> int:
+        assert size.value == 72  # PROCESS_MEMORY_COUNTERS of 64 bits; PagefileUsage is its ninth field, at 56
+        ctypes.c_size_t.from_address(ctypes.addressof(counters._obj) + 56).value = 1 << 30
+        return 1
+
+    def _set(self, job: ctypes.c_void_p, kind: int, limits_, size: ctypes.c_uint32) -> int:
+        assert job.value == 7 and kind == 9 and size.value == 144
+        at = ctypes.addressof(limits_._obj)  # LimitFlags stand at 16, ProcessMemoryLimit at 112
+        flags, most = ctypes.c_uint32.from_address(at + 16).value, ctypes.c_size_t.from_address(at + 112).value
+        self.limits.append((kind, flags, most))
+        return 1
+
+
+@pytest.mark.skipif(ctypes.sizeof(ctypes.c_void_p) != 8, reason="offsets of 64 bits")
+def test_a_job_object_bounds_what_a_process_commits_beyond_what_it_has() -> None:
+    """Offsets and codes are those of winnt.h (JOBOBJECT_EXTENDED_LIMIT_INFORMATION, JOB_OBJECT_LIMIT_PROCESS_MEMORY)."""
+    kernel = Kernel()
+    job = memory.Job(kernel)
+    job.limit(512 << 20)
+    job.lift()
+    assert kernel.limits == [(9, 0x100, (1 << 30) + (512 << 20)), (9, 0, 0)]
+    for refused in ("CreateJobObjectW", "AssignProcessToJobObject"):
+        with pytest.raises(OSError, match=refused):
+            memory.Job(Kernel(refused))
+
+
+def test_the_resident_size_is_taken_from_what_libproc_fills_in() -> None:
+    """PROC_PIDTASKINFO is 4 and fills 96 bytes; the second of them, at 8, is pti_resident_size (sys/proc_info.h)."""
+
+    def proc_pidinfo(process_: int, flavor: int, argument: object, about, size: int) -> int:
+        assert (process_, flavor, size) == (12, 4, 96)
+        ctypes.c_uint64.from_address(ctypes.addressof(about._obj) + 8).value = 123_456
+        return 96
+
+    assert memory.resident_by(proc_pidinfo, 12) == 123_456
+    assert memory.resident_by(lambda *_: 0, 12) == 0

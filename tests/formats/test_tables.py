@@ -196,3 +196,22 @@ def test_long_tables_are_read_at_once(tmp_path: Path, decimal: str) -> None:
     spent = time.process_time() - start
     np.testing.assert_allclose(contents.frfs[0].values[:, 0, 0], values[:, 1] + 1j * values[:, 2], rtol=1e-9)
     assert spent < 0.5, "line by line it takes a second and more"
+
+
+def test_a_delimiter_within_quotation_marks_belongs_to_the_title(tmp_path: Path) -> None:
+    rows = "\n".join(f'"{n / 100:.2f}","{n / 7:.6f}","{-n / 9:.6f}"' for n in range(50))
+    (tmp_path / "a.csv").write_text(f'"Time (s)","Force, hammer (N)","Acc (m/s^2)"\n{rows}\n')
+    (record,) = acquisition.read(tmp_path / "a.csv").recordings
+    assert [(channel.name, channel.unit) for channel in record.channels] == [("Force, hammer", "N"), ("Acc", "m/s^2")]
+    np.testing.assert_allclose(record.signals, [np.arange(50) / 7, -np.arange(50) / 9], atol=1e-6)
+
+
+def test_a_line_between_digits_is_no_number(tmp_path: Path) -> None:
+    """Python reads 1_0 as 10."""
+    rows = [f"{n / 1000:.3f}\t{n / 7:.6f}" for n in range(50)]
+    rows[20] = "0.020\t2_.857143".replace("2_.", "2_0.")
+    head = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\t\n"
+    about = "Channels\t1\nSamples\t50\nX0\t0.0\nDelta_X\t0.001\n***End_of_Header***\t\nX_Value\tacc\tComment\n"
+    (tmp_path / "a.lvm").write_text(head + about + "\n".join(rows) + "\n")
+    with pytest.raises(InputError, match="2_0"):
+        acquisition.read(tmp_path / "a.lvm")

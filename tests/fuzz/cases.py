@@ -146,7 +146,10 @@ def judged(subject: Subject, case: Case, path: Path) -> str:
         return "named"
     if case.blind:
         return f"blind: {case.blind}"
-    if any(same(there.signals, other) for other in others):
+    complete = (
+        others and not inexact and there.signals.keys() == case.truth.keys()
+    )  # each is exact or read so by others
+    if complete or any(same(there.signals, other) for other in others):
         return "independent"
     return f"wrong: {_difference(there.signals, case.truth)}" + (" though something is named" if there.named else "")
 

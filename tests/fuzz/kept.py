@@ -8,6 +8,7 @@ from pathlib import Path
 from acquisition.files import matrices
 from ema.errors import EmaError
 from tests.fuzz.cases import Reading, channels, reading
+from tests.fuzz.uff_model import contents_of
 
 KEPT = Path(__file__).parent / "kept"
 
@@ -19,7 +20,12 @@ def _read(path: Path) -> Reading:
         except EmaError as error:
             return Reading(refusal=str(error))
         return Reading()
-    return reading(path, channels)
+    return reading(path, contents_of if path.suffix == ".unv" else channels)
+
+
+def _count(one: Reading, what: str) -> int:
+    """How many signals of a kind there are; of a mode its pole and its values at every node."""
+    return sum(name.startswith(what) for name in one.signals)
 
 
 EXPECTED: dict[str, Callable[[Reading], bool]] = {
@@ -39,8 +45,24 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "no-direction.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # the sign of a direction is another byte, which Python takes for a blank
     "sign-of-a-direction.uff": lambda one: one.named == 1 and len(one.signals) == 1,
+    # a byte in front of the number of a node that Python takes for a blank; a value of the next function is changed
+    "blank-of-a-node.uff": lambda one: one.named == 1 and len(one.signals) == 2,
+    # the same in the node of the reference
+    "blank-of-a-reference.uff": lambda one: "is no number" in one.refusal,
     # the last number of a line cut away between two full lines, in a function of three lines
     "line-cut.uff": lambda one: one.named == 1 and len(one.signals) == 1,
+    # geometry and modes: the title of a trace line lost, so that its nodes were taken for it
+    "trace-line-without-title.unv": lambda one: one.named == 1 and _count(one, "line") == 1,
+    # all elements behind a blank record were lost
+    "blank-element.unv": lambda one: one.named == 1 and _count(one, "face") == 0,
+    # the last coordinate of a node cut short; a line within one, which Python takes for a mark between digits
+    "coordinate-cut.unv": lambda one: one.named >= 1 and _count(one, "node") == 0,
+    "line-in-a-coordinate.unv": lambda one: one.named >= 1 and _count(one, "node") == 0,
+    # all nodes of a shape behind a blank one were lost
+    "blank-node.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
+    # a data type that does not exist: real and imaginary parts were taken for the values of three directions
+    "data-type-7.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
+    "shape-cut.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
     # rows that are none: in front of, within and behind the table
     "first-row.csv": lambda one: "holds no numbers" in one.refusal,
     "two-rows.csv": lambda one: "holds no numbers" in one.refusal,

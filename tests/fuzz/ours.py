@@ -2,6 +2,7 @@
 
 import random
 import tempfile
+import tomllib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-import acquisition
+from acquisition import campaign_file
 from acquisition.files import matrices
 from ema import store
 from ema.data import Channel, Recording
@@ -175,7 +176,7 @@ class Store:
         return []
 
 
-_CAMPAIGN = b"""[campaign]
+_CAMPAIGN = """[campaign]
 name = "A table"
 files = "data"
 
@@ -183,57 +184,96 @@ files = "data"
 name = "hammer"
 role = "reference"
 unit = "N"
-sensitivity = 2.3e-3
+sensitivity = "2.3 mV/N"
 dof = "{point}:+Z"
 
 [[channels]]
 name = "acc 1"
-unit = "g"
-sensitivity = 0.1
+unit = "m/s^2"
+sensitivity = "100 mV/g"
 dof = "1:+Z"
 
-[joints]
-names = ["a", "b"]
+[[joints]]
+name = "a"
+load_cell = "ring 17"
 
 [[runs]]
 id = "bare"
 kind = "hammer"
-files = "bare_{point}.uff"
-temperature = 21.5
+files = ["bare_1.uff", "bare_2.uff"]
+temperature = "21.5 degC"
 
 [[runs]]
 id = "beam_1kN"
 kind = "hammer"
-files = "beam_{point}.uff"
-normal_force = [{joint = "a", mean = "1.0 kN", std = "20 N"}]
+files = "beam.uff"
+averages = 5
+normal_force = [{joint = "a", value = "1.0 kN", std = "20 N", run_in = 3}]
 """
+
+_EDITS = (
+    ('"2.3 mV/N"', ('"2.4 mV/N"', '"11.2 mV/lbf"', '"0.004 V/N"')),
+    ('"21.5 degC"', ('"-3 degC"', '"300 K"')),
+    ("averages = 5", ("averages = 1", "averages = 1_000", "averages = 0x10")),
+    ('"1.0 kN"', ('"1250 N"', "'2 kN'", '"0.5\\u0020kN"')),
+    ('"acc 1"', ('"acc 2"', '"Ger\u00e4t 1"')),
+    ("[[joints]]", ("# a comment\n[[joints]]", "\r\n[[joints]]")),
+)
+"""Texts of the campaign, and what may stand there instead."""
 
 
 @dataclass
 class Toml:
-    """Campaign files: contents or one sentence, whatever they say."""
+    """Campaign files: every key as it stands there, or one sentence; the other parser is that of the standard library."""
 
     name: str = "toml"
     suffix: str = ".toml"
 
     def case(self, draw: random.Random) -> Case:
         """A mutated campaign file."""
-        if draw.random() < 0.5:
-            data, what = noise(draw, _CAMPAIGN)
+        text, kind = _CAMPAIGN, draw.choice(("edit", "lines", "noise"))
+        for old, others in draw.sample(_EDITS, draw.randrange(3)):
+            text = text.replace(old, draw.choice(others))
+        truth = _keys(tomllib.loads(text))
+        data = text.encode()
+        if kind == "edit":
+            return Case(data, "edit", "values", truth)
+        if kind == "noise":
+            data, what = noise(draw, data)
         else:
-            lines, what, _, _ = line_damage(draw, _CAMPAIGN.split(b"\n"), 0, _CAMPAIGN.count(b"\n"))
+            lines, what, _, _ = line_damage(draw, data.split(b"\n"), 0, data.count(b"\n"))
             data = b"\n".join(lines)
-        return Case(data, "noise", what, {}, "not compared")
+        return Case(data, "noise", what, truth)
 
     def read(self, path: Path) -> Reading:
-        """Whether it is refused; there are no data files, so that it always should be."""
+        """The keys that are set."""
         try:
-            acquisition.open_campaign(path)
+            return Reading(_keys(campaign_file.load(path).model_dump(exclude_unset=True)))
         except EmaError as error:
             assert "\n" not in str(error) and "Traceback" not in str(error), str(error)
             return Reading(refusal=str(error))
-        return Reading()
 
     def independent(self, path: Path) -> list[Signals]:
-        """Nothing to compare."""
-        return []
+        """What the standard library reads."""
+        try:
+            return [_keys(tomllib.loads(path.read_bytes().decode()))]
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+            return []
+
+
+def _keys(tree: Any, name: str = "") -> dict[str, tuple[Any, Any]]:
+    """Every leaf of a tree as the codes of its text without blanks about it; one file is a list of one table."""
+    found: dict[str, tuple[Any, Any]] = {}
+    if isinstance(tree, dict):
+        for key, value in tree.items():
+            if key == "files" and name.startswith("runs"):
+                value = value if isinstance(value, list) else [value]
+                value = [{"file": item} if isinstance(item, str) else item for item in value]
+            found |= _keys(value, f"{name}.{key}".lstrip("."))
+        return found
+    if isinstance(tree, list):
+        for number, value in enumerate(tree):
+            found |= _keys(value, f"{name}[{number}]")
+        return found
+    codes = np.array([ord(letter) for letter in str(tree).strip()], dtype=float)
+    return {name: (np.arange(len(codes), dtype=float), codes)}

@@ -7,9 +7,11 @@ from tests.fuzz.containers import CONTAINERS
 from tests.fuzz.ours import Matrix, Store, Toml
 from tests.fuzz.tables import Json, Lvm, Table
 from tests.fuzz.uff import Uff
+from tests.fuzz.uff_model import UffModel
 
 SUBJECTS: dict[str, Callable[[], Subject]] = {
     "uff": Uff,
+    "uff-model": UffModel,
     "table": Table,
     "lvm": Lvm,
     "json": Json,

@@ -11,7 +11,20 @@ from ema.report.files import as_csv
 
 
 @pytest.mark.parametrize(
-    "text", ["=cmd|' /C calc'!A0", "+1+cmd", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "=1e999", "+Z()", "-1=2"]
+    "text",
+    [
+        "=cmd|' /C calc'!A0",
+        "+1+cmd",
+        "-2+3",
+        "@SUM(A1)",
+        "\t=1",
+        "\r=1",
+        "=1e999",
+        "+Z()",
+        "-1=2",
+        "\uff1d1+1",
+        "\uff20SUM(A1)",
+    ],
 )
 def test_what_a_spreadsheet_would_run_is_text(text: str) -> None:
     assert as_text(text) == "'" + text

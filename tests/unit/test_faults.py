@@ -5,18 +5,22 @@ A sample with fixed seeds; ``python -m tests.faults`` does all of it with fresh 
 
 import os
 import random
+import signal
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 pytest.importorskip("fcntl", reason="processes are forked")
 
 from ema import report
-from ema.study import chain
+from ema.place import shortlist
+from ema.store import atomic
+from ema.study import builtin, chain
 from tests.faults import campaign
 from tests.faults.operations import HOWS
-from tests.faults.subjects import Measuring, Saving, Studying
+from tests.faults.subjects import Mapping, Measuring, Placing, Saving, Studying
 
 SAMPLE = {"save": 4, "record": 3}
 """Disturbances of each kind that the suite has time for."""
@@ -41,14 +45,19 @@ def test_at_any_moment(subject, name: str):
 
 
 @pytest.mark.slow
-def test_a_study_at_some_operations(monkeypatch):
-    for module, name in ((chain, "analyse"), (report, "write")):
-        # The subject replaces them in its own process, which is that of all other tests.
+@pytest.mark.parametrize("subject", [Studying(report=False), Mapping(), Placing()], ids=lambda one: one.name)
+def test_a_study_a_map_and_a_placement_at_some_operations(subject, monkeypatch):
+    for module, name in (
+        (chain, "analyse"),
+        (report, "write"),
+        (Figure, "savefig"),
+        (shortlist, "answer"),
+    ):
+        # The subjects replace them in their own process, which is that of all other tests.
         monkeypatch.setattr(module, name, getattr(module, name))
-    subject = Studying(report=False)
     operations = campaign.operations_of(subject)
     renames = [n for n, one in enumerate(operations) if one.startswith("rename")]
-    for number, how in zip(renames, ("before", "after", "full"), strict=True):
+    for number, how in zip((renames[0], renames[1], renames[-1]), ("before", "after", "full"), strict=True):
         assert campaign.at_operation(subject, number, how).wrong == ""
 
 
@@ -76,3 +85,28 @@ def test_the_campaign_finds_out_who_writes_carelessly():
     number = operations.index("write a.h5")
     assert "InputError" in campaign.at_operation(subject, number, "before").wrong
     assert "InputError" in campaign.at_operation(subject, number, "half").wrong
+
+
+def test_a_generator_of_a_built_in_campaign_that_was_killed_leaves_nothing_behind(tmp_path, monkeypatch):
+    """The folder with what it had written of hundreds of megabytes stayed for ever."""
+
+    def generate(target: Path, progress) -> None:
+        (target / "a.h5").write_bytes(bytes(100_000))
+        if not (tmp_path / "again").exists():
+            os.kill(os.getpid(), signal.SIGKILL)
+        (target / builtin.TRUTH).write_text(f"version = {builtin.VERSION}\n")
+
+    monkeypatch.setitem(builtin.GENERATORS, "small", generate)
+    (tmp_path / "campaign").mkdir()
+    other = tmp_path / "campaign" / f".raw-{atomic.mark()}-alive"
+    other.mkdir()
+    child = os.fork()
+    if not child:
+        builtin.ensure(tmp_path / "campaign", "small")
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+    assert len(list((tmp_path / "campaign").iterdir())) == 2
+    (tmp_path / "again").touch()
+    assert builtin.ensure(tmp_path / "campaign", "small")
+    assert {path.name for path in (tmp_path / "campaign").iterdir()} == {"raw", other.name}
+    assert not builtin.ensure(tmp_path / "campaign", "small")

@@ -1,12 +1,12 @@
 """Nodes (15, 2411), coordinate systems (18, 2420), trace lines (82) and elements (2412) become a geometry."""
 
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from acquisition.files.uff import records
 from acquisition.files.uff.header58 import integer, text_of
 from acquisition.files.uff.unit_system import UnitSystem
 from ema.data import Finding, Geometry
@@ -63,39 +63,51 @@ class Parts:
     units: UnitSystem = UnitSystem()
 
 
-def _numbers(lines: Iterable[bytes]) -> list[float]:
-    return [float(word) for line in lines for word in line.replace(b"D", b"E").replace(b"d", b"e").split()]
-
-
 def nodes15(parts: Parts, lines: list[bytes]) -> None:
     """Nodes with coordinates in their definition system."""
-    for line in lines:
-        text = text_of(line)
-        if not text.strip():
-            continue
-        words = text.split()
-        if len(words) < 7:  # numbers that touch: fixed columns
-            words = [text[a : a + 10] for a in (0, 10, 20, 30)] + [text[a : a + 13] for a in (40, 53, 66)]
-        xyz = np.array([float(word.replace("D", "E")) for word in words[4:7]])
-        parts.nodes[int(words[0])] = (int(words[1]), int(words[2]), xyz)
+    rows, nodes = [], dict[int, tuple[int, int, Any]]()
+    for line in records.inside(lines):
+        row = records.words(line)
+        if len(row) < 7:  # numbers that touch: fixed columns
+            text = text_of(line)
+            row = [text[a : a + 10].strip() for a in (0, 10, 20, 30)] + [text[a : a + 13] for a in (40, 53, 66)]
+        rows.append(row[4:7])
+        _add(nodes, int(row[0]), int(row[1]), int(row[2]), row[4:])
+    records.whole(rows)
+    parts.nodes |= nodes
 
 
 def nodes2411(parts: Parts, lines: list[bytes]) -> None:
     """Nodes with coordinates in the part's system."""
-    records = [line for line in lines if line.strip()]
-    for first, second in zip(records[::2], records[1::2], strict=True):
-        words = first.split()
-        xyz = np.array(_numbers([second])[:3])
-        if len(xyz) < 3:
-            raise ValueError("a node without three coordinates")
-        parts.nodes[int(words[0])] = (0, int(words[2]), xyz)
+    there = records.inside(lines)
+    rows, nodes = [], dict[int, tuple[int, int, Any]]()
+    for first, second in zip(there[::2], there[1::2], strict=True):
+        label, _, displacement, *_ = records.integers(first)
+        rows.append(records.words(second))
+        _add(nodes, label, 0, displacement, rows[-1])
+    records.whole(rows)
+    parts.nodes |= nodes
+
+
+def _add(nodes: dict[int, tuple[int, int, Any]], label: int, definition: int, displacement: int, xyz: Any) -> None:
+    """A node of a data set, which holds it once.
+
+    Raises
+    ------
+    ValueError : it is there already, or has not three coordinates.
+    """
+    if label in nodes:
+        raise ValueError(f"node {label} stands there twice")
+    if len(xyz) != 3:
+        raise ValueError(f"node {label} has {len(xyz)} coordinates")
+    nodes[label] = (definition, displacement, np.array([records.real(word) for word in xyz]))
 
 
 def systems18(parts: Parts, lines: list[bytes]) -> None:
     """Coordinate systems by origin, a point on +x and a point on the xz plane, in a reference system."""
-    for place in range(0, len(lines) - 3, 4):
-        words = [int(word) for word in lines[place].split()]
-        label, kind, reference = words[:3]
+    lines = _in_groups(lines, 0, 4)
+    for place in range(0, len(lines), 4):
+        label, kind, reference = records.integers(lines[place])[:3]
         text = "".join(text_of(line).ljust(78)[:78] for line in lines[place + 2 : place + 4])
         values = [float(text[a : a + 13].replace("D", "E")) for a in range(0, 117, 13)]
         origin, on_x, on_xz = np.array(values).reshape(3, 3)
@@ -115,18 +127,43 @@ def _unit(vector: Any) -> Any:
 
 def systems2420(parts: Parts, lines: list[bytes]) -> None:
     """Coordinate systems by a 4 x 3 matrix: three axes as rows and the origin."""
-    for place in range(2, len(lines) - 5, 6):
-        label, kind = (int(word) for word in lines[place].split()[:2])
-        matrix = np.array(_numbers(lines[place + 2 : place + 6])).reshape(4, 3)
-        parts.systems[label] = System(kind, matrix[:3], matrix[3])
+    lines = _in_groups(lines, 2, 6)
+    systems = {}
+    for place in range(2, len(lines), 6):
+        label, kind = records.integers(lines[place])[:2]
+        rows = [records.words(line) for line in lines[place + 2 : place + 6]]
+        records.whole(rows)
+        matrix = np.array([[records.real(word) for word in row] for row in rows])
+        if matrix.shape != (4, 3):
+            raise ValueError(f"coordinate system {label} is no matrix of 4 by 3")
+        systems[label] = System(kind, matrix[:3], matrix[3])
+    parts.systems |= systems
+
+
+def _in_groups(lines: list[bytes], head: int, count: int) -> list[bytes]:
+    """Lines that come in groups behind a head, without blank ones behind them; a name within a group may be blank.
+
+    Raises
+    ------
+    ValueError : a group is not complete.
+    """
+    kept = list(lines)
+    while (len(kept) - head) % count and kept and not kept[-1].strip():
+        kept.pop()
+    if (len(kept) - head) % count:
+        raise ValueError(f"{len(kept) - head} lines where each system has {count}")
+    return kept
 
 
 def lines82(parts: Parts, lines: list[bytes]) -> None:
     """A trace line: nodes to draw to; 0 lifts the pen."""
-    count = int(lines[0].split()[1]) if len(lines[0].split()) > 1 else 0
-    nodes = [int(float(word)) for line in lines[2:] for word in _columns(line)][: count or None]
+    head = records.integers(lines[0])
+    count = head[1] if len(head) > 1 else 0
+    nodes = [int(float(word)) for line in lines[2:] for word in _columns(line)]
+    if count and (len(nodes) < count or any(nodes[count:])):
+        raise ValueError(f"{len(nodes)} nodes of {count} announced")
     run: list[int] = []
-    for node in [*nodes, 0]:
+    for node in [*nodes[: count or None], 0]:
         if node:
             run.append(node)
         else:
@@ -135,11 +172,11 @@ def lines82(parts: Parts, lines: list[bytes]) -> None:
             run = []
 
 
-def _columns(line: bytes) -> list[bytes]:
+def _columns(line: bytes) -> list[str]:
     """Integers of a line: by blanks, or by columns of ten where they touch."""
-    words = line.split()
+    words = records.words(line)
     if any(len(word) > 10 for word in words):
-        words = [line[a : a + 10] for a in range(0, len(line.rstrip()), 10)]
+        words = [text_of(line)[a : a + 10] for a in range(0, len(line.rstrip()), 10)]
     return words
 
 
@@ -147,29 +184,30 @@ def elements2412(parts: Parts, lines: list[bytes]) -> None:
     """Elements: two nodes are a line, shells are faces, of solids the outer faces are kept."""
     faces: Counter[frozenset[int]] = Counter()
     shapes: dict[frozenset[int], tuple[int, ...]] = {}
-    place = 0
-    while place < len(lines) and lines[place].strip():
-        words = [int(word) for word in lines[place].split()]
-        descriptor, count = words[1], words[5]
+    traces: list[tuple[int, ...]] = []
+    shells: list[tuple[int, ...]] = []
+    lines, place = records.inside(lines), 0
+    while place < len(lines):
+        label, descriptor, *_, count = records.integers(lines[place])[:6]
         place += 2 if descriptor in _BEAMS else 1
         nodes: list[int] = []
-        while len(nodes) < count:
-            if place >= len(lines):
-                raise ValueError(f"element {words[0]} has {len(nodes)} of {count} nodes")
+        # some systems write 0 and then the nodes
+        while place < len(lines) and len(nodes) < max(count, 1):
             nodes += [int(word) for word in _columns(lines[place])]
             place += 1
-        if count == 0 and place < len(lines):  # some systems write 0 and then the nodes
-            nodes = [int(word) for word in _columns(lines[place])]
-            place += 1
+        if count and len(nodes) != count:
+            raise ValueError(f"element {label} has {len(nodes)} of {count} nodes")
         if descriptor in _SOLIDS and len(nodes) > max(max(face) for face in _SOLIDS[descriptor]):
             for corners in _SOLIDS[descriptor]:
                 face = tuple(nodes[corner] for corner in corners)
                 faces[frozenset(face)] += 1
                 shapes[frozenset(face)] = face
         elif len(nodes) == 2:
-            parts.lines.append((nodes[0], nodes[1]))
+            traces.append((nodes[0], nodes[1]))
         elif len(nodes) > 2:
-            parts.faces.append(tuple(nodes))
+            shells.append(tuple(nodes))
+    parts.lines += traces
+    parts.faces += shells
     parts.faces += [shapes[key] for key, times in faces.items() if times == 1]
 
 

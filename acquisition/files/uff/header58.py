@@ -133,14 +133,22 @@ def mended(text: str) -> str:
 
 def integer(line: str, start: int, stop: int, default: int = 0) -> int:
     """The integer in columns ``start`` to ``stop`` of a line."""
-    field = line[start:stop].strip()
+    field = _number_field(line, start, stop)
     return int(field) if field else default
 
 
 def real(line: str, start: int, stop: int) -> float:
     """The real number in columns ``start`` to ``stop`` of a line, with E or D exponent."""
-    field = line[start:stop].strip()
+    field = _number_field(line, start, stop)
     return float(field.replace("D", "E").replace("d", "e")) if field else 0.0
+
+
+def _number_field(line: str, start: int, stop: int) -> str:
+    """A field of a number without its blanks; Python takes further bytes for blanks, and lines between digits."""
+    field = line[start:stop]
+    if not field.isascii() or "_" in field:
+        raise ValueError(f"{field!r} is no number")
+    return field.strip()
 
 
 def parse(number_line: bytes, records: Sequence[bytes]) -> Header:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from acquisition.files.uff import records
 from acquisition.files.uff.geometry_sets import block
 from acquisition.files.uff.header58 import mended, text_of
 from acquisition.files.uff.unit_system import UnitSystem
@@ -46,34 +47,50 @@ class NotAMode(Exception):
     """The data set holds something else; the text says what."""
 
 
-def _reals(line: bytes) -> list[float]:
-    """Numbers of a line in columns of 13, or by blanks where the columns do not fit."""
-    text = text_of(line).replace("D", "E").replace("d", "e").rstrip()
+def _words(line: bytes) -> list[str]:
+    """Numbers of a line as texts: in columns of 13, or by blanks where the columns do not fit."""
+    apart = records.words(line)
+    text = text_of(line).rstrip()
+    columns = [text[a : a + 13].strip() for a in range(0, len(text), 13)]
     try:
-        return [float(text[a : a + 13]) for a in range(0, len(text), 13)]
+        for word in columns:
+            records.real(word)
     except ValueError:
-        return [float(word) for word in text.split()]
+        return apart
+    return columns
+
+
+def _reals(line: bytes) -> list[float]:
+    return [records.real(word) for word in _words(line)]
 
 
 def _data(lines: list[bytes], per_node: int) -> tuple[tuple[int, ...], Any]:
     """Nodes and their numbers: a line with the node, then lines with ``per_node`` numbers."""
-    nodes, values, place = [], [], 0
+    nodes, rows, values = [], list[list[str]](), []
     step = -(-per_node // 6)
-    while place < len(lines) and lines[place].strip():
-        nodes.append(int(lines[place].split()[0]))
-        row = [number for line in lines[place + 1 : place + 1 + step] for number in _reals(line)]
-        if len(row) < per_node:
-            raise ValueError(f"node {nodes[-1]} has {len(row)} of {per_node} values")
-        values.append(row[:per_node])
-        place += 1 + step
+    there = records.inside(lines)
+    for place in range(0, len(there), 1 + step):
+        node, *more = records.integers(there[place])
+        if more:
+            raise ValueError(f"node {node} does not stand alone in its line")
+        own = [_words(line) for line in there[place + 1 : place + 1 + step]]
+        row = [records.real(word) for words in own for word in words]
+        if len(row) != per_node:
+            raise ValueError(f"node {node} has {len(row)} of {per_node} values")
+        nodes.append(node)
+        rows += own
+        values.append(row)
     if not nodes:
         raise ValueError("no data at any node")
+    records.whole(rows)
     if not np.isfinite(values).all():
         raise ValueError("values that are NaN or infinite")
     return tuple(nodes), np.array(values)
 
 
 def _values(lines: list[bytes], kind: int, count: int) -> tuple[tuple[int, ...], Any]:
+    if kind not in (2, 4, 5, 6):
+        raise ValueError(f"data type {kind} is neither real nor complex")
     if kind in (5, 6):
         nodes, values = _data(lines, 2 * count)
         return nodes, values[:, 0::2] + 1j * values[:, 1::2]
@@ -98,12 +115,15 @@ def shape55(lines: list[bytes], system: UnitSystem) -> Shape:
     """
     if len(lines) < 10:
         raise ValueError("the data set is cut short")
-    analysis, characteristic, _, kind, count = (int(word) for word in lines[5].split()[1:6])
+    analysis, characteristic, _, kind, count = records.integers(lines[5])[1:6]
     _check(analysis, characteristic, count)
-    real = [*_reals(lines[7]), *[0.0] * 6]
+    about, stated = records.integers(lines[6]), _reals(lines[7])
+    if len(about) > 1 and len(stated) < min(about[1], 6):
+        raise ValueError(f"{len(stated)} of {about[1]} announced real values")
+    real = [*stated, *[0.0] * 6]
     title = mended(text_of(lines[0]))
     nodes, values = _values(lines[8:], kind, count)
-    case = (analysis, int(lines[6].split()[2]) if len(lines[6].split()) > 2 else 0)
+    case = (analysis, about[2] if len(about) > 2 else 0)
     if analysis == NORMAL:
         shape = _normal(real[0], real[1], real[2], real[3], nodes, values, title, system)
     else:
@@ -121,9 +141,9 @@ def shape2414(lines: list[bytes], system: UnitSystem) -> Shape:
     """
     if len(lines) < 15:
         raise ValueError("the data set is cut short")
-    if int(lines[2].split()[0]) != 1:
+    if records.integers(lines[2])[0] != 1:
         raise NotAMode("result on elements")
-    analysis, characteristic, _, kind, count = (int(word) for word in lines[8].split()[1:6])
+    analysis, characteristic, _, kind, count = records.integers(lines[8])[1:6]
     _check(analysis, characteristic, count)
     real = [*[*_reals(lines[11]), *[0.0] * 6][:6], *_reals(lines[12]), *[0.0] * 6]
     title = mended(text_of(lines[1]))

@@ -1,0 +1,99 @@
+"""Tables that are interrupted: rows of another length, blank lines, damaged rows and rows that stand alone."""
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+from acquisition.files.layout import Layout
+from acquisition.files.reconcile import differs
+from acquisition.files.table.numbers import numbers as numbers_of
+from acquisition.files.table.segment import Segment
+from ema.data import Finding
+
+
+def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, decimal: str) -> list[Segment]:
+    """The tables of a file, none of them interrupted by a row of another length, a blank line or a damaged one.
+
+    The last segment holds the lines behind the last table.
+
+    Raises
+    ------
+    InputError : one is, and salvage was not asked for.
+    """
+    for place, (before, after) in enumerate(pairwise(segments)):
+        what, gap = "", after.header
+        columns, expected = after.values.shape[1], before.values.shape[1]
+        if len(before.values) < 2 or before.labels:
+            continue
+        if after.labels:
+            if not gap and len(after.labels) == 1 and columns == expected - 1 and _titled(before):
+                what = "a row that begins with no number"
+        elif after is segments[-1]:
+            if any(_broken(line, delimiter, decimal, expected) for line in gap):
+                what = "a row that holds no numbers"
+            elif any(map(str.strip, gap)):
+                message = f"text behind the last table, not read: {next(filter(str.strip, gap)).strip()[:40]!r}."
+                note = Finding("info", "not-read", where, message)
+                return [*segments[:place], replace(before, notes=(*before.notes, note)), after]
+        elif not gap and len(after.values) == 1 and columns != expected:
+            what = f"a row of {columns} cells in a table of {expected} columns"
+        elif _titled(before) and not _titled(after) and columns == expected and _is_damage(gap):
+            what = "a blank line inside the table" if not any(map(str.strip, gap)) else "a row that holds no numbers"
+        if what:
+            notes = differs(
+                what,
+                where=f"{where}, line {after.line - len(gap)}",
+                layout=layout,
+                recovered=f"the {len(before.values)} rows in front of it are read",
+            )
+            return [*segments[:place], replace(before, notes=notes), segments[-1]]
+    for segment in segments[:-1]:
+        if segment.header and not segment.labels and _broken(segment.header[-1], delimiter, decimal):
+            differs(
+                "a row that holds no numbers",
+                where=f"{where}, line {segment.line - 1}",
+                layout=layout,
+                got=repr(segment.header[-1][:40]),
+            )
+    return segments
+
+
+def _broken(line: str, delimiter: str, decimal: str, columns: int = 0) -> bool:
+    """Whether a text was a row of numbers: half of its cells are, and the first is one or they fill the columns."""
+    cells = line.split() if delimiter == " " else line.split(delimiter)
+    cells = [cell.replace(",", ".") if decimal == "," else cell for cell in cells]
+    numbers = [numbers_of([cell]) is not None for cell in cells]
+    return len(cells) > 1 and 2 * sum(numbers) >= len(cells) and (numbers[0] or len(cells) == columns)
+
+
+def without_single_rows(segments: list[Segment], where: str) -> list[Segment]:
+    """The tables without the rows that stand alone; one that has the columns of the table behind it is named."""
+    kept: list[Segment] = []
+    alone: list[Segment] = []
+    for segment in segments:
+        if len(segment.values) == 1:
+            alone.append(segment)
+            continue
+        like = [row for row in alone if not row.labels and row.values.shape[1] == segment.values.shape[1] > 1]
+        notes = [
+            Finding(
+                "info", "not-read", f"{where}, line {row.line}", "a row of numbers in front of the table, not read."
+            )
+            for row in like
+        ]
+        kept.append(replace(segment, notes=(*notes, *segment.notes)))
+        alone = []
+    return kept
+
+
+def _titled(segment: Segment) -> bool:
+    """Whether the columns have titles, which are no decimal numbers as in a damaged row."""
+    if any(re.fullmatch(r"[-+]?\d*[.,]\d+([eE][-+]?\d+)?", title) for title in segment.titles):
+        return False
+    return any(title != f"column {place}" for place, title in enumerate(segment.titles))
+
+
+def _is_damage(gap: tuple[str, ...]) -> bool:
+    """Whether the lines between two tables are blank, or were rows of numbers."""
+    number = re.compile(r"(^|[\s;,])[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?($|[\s;,])")
+    return all(number.search(line) for line in gap if line.strip())

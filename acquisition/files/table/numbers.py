@@ -1,0 +1,101 @@
+"""Numbers in the lines of a text table: cells, rows with a name, and which marks separate and divide them."""
+
+import re
+from typing import Any
+
+import numpy as np
+
+from acquisition.files.layout import Layout
+
+_ODD = re.compile(r"[\0-\x08\x0e-\x1f\xa0]|\d_\d")
+"""What a conversion to numbers skips and no number holds: control characters, and lines between digits."""
+
+
+def block(lines: list[str], delimiter: str, decimal: str, columns: int) -> Any:
+    """Lines of ``columns`` plain numbers each, all at once; ``None`` where one of them is anything else."""
+    if delimiter == " ":
+        alike = all(len(line.split()) == columns for line in lines)
+    else:
+        alike = all(line.count(delimiter) == columns - 1 for line in lines)
+    text = delimiter.join(lines)
+    if not alike or (decimal == "," and "." in text) or _ODD.search(text):
+        return None
+    if decimal == ",":
+        text = text.replace(",", ".")
+    try:
+        numbers = list(map(float, text.split() if delimiter == " " else text.split(delimiter)))
+    except ValueError:
+        return None
+    return np.array(numbers).reshape(len(lines), columns)
+
+
+def _number(cell: str) -> complex:
+    """A real or complex number; an empty cell is NaN."""
+    try:
+        return float(cell)
+    except ValueError:
+        cell = cell.strip()
+        if cell[:1] == cell[-1:] == '"' and len(cell) > 1:
+            cell = cell[1:-1].strip()
+        if not cell:
+            return float("nan")
+        if cell[-1:] in "ij)" and cell[:1] in "+-.(0123456789":
+            return complex(cell.replace("i", "j").replace(" ", ""))
+        return float(cell.replace("D", "E").replace("d", "e"))
+
+
+def numbers(cells: list[str]) -> list[complex] | None:
+    """The cells as numbers, or ``None`` where one is something else or all are empty."""
+    try:
+        numbers = [_number(cell) for cell in cells]
+    except ValueError:
+        return None
+    return numbers if any(cell.strip() for cell in cells) else None
+
+
+def cells_of(line: str, delimiter: str, decimal: str, columns: int = 0) -> list[complex] | None:
+    """The numbers of a line, or ``None`` where the line holds anything else.
+
+    A delimiter at the end of the line closes it, unless the lines above have a column there.
+    """
+    cells = line.split() if delimiter == " " else line.split(delimiter)
+    if _ODD.search(line):
+        return None
+    if decimal == ",":
+        if "." in line:
+            return None
+        cells = [cell.replace(",", ".") for cell in cells]
+    if delimiter != " " and len(cells) > 1 and len(cells) != columns and not cells[-1].strip():
+        cells.pop()
+    return numbers(cells) if line[:1] != "_" else None
+
+
+def labelled(line: str, delimiter: str, decimal: str) -> tuple[str, list[complex] | None]:
+    """Label and numbers of a row that begins with a name."""
+    if delimiter == " ":
+        return "", None
+    label, found, rest = line.partition(delimiter)
+    if not found or not any(c.isalpha() for c in label):
+        return "", None
+    cells = [cell.replace(",", ".") if decimal == "," else cell for cell in rest.split(delimiter)]
+    return label.strip().strip('"'), numbers(cells)
+
+
+def dialect(lines: list[str], layout: Layout) -> tuple[str, str]:
+    """Delimiter and decimal mark: those that read the most lines of a sample as numbers."""
+    middle = len(lines) // 2
+    sample = [line for line in (*lines[:150], *lines[middle : middle + 50]) if line.strip()]
+    best, choice = -1.0, (",", ".")
+    for delimiter in [layout.delimiter] if layout.delimiter else ["\t", ";", ",", " "]:
+        for decimal in [layout.decimal] if layout.decimal else [".", ","]:
+            if delimiter == decimal:
+                continue
+            counts = []
+            for line in sample:
+                cells = cells_of(line, delimiter, decimal)
+                cells = cells if cells is not None else labelled(line, delimiter, decimal)[1]
+                counts.append(0 if cells is None else len(cells))
+            score = sum(count > 0 for count in counts) + 0.001 * sum(counts) / max(len(counts), 1)
+            if score > best:
+                best, choice = score, (delimiter, decimal)
+    return choice

@@ -1,0 +1,115 @@
+"""Read a text table: its blocks arranged by the layout, or by their titles where these leave no doubt."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from acquisition import units
+from acquisition.contents import Contents
+from acquisition.files import sniff
+from acquisition.files.arrange import arrange
+from acquisition.files.arrays import Arrays
+from acquisition.files.layout import Layout
+from acquisition.files.table.blocks import parse
+from acquisition.files.table.segment import Segment
+from acquisition.files.table.titles import by_titles, distinct, header_rate, metadata
+from ema.data import Finding
+
+
+def decode(data: bytes) -> str:
+    """Text in UTF-8, UTF-16 or, failing these, Latin-1."""
+    for mark, code in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig")):
+        if data.startswith(mark):
+            return data.decode(code, errors="replace")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read a text table; every segment of signals becomes a recording.
+
+    Raises
+    ------
+    InputError : no numbers in it, or the table does not say which column is what.
+    """
+    text = decode(sniff.whole(path))
+    segments = parse(text, layout, path.name)
+    parts = [arranged(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)]
+    return merge(parts)
+
+
+def _name(path: Path, number: int, count: int) -> str:
+    return path.name if count == 1 else f"{path.name}, segment {number + 1}"
+
+
+def merge(parts: list[Contents]) -> Contents:
+    """The contents of several segments in one."""
+    return Contents(
+        recordings=tuple(r for part in parts for r in part.recordings),
+        frfs=tuple(f for part in parts for f in part.frfs),
+        modes=tuple(m for part in parts for m in part.modes),
+        geometry=next((part.geometry for part in parts if part.geometry is not None), None),
+        findings=tuple(f for part in parts for f in part.findings),
+        metadata=tuple(dict.fromkeys(m for part in parts for m in part.metadata)),
+    )
+
+
+def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
+    """One segment arranged by the user's layout, or by its titles where these leave no doubt."""
+    if segment.labels:
+        named = {label: row[np.isfinite(row)] for label, row in zip(segment.labels, segment.values, strict=True)}
+        contents = arrange(Arrays(where, named), layout)
+        return replace(contents, findings=(*segment.notes, *contents.findings))
+    pairs = [units.bracketed(title) for title in segment.titles]
+    texts = segment.units or [unit for _, unit in pairs]
+    names = distinct([name for name, _ in pairs])
+    unknown = {n: text for n, text in zip(names, texts, strict=True) if text and units.known(text) is None}
+    arrays = {"": segment.values}
+    known: dict[str, str] = {}
+    labels: dict[str, str] = {}
+    headings: dict[str, str] = {}
+    for place, (name, text) in enumerate(zip(names, texts, strict=True)):
+        for key in (name, segment.titles[place], f"column {place}"):
+            if key == name or key == segment.titles[place]:
+                arrays.setdefault(key, segment.values[:, place])
+            labels.setdefault(key, text)
+            headings.setdefault(key, f"{segment.titles[place]} {text if segment.units else ''}".strip())
+            if text and text not in unknown.values():
+                known.setdefault(key, text)
+    pool = Arrays(
+        where, arrays, units=known, titles=names, metadata=metadata(segment.header), labels=labels, headings=headings
+    )
+    open_question = not layout.kind or (layout.kind == "signals" and layout.signals is None and layout.time is None)
+    chosen = replace(by_titles(names, layout, where) if open_question else layout, axis="columns")
+    rate = header_rate(segment.header)
+    if rate is not None and chosen.sampling_rate is None and chosen.kind in ("", "signals"):
+        signals = chosen.signals or [name for name in names if name != chosen.time]
+        kept = [n for n in signals if not _counts(n, pool)] if isinstance(signals, list) else signals
+        chosen = replace(chosen, sampling_rate=rate, signals=kept)
+    contents = arrange(pool, chosen)
+    stated = layout.units is not None or layout.unit is not None
+    polar = (chosen.amplitude, chosen.phase)
+    notes = [] if stated else [_unknown_unit(where, n, text) for n, text in unknown.items() if n not in polar]
+    return replace(contents, findings=(*segment.notes, *contents.findings, *notes))
+
+
+_COUNTERS = ("sample", "samples", "no", "no.", "nr", "nr.", "index", "#", "count", "scan", "record", "number")
+
+
+def _counts(name: str, pool: Arrays) -> bool:
+    """Whether a column only numbers its rows."""
+    values = np.asarray(pool[name])
+    return name.lower() in _COUNTERS and values.dtype.kind == "f" and bool((np.diff(values) == 1).all())
+
+
+def _unknown_unit(where: str, name: str, text: str) -> Finding:
+    return Finding(
+        "warning",
+        "unknown-unit",
+        f"{where}, {name}",
+        f"{text!r} is not a unit; the numbers are taken without one.",
+        advice="Say the unit in the channel table.",
+    )
