@@ -1,7 +1,8 @@
 """Modes of the decay after sticking: what is left of a hammer test whose FRFs are not those of a linear structure."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
@@ -36,8 +37,12 @@ class Sticking:
     response: float
 
 
-def sticking(run: Run, band: tuple[float, float]) -> Sticking | None:
+def sticking(
+    run: Run, band: tuple[float, float], known: Mapping[float, ImpactDecays] = MappingProxyType({})
+) -> Sticking | None:
     """The earliest beginning from which on the decays of a run are linear; ``None`` where there is none.
+
+    ``known`` holds late decays that were fitted before, by the response at their beginning.
 
     Raises
     ------
@@ -45,7 +50,7 @@ def sticking(run: Run, band: tuple[float, float]) -> Sticking | None:
     """
     earlier: ImpactDecays | None = None
     for number, beginning in enumerate(BEGINNINGS):
-        later = impact_decays(run, band, beginning)
+        later = known.get(beginning) or impact_decays(run, band, beginning)
         if later is None:
             return None
         if earlier is not None:

@@ -13,16 +13,18 @@ window; a test that has more of it than of noise does not decide.
 """
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import Finding, Run
+from ema.data import Finding, LevelEffect, Run
 from ema.estimate.impact_decays import LATE, ImpactDecays, impact_decays
 from ema.progress import Progress, silent
 
+TWICE = float(np.log(2.0))
+"""Change per factor e of the force that a change for twice the force is."""
 CHANGE = 0.045
 """Change of the modal constants with the level (relative, per factor e of the force, root mean square over modes and
 points by energy) from which on a structure is named not linear.
@@ -58,6 +60,9 @@ USABLE = 0.05
 """Relative noise of a modal amplitude above which it is not used."""
 FEWEST_POINTS = 12
 """Points struck once from which on their different levels stand for impacts on one point."""
+NOISE_FACTOR = 1.96
+"""``reach`` in half of an interval. The size is a root mean square of complex slopes, each of which noise moves by no
+more than ``reach`` along itself."""
 _DRAWS, _SURE = 4000, 20
 """Random interchanges at most, and how many of them that explain as much end the count."""
 
@@ -84,6 +89,13 @@ class LevelDependence:
     chance: float
 
     @property
+    def interval(self) -> tuple[float, float]:
+        """95 % bounds of ``size``: what noise shows of it, more where impacts scatter by more than noise explains."""
+        wider = max(self.scatter / self.noise, 1.0) if self.scatter > 0 and self.noise > 0 else 1.0
+        half = NOISE_FACTOR * wider * self.reach
+        return max(self.size - half, 0.0), self.size + half
+
+    @property
     def unexplained(self) -> bool:
         """Whether impacts differ by more than noise and level explain."""
         return self.scatter > max(EXCESS * self.noise, HARMLESS) and self.chance > CHANCE
@@ -91,7 +103,11 @@ class LevelDependence:
     def exceeds(self, limit: float) -> bool:
         """Whether more follows the level than ``limit``, and more than noise and chance."""
         sure = self.chance <= CHANCE if np.isnan(self.scatter) else not self.unexplained
-        return sure and self.size >= max(limit, CLEAR * self.reach)
+        return sure and self.suggests(limit)
+
+    def suggests(self, limit: float) -> bool:
+        """Whether more than ``limit`` seems to follow the level, be it by chance."""
+        return self.size >= max(limit, CLEAR * self.reach)
 
     def excludes(self, limit: float) -> bool:
         """Whether less follows the level than ``limit``, and so much would be seen."""
@@ -103,7 +119,8 @@ class Linearity:
     """The verdict on a hammer test, and what it rests on.
 
     ``constants`` is the level dependence of the modal constants, ``decay`` that of the late decay over the early one;
-    ``None`` where it cannot be read. ``reason`` says why nothing was decided.
+    ``None`` where it cannot be read. ``decays`` begin where the response has fallen to ``later`` of that behind the
+    impact. ``reason`` says why nothing was decided.
     """
 
     verdict: Verdict
@@ -111,6 +128,7 @@ class Linearity:
     decay: LevelDependence | None = None
     decays: ImpactDecays | None = None
     reason: str = ""
+    later: float = LATE
 
 
 def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) -> Linearity:
@@ -142,7 +160,7 @@ def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) 
     for later in (LATE, LATER):
         decays = impact_decays(run, band, later, progress)
         if decays is not None:
-            result = judge(decays)
+            result = replace(judge(decays), later=later)
         if result.verdict != "not testable" or decays is None:
             break
     return result
@@ -166,11 +184,14 @@ def judge(decays: ImpactDecays) -> Linearity:
     return _decided(constants, decay, decays)
 
 
-def _decided(constants: LevelDependence | None, decay: LevelDependence | None, decays: ImpactDecays) -> Linearity:
+def _decided(
+    constants: LevelDependence | None, decay: LevelDependence | None, decays: ImpactDecays | None
+) -> Linearity:
     tests = [(one, limit) for one, limit in ((constants, CHANGE), (decay, DECAY_CHANGE)) if one is not None]
     if any(one.exceeds(limit) for one, limit in tests):
         return Linearity("not linear", constants, decay, decays)
-    if any(one.excludes(limit) for one, limit in tests):
+    # What one test excludes another may suggest: slip within the contact changes the constants and not the decay.
+    if any(one.excludes(limit) for one, limit in tests) and not any(one.suggests(limit) for one, limit in tests):
         return Linearity("linear", constants, decay, decays)
     reason = "the impacts on each point are too equal"
     if any(one.unexplained for one, _ in tests):
@@ -290,6 +311,16 @@ def _together(
     return np.sum(reference.conj() * values / variance, axis=2) / size, 1 / size
 
 
+def level_effect(result: Linearity) -> LevelEffect | None:
+    """How far the modal constants follow the impacts, or the late decay where nothing is known of the constants."""
+    seen = result.constants or result.decay
+    if seen is None or result.decays is None:
+        return None
+    lower, upper = (TWICE * bound for bound in seen.interval)
+    peaks = result.decays.peaks
+    return LevelEffect(TWICE * seen.size, lower, upper, float(peaks.min()), float(peaks.max()))
+
+
 def level_finding(result: Linearity, where: str) -> Finding:
     """What a reader has to know about the verdict."""
     if result.verdict == "not testable":
@@ -311,12 +342,12 @@ def level_finding(result: Linearity, where: str) -> Finding:
         ),
     ):
         if one is not None and (one.exceeds(most) if named else one.excludes(most)):
-            texts.append(f"{what} by {one.size:.1%}")
+            texts.append(f"{what} by {_percent(TWICE * one.size)}")
             if one.size / most > value / limit:
                 value, limit = one.size, most
     peaks = result.decays.peaks if result.decays is not None else np.zeros(1)
     statement = (
-        f"A force e times as large changes {' and '.join(texts)} (impacts of {peaks.min():.0f} to {peaks.max():.0f} N)"
+        f"Twice the force changes {' and '.join(texts)} (by impacts of {peaks.min():.0f} to {peaks.max():.0f} N)"
     )
     if not named:
         return Finding("info", "level-tested", where, f"{statement}: no sign of a nonlinear structure.", value, limit)
@@ -330,3 +361,8 @@ def level_finding(result: Linearity, where: str) -> Finding:
         limit,
         "Use the modes of the decay after sticking for small amplitudes; measure again at half the level.",
     )
+
+
+def _percent(change: float) -> str:
+    """A change in percent, to two digits; from as much again on it only says that there is little in common."""
+    return "more than 100 %" if change > 1 else f"{100 * change:.2g} %"

@@ -19,6 +19,7 @@ from ema.data.placement import Placement
 from ema.data.provenance import Provenance
 from ema.data.repeats import ConditionDifference, RepeatGroup
 from ema.data.response import Decay, Loop
+from ema.data.single import SingleMode
 
 
 @dataclass(frozen=True, repr=False)
@@ -34,11 +35,28 @@ class ModeQuality(Container):
 
 
 @dataclass(frozen=True, repr=False)
+class LevelEffect(Container):
+    """How far what a linear structure keeps follows the level of the impacts of one hammer test.
+
+    ``value`` with its 95 % interval: relative change of the modal constants for a force twice as large. ``weakest`` and
+    ``strongest`` are the impacts in N between which it was seen.
+    """
+
+    value: float
+    lower: float
+    upper: float
+    weakest: float
+    strongest: float
+
+
+@dataclass(frozen=True, repr=False)
 class RunResult(Container):
     """Everything computed from one run.
 
     ``reconstruction`` is the FRF set of the model on the lines of ``frfs``; ``reconstruction_error`` (out, in) its
-    norm-wise relative error for each FRF over the band of the fit.
+    norm-wise relative error for each FRF over the band of the fit. ``level_effect`` is what a hammer test says of
+    linearity; where the structure is not linear, ``equivalent`` holds what one linear mode fitted to the FRFs about
+    every mode reads at the level of the test.
     """
 
     run: Run
@@ -51,6 +69,8 @@ class RunResult(Container):
     auto_mac: Float[np.ndarray, "mode mode"] | None = None
     hits: HitGallery | None = None
     findings: tuple[Finding, ...] = field(default=(), compare=False)
+    level_effect: LevelEffect | None = None
+    equivalent: tuple[SingleMode, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, reconstruction_error=np.float64, auto_mac=np.float64)
@@ -93,7 +113,14 @@ class MapResult(Container):
         freeze(self, pairs=np.float64, homogeneity=np.float64, peak_ratio=np.float64, dropout=np.float64)
 
 
-Verdict = Literal["matched", "matched with an implausible parameter", "undecided", "not matched", "not testable here"]
+Verdict = Literal[
+    "matched",
+    "matched with an assumed parameter",
+    "matched with an implausible parameter",
+    "undecided",
+    "not matched",
+    "not testable here",
+]
 
 
 @dataclass(frozen=True, repr=False)

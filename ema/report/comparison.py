@@ -7,7 +7,7 @@ from ema.data.repeats import NOISE_ONLY
 from ema.errors import InputError
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.modes import condition_text, interval, standard_deviations
-from ema.report.numbers import MISSING, Value, count, fixed, listed, plain, signed
+from ema.report.numbers import MISSING, Value, count, fixed, listed
 from ema.report.repeats import scatter
 from ema.shapes import Comparison, compare
 
@@ -53,7 +53,8 @@ def _changes(base: RunResult, other: RunResult, found: Comparison) -> tuple[np.n
 def _sentence(base: RunResult, other: RunResult, found: Comparison) -> str:
     if not found.pairs:
         return f"{other.run.id} against {base.run.id}: no two modes have like shapes."
-    head = f"{other.run.id} against {base.run.id}"
+    small = " for small amplitudes" if base.equivalent or other.equivalent else ""
+    head = f"{other.run.id} against {base.run.id}{small}"
     doubts = "".join(
         f" Mode {i + 1} ({base.modes.natural_frequencies[i]:.4g} Hz) resembles modes "
         f"{listed([str(k + 1) for k in sorted((j, *rivals))])} of {other.run.id}: not counted."
@@ -63,12 +64,29 @@ def _sentence(base: RunResult, other: RunResult, found: Comparison) -> str:
     frequency, damping = _changes(base, other, found)
     if not len(frequency):
         return f"{head}: no certain pair of modes.{doubts}"
-    shift, low, high = (signed(100 * (f - 1), 2) for f in (np.median(frequency), frequency.min(), frequency.max()))
-    return (
-        f"{head}, {count(len(frequency), 'pair')} of modes: frequency {shift} % "
-        f"(median; {low} to {high} %), damping times {plain(float(np.median(damping)), 3)} "
-        f"(median; {plain(float(damping.min()), 3)} to {plain(float(damping.max()), 3)}).{doubts}"
-    )
+    shifts = _each([_change(float(ratio)) for ratio in frequency])
+    factors = _each([f"{ratio:.2f}" for ratio in damping])
+    return f"{head}, {count(len(frequency), 'pair')} of modes: frequency {shifts} %, damping times {factors}.{doubts}"
+
+
+MOST_LISTED = 4
+"""Values up to which a sentence lists them all; of more it says the lowest and the highest."""
+
+
+def _change(ratio: float) -> str:
+    """A change of frequency in percent, of which a hundredth is the least that a sentence shows."""
+    percent = round(100 * (ratio - 1), 2)
+    return f"{percent:+.2f}" if percent else "0.00"
+
+
+def _each(texts: list[str]) -> str:
+    """Values of modes in their order; one where they are equal, the ends of their range where they are many."""
+    if len(set(texts)) == 1:
+        return texts[0]
+    if len(texts) <= MOST_LISTED:
+        return listed(texts)
+    ordered = sorted(texts, key=float)
+    return f"{ordered[0]} to {ordered[-1]}"
 
 
 def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> Block:

@@ -10,7 +10,7 @@ from ema.report.expected import counted_expectations, expectation_table
 from ema.report.forecast import verdict
 from ema.report.friction import loops, ring_down_sentences, ring_downs
 from ema.report.maps import map_lines, map_sections, statement_lines, statements
-from ema.report.modes import mode_table, run_sentence, set_up_table
+from ema.report.modes import equivalent_table, mode_table, run_sentence, set_up_table
 from ema.report.photos import logo, photos
 from ema.report.placement import answers, place_blocks, placement_sections
 from ema.report.records import provenance, repairs
@@ -53,7 +53,8 @@ def compose(result: StudyResult, book: Book) -> Document:
     front: list[Section] = []
     if placement is not None:
         front.append(Section("Where the beam goes", "placement", place_blocks(placement, book)))
-    modes = [block for run in runs for block in (mode_table(run, book), set_up_table(run, book)) if block is not None]
+    tables = (mode_table, equivalent_table, set_up_table)
+    modes = [block for run in runs for table in tables if (block := table(run, book)) is not None]
     told, compared = comparisons(runs, book)
     worries = grouped(all_findings(result))
     front += [Section("Modes", "modes", modes)]

@@ -9,7 +9,7 @@ from ema import show
 from ema.data import MapResult, Statement, StudyResult
 from ema.data.results import Verdict
 from ema.report.blocks import Block, Book, Cell, Section, Text
-from ema.report.numbers import MISSING, count, fixed, plain, short
+from ema.report.numbers import MISSING, count, fixed, plain, rounded, short
 
 
 def statements(result: StudyResult, book: Book) -> list[Section]:
@@ -19,7 +19,10 @@ def statements(result: StudyResult, book: Book) -> list[Section]:
     readings = [one for one in result.statements if not one.quoted]
     judged = ("Holds for", "Measured", "95 % interval", "Verdict", "Reason", "Quantity")
     if quoted:
-        caption = "Sentences of the publication, and whether these measurements bear them out."
+        caption = (
+            "Sentences of the publication, and whether these measurements bear them out. Intervals hold noise and what "
+            "the grid of a map leaves open, not what was assumed."
+        )
         sentences = [(one.source, one.sentence, one.text, *_judged(one)) for one in quoted]
         block = book.table("statements", caption, ("Where", "Sentence", "Judged as", *judged), sentences, 8)
         sections.append(Section("The publication's statements", "statements", [block]))
@@ -31,11 +34,18 @@ def statements(result: StudyResult, book: Book) -> list[Section]:
     return sections
 
 
+LEAST_SHOWN = 1e-3
+"""Part of a value, the second digit of which is the last that a table of statements shows: publications print three
+digits, and an interval against noise alone may be a millionth."""
+
+
 def _judged(one: Statement) -> tuple[Cell, ...]:
-    ends = [f"{bound:.4g}" if np.isfinite(bound) else "open" for bound in (one.lower, one.upper)]
+    reaches = [abs(bound - one.value) for bound in (one.lower, one.upper) if np.isfinite(bound)]
+    half = max(min(reaches), LEAST_SHOWN * abs(one.value)) if reaches else None
+    ends = [str(rounded(bound, half, 4)) if np.isfinite(bound) else "open" for bound in (one.lower, one.upper)]
     interval = MISSING if np.isnan(one.lower) else " to ".join(ends)
     bounds = _bounds(one.low, one.high)
-    return bounds, plain(one.value, 4), interval, one.verdict, one.reason or MISSING, one.quantity
+    return bounds, rounded(one.value, half, 4), interval, one.verdict, one.reason or MISSING, one.quantity
 
 
 def statement_lines(result: StudyResult) -> list[str]:

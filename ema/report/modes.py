@@ -4,7 +4,7 @@ import numpy as np
 
 from ema.data import ModalModel, RunResult
 from ema.report.blocks import Block, Book, Cell, Text
-from ema.report.numbers import MISSING, Value, count, fixed, plain, short, with_uncertainty
+from ema.report.numbers import MISSING, Value, count, fixed, listed, plain, short, with_uncertainty
 from ema.shapes import quality
 
 COVERAGE = 2.0
@@ -60,10 +60,45 @@ def _level_text(run: RunResult) -> str:
     codes = {finding.code for finding in run.findings}
     if "slip-then-ring" in codes:
         kept = "those of the decay after the joint sticks again" if len(run.modes.poles) else "withheld"
-        return f"; the structure is not linear at this level of impacts, the modes are {kept}"
+        return f"; the structure is not linear at this level of impacts, the modes are {kept}{_equivalent_text(run)}"
     if "linearity-not-testable" in codes:
         return "; whether it is linear is not testable: repeat at half the level"
     return "; no sign of a nonlinear structure between its impacts" if "level-tested" in codes else ""
+
+
+def _equivalent_text(run: RunResult) -> str:
+    """What a linear fit reads at the level of the test, in the first sentence about a run that is not linear."""
+    if not run.equivalent:
+        return ""
+    values = [f"{one.natural_frequency:.1f} Hz with {plain(100 * one.damping_ratio, 2)} %" for one in run.equivalent]
+    return f". One linear mode fitted to the FRFs about each of them reads {listed(values)}{_impacts_text(run)}"
+
+
+def _impacts_text(run: RunResult) -> str:
+    effect = run.level_effect
+    return (
+        "" if effect is None else f" at impacts of {short(round(effect.weakest))} to {short(round(effect.strongest))} N"
+    )
+
+
+def equivalent_table(run: RunResult, book: Book) -> Block | None:
+    """What one linear mode fitted to the FRFs about every mode reads; ``None`` where the structure is linear."""
+    if not run.equivalent:
+        return None
+    rows: list[list[Cell]] = [
+        [
+            interval(one.natural_frequency, one.natural_frequency_std, 6),
+            interval(100 * one.damping_ratio, 100 * one.damping_ratio_std, 3),
+            fixed(one.residual, 3),
+            f"{short(one.band[0])} to {short(one.band[1])}",
+        ]
+        for one in run.equivalent
+    ]
+    caption = (
+        f"One linear mode fitted to the FRFs of run {run.run.id} about every mode{_impacts_text(run)}: values at this "
+        "level, not those of a linear structure. Misfit is what the mode leaves unexplained."
+    )
+    return book.table(f"equivalent_{run.run.id}", caption, ["f [Hz]", "ζ [%]", "Misfit [-]", "Lines [Hz]"], rows)
 
 
 def mode_table(run: RunResult, book: Book) -> Block:

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ema import shapes, synthesis
-from ema.data import Finding, FrfSet, HitGallery, ModalModel, PoleTable, Run, RunResult
+from ema.data import Finding, FrfSet, HitGallery, ModalModel, PoleTable, Run, RunResult, SingleMode
+from ema.errors import InputError
 from ema.progress import Progress, silent
 from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, FitTable
@@ -26,7 +27,7 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
     ------
     InputError : the run cannot be used, or a verb refuses its input.
     """
-    from ema.compare.linearity import level_finding
+    from ema.compare.linearity import level_effect, level_finding
     from ema.estimate import quality, without_dead
     from ema.fit.record_end import as_recorded
 
@@ -36,8 +37,10 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
     inside = frfs.band(*band)
     alive = without_dead(inside)
     poles, modes = fitted(alive, fit, progress)
+    equivalent: tuple[SingleMode, ...] = ()
     if tested is not None and tested.verdict == "not linear":
-        modes = _of_the_decay(run, band, alive, modes)
+        modes = _of_the_decay(run, band, alive, modes, tested)
+        equivalent = _equivalent(alive, modes)
     reconstruction = synthesis.frfs(
         as_recorded(modes, alive), alive.frequencies, alive.quantity, outputs=alive.outputs, inputs=alive.inputs
     )
@@ -55,6 +58,8 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
         auto_mac=shapes.auto_mac(modes.shapes),
         hits=hits,
         findings=findings,
+        level_effect=None if tested is None else level_effect(tested),
+        equivalent=equivalent,
     )
 
 
@@ -67,12 +72,27 @@ def _tested(run: Run, band: tuple[float, float], progress: Progress) -> "Lineari
     return linearity(run, band, progress)
 
 
-def _of_the_decay(run: Run, band: tuple[float, float], frfs: FrfSet, fitted: ModalModel) -> ModalModel:
+def _of_the_decay(
+    run: Run, band: tuple[float, float], frfs: FrfSet, fitted: ModalModel, tested: "Linearity"
+) -> ModalModel:
     """Modes of the decay after sticking in place of those fitted to FRFs that no linear structure has."""
     from ema.compare.decay_modes import modes_after_sticking, sticking, withheld
 
-    found = sticking(run, band)
+    found = sticking(run, band, {} if tested.decays is None else {tested.later: tested.decays})
     return withheld(fitted) if found is None else modes_after_sticking(found, frfs, fitted)
+
+
+def _equivalent(frfs: FrfSet, modes: ModalModel) -> tuple[SingleMode, ...]:
+    """What one linear mode fitted to the FRFs about every mode reads, where there is a peak."""
+    from ema.fit import local_fit
+
+    fits: list[SingleMode] = []
+    for frequency in modes.natural_frequencies:
+        try:
+            fits.append(local_fit(frfs, float(frequency)))
+        except InputError:
+            continue
+    return tuple(fits)
 
 
 def _like(frfs: FrfSet, chosen: FrfSet) -> FrfSet:

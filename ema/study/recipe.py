@@ -155,6 +155,7 @@ Quantity = Literal[
     "run damping",
     "run misfit",
     "run damping over run",
+    "run level effect",
 ]
 
 
@@ -164,8 +165,9 @@ class StatementTable(Table):
     ``sentence`` quotes the publication, with its page in ``source`` where it is known; without it the statement is a
     reading of ours. Of a ``map``: ``level`` and ``force`` in N name a point, row or column, ``levels`` and ``forces`` a
     range of either, and ``other`` another map; without ``level`` it has to hold at every level. Of a ``run``: ``near``
-    Hz, and ``other`` another run. Damping in percent, misfit and ratios as they are. ``implausible`` says which
-    parameter of a match cannot be believed. The quantities are defined in :mod:`ema.compare.map_features`.
+    Hz, and ``other`` another run. Damping and level effect in percent, misfit and ratios as they are. ``implausible``
+    says which parameter of a match cannot be believed, ``assumed`` which one was assumed or chosen for it (that of the
+    recipe by default). The quantities are defined in :mod:`ema.compare.map_features`.
     """
 
     text: str
@@ -184,13 +186,14 @@ class StatementTable(Table):
     low: float = float("-inf")
     high: float = float("inf")
     implausible: str = ""
+    assumed: str = ""
     reason: str = ""
 
     @model_validator(mode="after")
     def _sound(self) -> "StatementTable":
         if bool(self.map) == bool(self.run):
             raise ValueError("a statement is about a map or about a run; name one of the two")
-        if self.run and self.near is None:
+        if self.run and self.near is None and self.quantity != "run level effect":
             raise ValueError("a statement about a run needs near, the frequency of the mode in Hz")
         if self.low == float("-inf") and self.high == float("inf"):
             raise ValueError("a statement that holds for every number says nothing; give low, high or both")
@@ -201,7 +204,8 @@ class Recipe(Table):
     """The whole recipe. ``campaign`` is a folder or file, ``report`` and ``result`` are written; all relative to the
     recipe. ``finding_limit`` is the severity from which a finding makes the command end with status 1. ``placement`` is
     a placement recipe, or the path of one, answered for the first run without a friction beam; ``logo`` an image for
-    the report."""
+    the report. ``assumed`` says what the campaign assumes that a publication does not state: no statement is matched
+    without it, where it is a model that was measured."""
 
     campaign: str
     title: str = ""
@@ -213,6 +217,7 @@ class Recipe(Table):
     expect: list[ExpectTable] = []
     map: list[MapTable] = []
     statements: list[StatementTable] = []
+    assumed: str = ""
     ring_down: list[RingDownTable] = []
     loop: list[LoopTable] = []
     placement: Annotated[

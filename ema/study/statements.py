@@ -8,6 +8,7 @@ import numpy as np
 from ema.compare import map_features as features
 from ema.compare.map_features import Line, Measure
 from ema.data import MapResult, ModalMap, RunResult, SingleMode, Statement
+from ema.data.results import Verdict
 from ema.errors import InputError
 from ema.study.recipe import StatementTable
 
@@ -16,9 +17,11 @@ _STRICT = ("rise", "fall", "peak of", "dip", "ridge over")
 
 
 def judge(
-    tables: list[StatementTable], maps: tuple[MapResult, ...], runs: tuple[RunResult, ...]
+    tables: list[StatementTable], maps: tuple[MapResult, ...], runs: tuple[RunResult, ...], assumed: str = ""
 ) -> tuple[Statement, ...]:
     """A verdict on every statement, by the interval of its value and the bounds with which it holds.
+
+    ``assumed`` is what the campaign assumes: statements that name nothing else are matched with that only.
 
     Raises
     ------
@@ -28,10 +31,13 @@ def judge(
     judged = []
     for table in tables:
         measures = _of_map(table, charts) if table.map else [_of_run(table, results)]
+        verdict: Verdict
         verdict, measure = features.decide(measures, table.low, table.high, table.quantity.startswith(_STRICT))
-        matched = verdict == "matched"
+        why = ""
+        if verdict == "matched":
+            verdict, why = _with(table, assumed)
         missing = f"It would take {measure.missing}." if measure.missing else ""
-        parts = (table.implausible if matched else "", table.reason, missing)
+        parts = (why, table.reason, missing)
         judged.append(
             Statement(
                 table.text,
@@ -40,7 +46,7 @@ def judge(
                 table.low,
                 table.high,
                 measure.value,
-                "matched with an implausible parameter" if matched and table.implausible else verdict,
+                verdict,
                 table.verdict,
                 " ".join(part for part in parts if part),
                 table.sentence,
@@ -49,6 +55,15 @@ def judge(
             )
         )
     return tuple(judged)
+
+
+def _with(table: StatementTable, assumed: str) -> tuple[Verdict, str]:
+    """What a match rests on: nothing but the measurement, or a parameter that was assumed or that nobody believes."""
+    if table.implausible:
+        return "matched with an implausible parameter", table.implausible
+    if table.assumed or assumed:
+        return "matched with an assumed parameter", table.assumed or assumed
+    return "matched", ""
 
 
 @dataclass(frozen=True)
@@ -81,6 +96,14 @@ class _Lines:
             asked &= np.isclose(forces, given, rtol=1e-6)
         return [features.line(axis, values[:, k], std[:, k]).within(low, high) for k in np.flatnonzero(asked)]
 
+    def best_level(self) -> Measure:
+        """The level at which the highest damping of all normal forces in the range lies."""
+        rows, levels = self.rows("damping"), np.asarray(self.map.force_levels)
+        if len(rows) < len(levels):
+            low, high = self.table.levels or (-np.inf, np.inf)
+            levels = levels[(levels >= low * (1 - 1e-9)) & (levels <= high * (1 + 1e-9))]
+        return features.ridge_of(levels, rows)
+
     def _values(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         scale = 100.0 if name == "damping" else 1.0
         values = scale * np.asarray(getattr(self.map, name))
@@ -101,7 +124,7 @@ def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> list[Meas
             return [features.ridge(one) for one in lines.rows("damping")]
         case "peak level":
             if table.force is None:
-                raise _unplaced(table, "force in N")
+                return [lines.best_level()]
             return [features.ridge(one) for one in lines.columns("damping")]
         case "rise of ridge":
             return [features.rise([features.ridge(one) for one in lines.rows("damping")])]
@@ -146,6 +169,11 @@ def _unplaced(table: StatementTable, expected: str) -> InputError:
 def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:
     from ema.fit import local_fit
 
+    if table.quantity == "run level effect":
+        effect = _named(results, table.run, "run").level_effect
+        if effect is None:
+            return features.missing("impacts of different level on the same points")
+        return Measure(100 * effect.value, 100 * effect.lower, 100 * effect.upper)
     assert table.near is not None
     mode = local_fit(_named(results, table.run, "run").frfs, table.near)
     match table.quantity:
@@ -186,8 +214,10 @@ def _named(known: Mapping[str, "MapResult"] | Mapping[str, "RunResult"], name: s
 def _quantity(table: StatementTable) -> str:
     """What was looked at, in words."""
     parts: list[str] = [table.quantity]
-    if table.run:
-        parts.append(f"{table.run}, near {table.near:g} Hz")
+    if table.quantity == "run level effect":
+        parts.append(f"modal constants of the late decay, twice the force, {table.run}")
+    elif table.run:
+        parts.append(f"one linear mode fitted to the FRFs of {table.run} near {table.near:g} Hz")
     if table.map:
         parts.append(table.map)
     if table.other:

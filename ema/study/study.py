@@ -226,7 +226,7 @@ class Study:
         if placement is not None:
             findings += (*placement.findings, *placement.ranking.best.findings)
         checked = friction.forecast_check(self.recipe.placement, placement, maps)
-        judged = statements.judge(self.recipe.statements, maps, runs)
+        judged = statements.judge(self.recipe.statements, maps, runs, self.recipe.assumed)
         if self.recipe.logo:
             campaign = replace(campaign, logo=str((self.source.parent / self.recipe.logo).resolve()))
         result = StudyResult(

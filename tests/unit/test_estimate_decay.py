@@ -57,17 +57,30 @@ def released(request: pytest.FixtureRequest) -> Response:
     return snapback(model, 20.0, "beam 2:20:+Z", 2.0, sampling_rate=2000.0)
 
 
-def test_sliding_and_sticking_phase_of_the_double_beam(released: Response):
+def sliding_cycles(normal_force: float) -> float:
+    """Cycles until the double beam sticks: the static deflection a_0 = P L^3 / (6 E I) falls by 4 mu F_N h L^2 / (6 E I)
+    in every cycle (Coulomb), and the beams stick where it is mu F_N h L^2 / (6 E I); h = 5 mm, L = 0.5 m, P = 20 N."""
+    friction = 0.3 * normal_force * 0.005 / 0.5
+    return (20.0 - friction) / (4 * friction)
+
+
+def test_sliding_and_sticking_phase_of_the_double_beam(released: Response, request: pytest.FixtureRequest):
     decay = ring_down(released, (8.0, 45.0))
     found = {phase.kind: phase for phase in phases(decay)}
     sliding, sticking = found.get("sliding"), found["sticking"]
+    normal_force = request.node.callspec.params["released"]
     # the end of sliding is where friction ends: where the dissipated energy has reached all but a thousandth
     energy = np.asarray(released.energy.friction)
     last = released.times[np.argmax(energy > energy[0] + 0.999 * (energy[-1] - energy[0]))]
     assert decay.knee == pytest.approx(last, abs=1 / F_SLIDE)
     assert sticking.frequency == pytest.approx(F_STICK, rel=0.01)
     assert sticking.cycles > 5 and sticking.damping == pytest.approx(0.001, abs=2e-4)
-    if sliding is not None and sliding.cycles >= 5:
+    # 16.4, 8.1 and 3.9 cycles of sliding; smoothing takes one at either end, and five that are left show what they are
+    if sliding_cycles(normal_force) < 5 + 2:
+        assert sliding is None or sliding.cycles < 5
+    else:
+        assert sliding is not None and sliding.cycles >= 5
+        assert sliding.cycles == pytest.approx(last * F_SLIDE - 2, abs=1)
         assert sliding.frequency == pytest.approx(F_SLIDE, rel=0.01)
         assert sliding.misfit_ratio > 1.5
 

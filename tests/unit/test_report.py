@@ -28,6 +28,7 @@ from ema.data import (
     Hit,
     HitGallery,
     JointForce,
+    LevelEffect,
     ModalModel,
     PoleTable,
     Provenance,
@@ -35,6 +36,7 @@ from ema.data import (
     Run,
     RunResult,
     SetUpShifts,
+    SingleMode,
     StudyResult,
     poles_from,
 )
@@ -42,6 +44,7 @@ from ema.dof import Dof
 from ema.errors import FailureError
 from ema.report.blocks import Book
 from ema.report.comparison import comparisons
+from ema.report.modes import equivalent_table, run_sentence
 from ema.report.pictures import Image
 from ema.synthesis import frfs as synthesise
 
@@ -298,10 +301,7 @@ def test_answer_comes_first(page: Page):
     ]
     assert places == sorted(places)
     assert "Run beam_1kN (mean normal force 1007 N over 2 joints): 4 modes from 243.12 to 1316.9 Hz" in words
-    assert (
-        "beam_1kN against bare, 4 pairs of modes: frequency +1.3 % (median; +1.3 to +1.3 %), damping times 1.90"
-        in words
-    )
+    assert "beam_1kN against bare, 4 pairs of modes: frequency +1.30 %, damping times 1.90." in words
 
 
 def test_comparison_pairs_the_modes_and_says_what_the_interval_holds(page: Page):
@@ -311,6 +311,39 @@ def test_comparison_pairs_the_modes_and_says_what_the_interval_holds(page: Page)
     assert {row["ζ ratio [-]"] for row in rows} == {"1.90"}
     assert {row["MAC [-]"] for row in rows} == {"1.000"}
     assert "noise only; assembly scatter unknown" in page.words()
+
+
+def test_changes_of_both_signs_are_listed_and_have_no_median():
+    """+1 %, -7e-5 % and -4 %: a median says -7e-5 %, which is true of no mode that matters."""
+    geometry = plate(5, 4)
+    base, other = run_result("bare", geometry, 3), run_result("beam", geometry, 3)
+    factors = np.array([1.01, 1 - 7e-7, 0.96])
+    other = replace(other, modes=replace(other.modes, poles=other.modes.poles * factors))
+    (line, *_), _ = comparisons([base, other], Book())
+    assert line == "beam against bare, 3 pairs of modes: frequency +1.00, 0.00 and -4.00 %, damping times 1.00."
+    many = run_result("bare", geometry, 6), run_result("beam", geometry, 6)
+    poles = many[1].modes.poles * np.linspace(0.96, 1.02, 6)
+    (line, *_), _ = comparisons([many[0], replace(many[1], modes=replace(many[1].modes, poles=poles))], Book())
+    assert "frequency -4.00 to +2.00 %" in line
+
+
+def test_what_a_linear_fit_reads_at_the_level_stands_beside_small_amplitudes():
+    result = run_result("beam", plate(5, 4), 1)
+    at = (Dof(1, "+Z"),)
+    single = SingleMode(
+        "local fit", 489.43, 0.0176, np.zeros((1, 1), complex), at, at, (480.0, 498.0), 37, 0.04, 1e-4, 0.17
+    )
+    finding = Finding("warning", "slip-then-ring", "run beam", "It slips.")
+    effect = LevelEffect(0.35, 0.33, 0.37, 682.4, 1203.6)
+    result = replace(result, findings=(finding,), level_effect=effect, equivalent=(single,))
+    expected = (
+        "One linear mode fitted to the FRFs about each of them reads 489.4 Hz with 1.8 % at impacts of 682 to 1204 N."
+    )
+    assert run_sentence(result).endswith(expected)
+    book = Book()
+    equivalent_table(result, book)
+    assert [str(cell) for cell in book.tables[0].rows[0]] == ["489.430 ± 0.080", "1.760 ± 0.020", "0.170", "480 to 498"]
+    assert equivalent_table(replace(result, equivalent=()), book) is None
 
 
 def test_a_mode_with_two_likely_partners_is_named_and_not_counted():

@@ -13,7 +13,18 @@ import pytest
 
 from ema import compare, store
 from ema.compare.fitting import sound_slopes
-from ema.data import Channel, Condition, Damping, Excitation, JointForce, Run
+from ema.data import (
+    BeamModel,
+    Channel,
+    Condition,
+    Damping,
+    Excitation,
+    Joint,
+    JointForce,
+    Matrices,
+    ModalMap,
+    Run,
+)
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate import FrictionRig, Masing, RovingHammer, damping_map, double_beam
@@ -190,3 +201,53 @@ def test_bad_input_is_told_in_a_sentence(exact):
 def test_a_peak_that_jumps_within_the_step_is_no_knowledge():
     above, below = np.array([[30.0, 400.0, -5.0, 0.0]]), np.array([[34.0, 20.0, 160.0, 167.0]])
     assert sound_slopes(above, below).tolist() == [[32.0, 20.0, -5.0, 0.0]]
+
+
+OMEGA, ZETA = 2 * np.pi * 499.0, 0.00638
+ON = Dof(1, "+X")
+
+
+def against_a_wall(law):
+    """1 kg at 499 Hz that rubs against a wall."""
+    sides = ON, Dof(1, "+Z")
+    host = Matrices(np.eye(2), np.diag([OMEGA**2, 1e9]), sides)
+    wall = Matrices(1e3 * np.eye(2), 1e16 * np.eye(2), tuple(replace(dof, part="wall") for dof in sides))
+    joint = Joint("contact", ((1, 1),), (0.0, 0.0), law, 100.0, 1.0)
+    return BeamModel(host, wall, (joint,), Damping(ratio=ZETA))
+
+
+def closed_form_map(mu, stiffness, exponent, levels, forces):
+    """Frequency and damping of that mass at resonance from the describing function of Masing's spring.
+
+    With y = F_C / (k A), cos theta = 1 - 2 y: k' = (k / pi) (theta - sin(2 theta) / 2), k'' = 4 k y (1 - y) / pi. At
+    quadrature w^2 = w_0^2 + k', F_E = A (k'' + 2 zeta w_0 w), solved by bisection, and the damping ratio is
+    (k'' + 2 zeta w_0 w) / (2 w^2).
+    """
+    frequency, damping = np.empty((2, len(levels), len(forces)))
+    for i, level in enumerate(levels):
+        for j, force in enumerate(forces):
+            k, slip = stiffness * (force / 1000) ** exponent, mu * force
+            low, high = 1e-12, 1.0
+            for _ in range(200):
+                amplitude = np.sqrt(low * high)
+                y = min(slip / (k * amplitude), 1.0)
+                theta = np.arccos(1 - 2 * y)
+                w = np.sqrt(OMEGA**2 + k / np.pi * (theta - np.sin(2 * theta) / 2))
+                loss = 4 * k * y * (1 - y) / np.pi + 2 * ZETA * OMEGA * w
+                low, high = (low, amplitude) if amplitude * loss > level else (amplitude, high)
+            frequency[i, j], damping[i, j] = w / (2 * np.pi), loss / (2 * w**2)
+    return ModalMap(np.asarray(levels), np.asarray(forces), frequency, damping, method="frozen", name="closed form")
+
+
+@pytest.mark.slow
+def test_joint_parameters_from_a_closed_form_map_with_noise():
+    """The map is that of a describing function, of which the model that is fitted knows nothing; bounds as above."""
+    truth = 0.3, 0.05 * OMEGA**2, 0.4
+    exact = closed_form_map(*truth, [10.0, 40.0], [12.0, 30.0, 75.0, 180.0, 450.0])
+    chart = noisy(exact, np.random.default_rng())
+    start = against_a_wall(Masing(0.1, 4 * truth[1]))
+    found = compare.update(start, chart, FREE, ON, ON)
+    assert found.values[0] == pytest.approx(truth[0], rel=0.10)
+    assert found.values[1] == pytest.approx(truth[1], rel=0.15)
+    assert found.values[2] == pytest.approx(truth[2], abs=0.1)
+    assert all(found.identifiable)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from ema import estimate
 from ema.data import Condition, Excitation, FrfSet
@@ -45,20 +46,46 @@ def test_a_linear_structure_is_homogeneous_and_causal():
     assert estimate.causality(measured(stuck, 10.0))[0, 0] < 1e-6
 
 
-@pytest.mark.parametrize(("ratio", "expected"), [(0.05, 0.03), (0.1, 0.07), (0.2, 0.15), (0.3, 0.25)])
-def test_a_slipping_joint_shows_in_the_index_of_a_doubled_force(ratio, expected):
-    found = estimate.homogeneity(measured(masing_frf(ratio), 10.0), measured(masing_frf(ratio / 2), 20.0))
-    assert found.index == pytest.approx(expected, rel=0.15)
+def change(ratio, kappa):
+    """||H(2F) - H(F)|| / ||H(F)|| within ten half-power bandwidths of the peak, from the closed forms alone."""
+    lower, higher = masing_frf(ratio, kappa), masing_frf(ratio / 2, kappa)
+    inside = np.abs(LINES - LINES[np.argmax(np.abs(lower))]) <= 10 * 2 * ZETA * 499.0
+    return np.linalg.norm((higher - lower)[inside]) / np.linalg.norm(lower[inside])
+
+
+@pytest.mark.parametrize("kappa", [0.03, 0.05, 0.09])
+@pytest.mark.parametrize("ratio", [0.05, 0.1, 0.2, 0.3])
+def test_a_slipping_joint_shows_in_the_index_of_a_doubled_force(ratio, kappa):
+    """The index is that of the closed forms within 3 %. At a slip force of a fifth of the excitation it is at least 0.15
+    for joints from 0.05 of the stiffness on; for 0.03 the closed forms say 0.147, which is 0.15 in two digits only."""
+    found = estimate.homogeneity(measured(masing_frf(ratio, kappa), 10.0), measured(masing_frf(ratio / 2, kappa), 20.0))
+    assert found.index == pytest.approx(change(ratio, kappa), rel=0.03)
+    if ratio == 0.2:
+        assert found.index >= (0.15 if kappa >= 0.05 else 0.1465)
     assert found.side == "slip"
-    assert found.findings if expected > 0.05 else not found.findings
+    assert bool(found.findings) == (found.index > 0.05)
 
 
 def test_the_sign_tells_the_side_of_the_most_damping():
-    ratios = np.concatenate([np.geomspace(0.05, 0.8, 6), np.geomspace(1.4, 3.0, 4)])
+    """60 ratios from 0.05 to 4 with 1 % noise, except those within 20 % of the change-over, at which twice the force
+    leaves the closed-form peak as high as it was: the side is right in 95 of 100 or more."""
+
+    def growth(ratio):
+        return np.abs(masing_frf(ratio / 2)).max() / np.abs(masing_frf(ratio)).max() - 1
+
+    over = brentq(growth, 0.8, 1.2)
+    assert 0.9 < over < 1.0
+    rng = np.random.default_rng(30)
+    ratios = np.exp(rng.uniform(np.log(0.05), np.log(4.0), 90))
+    ratios = ratios[np.abs(np.log(ratios / over)) > np.log(1.2)][:60]
     sides = [
-        estimate.homogeneity(measured(masing_frf(r), 10.0), measured(masing_frf(r / 2), 20.0)).side for r in ratios
+        estimate.homogeneity(
+            measured(masing_frf(ratio), 10.0, 0.01, 2 * n), measured(masing_frf(ratio / 2), 20.0, 0.01, 2 * n + 1)
+        ).side
+        for n, ratio in enumerate(ratios)
     ]
-    assert sides == ["slip"] * 6 + ["stick"] * 4
+    right = [side == ("slip" if ratio < over else "stick") for side, ratio in zip(sides, ratios, strict=True)]
+    assert np.mean(right) >= 0.95, [(round(float(r), 3), s) for r, s, ok in zip(ratios, sides, right) if not ok]
 
 
 def test_beyond_a_third_a_linear_fit_has_no_meaning():
