@@ -37,7 +37,8 @@ if TYPE_CHECKING:
         SweptShaker,
     )
     from ema.simulate.loops import loop
-    from ema.simulate.maps import backbone, damping_map, resonance
+    from ema.simulate.maps import damping_map, resonance, resonances
+    from ema.simulate.nonlinear_modes import backbone
     from ema.simulate.rig import RingCell
     from ema.simulate.structure import assemble
     from ema.simulate.transient import respond, snapback
@@ -71,7 +72,7 @@ _NAMES = {
     "Valanis": "friction",
     "VirtualRig": "virtual",
     "assemble": "structure",
-    "backbone": "maps",
+    "backbone": "nonlinear_modes",
     "beam": "ema.elements",
     "controlled_snapback": "control",
     "damping_map": "maps",
@@ -86,6 +87,7 @@ _NAMES = {
     "preload": "contact",
     "register_law": "friction",
     "resonance": "maps",
+    "resonances": "maps",
     "respond": "transient",
     "snapback": "transient",
     "snapback_reference": "events",
@@ -135,6 +137,7 @@ __all__ = [
     "preload",
     "register_law",
     "resonance",
+    "resonances",
     "respond",
     "snapback",
     "snapback_reference",

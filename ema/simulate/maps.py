@@ -1,4 +1,4 @@
-"""Resonances over force level and normal force: backbone and damping map, from harmonic balance alone."""
+"""Resonances over force level and normal force, and damping maps, from harmonic balance alone."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -281,7 +281,7 @@ def _resonance(condensed: Condensed, frequency: float, point: _Point) -> Resonan
     )
 
 
-def backbone(
+def resonances(
     model: BeamModel,
     forces: Sequence[float] | Float[np.ndarray, "level"],
     at: Dof | str,
@@ -301,7 +301,7 @@ def backbone(
     result: list[Resonance] = []
     condensed: Condensed | None = None
     for number, force in enumerate(forces):
-        advance(progress, "backbone", number, len(forces))
+        advance(progress, "resonances", number, len(forces))
         positive(model.name, force=float(force))
         condensed = condensed or condense(model, float(force), at, [output], tolerance, modes)
         result.append(_peak(condensed.at(float(force), condensed.limits), check_band(model, band), 40))
