@@ -40,6 +40,9 @@ SAFETY, LEAST_ERROR = 4.0, 0.8
 FEWEST_HARMONICS, WIDER_STARTS, _MOST_RUNS, _MOST_ROUGH = 3, (5, 9, 14), 400, 60
 """Harmonics of the first try, and of those after it failed; Newton runs per frequency, after which it counts as one
 without a steady state, and where a neighbour would do as well."""
+_ALONG_THE_ARC, _FINE_START = 0.95, 4
+"""Ratio of neighbouring slip forces from which on a solution is sought with more nodes or along the arc, and the factor
+on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried."""
 _ASIDE, _SHORTEST = (0.003, -0.003, 0.01, -0.01, 0.03), 0.05
 """Where a steady state is looked for beside a frequency that shows none, relative, and the share of the way back below
 which no step is tried. Half a bandwidth of lightly damped modes is 0.003 and more."""
@@ -342,24 +345,41 @@ class Condensed:
         return self.limits
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
-        """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt."""
+        """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt.
+
+        Where these become short the nodes may be too few for Newton's method, as forces jump by the error of quadrature
+        where the number of nodes changes. If more of them do not help, the curve turns back to higher slip forces: from
+        there on along its arc.
+        """
+        from ema.simulate.continuation import lowered_slip_forces
+
         start = self.drive(omega, gains.shape[1])
         reach = self.stiffness * np.hypot(start[:, ::2], start[:, 1::2]).sum(axis=1)
         slipping = self.limits > 0
         level = max(1.0, 1.001 * float((reach[slipping] / self.limits[slipping]).max(initial=0.0)))
         ratio, wanted = 0.5, level
+        known: list[tuple[float, np.ndarray]] = []
         while True:
             found = self._newton(omega, start, gains, wanted)
             if found is not None:
                 start, level = found[1], wanted
+                known = [*known[-1:], (level, start)]
                 if level == 1.0:
                     return found
                 ratio = max(ratio**1.5, 0.1)
+            elif self.left < 0:
+                return None
             else:
                 ratio = np.sqrt(ratio)
-                if ratio > 0.9995:
-                    return None
+            if ratio > _ALONG_THE_ARC:
+                if self.exact or self.fine >= _FINE_START:
+                    break
+                self.fine, ratio = 2 * self.fine, 0.5
             wanted = max(level * ratio, 1.0)
+        if len(known) < 2:
+            return None
+        bent = lowered_slip_forces(self, omega, gains, known)
+        return None if bent is None else self._newton(omega, bent, gains)
 
     def _reached(self, omega: float, start: np.ndarray | None, gains: np.ndarray) -> tuple[Any, ...] | None:
         """Solution with the harmonics of ``gains``: from the start, from one with half of them, or from nothing."""

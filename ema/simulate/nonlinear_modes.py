@@ -55,13 +55,25 @@ class _FreeMotion:
     condensed: Condensed
     mode: int
     modal_amplitude: float
-    frequency: float
+    natural_frequency: float
     _kept: dict[tuple[float, float], tuple[np.ndarray, ...]] = field(default_factory=dict)
 
     @property
     def scales(self) -> Float[np.ndarray, "unknown"]:
         """Sizes of w, xi and the coordinate."""
-        return np.array([self.frequency, self.frequency, self.modal_amplitude])
+        return np.array([self.natural_frequency, self.natural_frequency, self.modal_amplitude])
+
+    def frequency(self, unknowns: np.ndarray) -> float:
+        """Angular frequency in rad/s."""
+        return float(unknowns[0])
+
+    def contact_forces(self, amplitudes: np.ndarray, unknowns: np.ndarray) -> tuple[np.ndarray, ...]:
+        """As ``Condensed.contact_forces``."""
+        return self.condensed.contact_forces(amplitudes, float(unknowns[0]), self.condensed.fine)
+
+    def moves_forces(self, index: int) -> bool:
+        """They depend on the frequency where a law depends on velocities."""
+        return index == 0 and bool(self.condensed.rates.any())
 
     def _others(self, omega: float, xi: float) -> tuple[np.ndarray, ...]:
         """All other modes at the fundamental.
@@ -113,7 +125,7 @@ class _FreeMotion:
         """Real and imaginary part of the mode's own equation, and the modal amplitude."""
         _, response, direct, _ = self._others(unknowns[0], unknowns[1])
         balance = direct * unknowns[2] + response @ self._fundamental(forces)
-        balance = balance / (self.frequency**2 * self.modal_amplitude)
+        balance = balance / (self.natural_frequency**2 * self.modal_amplitude)
         norm = np.linalg.norm(self.fundamental(forces, unknowns)) / self.modal_amplitude
         return np.array([balance.real, balance.imag, norm - 1.0])
 
@@ -129,7 +141,7 @@ class _FreeMotion:
 
     def at(self, amplitude: float) -> "_FreeMotion":
         """The same at another modal amplitude."""
-        return _FreeMotion(self.condensed, self.mode, amplitude, self.frequency, self._kept)
+        return _FreeMotion(self.condensed, self.mode, amplitude, self.natural_frequency, self._kept)
 
     def powers(self, solution: Solution) -> tuple[float, float, float]:
         """Mean power of the force that keeps the motion up, and losses in contacts and in other damping in W."""
