@@ -19,8 +19,8 @@ _NUDGE = 1e-7
 _MOST_STEPS, _SHORTEST = 30, 0.005
 """Newton steps before a start counts as a bad one, and the share of a step below which none is tried."""
 _MOST_ARCS, _SHORTEST_ARC, _LONGEST_ARC = 150, 1e-5, 0.5
-"""Steps along a curve, and the least and the largest length of one, relative to the size of the motion. On the double
-beam with a smooth law and F_N/F_E 225 bends take 10 to 40 steps."""
+"""Steps along a curve, and the least and the largest length of one, relative to the size of the motion. They bound the
+work; no sensitivity to them was measured."""
 
 
 @runtime_checkable

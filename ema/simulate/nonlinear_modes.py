@@ -33,7 +33,7 @@ _LINEAR = 0.3
 """Share of the amplitude at which the first contact could slip or part, at which the mode is begun as a linear one."""
 _WIDEST_STEP, _NARROWEST_STEP = 3.0, 1.004
 """Ratios of neighbouring amplitudes: the largest that is tried, and the smallest before a level counts as unsolved.
-On the double beam and the damped oscillator of the tests ratios below 1.2 are not needed."""
+They bound the work; no sensitivity to them was measured."""
 _NEAR = 1.2
 """Ratio of amplitudes that a start should bridge: where it does not, starts with more harmonics are tried."""
 _FEWER = 0.6
