@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import AmplitudeDependentMode, BeamModel, Finding, Provenance
+from ema.data import NonlinearMode, BeamModel, Finding, Provenance
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
@@ -260,7 +260,7 @@ def backbone(
     modes: int | None = None,
     harmonics: int | None = None,
     progress: Progress = silent,
-) -> AmplitudeDependentMode:
+) -> NonlinearMode:
     """Frequency, damping ratio and shape of one mode over its amplitude: a nonlinear mode (Krack 2015).
 
     Parameters
@@ -274,7 +274,7 @@ def backbone(
 
     Returns
     -------
-    AmplitudeDependentMode
+    NonlinearMode
         Levels without a solution are NaN and named in a finding.
 
     Raises
@@ -320,7 +320,7 @@ def backbone(
         table[:, level] = omega / (2 * np.pi), xi / (2 * omega), friction, damping, *errors
         if given > 0:
             unbalanced = max(unbalanced, abs(given - friction - damping) / given)
-    return AmplitudeDependentMode(
+    return NonlinearMode(
         levels,
         table[0],
         table[1],

@@ -12,7 +12,7 @@ from ema.dof import Dof
 
 
 @dataclass(frozen=True)
-class AmplitudeDependentMode:
+class NonlinearMode:
     """One mode over its amplitude; levels without a solution are NaN.
 
     Amplitude is that of the fundamental in mass-normalised modal coordinates: q^2 = X^H M X, X the complex amplitudes
