@@ -225,19 +225,19 @@ class _Problem:
             forces = self.points.forces[chosen[some]]
             # Joints near one nominal force stand for it: response, level and normal force scale together.
             level = levels[some] * forces.mean() / forces.mean(axis=1)
-            result[:, some] = self._backbone(model.with_normal_force(forces.mean(axis=0).tolist()), level)
+            result[:, some] = self._resonances(model.with_normal_force(forces.mean(axis=0).tolist()), level)
         return result
 
-    def _backbone(self, model: BeamModel, levels: np.ndarray) -> Float[np.ndarray, "2 point"]:
-        from ema.simulate.maps import backbone
+    def _resonances(self, model: BeamModel, levels: np.ndarray) -> Float[np.ndarray, "2 point"]:
+        from ema.simulate.maps import resonances
 
         try:
-            found = backbone(model, levels, self.at, self.output, self.band, self.tolerance)
+            found = resonances(model, levels, self.at, self.output, self.band, self.tolerance)
             return np.log([[peak.damping for peak in found], [peak.frequency for peak in found]])
         except InputError:
             if len(levels) == 1:
                 return np.full((2, 1), np.nan)
-            return np.hstack([self._backbone(model, levels[n : n + 1]) for n in range(len(levels))])
+            return np.hstack([self._resonances(model, levels[n : n + 1]) for n in range(len(levels))])
 
     def residuals(
         self, values: np.ndarray, bias: np.ndarray, soft: float = 0.0, chosen: np.ndarray | None = None

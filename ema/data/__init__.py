@@ -1,5 +1,6 @@
 """Nouns: frozen dataclasses over numpy; no algorithms, no files, no plots."""
 
+from ema.data.nonlinear_mode import NonlinearMode
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
 from ema.data.comparison import MapComparison, ModeComparison, ModelUpdate, SignalComparison, Verdict
@@ -43,6 +44,7 @@ from ema.data.single import SingleMode
 from ema.data.source import Source
 
 __all__ = [
+    "NonlinearMode",
     "BeamModel",
     "BoltedJoint",
     "Campaign",

@@ -83,7 +83,7 @@ def _band(task: Task, candidates: Candidates, place: int, mode: int, force: floa
 def _least_damping(
     model: BeamModel, task: Task, forces: Float[np.ndarray, "joint"], band: tuple[float, float]
 ) -> float:
-    from ema.simulate import backbone
+    from ema.simulate import resonances
 
-    found = backbone(model.with_normal_force(forces.tolist()), task.force_levels, task.at, task.at, band, _TOLERANCE)
+    found = resonances(model.with_normal_force(forces.tolist()), task.force_levels, task.at, task.at, band, _TOLERANCE)
     return min(one.damping for one in found)

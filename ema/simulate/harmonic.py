@@ -26,8 +26,8 @@ from ema.simulate.transient import Problem, prepare, sampled_normal_forces
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
 """Residual over the size of the amplitudes, the same where only places are sought, and how much larger than the first
 it may stay where no step lowers it; unknowns above which steps are found by GMRES."""
-_QUADRATURE = 1e-6
-_FINEST = 32
+QUADRATURE = 1e-6
+FINEST = 32
 _YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 14
 """Compliance over that of a contact from which on the coarse inverse holds a shape, how many of them, and at how many
 harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
@@ -35,11 +35,14 @@ _FORCING, _ROUGHLY = 1e-3, 0.05
 """How far GMRES solves for a step, and where only the size of the step matters."""
 _KEPT = 4
 """Frequencies whose unit motions are kept: that of a point, and those between which a summit is sought."""
-_SAFETY, _LEAST = 4.0, 0.8
+SAFETY, LEAST_ERROR = 4.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
-_FEWEST, _WIDER, _MOST_RUNS, _MOST_ROUGH = 3, (5, 9, 14), 400, 60
+FEWEST_HARMONICS, WIDER_STARTS, _MOST_RUNS, _MOST_ROUGH = 3, (5, 9, 14), 400, 60
 """Harmonics of the first try, and of those after it failed; Newton runs per frequency, after which it counts as one
 without a steady state, and where a neighbour would do as well."""
+_ALONG_THE_ARC, _FINE_START = 0.95, 4
+"""Ratio of neighbouring slip forces from which on a solution is sought with more nodes or along the arc, and the factor
+on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried."""
 _ASIDE, _SHORTEST = (0.003, -0.003, 0.01, -0.01, 0.03), 0.05
 """Where a steady state is looked for beside a frequency that shows none, relative, and the share of the way back below
 which no step is tried. Half a bandwidth of lightly damped modes is 0.003 and more."""
@@ -268,22 +271,26 @@ class Condensed:
                 trial = amplitudes - length * step
                 continue
             amplitudes, norm, length, steps = trial, new, 1.0, steps + 1
-            step = self._step(omega, gains, jacobian, slips, rest, forcing)
+            step = self.newton_step(omega, gains, (jacobian, slips), rest, forcing=forcing)
             trial = amplitudes - step
             if steps > most:
                 break
         return -1, trial, forces, jacobian, lost, slips
 
-    def _step(
+    def newton_step(
         self,
         omega: float,
         gains: np.ndarray,
-        jacobian: np.ndarray,
-        slips: np.ndarray,
+        tangents: tuple[np.ndarray, np.ndarray],
         rest: np.ndarray,
+        *,
         forcing: float = _FORCING,
     ) -> Float[np.ndarray, "contact size"]:
-        """Newton's step, (I + Z dG/dU) step = rest: by GMRES where many contacts slip, else by elimination."""
+        """Newton's step, (I + Z dG/dU) step = rest: by GMRES where many contacts slip, else by elimination.
+
+        ``tangents``: the Jacobian and who slips, as ``contact_forces`` returns them.
+        """
+        jacobian, slips = tangents
         if np.count_nonzero(slips) * rest.shape[1] > _DENSE:
             coarse = self.coarse(omega, gains)
             system = gains, jacobian, self.members, slips, rest, coarse.shapes, coarse.weights
@@ -333,35 +340,56 @@ class Condensed:
         blocks = _yielding(seen[:, low:], own).transpose(0, 2, 1, 3).reshape(-1, 2 * count, 2 * count)
         return np.linalg.inv(np.eye(len(whole)) + whole), np.linalg.inv(np.eye(2 * count) + blocks)
 
+    def room(self) -> Float[np.ndarray, "contact"]:
+        """Forces in N below which contacts stick, and normal contacts stay closed."""
+        return self.limits
+
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
-        """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt."""
+        """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt.
+
+        Where these become short the nodes may be too few for Newton's method, as forces jump by the error of quadrature
+        where the number of nodes changes. If more of them do not help, the curve turns back to higher slip forces: from
+        there on along its arc.
+        """
+        from ema.simulate.continuation import lowered_slip_forces
+
         start = self.drive(omega, gains.shape[1])
         reach = self.stiffness * np.hypot(start[:, ::2], start[:, 1::2]).sum(axis=1)
         slipping = self.limits > 0
         level = max(1.0, 1.001 * float((reach[slipping] / self.limits[slipping]).max(initial=0.0)))
         ratio, wanted = 0.5, level
+        known: list[tuple[float, np.ndarray]] = []
         while True:
             found = self._newton(omega, start, gains, wanted)
             if found is not None:
                 start, level = found[1], wanted
+                known = [*known[-1:], (level, start)]
                 if level == 1.0:
                     return found
                 ratio = max(ratio**1.5, 0.1)
+            elif self.left < 0:
+                return None
             else:
                 ratio = np.sqrt(ratio)
-                if ratio > 0.9995:
-                    return None
+            if ratio > _ALONG_THE_ARC:
+                if self.exact or self.fine >= _FINE_START:
+                    break
+                self.fine, ratio = 2 * self.fine, 0.5
             wanted = max(level * ratio, 1.0)
+        if len(known) < 2:
+            return None
+        bent = lowered_slip_forces(self, omega, gains, known)
+        return None if bent is None else self._newton(omega, bent, gains)
 
     def _reached(self, omega: float, start: np.ndarray | None, gains: np.ndarray) -> tuple[Any, ...] | None:
         """Solution with the harmonics of ``gains``: from the start, from one with half of them, or from nothing."""
         count = gains.shape[1]
-        found = None if start is None else self._newton(omega, _with_harmonics(start, count), gains)
-        if found is None and count >= 2 * _FEWEST:
+        found = None if start is None else self._newton(omega, with_harmonics(start, count), gains)
+        if found is None and count >= 2 * FEWEST_HARMONICS:
             fewer = self._reached(omega, start, np.ascontiguousarray(gains[:, : count // 2]))
             if fewer is not None:
-                found = self._newton(omega, _with_harmonics(fewer[1], count), gains)
-        return self._cold_start(omega, gains) if found is None and count <= _WIDER[-1] else found
+                found = self._newton(omega, with_harmonics(fewer[1], count), gains)
+        return self._cold_start(omega, gains) if found is None and count <= WIDER_STARTS[-1] else found
 
     def at(self, force: float, limits: Float[np.ndarray, "contact"]) -> "Condensed":
         """The same structure under another force amplitude in N and with other slip forces (contact,) in N."""
@@ -394,10 +422,10 @@ class Condensed:
     def _tried(self, frequency: float, start: np.ndarray | None) -> _Point | None:
         """The solution from the start, or from wider ones where there is none."""
         point = self._solved(frequency, start)
-        for count in _WIDER:
+        for count in WIDER_STARTS:
             # forces that hardly follow the displacement may have no solution with few harmonics
             if point is None and self.harmonics is None:
-                wider = np.zeros((len(self.limits), 2 * count)) if start is None else _with_harmonics(start, count)
+                wider = np.zeros((len(self.limits), 2 * count)) if start is None else with_harmonics(start, count)
                 point = self._solved(frequency, wider)
         return point
 
@@ -408,7 +436,7 @@ class Condensed:
             point = self._tried(place, None)
             while point is not None and share > _SHORTEST:
                 target = frequency if share == 1.0 else place + share * (frequency - place)
-                start = _with_harmonics(point.amplitudes, max(_FEWEST, point.count // 2))
+                start = with_harmonics(point.amplitudes, max(FEWEST_HARMONICS, point.count // 2))
                 near = self._solved(target, start)
                 if near is None:
                     share *= 0.5
@@ -421,10 +449,10 @@ class Condensed:
     def _solved(self, frequency: float, start: np.ndarray | None) -> _Point | None:
         """As ``solve``, with no fewer harmonics than those of the start."""
         omega = 2 * np.pi * frequency
-        count = self.harmonics or max(_FEWEST, 0 if start is None else start.shape[1] // 2)
+        count = self.harmonics or max(FEWEST_HARMONICS, 0 if start is None else start.shape[1] // 2)
         point: _Point | None = None
         coarser: tuple[Any, ...] | None = None
-        finest = _FINEST
+        finest = FINEST
         while True:
             all_gains = self.gains(omega, count + max(min(count, 6), count // 2))
             gains = np.ascontiguousarray(all_gains[:, :count])
@@ -443,8 +471,8 @@ class Condensed:
             if not slips.any():
                 return _Point(omega, amplitudes, forces, lost, 0.0)
             if not self.exact:
-                lost, blur = self._refined(amplitudes, forces, lost, omega)
-                if blur > _QUADRATURE and self.fine < finest:
+                lost, blur = self.refined(amplitudes, forces, lost, omega)
+                if blur > QUADRATURE and self.fine < finest:
                     self.fine, start, coarser = 2 * self.fine, amplitudes, found
                     continue
             coarser = None
@@ -457,7 +485,7 @@ class Condensed:
                 point.error = self._doubt(point, before)
             if point.error <= self.tolerance:
                 start, change = self._widened(point, all_gains)
-                point.error = max(point.error, _SAFETY * change)
+                point.error = max(point.error, SAFETY * change)
             if count >= self.most_orders and before is None:
                 point.error = self.judged(point)
             if point.error <= self.tolerance or count >= self.most_orders:
@@ -475,11 +503,11 @@ class Condensed:
         place = slice(0, 2) if self.odd else slice(2, 4)
         pairs = ((self.first(point), self.first(other)), (point.amplitudes[:, place], other.amplitudes[:, place]))
         moved = max(float(np.linalg.norm(a - b)) / max(float(np.linalg.norm(a)), 1e-300) for a, b in pairs)
-        return max(_SAFETY * moved, _LEAST * self.tolerance)
+        return max(SAFETY * moved, LEAST_ERROR * self.tolerance)
 
     def _again(self, point: _Point, gains: np.ndarray) -> _Point | None:
         """The solution with the harmonics of ``gains``, from one with more or fewer."""
-        start = _with_harmonics(point.amplitudes, gains.shape[1])
+        start = with_harmonics(point.amplitudes, gains.shape[1])
         found = self._newton(point.omega, start, gains)
         return None if found is None else _Point(point.omega, found[1], found[2], found[4], 1.0)
 
@@ -491,13 +519,13 @@ class Condensed:
         error = self._doubt(point, self._again(point, fewer) if point.count > 1 else None)
         if error <= self.tolerance:
             more = self.gains(point.omega, point.count + max(1, point.count // 2))
-            error = max(error, _SAFETY * self._widened(point, more)[1])
+            error = max(error, SAFETY * self._widened(point, more)[1])
         return error
 
     def _widened(self, point: _Point, gains: np.ndarray) -> tuple[Float[np.ndarray, "contact size"], float]:
         """A Newton step with all harmonics of ``gains``, and how much it changes the first one, relative."""
         start = point.amplitudes
-        wide = self._run(point.omega, _with_harmonics(start, gains.shape[1]), gains, 1.0, 0, _ROUGHLY)[1]
+        wide = self._run(point.omega, with_harmonics(start, gains.shape[1]), gains, 1.0, 0, _ROUGHLY)[1]
         change = self._first_part(wide[:, : start.shape[1]] - start)
         return wide, change / max(self._first_part(start), 1e-300)
 
@@ -505,7 +533,7 @@ class Condensed:
         """Size of the first harmonic of all contacts."""
         return float(np.linalg.norm(amplitudes[:, slice(0, 2) if self.odd else slice(2, 4)]))
 
-    def _refined(
+    def refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
     ) -> tuple[Float[np.ndarray, "contact"], float]:
         """Losses from twice the nodes, and how much they and the forces differ from before, relative."""
@@ -561,7 +589,7 @@ def _norm(table: np.ndarray) -> float:
     return float(np.sqrt(flat @ flat))
 
 
-def _with_harmonics(amplitudes: np.ndarray, count: int) -> Float[np.ndarray, "contact size"]:
+def with_harmonics(amplitudes: np.ndarray, count: int) -> Float[np.ndarray, "contact size"]:
     """The first ``count`` harmonics, filled up with zeros."""
     out = np.zeros((len(amplitudes), 2 * count))
     size = min(2 * count, amplitudes.shape[1])
@@ -586,13 +614,13 @@ class Branch:
             return None
         point = self.last[-1]
         # two numbers of harmonics are compared: begin with fewer than are needed
-        count = max(_FEWEST, int((0.5 if point.error <= _LEAST * self.tolerance else 0.7) * point.count))
-        guess = _with_harmonics(point.amplitudes, count)
+        count = max(FEWEST_HARMONICS, int((0.5 if point.error <= LEAST_ERROR * self.tolerance else 0.7) * point.count))
+        guess = with_harmonics(point.amplitudes, count)
         if len(self.last) == 2 and self.last[0].omega != point.omega:
             before = self.last[0]
             ratio = (2 * np.pi * frequency - point.omega) / (point.omega - before.omega)
             if abs(ratio) <= 2:
-                guess += ratio * (guess - _with_harmonics(before.amplitudes, count))
+                guess += ratio * (guess - with_harmonics(before.amplitudes, count))
         return guess
 
 

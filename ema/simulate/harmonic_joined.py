@@ -15,7 +15,7 @@ from jaxtyping import Float
 from ema.contact.laws import Couplings
 from ema.data import Finding, HarmonicResponse
 from ema.errors import InputError
-from ema.simulate.harmonic import Condensed, _Point, _with_harmonics
+from ema.simulate.harmonic import Condensed, _Point, with_harmonics
 
 _MOST_PERIODS = 40
 _LOOSE = 0.03
@@ -101,16 +101,11 @@ class JoinedCondensed(Condensed):
         """Deviations (contact, 2 H), their Jacobian, losses and who deviates; ``self.level`` raises slip forces."""
         return self._forces(amplitudes, omega, fine)[:4]
 
-    def _step(
-        self,
-        omega: float,
-        gains: np.ndarray,
-        jacobian: np.ndarray,
-        slips: np.ndarray,
-        rest: np.ndarray,
-        forcing: float = 0.0,
-    ) -> Float[np.ndarray, "contact size"]:
-        return self._dense_step(gains, jacobian, slips, rest)
+    def room(self) -> Float[np.ndarray, "contact"]:
+        """Forces in N below which contacts stick, and normal contacts stay closed."""
+        from ema.contact.normal_kernels import FORCE
+
+        return np.append(self._tops(64).min(axis=1), self.ties.normals[:, FORCE])
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From a small exciting force, under which nothing slips or parts, to the whole one.
@@ -118,11 +113,9 @@ class JoinedCondensed(Condensed):
         Where that path ends, as friction holds the structure up to some force and then lets it go, the other one begins
         without friction.
         """
-        from ema.contact.normal_kernels import FORCE
-
         start = self.drive(omega, gains.shape[1])
         reach = self.stiffness * np.hypot(start[:, ::2], start[:, 1::2]).sum(axis=1)
-        room = np.append(self._tops(64).min(axis=1), self.ties.normals[:, FORCE])
+        room = self.room()
         share = min(1.0, 0.5 / max(float((reach[room > 0] / room[room > 0]).max(initial=0.0)), 1e-300))
         found = self._raised("share", share, omega, share * start, gains)
         return self._raised("level", 0.01, omega, start, gains) if found is None else found
@@ -150,10 +143,11 @@ class JoinedCondensed(Condensed):
         finally:
             setattr(self, name, 1.0)
 
-    def _refined(
+    def refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
     ) -> tuple[Float[np.ndarray, "contact"], float]:
-        better, blur = super()._refined(amplitudes, forces, lost, omega)
+        """Losses from twice the samples, and how much they, the forces and the work of the harmonics differ."""
+        better, blur = super().refined(amplitudes, forces, lost, omega)
         orders = self.orders(amplitudes.shape[1] // 2)
         to_and_fro = np.pi * (forces[:, ::2] * amplitudes[:, 1::2] - forces[:, 1::2] * amplitudes[:, ::2]) * orders
         scale = max(float(better.sum()), 1e-3 * float(np.abs(to_and_fro).sum()), 1e-300)
@@ -161,7 +155,7 @@ class JoinedCondensed(Condensed):
 
     def pressed(self, point: _Point) -> Float[np.ndarray, "normal 4"]:
         """Least and greatest normal force in N, share of the period open, widest gap in m of the normal contacts."""
-        return np.asarray(self._forces(_with_harmonics(point.amplitudes, point.count), point.omega, self.fine)[4])
+        return np.asarray(self._forces(with_harmonics(point.amplitudes, point.count), point.omega, self.fine)[4])
 
     def completed(self, response: HarmonicResponse, points: Sequence[_Point | None]) -> HarmonicResponse:
         """The response with the slips of the friction contacts alone, and a finding where pairs part."""

@@ -1,7 +1,7 @@
-"""Resonances over force level and normal force: backbone and damping map, from harmonic balance alone."""
+"""Resonances over force level and normal force, and damping maps, from harmonic balance alone."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 
@@ -14,12 +14,14 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import positive
-from ema.simulate.harmonic import Branch, Condensed, _Point, condense
+from ema.simulate.harmonic import Branch, Condensed, _Point, condense, with_harmonics
 
 HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
 """Laws without a scale of their own: forces and displacements grow together."""
 _ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 3, 0.02
 _FIRST, _FIRST_LEVELS, _BESIDE, _MOST_ORDERS = 24, 7, 1.12, 48
+_WALK, _MOST_WALKED = 0.04, 24
+"""Steps down from a peak over its damping ratio, a tenth of the way to 0.93 of its height, and how many at most."""
 _APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0
 """Distance of frequencies around a summit that is known from fewer harmonics, and steps towards it that no longer
 matter, relative; the tolerance with which it is placed, over that of its height."""
@@ -27,10 +29,13 @@ matter, relative; the tolerance with which it is placed, over that of its height
 
 @dataclass(frozen=True)
 class Resonance:
-    """The largest response in a band: frequency Hz, complex amplitude of the response in m, equivalent damping ratio.
+    """A peak of the response: frequency Hz, complex amplitude of the response in m, equivalent damping ratio.
 
     ``damping`` is the energy lost per cycle over 4 pi times the largest kinetic energy of the first harmonic;
     ``modal_amplitude`` is mass-normalised, m sqrt(kg); ``error_estimate`` that of the amplitude, relative.
+    ``frequency_error`` and ``damping_error``, relative, say how far the largest response may be elsewhere: within the
+    error of the amplitude another frequency may be it. Only ``resonance`` looks for that, and for ``rivals``, other
+    peaks that rise to 0.93 of this one; NaN elsewhere.
     """
 
     frequency: float
@@ -38,6 +43,9 @@ class Resonance:
     damping: float
     modal_amplitude: float
     error_estimate: float
+    frequency_error: float = float("nan")
+    damping_error: float = float("nan")
+    rivals: tuple["Resonance", ...] = ()
 
 
 def resonance(
@@ -58,11 +66,67 @@ def resonance(
     coarse : number of frequencies of the first pass, which uses few harmonics; summits are then placed with as many as
         it takes for four times the tolerance, and solved with as many as it takes for the tolerance.
 
+    Returns
+    -------
+    Resonance
+        With its ``rivals``, and errors of frequency and damping that hold them where they may be the largest response.
+
     Raises
     ------
     InputError : the band is empty, nothing was found in it.
     """
-    return _peak(condense(model, force, at, [output], tolerance, modes), check_band(model, band), coarse)
+    condensed = condense(model, force, at, [output], tolerance, modes)
+    return _with_rivals(condensed, _peak(condensed, check_band(model, band), coarse), band)
+
+
+def _with_rivals(condensed: Condensed, top: Resonance, band: tuple[float, float]) -> Resonance:
+    """The largest of the peaks about one, with the others and what they leave open.
+
+    Superharmonics of a lightly damped structure make ripples on a flat summit, which few harmonics do not show. So the
+    summit is walked down on both sides with as many as placing a peak takes, and every rise is climbed.
+    """
+    points = _walked(condensed, top, band)
+    heights, places = _heights(condensed, points), sorted(points)
+    peaks = [top]
+    for low, middle, high in zip(places, places[1:], places[2:]):
+        apart = min(abs(middle / peak.frequency - 1) for peak in peaks) > _APART
+        if apart and heights[middle] > max(heights[low], heights[high], _RIVAL * abs(top.amplitude)):
+            found = _summit(condensed, {f: points[f] for f in (low, middle, high)}, 0.0)
+            if found is not None and min(abs(found.frequency / peak.frequency - 1) for peak in peaks) > _APART:
+                peaks.append(found)
+    best, *rivals = sorted(peaks, key=lambda peak: -abs(peak.amplitude))
+    least = (1 - best.error_estimate) * abs(best.amplitude)
+    others = [_resonance(condensed, f, points[f]) for f in places]
+    open_places = [one for one in (*others, *rivals) if (1 + one.error_estimate) * abs(one.amplitude) >= least]
+    return replace(
+        best,
+        frequency_error=max((abs(one.frequency / best.frequency - 1) for one in open_places), default=_CLOSEST),
+        damping_error=max((abs(one.damping / best.damping - 1) for one in open_places), default=0.0)
+        + best.error_estimate,
+        rivals=tuple(one for one in rivals if abs(one.amplitude) >= _RIVAL * abs(best.amplitude)),
+    )
+
+
+def _walked(condensed: Condensed, top: Resonance, band: tuple[float, float]) -> dict[float, _Point]:
+    """Solutions from a peak down to ``_RIVAL`` of its height on both sides, within the band."""
+    placing, points, highest = condensed.with_tolerance(_PLACING * condensed.tolerance), {}, abs(top.amplitude)
+    step = max(_WALK * top.damping, _APART)
+    for way in (-step, step):
+        start: np.ndarray | None = None
+        for number in range(1, _MOST_WALKED + 1):
+            frequency = top.frequency * (1 + way) ** number
+            if not band[0] <= frequency <= band[1]:
+                break
+            point = placing.solve(frequency, start)
+            if point is None:
+                start = None
+                continue
+            points[frequency], start = point, with_harmonics(point.amplitudes, max(_ROUGH, point.count // 2))
+            height = _height(condensed, point)
+            highest = max(highest, height)
+            if height < _RIVAL * highest:
+                break
+    return points
 
 
 def check_band(model: BeamModel, band: tuple[float, float]) -> tuple[float, float]:
@@ -281,7 +345,7 @@ def _resonance(condensed: Condensed, frequency: float, point: _Point) -> Resonan
     )
 
 
-def backbone(
+def resonances(
     model: BeamModel,
     forces: Sequence[float] | Float[np.ndarray, "level"],
     at: Dof | str,
@@ -301,7 +365,7 @@ def backbone(
     result: list[Resonance] = []
     condensed: Condensed | None = None
     for number, force in enumerate(forces):
-        advance(progress, "backbone", number, len(forces))
+        advance(progress, "resonances", number, len(forces))
         positive(model.name, force=float(force))
         condensed = condensed or condense(model, float(force), at, [output], tolerance, modes)
         result.append(_peak(condensed.at(float(force), condensed.limits), check_band(model, band), 40))

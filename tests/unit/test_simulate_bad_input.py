@@ -27,7 +27,6 @@ from ema.simulate import (
     SteppedSine,
     SweptShaker,
     assemble,
-    backbone,
     beam,
     damping_map,
     double_beam,
@@ -40,6 +39,7 @@ from ema.simulate import (
     plate_matrices,
     register_law,
     resonance,
+    resonances,
     stepped_sine,
     swept_sine,
 )
@@ -192,7 +192,7 @@ STEADY = {
     "a normal force NaN": (lambda: mapped(normals=(NAN,)), "not a normal force"),
     "a band the wrong way round": (lambda: mapped(band=(30.0, 10.0)), "not a band; got 30.0 to 10.0 Hz"),
     "a band NaN": (lambda: resonance(model(), 1.0, TIP, TIP, (NAN, 30.0)), "not a band"),
-    "a backbone of nothing": (lambda: backbone(model(), [], TIP, TIP, (10.0, 30.0)), r"forces = \[\]"),
+    "resonances of nothing": (lambda: resonances(model(), [], TIP, TIP, (10.0, 30.0)), r"forces = \[\]"),
 }
 
 ALL = {

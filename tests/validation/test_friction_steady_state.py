@@ -18,12 +18,12 @@ from ema.simulate import (
     Masing,
     ParallelMasing,
     RegularisedMasing,
-    backbone,
     damping_map,
     double_beam,
     frf,
     register_law,
     resonance,
+    resonances,
 )
 from ema.simulate.events import Harmonic, run_reference
 from ema.simulate.harmonic import Condensed, condense
@@ -286,10 +286,10 @@ def test_levels_between_are_interpolated_within_the_tolerance():
     assert "largest error estimate of a peak" in dict(chart.provenance.options)
 
 
-def test_backbone_falls_from_stuck_to_sliding():
+def test_resonances_fall_from_stuck_to_sliding():
     tip = "beam 2:4:+Z"
     model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4, damping=Damping(ratio=0.003))
-    points = backbone(model, [0.1, 2.0, 60.0], tip, tip, (14.0, 34.0))
+    points = resonances(model, [0.1, 2.0, 60.0], tip, tip, (14.0, 34.0))
     assert points[0].frequency > 1.7 * points[2].frequency
     assert points[1].damping > 3 * max(points[0].damping, points[2].damping)
 
