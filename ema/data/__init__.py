@@ -1,5 +1,6 @@
 """Nouns: frozen dataclasses over numpy; no algorithms, no files, no plots."""
 
+from ema.data.amplitude import AmplitudeDependentMode, AmplitudePrediction, Band, SteppedLevel
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
 from ema.data.comparison import MapComparison, ModeComparison, ModelUpdate, SignalComparison, Verdict
@@ -43,6 +44,9 @@ from ema.data.single import SingleMode
 from ema.data.source import Source
 
 __all__ = [
+    "AmplitudeDependentMode",
+    "AmplitudePrediction",
+    "Band",
     "BeamModel",
     "BoltedJoint",
     "Campaign",
@@ -103,6 +107,7 @@ __all__ = [
     "SingleMode",
     "Source",
     "Statement",
+    "SteppedLevel",
     "StudyResult",
     "TakeIdentity",
     "VarianceComponents",

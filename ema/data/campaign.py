@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
+from ema.data.amplitude import SteppedLevel
 from ema.data.condition import Condition
 from ema.data.findings import Finding
 from ema.data.frf import FrfSet
@@ -52,7 +53,8 @@ class Repair:
 
 @dataclass(frozen=True)
 class Run:
-    """Measurements under one condition: raw records, or FRFs that the measuring system has already computed.
+    """Measurements under one condition: raw records, FRFs that the measuring system has already computed, or the levels
+    of a stepped sine, lowest first.
 
     ``repeat`` is the label shared by runs that repeat the same condition (re-torqued, re-mounted, loaded anew).
     ``assembly`` is shared by those of them between which nothing was loosened; empty for an assembly of its own.
@@ -67,6 +69,7 @@ class Run:
     comment: str = ""
     repeat: str = ""
     assembly: str = ""
+    levels: tuple[SteppedLevel, ...] = ()
 
     @property
     def kind(self) -> str:

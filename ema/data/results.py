@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data._arrays import freeze
+from ema.data.amplitude import AmplitudeDependentMode
 from ema.data.campaign import Campaign, Repair, Run
 from ema.data.findings import Finding
 from ema.data.forecast import ForecastCheck
@@ -133,7 +134,7 @@ class StudyResult:
     ``conditions`` gathers the runs by what they repeat; ``differences`` holds each of them against the first one.
     ``maps`` follow a mode over force level and normal force; ``statements`` are those of a publication. ``decays`` are
     ring-downs, ``loops`` hysteresis loops; ``placement`` says where a friction beam goes, ``forecast_check`` how its
-    forecast was met.
+    forecast was met. ``amplitude_modes`` are modes over their amplitude, from runs of stepped levels.
     """
 
     campaign: Campaign
@@ -151,3 +152,4 @@ class StudyResult:
     loops: tuple[Loop, ...] = ()
     placement: Placement | None = None
     forecast_check: ForecastCheck | None = None
+    amplitude_modes: tuple[AmplitudeDependentMode, ...] = ()

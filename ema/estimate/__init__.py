@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ema.estimate.amplitude_mode import amplitude_dependent_mode
     from ema.estimate.calibrate import Calibration, known_mass
     from ema.estimate.cycles import measured_loop
     from ema.estimate.decay import Phase, phases, ring_down
@@ -33,6 +34,7 @@ _NAMES = {
     "Phase": "decay",
     "PhaseResonance": "shaker_force",
     "Steps": "stepped_sine",
+    "amplitude_dependent_mode": "amplitude_mode",
     "causality": "nonlinearity",
     "check_hit": "live",
     "check_impact": "live",
@@ -66,6 +68,7 @@ __all__ = [
     "Phase",
     "PhaseResonance",
     "Steps",
+    "amplitude_dependent_mode",
     "causality",
     "check_hit",
     "check_impact",

@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import Any
 
 _WHERE = {
+    "amplitude_modes": "ema.show.amplitude",
     "coherence": "ema.show.frf",
     "complexity": "ema.show.polar",
     "contact_loops": "ema.show.simulated",
