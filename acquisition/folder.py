@@ -40,6 +40,7 @@ from ema.data import (
     Lazy,
     Recording,
     Run,
+    SteppedLevel,
 )
 from ema.dof import SCALAR, Dof
 from ema.errors import InputError
@@ -210,7 +211,7 @@ class _Opening:
         from acquisition.stepped_levels import LevelLayout, in_order, read_levels
 
         layout = LevelLayout(**table.model_dump() | {"harmonics": tuple(table.harmonics)})
-        levels = []
+        levels: list[SteppedLevel] = []
         for number, item in enumerate(items):
             advance(self.progress, f"reading run {run.id}", number, len(items))
             levels += read_levels(item.path, layout, item.label)

@@ -57,7 +57,8 @@ def make_map(
     modes = [amplitude_dependent_mode(one.levels, name=one.id, condition=one.condition) for one in stepped]
     written = [path for result in results for path in _write(folder, result)]
     written += [path for mode in modes for path in _write_mode(folder, mode)]
-    findings = [finding for result in (*results, *modes) for finding in result.findings]
+    findings = [finding for result in results for finding in result.findings]
+    findings += [finding for mode in modes for finding in mode.findings]
     if json:
         levels = {mode.name: amplitude_mode(mode) for mode in modes}
         maps = {"maps": [chart(result) for result in results], "levels": levels}

@@ -4,9 +4,11 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {
+    "confirmed": "ema.compare.amplitude_prediction",
     "maps": "ema.compare.damping_maps",
     "measure": "ema.compare.replay",
     "modes": "ema.compare.pairing",
+    "predict_amplitudes": "ema.compare.amplitude_prediction",
     "signals": "ema.compare.decays",
     "update": "ema.compare.fitting",
 }

@@ -1,6 +1,6 @@
 """Nouns: frozen dataclasses over numpy; no algorithms, no files, no plots."""
 
-from ema.data.amplitude import AmplitudeDependentMode, AmplitudePrediction, Band, SteppedLevel
+from ema.data.amplitude import AmplitudeDependentMode, AmplitudePrediction, Band, LawParameter, SteppedLevel
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
 from ema.data.comparison import MapComparison, ModeComparison, ModelUpdate, SignalComparison, Verdict
@@ -76,6 +76,7 @@ __all__ = [
     "HitGallery",
     "Joint",
     "JointForce",
+    "LawParameter",
     "Lazy",
     "Loop",
     "MapComparison",

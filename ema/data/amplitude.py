@@ -133,12 +133,29 @@ class AmplitudeDependentMode:
 
 
 @dataclass(frozen=True)
+class LawParameter:
+    """A parameter of a joint law: median, bounds of its 95 % interval, and whether the measured levels identify it.
+
+    ``reason`` says why they do not. A parameter that is identified by measured levels confirms no prediction.
+    """
+
+    law: str
+    name: str
+    low: float
+    value: float
+    high: float
+    identifiable: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True)
 class AmplitudePrediction:
     """Frequency in Hz and damping of a mode at amplitudes that were not measured, with 95 % bands.
 
     ``amplitude`` (point,) in SI units of ``quantity``; ``beyond`` (point,) the amplitude over the highest measured one;
     ``laws`` and their ``weights`` by prediction of the highest levels left out; ``force`` (point,) in N that holds the
-    amplitude at resonance. ``statement`` says how far outside the data the prediction lies.
+    amplitude at resonance. ``statement`` says how far outside the data the prediction lies;
+    ``parameters`` are those of the law of most weight.
     """
 
     amplitude: Float[np.ndarray, "point"]
@@ -151,6 +168,7 @@ class AmplitudePrediction:
     force: Band | None = None
     statement: str = ""
     name: str = ""
+    parameters: tuple[LawParameter, ...] = ()
     findings: tuple[Finding, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:

@@ -229,6 +229,23 @@ def amplitude_mode(mode: AmplitudeDependentMode) -> dict[str, Any]:
     }
 
 
+def prediction(found: AmplitudePrediction) -> dict[str, Any]:
+    """A prediction over the amplitude as what JSON can hold: SI and fractions, bounds of the 95 % bands."""
+    points = zip(found.amplitude, found.beyond, rows(found.frequency), rows(found.damping), strict=True)
+    return {
+        "quantity": found.quantity,
+        "points": [
+            {"amplitude": float(amplitude), "beyond": float(beyond), "frequency": list(f), "damping": list(zeta)}
+            for amplitude, beyond, f, zeta in points
+        ],
+        "force": None if found.force is None else [list(row) for row in rows(found.force)],
+        "laws": dict(zip(found.laws, found.weights.tolist(), strict=True)),
+        "parameters": [vars(parameter) for parameter in found.parameters],
+        "statement": found.statement,
+        "findings": [finding(one) for one in found.findings],
+    }
+
+
 def rows(band: Band) -> list[tuple[float, float, float]]:
     """Low, value and high of each point of a band."""
     return list(zip(band.low.tolist(), band.value.tolist(), band.high.tolist(), strict=True))

@@ -255,7 +255,8 @@ class Study:
         findings = campaign.findings + compare.repeat_findings([one.run for one in runs])
         findings += tuple(finding for one in conditions for finding in one.findings)
         maps, stepped = over_levels
-        findings += tuple(finding for result in (*maps, *stepped) for finding in result.findings)
+        findings += tuple(finding for result in maps for finding in result.findings)
+        findings += tuple(finding for mode in stepped for finding in mode.findings)
         findings += self._without_results(campaign)
         decays, loops, placement = beside
         findings += tuple(finding for one in loops for finding in one.findings)
