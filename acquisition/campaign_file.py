@@ -225,6 +225,24 @@ class NormalForceTable(Table):
         return self
 
 
+class LevelsTable(Table):
+    """``[runs.levels]``: columns of the tables of a stepped sine, one file for each level, and what was held.
+
+    ``frequency``, ``force``, ``response``, ``phase`` and ``harmonics`` are titles of columns, or in a MATLAB file names
+    with ``*`` for the levels; ``units`` by name of the first four, where the files do not state them.
+    """
+
+    control: Literal["response", "force", "none"]
+    frequency: str = "frequency"
+    force: str = "force"
+    response: str = "response"
+    phase: str = "phase"
+    harmonics: Names = []
+    units: dict[Literal["frequency", "force", "response", "phase"], Unit] = {}
+    output: str = ""
+    input: str = ""
+
+
 class RunTable(Table):
     """``[[runs]]``: files measured under one condition."""
 
@@ -243,6 +261,7 @@ class RunTable(Table):
     temperature: Temperature | None = None
     beam: bool | None = None
     normal_force: list[NormalForceTable] = []
+    levels: LevelsTable | None = None
     repeat: str = ""
     assembly: str = ""
     comment: str = ""
@@ -254,6 +273,8 @@ class RunTable(Table):
             raise ValueError('a run names its files, by files = "..." or by file_table = "..."')
         if self.beam is False and self.normal_force:
             raise ValueError("a run without a beam has no normal force; drop one of the two statements")
+        if self.levels is not None and self.kind not in ("unknown", "stepped sine"):
+            raise ValueError(f'levels are those of a stepped sine, not of a {self.kind}; state kind = "stepped sine"')
         if len({force.joint for force in self.normal_force}) != len(self.normal_force):
             raise ValueError("two normal forces for one joint")
         return self
@@ -344,6 +365,7 @@ _TABLES: dict[str, type[Table]] = {
     "runs.files": FileTable,
     "runs.channels": ChannelTable,
     "runs.normal_force": NormalForceTable,
+    "runs.levels": LevelsTable,
     "repairs": RepairTable,
 }
 _FORMER = FormerNames()

@@ -12,7 +12,7 @@ import numpy as np
 from acquisition import campaign_file, units
 from acquisition.assignment import Item, data_folder, items_of
 from acquisition.axes import LocalAxes
-from acquisition.campaign_file import CampaignFile, ChannelTable, RunTable
+from acquisition.campaign_file import CampaignFile, ChannelTable, LevelsTable, RunTable
 from acquisition.force import Span, joint_forces, span_of
 from acquisition.geometry_file import geometry_of
 from acquisition.opened import Files, Take
@@ -40,6 +40,7 @@ from ema.data import (
     Lazy,
     Recording,
     Run,
+    SteppedLevel,
 )
 from ema.dof import SCALAR, Dof
 from ema.errors import InputError
@@ -155,6 +156,8 @@ class _Opening:
         where = f"{self.where}, run {run.id}"
         options = self.described.campaign.reader | run.reader | ({"salvage": True} if self.salvage else {})
         table = self.described.channels_of(run)
+        if run.levels is not None:
+            return self._stepped(run, items, run.levels)
         findings: list[Finding] = []
         pieces: list[_Piece] = []
         frfs: Sequence[FrfSet] = ()
@@ -201,6 +204,29 @@ class _Opening:
             run.comment,
             run.repeat,
             run.assembly,
+        )
+
+    def _stepped(self, run: RunTable, items: tuple[Item, ...], table: LevelsTable) -> Run:
+        """A run of stepped levels, lowest first."""
+        from acquisition.stepped_levels import LevelLayout, in_order, read_levels
+
+        layout = LevelLayout(**table.model_dump() | {"harmonics": tuple(table.harmonics)})
+        levels: list[SteppedLevel] = []
+        for number, item in enumerate(items):
+            advance(self.progress, f"reading run {run.id}", number, len(items))
+            levels += read_levels(item.path, layout, item.label)
+        self.dofs |= {dof for level in levels for dof in (level.output, level.input) if dof is not None}
+        joints, about_force = joint_forces(run, self.described.joints, (), Span(), self.folders, f"run {run.id}")
+        condition = _condition(run.model_copy(update={"kind": "stepped sine"}), joints)
+        return Run(
+            run.id,
+            condition,
+            repairs=self.repairs.of_run(run.id),
+            findings=tuple(about_force),
+            comment=run.comment,
+            repeat=run.repeat,
+            assembly=run.assembly,
+            levels=in_order(levels, f"{self.where}, run {run.id}"),
         )
 
     def _holds_frfs(self, run: RunTable, item: Item, options: dict[str, Any], where: str) -> bool:

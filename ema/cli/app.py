@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import ema
-from ema.cli import browsing, comparing, mapping, placing, recording, simulating
+from ema.cli import browsing, comparing, mapping, placing, predicting, recording, simulating
 from ema.cli.common import Formats, Jobs, Json, LimitOfRecipe, split_formats, status
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
@@ -33,6 +33,7 @@ app.add_typer(recording.app)
 app.command()(comparing.compare)
 app.command()(placing.place)
 app.command("map")(mapping.make_map)
+app.command()(predicting.predict)
 
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")]
 Salvage = Annotated[

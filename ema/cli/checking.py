@@ -8,28 +8,37 @@ from rich.table import Table
 from rich.text import Text
 
 from ema.cli.screen import show_findings
-from ema.data import Campaign, Finding, FrfSet, HitGallery, JointForce, Run
+from ema.data import AmplitudeDependentMode, Campaign, Finding, FrfSet, HitGallery, JointForce, Run
 from ema.progress import Progress
 from ema.study import chain
 from ema.study.measured import frfs_of
-from ema.study.plain import finding, joint, number
+from ema.study.plain import amplitude_lines, amplitude_mode, finding, joint, number
 from ema.study.recipe import EstimateTable
 
 
 @dataclass(frozen=True)
 class Checked:
-    """A run, its FRFs, its impacts where it has some, and all findings."""
+    """A run, its FRFs, its impacts where it has some, the mode over its amplitude of stepped levels, all findings.
+
+    A ring-down has neither FRFs nor levels.
+    """
 
     run: Run
-    frfs: FrfSet
+    frfs: FrfSet | None
     hits: HitGallery | None
     findings: tuple[Finding, ...]
+    mode: AmplitudeDependentMode | None = None
 
 
 def checked(run: Run, settings: EstimateTable, progress: Progress) -> Checked:
     """Estimate the FRFs of a run and collect what a reader has to know."""
-    from ema.estimate import quality
+    from ema.estimate import amplitude_dependent_mode, quality
 
+    if run.levels:
+        mode = amplitude_dependent_mode(run.levels, name=run.id, condition=run.condition)
+        return Checked(run, None, None, chain.unique(run.findings + mode.findings), mode)
+    if run.kind == "snap-back" and not run.frfs:
+        return Checked(run, None, None, chain.unique((*run.findings, chain.ring_down_finding(run))))
     frfs, hits = frfs_of(run, settings, progress)
     return Checked(run, frfs, hits, chain.unique(run.findings + frfs.findings + quality(frfs, None, hits)))
 
@@ -49,12 +58,8 @@ def as_mapping(campaign: Campaign, runs: list[Checked]) -> dict[str, Any]:
                 "run": one.run.id,
                 "kind": one.run.kind,
                 "records": len(one.run.recordings),
-                "outputs": [str(dof) for dof in one.frfs.outputs],
-                "inputs": [str(dof) for dof in one.frfs.inputs],
-                "frequencies": [float(one.frfs.frequencies[0]), float(one.frfs.frequencies[-1])],
-                "frequency_step": one.frfs.frequency_step,
-                "quantity": one.frfs.quantity,
-                "unit": one.frfs.unit,
+                **({} if one.frfs is None else _frfs(one.frfs)),
+                **({} if one.mode is None else {"levels": amplitude_mode(one.mode)}),
                 "temperature": number(one.run.condition.temperature),
                 "joints": [joint(each) for each in one.run.condition.joints],
                 "hits": None if one.hits is None else {"all": len(one.hits.hits), "used": len(one.hits.accepted)},
@@ -63,6 +68,17 @@ def as_mapping(campaign: Campaign, runs: list[Checked]) -> dict[str, Any]:
             }
             for one in runs
         ],
+    }
+
+
+def _frfs(frfs: FrfSet) -> dict[str, Any]:
+    return {
+        "outputs": [str(dof) for dof in frfs.outputs],
+        "inputs": [str(dof) for dof in frfs.inputs],
+        "frequencies": [float(frfs.frequencies[0]), float(frfs.frequencies[-1])],
+        "frequency_step": frfs.frequency_step,
+        "quantity": frfs.quantity,
+        "unit": frfs.unit,
     }
 
 
@@ -95,6 +111,10 @@ def _lines(one: Checked) -> list[str]:
             f"impacts: {len(one.hits.accepted)} of {len(one.hits.hits)} used; force spectrum down 10 dB at {low:.0f} "
             f"Hz, 20 dB at {high:.0f} Hz"
         )
+    if one.mode is not None:
+        lines += [f"levels: {len(one.run.levels)}, {one.mode.control} held", *amplitude_lines(one.mode)]
+    if frfs is None:
+        return lines
     lines.append(
         f"FRFs: {len(frfs.outputs)} responses x {len(frfs.inputs)} forces, {frfs.quantity} in {frfs.unit}, "
         f"{frfs.frequencies[0]:g} to {frfs.frequencies[-1]:g} Hz in steps of {frfs.frequency_step:.4g} Hz"

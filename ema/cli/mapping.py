@@ -12,7 +12,7 @@ from ema.cli.ending import ends_well
 from ema.errors import InputError
 
 if TYPE_CHECKING:
-    from ema.data import MapResult
+    from ema.data import AmplitudeDependentMode, MapResult
     from ema.study import Study
     from ema.study.recipe import MapTable
 
@@ -30,17 +30,21 @@ def make_map(
     limit: Limit = "error",
     json: Json = False,
 ) -> int:
-    """Follow a mode over excitation and normal force: table, CSV, pictures and a store."""
+    """Follow a mode over excitation and normal force, or over the levels of a stepped sine: table, CSV, pictures."""
     from ema.cli import screen
+    from ema.estimate import amplitude_dependent_mode
     from ema.study import Study, mapping
-    from ema.study.plain import chart
+    from ema.study.plain import amplitude_lines, amplitude_mode, chart
 
     study = Study.load(campaign)
     told: dict[str, Any] = {"reference": reference} if reference else {}
     told |= {"runs": run} if run else {}
     told |= {"force_levels": sorted(level)} if level else {}
     told |= {"normal_forces": sorted(force)} if force else {}
-    tables = _tables(study, near, told)
+    with screen.Bars() as bars:
+        opened = study.open(bars)
+    stepped = mapping.stepped_runs(opened, run or [])
+    tables = [] if stepped and not (near or study.recipe.map) else _tables(study, near, told)
     estimate = study.recipe.estimate
     if mount_mass is not None:
         estimate = estimate.model_copy(update={"mount_mass": mount_mass})
@@ -49,15 +53,24 @@ def make_map(
 
     make_folder(folder)
     with screen.Bars() as bars:
-        opened = study.open(bars)
         results = [mapping.mapped(opened, table, estimate, bars) for table in tables]
+    modes = [amplitude_dependent_mode(one.levels, name=one.id, condition=one.condition) for one in stepped]
     written = [path for result in results for path in _write(folder, result)]
+    written += [path for mode in modes for path in _write_mode(folder, mode)]
     findings = [finding for result in results for finding in result.findings]
+    findings += [finding for mode in modes for finding in mode.findings]
     if json:
-        screen.as_json({"maps": [chart(result) for result in results], "written": [str(path) for path in written]})
+        levels = {mode.name: amplitude_mode(mode) for mode in modes}
+        maps = {"maps": [chart(result) for result in results], "levels": levels}
+        screen.as_json(maps | {"written": [str(path) for path in written]})
     else:
         for result in results:
             _print(result)
+        for mode in modes:
+            screen.console().print(f"{mode.name}, {mode.control} held")
+            for line in amplitude_lines(mode):
+                screen.console().print(f"  {line}", highlight=False, markup=False)
+            screen.show_findings(screen.console(), mode.findings)
         screen.console().print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
     return status(findings, limit)
 
@@ -93,6 +106,27 @@ def _write(folder: Path, result: "MapResult") -> list[Path]:
         f"{stem}_curves": show.damping_curves(result.chart),
     }
     return [*written, *save_pictures(folder, pictures)]
+
+
+def _write_mode(folder: Path, mode: "AmplitudeDependentMode") -> list[Path]:
+    """Store, CSV and picture of a mode over its amplitude."""
+    from ema import show, store
+    from ema.file_names import safe_name
+
+    stem = safe_name(mode.name)
+    written = [folder / f"{stem}.h5", folder / f"{stem}.csv"]
+    store.save(written[0], mode)
+    header = ["amplitude", "frequency", "frequency_low", "frequency_high", "damping", "damping_low", "damping_high"]
+    columns = [mode.amplitude]
+    for band in (mode.frequency, mode.damping):
+        columns += [band.value, band.low, band.high]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([[repr(float(value)) for value in row] for row in zip(*columns, strict=True)])
+    with store.replacing(written[1]) as target:
+        target.write_text(text.getvalue(), encoding="utf-8", newline="")
+    return [*written, *save_pictures(folder, {f"{stem}_amplitude": show.amplitude_modes([mode])})]
 
 
 def _csv(result: "MapResult") -> str:

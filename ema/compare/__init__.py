@@ -4,10 +4,12 @@ from ema.lazy import attach
 
 _HOMES = {
     "conditions": "ema.compare.scatter",
+    "confirmed": "ema.compare.amplitude_prediction",
     "difference": "ema.compare.scatter",
     "maps": "ema.compare.damping_maps",
     "measure": "ema.compare.replay",
     "modes": "ema.compare.pairing",
+    "predict_amplitudes": "ema.compare.amplitude_prediction",
     "repeat_findings": "ema.compare.scatter",
     "repeats": "ema.compare.scatter",
     "signals": "ema.compare.decays",

@@ -1,6 +1,6 @@
 """Nouns: frozen dataclasses over numpy; no algorithms, no files, no plots."""
 
-from ema.data.nonlinear_mode import NonlinearMode
+from ema.data.amplitude import AmplitudeDependentMode, AmplitudePrediction, Band, LawParameter, SteppedLevel
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
 from ema.data.comparison import MapComparison, ModeComparison, ModelUpdate, SignalComparison, Verdict
@@ -22,6 +22,7 @@ from ema.data.modal import (
     natural_frequencies,
     poles_from,
 )
+from ema.data.nonlinear_mode import NonlinearMode
 from ema.data.placement import (
     BoltedJoint,
     Candidates,
@@ -44,7 +45,9 @@ from ema.data.single import SingleMode
 from ema.data.source import Source
 
 __all__ = [
-    "NonlinearMode",
+    "AmplitudeDependentMode",
+    "AmplitudePrediction",
+    "Band",
     "BeamModel",
     "BoltedJoint",
     "Campaign",
@@ -74,6 +77,7 @@ __all__ = [
     "HitGallery",
     "Joint",
     "JointForce",
+    "LawParameter",
     "Lazy",
     "LevelEffect",
     "Loop",
@@ -86,6 +90,7 @@ __all__ = [
     "ModeComparison",
     "ModeQuality",
     "ModelUpdate",
+    "NonlinearMode",
     "NormalContact",
     "Place",
     "Placement",
@@ -106,6 +111,7 @@ __all__ = [
     "SingleMode",
     "Source",
     "Statement",
+    "SteppedLevel",
     "StudyResult",
     "TakeIdentity",
     "VarianceComponents",

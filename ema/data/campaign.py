@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from ema.data._summary import Container, brief, count, phrase
+from ema.data.amplitude import SteppedLevel
 from ema.data.condition import Condition
 from ema.data.findings import Finding
 from ema.data.frf import FrfSet
@@ -53,7 +54,8 @@ class Repair(Container):
 
 @dataclass(frozen=True, repr=False)
 class Run(Container):
-    """Measurements under one condition: raw records, or FRFs that the measuring system has already computed.
+    """Measurements under one condition: raw records, FRFs that the measuring system has already computed, or the levels
+    of a stepped sine, lowest first.
 
     ``repeat`` is the label shared by runs that repeat the same condition (re-torqued, re-mounted, loaded anew).
     ``assembly`` is shared by those of them between which nothing was loosened; empty for an assembly of its own.
@@ -68,6 +70,7 @@ class Run(Container):
     comment: str = ""
     repeat: str = ""
     assembly: str = ""
+    levels: tuple[SteppedLevel, ...] = ()
 
     @property
     def kind(self) -> str:

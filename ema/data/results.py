@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from ema.data._arrays import freeze
 from ema.data._summary import Container, brief, count, phrase
+from ema.data.amplitude import AmplitudeDependentMode
 from ema.data.campaign import Campaign, Repair, Run
 from ema.data.findings import Finding
 from ema.data.forecast import ForecastCheck
@@ -164,7 +165,7 @@ class StudyResult(Container):
     ``conditions`` gathers the runs by what they repeat; ``differences`` holds each of them against the first one.
     ``maps`` follow a mode over force level and normal force; ``statements`` are those of a publication. ``decays`` are
     ring-downs, ``loops`` hysteresis loops; ``placement`` says where a friction beam goes, ``forecast_check`` how its
-    forecast was met.
+    forecast was met. ``amplitude_modes`` are modes over their amplitude, from runs of stepped levels.
     """
 
     campaign: Campaign
@@ -182,6 +183,7 @@ class StudyResult(Container):
     loops: tuple[Loop, ...] = ()
     placement: Placement | None = None
     forecast_check: ForecastCheck | None = None
+    amplitude_modes: tuple[AmplitudeDependentMode, ...] = ()
 
     def _headline(self) -> str:
         return phrase(

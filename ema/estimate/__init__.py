@@ -9,6 +9,7 @@ _HOMES = {
     "Phase": "ema.estimate.decay",
     "PhaseResonance": "ema.estimate.shaker_force",
     "Steps": "ema.estimate.stepped_sine",
+    "amplitude_dependent_mode": "ema.estimate.amplitude_mode",
     "causality": "ema.estimate.nonlinearity",
     "check_hit": "ema.estimate.live",
     "check_impact": "ema.estimate.live",

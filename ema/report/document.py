@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from ema.data import StudyResult
+from ema.report.amplitude import amplitude_modes, amplitude_sentences
 from ema.report.blocks import Block, Book, Section, Table
 from ema.report.change import change_sections
 from ema.report.comparison import comparisons
@@ -60,6 +61,8 @@ def compose(result: StudyResult, book: Book) -> Document:
     front += [Section("Modes", "modes", modes)]
     front += [Section("Runs compared", "comparison", compared)] if compared else []
     front += statements(result, book) + map_sections(result, book)
+    if result.amplitude_modes:
+        front.append(Section("Over the amplitude", "amplitude", amplitude_modes(result.amplitude_modes, book)))
     if result.decays:
         front.append(Section("Ring-down", "ring-down", ring_downs(result.decays, book)))
     if result.loops:
@@ -79,10 +82,11 @@ def compose(result: StudyResult, book: Book) -> Document:
         summary=[
             *([] if placement is None else answers(placement)),
             *([] if result.forecast_check is None else [verdict(result.forecast_check)]),
-            *([run_sentence(run) for run in runs] or ["No run was analysed."]),
+            *([run_sentence(run) for run in runs] or ([] if result.amplitude_modes else ["No run was analysed."])),
             *told,
             *map_lines(result),
             *statement_lines(result),
+            *amplitude_sentences(result.amplitude_modes),
             *ring_down_sentences(result.decays),
             counted(worries),
             *counted_expectations(result),

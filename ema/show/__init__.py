@@ -3,6 +3,7 @@
 from ema.lazy import attach
 
 _HOMES = {
+    "amplitude_modes": "ema.show.amplitude",
     "coherence": "ema.show.frf",
     "complexity": "ema.show.polar",
     "contact_loops": "ema.show.simulated",

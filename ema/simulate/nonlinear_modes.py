@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import NonlinearMode, BeamModel, Finding, Provenance
+from ema.data import BeamModel, Finding, NonlinearMode, Provenance
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent

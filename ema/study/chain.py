@@ -63,6 +63,17 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
     )
 
 
+def ring_down_finding(run: Run) -> Finding:
+    """Why a run of free vibrations has no FRFs, and what makes a result of it."""
+    return Finding(
+        "info",
+        "ring-down-without-band",
+        f"run {run.id}",
+        "a snap-back has no measured force: it gives frequency and damping over the amplitude, and no FRFs.",
+        advice=f'Name its band in the recipe: [[ring_down]] run = "{run.id}", band = [low, high].',
+    )
+
+
 def _tested(run: Run, band: tuple[float, float], progress: Progress) -> "Linearity | None":
     """Whether the structure is linear at the level of a hammer test; ``None`` for what else was measured."""
     from ema.compare.linearity import linearity

@@ -90,7 +90,10 @@ def chosen(campaign: Campaign, table: MapTable) -> tuple[Run, ...]:
     runs = tuple(
         run
         for run in campaign.runs
-        if run.kind in KINDS and run.condition.joints and any(fnmatch(run.id, one) for one in patterns)
+        if run.kind in KINDS
+        and not run.levels
+        and run.condition.joints
+        and any(fnmatch(run.id, one) for one in patterns)
     )
     if not runs:
         raise InputError(
@@ -103,6 +106,11 @@ def chosen(campaign: Campaign, table: MapTable) -> tuple[Run, ...]:
     return runs
 
 
+def stepped_runs(campaign: Campaign, patterns: Sequence[str]) -> tuple[Run, ...]:
+    """The runs of stepped levels among those named, or all of them."""
+    return tuple(run for run in campaign.runs if run.levels and any(fnmatch(run.id, one) for one in patterns or ["*"]))
+
+
 def reference_run(campaign: Campaign, table: MapTable) -> Run | None:
     """The run without the beam that scales a map: the one named, or the first one without joints.
 
@@ -112,7 +120,8 @@ def reference_run(campaign: Campaign, table: MapTable) -> Run | None:
     """
     if table.reference:
         return campaign[table.reference]
-    bare = [run for run in campaign.runs if not run.condition.joints and run.kind in (*KINDS, "random")]
+    known = (*KINDS, "random")
+    bare = [run for run in campaign.runs if not (run.condition.joints or run.levels) and run.kind in known]
     return bare[0] if bare else None
 
 

@@ -34,6 +34,14 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
     if run.frfs:
         sets = tuple(run.frfs)
         return sets[0] if len(sets) == 1 else merge([Part(one) for one in sets], name=run.id), None
+    if run.levels:
+        raise InputError(
+            "the run holds stepped levels, and no FRFs",
+            where=f"run {run.id}",
+            got=f"{len(run.levels)} levels",
+            expected="records or FRFs",
+            advice="`ema map` reads frequency and damping over the amplitude from them",
+        )
     if not run.recordings:
         raise InputError("the run holds neither records nor FRFs", where=f"run {run.id}")
     if run.kind not in _OPTIONS:

@@ -6,6 +6,9 @@ from typing import Any
 import numpy as np
 
 from ema.data import (
+    AmplitudeDependentMode,
+    AmplitudePrediction,
+    Band,
     ConditionDifference,
     Finding,
     JointForce,
@@ -16,6 +19,7 @@ from ema.data import (
     StudyResult,
 )
 from ema.fit.opinion import SecondOpinion
+from ema.units import SI_UNIT
 
 
 def summary(result: StudyResult) -> dict[str, Any]:
@@ -24,6 +28,7 @@ def summary(result: StudyResult) -> dict[str, Any]:
         "title": result.title,
         "campaign": result.campaign.name,
         "runs": [_run(run) for run in result.runs],
+        "levels": {mode.name: amplitude_mode(mode) for mode in result.amplitude_modes},
         "conditions": [_condition(one) for one in result.conditions],
         "differences": [_difference(one) for one in result.differences],
         "expectations": [
@@ -203,3 +208,54 @@ def finding(one: Finding) -> dict[str, Any]:
 def number(value: "float | None") -> "float | None":
     """The number, or ``None`` for one that is missing or not finite."""
     return None if value is None or not math.isfinite(value) else float(value)
+
+
+def amplitude_mode(mode: AmplitudeDependentMode) -> dict[str, Any]:
+    """A mode over its amplitude as what JSON can hold: SI and fractions, bounds of the 95 % intervals."""
+    return {
+        "quantity": mode.quantity,
+        "control": mode.control,
+        "modal_mass": number(mode.modal_mass),
+        "points": [
+            {
+                "amplitude": float(amplitude),
+                "frequency": [float(value) for value in frequency],
+                "damping": [float(value) for value in damping],
+            }
+            for amplitude, frequency, damping in zip(
+                mode.amplitude, rows(mode.frequency), rows(mode.damping), strict=True
+            )
+        ],
+    }
+
+
+def prediction(found: AmplitudePrediction) -> dict[str, Any]:
+    """A prediction over the amplitude as what JSON can hold: SI and fractions, bounds of the 95 % bands."""
+    points = zip(found.amplitude, found.beyond, rows(found.frequency), rows(found.damping), strict=True)
+    return {
+        "quantity": found.quantity,
+        "points": [
+            {"amplitude": float(amplitude), "beyond": float(beyond), "frequency": list(f), "damping": list(zeta)}
+            for amplitude, beyond, f, zeta in points
+        ],
+        "force": None if found.force is None else [list(row) for row in rows(found.force)],
+        "laws": dict(zip(found.laws, found.weights.tolist(), strict=True)),
+        "parameters": [vars(parameter) for parameter in found.parameters],
+        "statement": found.statement,
+        "findings": [finding(one) for one in found.findings],
+    }
+
+
+def rows(band: Band) -> list[tuple[float, float, float]]:
+    """Low, value and high of each point of a band."""
+    return list(zip(band.low.tolist(), band.value.tolist(), band.high.tolist(), strict=True))
+
+
+def amplitude_lines(mode: AmplitudeDependentMode | AmplitudePrediction) -> list[str]:
+    """One line for each amplitude, for people."""
+    unit = SI_UNIT[mode.quantity]
+    return [
+        f"{amplitude:.4g} {unit}: {f[1]:.3f} Hz [{f[0]:.3f}, {f[2]:.3f}], damping {100 * z[1]:.3f} % "
+        f"[{100 * z[0]:.3f}, {100 * z[2]:.3f}]"
+        for amplitude, f, z in zip(mode.amplitude, rows(mode.frequency), rows(mode.damping), strict=True)
+    ]

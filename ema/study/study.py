@@ -9,8 +9,21 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ema import fingerprint, store
-from ema.data import Campaign, Decay, Loop, MapResult, Placement, Provenance, Run, RunResult, StudyResult
+from ema.data import (
+    AmplitudeDependentMode,
+    Campaign,
+    Decay,
+    Finding,
+    Loop,
+    MapResult,
+    Placement,
+    Provenance,
+    Run,
+    RunResult,
+    StudyResult,
+)
 from ema.errors import CancelledError, FailureError, InputError
+from ema.estimate import amplitude_dependent_mode
 from ema.file_names import safe_name
 from ema.progress import Progress, advance, silent
 from ema.study import chain, expectations, friction, kept, mapping, recipe, statements
@@ -118,10 +131,12 @@ class Study:
                 finished.append(self._one(run, self._made(campaign, data[run.id]), progress, resume))
             advance(progress, "runs", len(runs), len(runs))
             maps = tuple(self._map(campaign, table, data, progress, resume) for table in self.recipe.map)
-            used = dict.fromkeys([*(run.id for run in runs), *(name for one in maps for name in one.runs)])
+            stepped = self._stepped(campaign)
+            names = [*(run.id for run in runs), *(name for one in maps for name in one.runs)]
+            used = dict.fromkeys([*names, *(mode.name for mode in stepped)])
             inputs = tuple(print_ for name in used for print_ in data[name])
             beside = self._friction(campaign, finished, progress, resume, executor)
-            return self._conclude(campaign, tuple(finished), maps, beside, inputs, progress)
+            return self._conclude(campaign, tuple(finished), (maps, stepped), beside, inputs, progress)
 
     def is_current(
         self, result: StudyResult, campaign: Campaign, progress: Progress = silent, *, picked: bool = False
@@ -137,7 +152,11 @@ class Study:
             return False
         data = data_of(self.campaign, progress)
         used = dict.fromkeys(
-            [*(one.run.id for one in result.runs), *(name for one in result.maps for name in one.runs)]
+            [
+                *(one.run.id for one in result.runs),
+                *(name for one in result.maps for name in one.runs),
+                *(mode.name for mode in result.amplitude_modes),
+            ]
         )
         if not used.keys() <= data.keys():
             return False
@@ -150,10 +169,16 @@ class Study:
     def _runs(self, campaign: Campaign) -> tuple[Run, ...]:
         """The runs that are fitted one by one: those named, or all that belong to no map, ring-down or loop."""
         if self.recipe.runs:
-            return tuple(campaign[name] for name in self.recipe.runs)
+            return tuple(run for run in map(campaign.__getitem__, self.recipe.runs) if not run.levels)
         mapped = {run.id for table in self.recipe.map for run in mapping.chosen(campaign, table)}
         mapped |= {one.run for one in self.recipe.ring_down} | {one.run for one in self.recipe.loop}
-        return tuple(run for run in campaign.runs if run.id not in mapped)
+        free = {run.id for run in campaign.runs if run.levels or (run.kind == "snap-back" and not run.frfs)}
+        return tuple(run for run in campaign.runs if run.id not in mapped | free)
+
+    def _stepped(self, campaign: Campaign) -> tuple[AmplitudeDependentMode, ...]:
+        """The modes over their amplitude of the runs of stepped levels."""
+        runs = [run for run in campaign.runs if run.levels and (not self.recipe.runs or run.id in self.recipe.runs)]
+        return tuple(amplitude_dependent_mode(run.levels, name=run.id, condition=run.condition) for run in runs)
 
     def _friction(
         self,
@@ -173,6 +198,15 @@ class Study:
             friction.ring_downs(campaign, told.ring_down),
             friction.hysteresis_loops(campaign, told.loop),
             placement,
+        )
+
+    def _without_results(self, campaign: Campaign) -> tuple[Finding, ...]:
+        """Free vibrations of which the recipe says no band."""
+        asked = {table.run for table in self.recipe.ring_down}
+        return tuple(
+            chain.ring_down_finding(run)
+            for run in campaign.runs
+            if run.kind == "snap-back" and not run.frfs and run.id not in asked and not self.recipe.runs
         )
 
     def _map(
@@ -209,7 +243,7 @@ class Study:
         self,
         campaign: Campaign,
         runs: tuple[RunResult, ...],
-        maps: tuple[MapResult, ...],
+        over_levels: tuple[tuple[MapResult, ...], tuple[AmplitudeDependentMode, ...]],
         beside: tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None],
         inputs: tuple[tuple[str, str], ...],
         progress: Progress,
@@ -220,7 +254,10 @@ class Study:
         conditions, differences = compare.conditions(runs)
         findings = self.recipe.former_names + campaign.findings + compare.repeat_findings([one.run for one in runs])
         findings += tuple(finding for one in conditions for finding in one.findings)
-        findings += tuple(finding for one in maps for finding in one.findings)
+        maps, stepped = over_levels
+        findings += tuple(finding for result in maps for finding in result.findings)
+        findings += tuple(finding for mode in stepped for finding in mode.findings)
+        findings += self._without_results(campaign)
         decays, loops, placement = beside
         findings += tuple(finding for one in loops for finding in one.findings)
         if placement is not None:
@@ -249,6 +286,7 @@ class Study:
             loops=loops,
             placement=placement,
             forecast_check=checked,
+            amplitude_modes=stepped,
         )
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))
@@ -295,7 +333,7 @@ def make_folder(folder: Path) -> None:
 
 
 def _without_signals(run: Run) -> Run:
-    return replace(run, recordings=(), frfs=())
+    return replace(run, recordings=(), frfs=(), levels=())
 
 
 @contextmanager

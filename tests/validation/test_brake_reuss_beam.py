@@ -82,3 +82,22 @@ def test_the_force_was_not_constant_and_a_finding_says_so(measured, kind):
         assert finding.code == "force-not-constant"
         assert finding.value == pytest.approx(held.force.max() / held.force.min() - 1)
         assert held.force.min() < found.force < held.force.max()
+
+
+def test_levels_through_the_reader_agree_with_the_independent_reading(datasets):
+    """Phase resonance of each level: frequency, and damping by power as F / (2 m a) with the modal mass of the slopes.
+
+    The modal mass in the ratios a/F = 1 / (2 zeta m) of the reference is common to all levels, so that damping
+    relative to that of the lowest level is compared.
+    """
+    from acquisition.stepped_levels import LevelLayout, read_levels
+
+    names = {name: f"FRdata.ResponseControl.*.{name}" for name in ("frequency", "force", "phase")}
+    layout = LevelLayout(**names, response="FRdata.ResponseControl.*.amplitude", control="response")
+    levels = read_levels(datasets / "01_brake_reuss_beam" / "ForcedFrequencyResponses.mat", layout)
+    mode = estimate.amplitude_dependent_mode(levels)
+    assert mode.amplitude == pytest.approx(list(RATIOS), rel=0.02)
+    damping = mode.damping.value / mode.damping.value[0]
+    assert damping == pytest.approx(RATIOS[5] / np.array(list(RATIOS.values())), rel=0.06)
+    assert mode.frequency.value[[0, -1]] == pytest.approx([80.37, 80.44], abs=0.02)
+    assert int(np.argmin(mode.frequency.value)) == list(RATIOS).index(40)

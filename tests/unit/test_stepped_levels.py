@@ -1,0 +1,232 @@
+"""Stepped levels of an oscillator whose stiffness and damping are given functions of its amplitude, with a second mode."""
+
+import json
+
+import numpy as np
+import pytest
+
+from acquisition import open_campaign
+from acquisition.stepped_levels import LevelLayout, read_levels
+from ema import estimate, store
+from ema.cli.app import app
+from ema.data import AmplitudeDependentMode, Band, SteppedLevel
+from ema.errors import InputError
+
+MASS, F0, ZETA0 = 2.0, 80.0, 0.001
+AMPLITUDES = (5.0, 10.0, 20.0, 40.0)  # m/s^2
+
+
+def mode_at(amplitude):
+    """Frequency [Hz] and damping ratio at an acceleration amplitude [m/s^2]."""
+    return F0 * (1 - 2e-4 * amplitude**0.8), ZETA0 + 2e-5 * amplitude**1.4
+
+
+def force_for(frequencies, amplitude, residual=0.0):
+    """Force [N] that holds an acceleration of constant amplitude and phase 0, beside a compliance ``residual`` [m/N]."""
+    f, zeta = mode_at(amplitude)
+    w, wr = 2 * np.pi * frequencies, 2 * np.pi * f
+    modal = MASS * (wr**2 - w**2 + 2j * zeta * wr * w)
+    return -amplitude / w**2 * modal / (1 + residual * modal)
+
+
+def level(amplitude, residual=0.0, noise=0.0, rng=None):
+    f, zeta = mode_at(amplitude)
+    frequencies = np.linspace(f * (1 - 6 * zeta), f * (1 + 7 * zeta), 41)
+    force = force_for(frequencies, amplitude, residual)
+    if noise:
+        force = force * (1 + noise * (rng.standard_normal(41) + 1j * rng.standard_normal(41)))
+    return SteppedLevel(
+        frequencies=frequencies,
+        force=np.abs(force),
+        response=amplitude * np.exp(-1j * np.angle(force)),
+        quantity="acceleration",
+        control="response",
+        name=f"{amplitude:g} m/s^2",
+    )
+
+
+def table(one, header, unit=1.0):
+    rows = zip(one.frequencies, one.force, np.abs(one.response) / unit, np.degrees(np.angle(one.response)), strict=True)
+    return header + "\n" + "\n".join(",".join(repr(float(value)) for value in row) for row in rows) + "\n"
+
+
+def test_the_mode_over_its_amplitude_is_that_of_the_oscillator():
+    mode = estimate.amplitude_dependent_mode([level(a, residual=2e-8) for a in AMPLITUDES])
+    truth = np.array([mode_at(a) for a in AMPLITUDES])
+    assert mode.amplitude == pytest.approx(AMPLITUDES, rel=1e-9)
+    assert mode.frequency.value == pytest.approx(truth[:, 0], rel=2e-6)
+    assert mode.damping.value == pytest.approx(truth[:, 1], rel=0.005)
+    assert mode.modal_mass == pytest.approx(MASS, rel=0.005)
+
+
+def test_intervals_hold_the_truth_under_noise():
+    rng = np.random.default_rng(3)
+    inside = []
+    for _ in range(60):
+        mode = estimate.amplitude_dependent_mode([level(a, noise=0.02, rng=rng) for a in AMPLITUDES])
+        for n, a in enumerate(AMPLITUDES):
+            f, zeta = mode_at(a)
+            inside.append(
+                (
+                    mode.frequency.low[n] <= f <= mode.frequency.high[n],
+                    mode.damping.low[n] <= zeta <= mode.damping.high[n],
+                )
+            )
+    assert np.all(np.mean(inside, axis=0) > 0.9)
+
+
+def test_levels_at_constant_force_need_the_modal_mass_from_elsewhere():
+    """Response and force of the same oscillator where the force is held: solved line by line for the amplitude."""
+    from scipy.optimize import brentq
+
+    levels = []
+    for held in (0.05, 0.1):
+        f, zeta = F0, 0.002
+        frequencies = np.linspace(f * (1 - 8 * zeta), f * (1 + 5 * zeta), 81)
+        amplitudes = [
+            brentq(lambda a, w=w, held=held: abs(force_for(np.array([w]), a)[0]) - held, 1e-3, 500) for w in frequencies
+        ]
+        force = np.array([force_for(np.array([w]), a)[0] for w, a in zip(frequencies, amplitudes, strict=True)])
+        levels.append(
+            SteppedLevel(
+                frequencies=frequencies,
+                force=np.full(81, held),
+                response=np.array(amplitudes) * np.exp(-1j * np.angle(force)),
+                quantity="acceleration",
+                control="force",
+            )
+        )
+    mode = estimate.amplitude_dependent_mode(levels, modal_mass=MASS)
+    for n, amplitude in enumerate(mode.amplitude):
+        f, zeta = mode_at(amplitude)
+        assert mode.frequency.value[n] == pytest.approx(f, rel=2e-5)
+        assert mode.damping.value[n] == pytest.approx(zeta, rel=0.01)
+
+
+def test_a_level_without_its_resonance_is_left_out_and_named():
+    beside = level(20.0)
+    beside = SteppedLevel(
+        frequencies=beside.frequencies[25:],
+        force=beside.force[25:],
+        response=beside.response[25:],
+        quantity="acceleration",
+        control="response",
+        name="beside",
+    )
+    mode = estimate.amplitude_dependent_mode([level(5.0), beside])
+    assert len(mode.amplitude) == 1
+    assert {finding.code for finding in mode.findings} >= {"no-single-resonance", "one-level"}
+    with pytest.raises(InputError, match="no level holds a resonance"):
+        estimate.amplitude_dependent_mode([beside])
+
+
+def test_a_table_in_other_units_reads_the_same(tmp_path):
+    path = tmp_path / "level.csv"
+    path.write_text(table(level(20.0), "frequency [Hz],force [N],acceleration [g],phase [deg]", unit=9.80665))
+    (read,) = read_levels(path, LevelLayout(response="acceleration", control="response"))
+    assert read.quantity == "acceleration"
+    assert np.abs(read.response) == pytest.approx(20.0)
+    assert read.displacement == pytest.approx(level(20.0).displacement)
+
+
+@pytest.mark.parametrize(
+    ("header", "units", "message"),
+    [
+        ("frequency [Hz],force [N],response,phase [deg]", {}, "the response of the level has no unit"),
+        ("frequency [Hz],force [N],response [m/s^2],phase", {}, "the phase of the level has no unit"),
+        ("frequency [Hz],force [mm],response [m/s^2],phase [deg]", {}, "'mm' is no unit of a force"),
+        ("frequency [Hz],force [N],answer [m/s^2],phase [deg]", {}, "no column 'response'"),
+        ("frequency [Hz],force [N],response [V],phase [deg]", {}, "'V' is no unit of a response"),
+    ],
+)
+def test_what_a_table_does_not_say_is_asked_for_in_one_sentence(tmp_path, header, units, message):
+    path = tmp_path / "level.csv"
+    path.write_text(table(level(20.0), header))
+    with pytest.raises(InputError, match=message) as caught:
+        read_levels(path, LevelLayout(units=units))
+    assert str(caught.value).count("\n") <= 4
+
+
+def test_an_interval_holds_its_value():
+    with pytest.raises(InputError, match="does not hold its value"):
+        Band(low=np.array([1.0]), value=np.array([0.5]), high=np.array([2.0]))
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """Levels at constant response, one set of FRFs, and a ring-down without force, in one campaign."""
+    for a in AMPLITUDES:
+        (tmp_path / f"level_{a:02g}.csv").write_text(
+            table(level(a), "frequency [Hz],force [N],acceleration [m/s^2],phase [deg]")
+        )
+    f = np.arange(60.0, 100.0, 0.05)
+    w, wr = 2 * np.pi * f, 2 * np.pi * F0
+    frf = -(w**2) / (MASS * (wr**2 - w**2 + 2j * 0.004 * wr * w))
+    rows = "\n".join(f"{x!r},{h.real!r},{h.imag!r}" for x, h in zip(f.tolist(), frf.tolist(), strict=True))
+    (tmp_path / "frf.csv").write_text("frequency [Hz],real [(m/s^2)/N],imag [(m/s^2)/N]\n" + rows + "\n")
+    t = np.arange(0, 2, 1 / 1024)
+    decay = np.exp(-0.002 * wr * t) * np.sin(wr * t)
+    rows = "\n".join(f"{x!r},{y!r}" for x, y in zip(t.tolist(), decay.tolist(), strict=True))
+    (tmp_path / "decay.csv").write_text("time [s],a [m/s^2]\n" + rows + "\n")
+    (tmp_path / "campaign.toml").write_text(
+        """
+[campaign]
+name = "levels, FRFs and a ring-down"
+
+[[runs]]
+id = "levels"
+kind = "stepped sine"
+files = "level_*.csv"
+[runs.levels]
+control = "response"
+response = "acceleration"
+
+[[runs]]
+id = "frfs"
+kind = "sweep"
+files = "frf.csv"
+reader = { frequency = "frequency", real = "real", imaginary = "imag", unit = "(m/s^2)/N" }
+channels = [{ name = "output", role = "response", dof = "1:+Z" }, { name = "input", role = "reference", dof = "1:+Z" }]
+
+[[runs]]
+id = "decay"
+kind = "snap-back"
+files = "decay.csv"
+channels = [{ name = "a", dof = "1:+Z" }]
+"""
+    )
+    return tmp_path
+
+
+def command(*words):
+    from typer.testing import CliRunner
+
+    done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_a_campaign_of_levels_frfs_and_ring_downs_is_checked_mapped_and_run(campaign, tmp_path):
+    opened = open_campaign(campaign)
+    assert [len(run.levels) for run in opened.runs] == [len(AMPLITUDES), 0, 0]
+    checked = {run["run"]: run for run in json.loads(command("check", campaign, "--json"))["runs"]}
+    points = checked["levels"]["levels"]["points"]
+    assert [point["amplitude"] for point in points] == pytest.approx(AMPLITUDES)
+    assert [finding["code"] for finding in checked["decay"]["findings"]] == ["ring-down-without-band"]
+    command("map", campaign, "--out", tmp_path / "maps")
+    stored = store.load(tmp_path / "maps" / "levels.h5")
+    assert isinstance(stored, AmplitudeDependentMode)
+    assert stored.damping.value == pytest.approx([mode_at(a)[1] for a in AMPLITUDES], rel=0.005)
+    command("run", campaign, "--output", tmp_path / "out")
+    result = store.load(next((tmp_path / "out").glob("*.h5")))
+    assert [mode.name for mode in result.amplitude_modes] == ["levels"]
+    assert [run.run.id for run in result.runs] == ["frfs"]
+    report = next((tmp_path / "out").glob("*.html")).read_text()
+    assert "Levels of levels" in report
+    assert "ring-down-without-band" in [finding.code for finding in result.findings]
+
+
+def test_one_level_twice_is_refused(campaign):
+    (campaign / "level_41.csv").write_text((campaign / "level_40.csv").read_text())
+    with pytest.raises(InputError, match="two levels of one amplitude"):
+        open_campaign(campaign)
