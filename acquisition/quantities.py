@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from acquisition import units
+from acquisition.units import measure
 from ema.dof import Dof
 from ema.errors import EmaError
 
@@ -30,6 +31,7 @@ __all__ = [
     "Seconds",
     "Stiffness",
     "Tolerance",
+    "measure",
 ]
 
 

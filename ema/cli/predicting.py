@@ -63,12 +63,12 @@ def _in_si(text: str, quantity: str) -> float:
     ------
     InputError : no unit, or that of another quantity.
     """
-    from acquisition import units
+    from acquisition.quantities import measure
 
     try:
         float(text)
     except ValueError:
-        return float(units.measure(text, quantity)[0])
+        return float(measure(text, quantity)[0])
     raise InputError(
         "an amplitude without a unit",
         got=text,

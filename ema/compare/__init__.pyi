@@ -1,3 +1,5 @@
+from ema.compare.amplitude_prediction import confirmed as confirmed
+from ema.compare.amplitude_prediction import predict_amplitudes as predict_amplitudes
 from ema.compare.components import variance_components as variance_components
 from ema.compare.damping_maps import maps as maps
 from ema.compare.decays import signals as signals

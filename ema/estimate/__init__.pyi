@@ -1,3 +1,4 @@
+from ema.estimate.amplitude_mode import amplitude_dependent_mode as amplitude_dependent_mode
 from ema.estimate.calibrate import Calibration as Calibration
 from ema.estimate.calibrate import known_mass as known_mass
 from ema.estimate.cycles import measured_loop as measured_loop

@@ -1,3 +1,4 @@
+from ema.show.amplitude import amplitude_modes as amplitude_modes
 from ema.show.blows import force_spectrum as force_spectrum
 from ema.show.blows import hits as hits
 from ema.show.compared import map_comparison as map_comparison

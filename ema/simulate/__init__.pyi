@@ -33,9 +33,10 @@ from ema.simulate.inputs import SnapBack as SnapBack
 from ema.simulate.inputs import SteppedSine as SteppedSine
 from ema.simulate.inputs import SweptShaker as SweptShaker
 from ema.simulate.loops import loop as loop
-from ema.simulate.maps import backbone as backbone
 from ema.simulate.maps import damping_map as damping_map
 from ema.simulate.maps import resonance as resonance
+from ema.simulate.maps import resonances as resonances
+from ema.simulate.nonlinear_modes import backbone as backbone
 from ema.simulate.rig import RingCell as RingCell
 from ema.simulate.structure import assemble as assemble
 from ema.simulate.transient import respond as respond
