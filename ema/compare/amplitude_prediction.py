@@ -60,6 +60,12 @@ def predict_amplitudes(
 
     Examples
     --------
+    >>> from ema.data import AmplitudeDependentMode, Band
+    >>> level = np.array([5.0, 10.0, 20.0, 40.0])
+    >>> f, zeta = 100 - 0.01 * level, 0.001 + 1e-4 * level
+    >>> mode = AmplitudeDependentMode(
+    ...     level, Band(f - 0.01, f, f + 0.01), Band(0.98 * zeta, zeta, 1.02 * zeta), quantity="acceleration"
+    ... )
     >>> prediction = predict_amplitudes(mode, [60.0, 80.0])
     >>> prediction.statement
     '60 to 80 m/s^2 is 1.5 to 2 times the highest amplitude measured (40 m/s^2).'

@@ -69,9 +69,14 @@ def amplitude_dependent_mode(
 
     Examples
     --------
-    >>> mode = amplitude_dependent_mode(run.levels)
-    >>> mode.damping.value
-    array([0.0015, 0.0019, 0.0024])
+    >>> f = np.linspace(98.0, 102.0, 41)
+    >>> levels = []
+    >>> for force, zeta in ((1.0, 0.002), (2.0, 0.003)):
+    ...     receptance = 1 / ((2 * np.pi) ** 2 * (100.0**2 - f**2 + 2j * zeta * 100.0 * f))
+    ...     levels.append(SteppedLevel(f, np.full(41, force), force * receptance, "displacement", "force"))
+    >>> mode = amplitude_dependent_mode(levels, modal_mass=1.0)
+    >>> mode.frequency.value.round(2), mode.damping.value.round(4)
+    (array([100., 100.]), array([0.002, 0.003]))
     """
     if len({level.quantity for level in levels}) != 1:
         raise InputError(
