@@ -25,7 +25,7 @@ _NARROW, _CAUTION = 3.0, 2.0
 """Bandwidth in lines below which a pole on another one's peak must explain more, and how much more."""
 _FEW, _REACH = 10.0, 3.0
 """Lines within the bandwidth of a peak that are few, and decay rates from its pole that are on it: with noise in
-proportion to the FRF, nine tenths of the noise energy lie there."""
+proportion to the FRF, four fifths of what the peak makes of noise lie there (2/pi arctan 3)."""
 _FLANK = 4.0
 """Evidence, in standard deviations, that the flanks of a narrow peak have to give for a resonance. Of tones 1 in 30,000
 gives as much (normal distribution, one-sided)."""

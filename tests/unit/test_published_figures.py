@@ -8,7 +8,7 @@ from tests.bench import provenance
 from tests.bench.accuracy import JUDGES, RESTS
 
 WITHOUT = {
-    *(f"accuracy, {part}" for part in ("case", "cost", "halves", "listed", "peers", "random", "residues", "small")),
+    "accuracy, peers",
     *(f"fit, {part}" for part in ("160x1601", "160x6401", "900x4096", "random")),
     "placement",
     "study",
