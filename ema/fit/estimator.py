@@ -650,6 +650,12 @@ def with_modes(
     return evaluate(data, np.concatenate([fit.poles, poles]), participation, fit.terms, (shapes, fit.rest))
 
 
+def with_terms(data: Observations, fit: Fit, columns: int) -> Fit:
+    """The fit with the first residual terms only."""
+    terms = fit.terms.fewer(columns)
+    return evaluate(data, fit.poles, fit.participation, terms, (fit.shapes, fit.rest[..., :columns]))
+
+
 def covariance(fit: Fit, factor: float) -> Float[np.ndarray, "mode 2 2"]:
     """Covariance of natural frequency (Hz) and damping ratio of each mode."""
     by_cause = root(fit, factor)

@@ -48,6 +48,10 @@ class Background:
         result: np.ndarray = both[..., :half] + 1j * both[..., half:]
         return result
 
+    def fewer(self, columns: int) -> "Background":
+        """The first columns alone."""
+        return Background(self.poles, self.mixing[:, :columns])
+
 
 def background(
     s: Complex[np.ndarray, "line"], weight: Float[np.ndarray, "line"], poles: Complex[np.ndarray, "term"]

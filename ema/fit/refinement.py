@@ -84,7 +84,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
             dropped = (*dropped, *gone)
         if turn >= again and len(fit.poles) == before:
             break
-        fit = _optimum(flat, fit)
+        fit = _optimum(flat, _spared(flat, fit))
     factor = fit.variance_factor(flat)
     of_poles, of_shapes = _loss(flat, fit)
     between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
@@ -150,6 +150,30 @@ def _between(
     words = [name for name, factor in found.items() if np.any(factor[:, is_mode] > 1)]
     basis = f"; of some poles, {' and '.join(words)}, which is beyond that" if words else ""
     return np.max(list(found.values()), axis=0), basis
+
+
+def _spared(flat: Observations, fit: Fit) -> Fit:
+    """The fit without the last residual terms, as long as noise explains them for all FRFs together.
+
+    A set of terms is left out when its gain, poles adapted, stays within two standard deviations of what noise gives to
+    as many unknowns.
+    """
+    noise = fit.variance_factor(flat)
+    gained = _promised(fit)
+    while fit.rest.shape[-1]:
+        fewer = estimator.with_terms(flat, fit, max(fit.rest.shape[-1] - 2, 0))
+        count = fit.rest.size - fewer.rest.size
+        lost = (fewer.cost - _promised(fewer)) - (fit.cost - gained)
+        if lost > noise * (count + estimator.DOUBT * np.sqrt(2 * count)):
+            break
+        fit, gained = fewer, _promised(fewer)
+    return fit
+
+
+def _promised(fit: Fit) -> float:
+    """What a Gauss-Newton step would take off the cost."""
+    by_cause = estimator.root(fit)
+    return float(np.sum((by_cause.T @ fit.gradient) ** 2))
 
 
 def _pruned(
