@@ -10,7 +10,7 @@ import numpy as np
 from tests.bench.fit import OURS
 from tests.bench.write_docs import number, table
 
-WANTED = {"case": 100, "small": 1000, "random": 200, "residues": 30}
+WANTED = {"case": 100, "small": 1000, "systems": 240, "residues": 30}
 """Draws or systems of a full run."""
 SHORT = Path(__file__).parent / "results" / "accuracy_short.json"
 """Why a figure falls short, by the key of its row: written by hand after looking, and shown where it still does."""
@@ -67,13 +67,13 @@ def unfinished(known: dict) -> list[str]:
     counts = {
         "case": lambda found: found[0]["draws"],
         "small": lambda found: found[0]["draws"],
-        "random": lambda found: len(found["runs"][OURS]),
+        "systems": lambda found: found["systems"],
         "residues": lambda found: found["systems"],
     }
     titles = {
         "case": "draws of the 160-FRF case",
         "small": "draws of the 16-FRF case",
-        "random": "random systems",
+        "systems": "random systems",
         "residues": "systems for the residues",
     }
     done = {name: count(known[name]["found"]) if name in known else 0 for name, count in counts.items()}
