@@ -163,7 +163,7 @@ def _level(columns: Columns, layout: LevelLayout, where: str) -> SteppedLevel:
         parts = [_column(columns, title, where)[0] for title in layout.harmonics]
         unit = layout.units.get("response") or got["response"][1]
         harmonics = np.stack([units.parse(unit).to_si(part) for part in parts])
-    _check(frequencies, force, amplitude, where)
+    _check(frequencies, force, amplitude, phase, where)
     return SteppedLevel(
         frequencies=frequencies,
         force=force,
@@ -226,10 +226,10 @@ def _phase_factor(column: tuple[np.ndarray, str], layout: LevelLayout, where: st
     return scale.factor
 
 
-def _check(frequencies: np.ndarray, force: np.ndarray, amplitude: np.ndarray, where: str) -> None:
+def _check(frequencies: np.ndarray, force: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, where: str) -> None:
     if len(frequencies) < 3:
         raise InputError("too few lines in a level", where=where, got=len(frequencies), expected="3 or more")
-    if not all(np.all(np.isfinite(values)) for values in (frequencies, force, amplitude)):
+    if not all(np.all(np.isfinite(values)) for values in (frequencies, force, amplitude, phase)):
         raise InputError("values that are no numbers", where=where, advice="remove the lines that were not measured")
     if np.any(np.diff(frequencies) <= 0):
         raise InputError(

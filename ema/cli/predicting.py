@@ -90,13 +90,13 @@ def _mode(path: Path, run: str) -> "AmplitudeDependentMode":
     from ema.study import Study, mapping
 
     if path.is_file() and store.is_store(path):
-        held = store.load(path)
-        if isinstance(held, AmplitudeDependentMode):
-            return held
+        loaded = store.load(path)
+        if isinstance(loaded, AmplitudeDependentMode):
+            return loaded
         raise InputError(
             "not a mode over its amplitude",
             where=str(path),
-            got=type(held).__name__,
+            got=type(loaded).__name__,
             expected="what `ema map` writes for stepped levels",
         )
     runs = mapping.stepped_runs(Study.load(path).open(), [run] if run else [])

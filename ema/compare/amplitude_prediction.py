@@ -27,6 +27,8 @@ _FAR = 2.0
 _MISMATCH = 3.0
 """Ratio of the model-form discrepancies of frequency and damping from which a law explains one and not the other."""
 _PROBABILITY = 0.95
+_WEIGHTY = 0.1
+"""Weight of a law from which on its draws matter to the 95 % bands of all laws."""
 
 
 def predict_amplitudes(
@@ -56,7 +58,7 @@ def predict_amplitudes(
     Raises
     ------
     InputError
-        Fewer than two levels, or an amplitude that is not positive.
+        Fewer than two levels, an amplitude that is not positive, or one at which no law has a positive loss.
 
     Examples
     --------
@@ -86,6 +88,13 @@ def predict_amplitudes(
         if round(_COUNT * weight)
     ]
     drawn = np.concatenate(parts)
+    if not len(drawn):
+        raise InputError(
+            "no law leaves a positive loss at these amplitudes",
+            where=mode.name or "mode",
+            got=_statement(mode, at),
+            advice="predict nearer to the measured levels",
+        )
     best = int(np.argmax(weights))
     return AmplitudePrediction(
         amplitude=at,
@@ -99,7 +108,7 @@ def predict_amplitudes(
         statement=_statement(mode, at),
         name=mode.name,
         parameters=identifiability(posteriors[best], levels),
-        findings=(*_about(mode, at), *_explained(mode, fitted[best])),
+        findings=(*_about(mode, at), *_explained(mode, fitted[best]), *_few_draws(mode, fitted, weights)),
     )
 
 
@@ -274,6 +283,27 @@ def _about(mode: AmplitudeDependentMode, at: np.ndarray) -> list[Finding]:
             far,
             _FAR,
             "The bands are calibrated up to twice; measure a higher level.",
+        )
+    ]
+
+
+def _few_draws(mode: AmplitudeDependentMode, fitted: Sequence[Conditional], weights: np.ndarray) -> list[Finding]:
+    """Laws of weight whose posterior few draws describe: the ends of the bands rest on these."""
+    few = [
+        one for one, weight in zip(fitted, weights, strict=True) if weight >= _WEIGHTY and one.effective_draws < FEWEST
+    ]
+    if not few:
+        return []
+    least = min(one.effective_draws for one in few)
+    return [
+        Finding(
+            "warning",
+            "few-draws",
+            mode.name,
+            f"{', '.join(one.posterior.law.name for one in few)}: {least:.0f} effective draws describe the parameters.",
+            least,
+            float(FEWEST),
+            "The ends of the bands are rough; another seed shows how rough.",
         )
     ]
 

@@ -29,15 +29,20 @@ is read 2.5 % of its bandwidth too high."""
 
 @dataclass(frozen=True)
 class _Resonance:
-    """One level: natural frequency [Hz], modal mass [kg], loss 2 zeta m w_r^2 [N/m], std, amplitude, force [N]."""
+    """One level: natural frequency [Hz], modal mass [kg], loss 2 zeta m w_r^2 [N/m], std, amplitude, force [N].
+
+    ``turned`` : the response was counted against the force.
+    """
 
     frequency: float
     frequency_std: float
     mass: float
+    mass_std: float
     loss: float
     loss_std: float
     amplitude: float
     force: float
+    turned: bool
 
 
 def amplitude_dependent_mode(
@@ -59,7 +64,8 @@ def amplitude_dependent_mode(
     -------
     AmplitudeDependentMode
         One point for each level. The intervals contain the scatter of the lines about the polynomials and, for the
-        damping, that of the modal mass between the levels. A level without a resonance, or with several, is left out
+        damping, the uncertainty of the modal mass: its scatter between the levels, or from the lines where that is
+        larger. A level without a resonance, or with several, is left out
         with a finding.
 
     Raises
@@ -88,12 +94,13 @@ def amplitude_dependent_mode(
     findings: list[Finding] = []
     read: list[_Resonance] = []
     for level in levels:
-        findings += _held(level)
+        findings += _not_constant(level)
         resonance = _resonance(level)
         if isinstance(resonance, Finding):
             findings.append(resonance)
         else:
             read.append(resonance)
+            findings += _turned(level) if resonance.turned else []
     if not read:
         raise InputError(
             "no level holds a resonance",
@@ -129,11 +136,15 @@ def _mode(
 
     mass = np.array([one.mass for one in read])
     common = float(np.median(mass)) if modal_mass is None else modal_mass
-    scatter = float(np.std(mass, ddof=1) / common) if len(mass) > 1 and modal_mass is None else 0.0
+    uncertain = 0.0
+    if modal_mass is None:
+        # Few levels may agree by chance: the mass is not better known than the lines of a level tell it.
+        between = float(np.std(mass, ddof=1)) if len(mass) > 1 else 0.0
+        uncertain = max(between, float(np.median([one.mass_std for one in read]))) / common
     frequency, loss = np.array([one.frequency for one in read]), np.array([one.loss for one in read])
     damping = loss / (2 * common * (2 * np.pi * frequency) ** 2)
     reach = float(norm.ppf(0.975))
-    damping_reach = reach * damping * np.hypot([one.loss_std for one in read] / loss, scatter)
+    damping_reach = reach * damping * np.hypot([one.loss_std for one in read] / loss, uncertain)
     frequency_reach = reach * np.array([one.frequency_std for one in read])
     contains = "scatter of the lines"
     return AmplitudeDependentMode(
@@ -144,7 +155,7 @@ def _mode(
             damping,
             damping + damping_reach,
             0.95,
-            f"{contains} and of the modal mass between levels",
+            f"{contains} and uncertainty of the modal mass" if modal_mass is None else contains,
         ),
         quantity=like.quantity,
         force=np.array([one.force for one in read]),
@@ -156,7 +167,22 @@ def _mode(
     )
 
 
-def _held(level: SteppedLevel) -> list[Finding]:
+def _turned(level: SteppedLevel) -> list[Finding]:
+    """That the sign of the response was changed."""
+    return [
+        Finding(
+            "info",
+            "response-against-force",
+            level.name,
+            "the response is counted against the force, or its phase is that of a displacement; it was turned by 180°.",
+            180.0,
+            0.0,
+            "Check the sign of the sensor where phases of several sensors are compared.",
+        )
+    ]
+
+
+def _not_constant(level: SteppedLevel) -> list[Finding]:
     """What was to be held constant, and was not."""
     values = {"force": level.force, "response": np.abs(level.response)}.get(level.control)
     if values is None:
@@ -179,10 +205,21 @@ def _held(level: SteppedLevel) -> list[Finding]:
 
 def _resonance(level: SteppedLevel) -> _Resonance | Finding:
     """The resonance of a level, or why it has none."""
+    if len(level.frequencies) < _FEWEST:
+        return Finding(
+            "warning",
+            "few-lines",
+            level.name,
+            f"the level has {len(level.frequencies)} lines, which leave nothing to see how far off it is; left out.",
+            float(len(level.frequencies)),
+            float(_FEWEST),
+            f"Step {_FEWEST} frequencies or more about the resonance.",
+        )
     stiffness = level.force / level.displacement
     squared = (2 * np.pi * level.frequencies) ** 2
-    if np.polyfit(squared, stiffness.real, 1)[0] > 0:
-        stiffness = -stiffness  # the response was counted against the force
+    turned = bool(np.polyfit(squared, stiffness.real, 1)[0] > 0)
+    if turned:
+        stiffness = -stiffness
     crossings = np.flatnonzero((stiffness.real[:-1] > 0) & (stiffness.real[1:] <= 0))
     if len(crossings) != 1:
         what = "no resonance" if not len(crossings) else f"{len(crossings)} resonances"
@@ -217,15 +254,18 @@ def _resonance(level: SteppedLevel) -> _Resonance | Finding:
             0.0,
             "Check the sign and the unit of the phase.",
         )
+    along = np.array([0.0, 1.0, 2.0 * root])
     root_std = float(np.sqrt(row @ real_covariance @ row)) / -slope
     return _Resonance(
         frequency=frequency,
         frequency_std=root_std * scale / (2 * angular) / (2 * np.pi),
         mass=-slope / scale,
+        mass_std=float(np.sqrt(along @ real_covariance @ along)) / scale,
         loss=loss,
         loss_std=float(np.sqrt(row @ imaginary_covariance @ row)),
         amplitude=float(np.interp(frequency, level.frequencies, np.abs(level.response))),
         force=float(np.interp(frequency, level.frequencies, level.force)),
+        turned=turned,
     )
 
 
@@ -246,12 +286,17 @@ def _polynomial(
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
     """Coefficients 1, x, x^2 and their covariance, widened where neighbouring lines are off to one side.
 
-    Lines with a correlation r from one to the next count as (1 - r) / (1 + r) lines (Bartlett 1946).
+    Lines with a correlation r from one to the next count as (1 - r) / (1 + r) lines (Bartlett 1946). What they leave
+    over tells the scatter badly where they are few: the standard deviations are those of a normal distribution with the
+    95 % interval of Student's t.
     """
+    from scipy.stats import norm, t
+
     rows = x[:, None] ** np.arange(3)
     coefficients, *_ = np.linalg.lstsq(rows, y, rcond=None)
     off = y - rows @ coefficients
     power = float(off @ off)
     lag = float(np.clip(off[1:] @ off[:-1] / power, 0.0, 0.9)) if power > 0 else 0.0
-    variance = power / max(len(x) - 3, 1) * (1 + lag) / (1 - lag)
+    variance = power / (len(x) - 3) * (1 + lag) / (1 - lag)
+    variance *= (t.ppf(0.975, max(len(x) * (1 - lag) / (1 + lag) - 3, 1)) / norm.ppf(0.975)) ** 2
     return coefficients, variance * np.linalg.inv(rows.T @ rows)

@@ -157,6 +157,14 @@ def test_far_outside_the_data_is_said():
     assert found.damping.half_width[0] / found.damping.value[0] < found.damping.half_width[1] / found.damping.value[1]
 
 
+@pytest.mark.parametrize(("fewest", "said"), [(0, False), (10**6, True)])
+def test_bands_that_rest_on_few_draws_say_so(monkeypatch, fewest, said):
+    monkeypatch.setattr("ema.compare.amplitude_prediction.FEWEST", fewest)
+    mode, _ = joint(np.geomspace(2.0, 20.0, 6), slip=5.0)
+    found = predict_amplitudes(mode, [1.5 * mode.amplitude[-1]])
+    assert ("few-draws" in {finding.code for finding in found.findings}) == said
+
+
 def test_one_level_predicts_nothing():
     mode, _ = joint(np.array([2.0, 4.0]), slip=5.0)
     with pytest.raises(InputError, match="one level says nothing"):
