@@ -112,7 +112,7 @@ def _lines(one: Checked) -> list[str]:
             f"Hz, 20 dB at {high:.0f} Hz"
         )
     if one.mode is not None:
-        lines += [f"levels: {len(one.run.levels)}, {one.mode.control} held", *amplitude_lines(one.mode)]
+        lines += [f"levels: {len(one.run.levels)}, controlled: {one.mode.control}", *amplitude_lines(one.mode)]
     if frfs is None:
         return lines
     lines.append(

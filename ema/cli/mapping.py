@@ -67,7 +67,7 @@ def make_map(
         for result in results:
             _print(result)
         for mode in modes:
-            screen.console().print(f"{mode.name}, {mode.control} held")
+            screen.console().print(f"{mode.name}, controlled: {mode.control}")
             for line in amplitude_lines(mode):
                 screen.console().print(f"  {line}", highlight=False, markup=False)
             screen.show_findings(screen.console(), mode.findings)

@@ -17,12 +17,12 @@ from ema.data import AmplitudeDependentMode, Band, Condition, Finding, SteppedLe
 from ema.errors import InputError
 
 _HELD = 0.1
-"""Relative change of what was to be held over the lines of a level, from which a finding names it. Controllers on
+"""Relative change of what was to be constant over the lines of a level, from which a finding names it. Controllers on
 linear structures hold 1 to 2 %; at half of this limit every force-controlled test on a light structure is named."""
 _FEWEST = 6
 """Lines about a resonance: three coefficients and as many to see how far off they are."""
 _NEAR = 0.8
-"""Share of the response at resonance above which a line of a level whose response was not held is about the
+"""Share of the response at resonance above which a line of a level whose response was not constant is about the
 resonance: the amplitude, on which the mode depends, changes by a fifth over them. At 0.5 a softening oscillator (test)
 is read 2.5 % of its bandwidth too high."""
 
@@ -58,7 +58,7 @@ def amplitude_dependent_mode(
     ----------
     levels : stepped sines about the same resonance, of one quantity, in any order.
     modal_mass : kg, for a shape of 1 at the response, where it is known from elsewhere (levels at constant response, a
-        low-level test); by default the median over the levels, which is uncertain where the force was held.
+        low-level test); by default the median over the levels, which is uncertain where the force was controlled.
 
     Returns
     -------
@@ -183,7 +183,7 @@ def _turned(level: SteppedLevel) -> list[Finding]:
 
 
 def _not_constant(level: SteppedLevel) -> list[Finding]:
-    """What was to be held constant, and was not."""
+    """What was to be constant, and was not."""
     values = {"force": level.force, "response": np.abs(level.response)}.get(level.control)
     if values is None:
         return []
@@ -195,7 +195,7 @@ def _not_constant(level: SteppedLevel) -> list[Finding]:
             "warning",
             f"{level.control}-not-constant",
             level.name,
-            f"the {level.control} was to be held and changes by {change:.0%} over the level.",
+            f"the {level.control} was to be constant and changes by {change:.0%} over the level.",
             change,
             _HELD,
             "Every value belongs to the amplitude at resonance; the lines beside it were measured at others.",

@@ -36,7 +36,7 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list
         for mode in modes
         for n, amplitude in enumerate(mode.amplitude)
     ]
-    columns = ("Run", "Held", "Amplitude", "f [Hz]", "f low", "f high", "ζ [%]", "ζ low", "ζ high")
+    columns = ("Run", "Controlled", "Amplitude", "f [Hz]", "f low", "f high", "ζ [%]", "ζ low", "ζ high")
     return [
         book.picture(show.amplitude_modes(modes), f"Frequency and damping over the amplitude: {names}.", caption),
         book.table("amplitude_modes", f"{caption} Amplitudes in SI units of the response.", columns, rows),
