@@ -1,4 +1,4 @@
-"""The door: foreign files, foreign units, FE matrices, live rigs."""
+"""Files of other programs, units, matrices of finite elements, and measuring live."""
 
 from ema.lazy import attach
 
@@ -7,7 +7,9 @@ _HOMES = {
     "Part": "acquisition.setups",
     "Session": "acquisition.session",
     "Take": "acquisition.session",
+    "UndescribedError": "acquisition.files.arrays",
     "campaign_file": "acquisition.campaign_file",
+    "columns": "acquisition.columns",
     "data_files": "acquisition.assignment",
     "dataset_folder": "acquisition.datasets",
     "formats": "acquisition.registry",

@@ -1,6 +1,7 @@
 from acquisition.assignment import data_files as data_files
 from acquisition.contents import Contents as Contents
 from acquisition.datasets import dataset_folder as dataset_folder
+from acquisition.files.arrays import UndescribedError as UndescribedError
 from acquisition.folder import open_campaign as open_campaign
 from acquisition.model_building import law_of as law_of
 from acquisition.model_building import open_model as open_model
@@ -15,6 +16,7 @@ from acquisition.taking import open_rig as open_rig
 from acquisition.taking import record as record
 
 from . import campaign_file as campaign_file
+from . import columns as columns
 from . import model_file as model_file
 from . import quantities as quantities
 from . import rig_file as rig_file

@@ -215,7 +215,7 @@ def matches(label: str, patterns: list[str]) -> bool:
 
 
 def data_files(campaign: CampaignFile, folder: Path) -> dict[str, tuple[Path, ...]]:
-    """Return the data files of every run, each once, in the order in which they are read.
+    r"""Return the data files of every run, each once, in the order in which they are read.
 
     Parameters
     ----------
@@ -226,13 +226,25 @@ def data_files(campaign: CampaignFile, folder: Path) -> dict[str, tuple[Path, ..
 
     Returns
     -------
-    dict
+    dict of str to tuple of Path
         Id of each run with its files.
 
     Raises
     ------
     InputError
         If a run names no file that exists.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from acquisition import campaign_file
+    >>> text = '[campaign]\nname = "A"\n[[runs]]\nid = "bare"\nfiles = "bare.uff"\n'
+    >>> with tempfile.TemporaryDirectory() as name:
+    ...     folder = Path(name)
+    ...     _ = (folder / "bare.uff").write_text("")
+    ...     _ = (folder / "campaign.toml").write_text(text)
+    ...     [path.name for path in data_files(campaign_file.load(folder / "campaign.toml"), folder)["bare"]]
+    ['bare.uff']
     """
     data = data_folder(campaign.campaign.files, folder)
     return {

@@ -12,8 +12,8 @@ from acquisition import units
 from acquisition.files.layout import Layout
 from ema.data.condition import ExcitationKind
 from ema.data.recording import Role
-from ema.errors import EmaError, InputError
-from ema.tables import FormerNames, Table, validated
+from ema.errors import EmaError
+from ema.tables import FormerNames, Table, read_text, validated
 from ema.units import Quantity
 
 __all__ = ["FILE_NAME", "CampaignFile", "load", "parse"]
@@ -36,6 +36,12 @@ def _checked(understand: Callable[[str], Any]) -> AfterValidator:
 
 def _with_unit(quantity: str) -> AfterValidator:
     return _checked(lambda text: units.measure(text, quantity))
+
+
+def _above_zero(text: str) -> str:
+    if units.measure(text, "temperature")[0] < 0:
+        raise ValueError("below absolute zero")
+    return text
 
 
 def _as_text(value: Any) -> Any:
@@ -72,7 +78,7 @@ Sensitivity = Annotated[str, _checked(units.sensitivity)]
 Force = Annotated[str, _with_unit("force")]
 Frequency = Annotated[str, _with_unit("frequency")]
 Torque = Annotated[str, _with_unit("torque")]
-Temperature = Annotated[str, _with_unit("temperature")]
+Temperature = Annotated[str, _with_unit("temperature"), AfterValidator(_above_zero)]
 Seconds = Annotated[str, _with_unit("time")]
 Moment = Annotated[str, BeforeValidator(_as_text)]
 Reader = Annotated[dict[str, Any], AfterValidator(_as_reader)]
@@ -257,7 +263,7 @@ class RunTable(Table):
     band: Annotated[list[Frequency], Field(min_length=2, max_length=2)] | None = None
     period: Seconds | None = None
     estimator: str = ""
-    averages: int | None = Field(default=None, ge=1)
+    averages: int | None = Field(default=None, ge=1, strict=True)
     temperature: Temperature | None = None
     beam: bool | None = None
     normal_force: list[NormalForceTable] = []
@@ -382,17 +388,12 @@ def load(path: str | Path) -> CampaignFile:
     path = Path(path)
     if path.is_dir():
         path = path / FILE_NAME
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(
-            "there is no campaign here",
-            where=str(path.parent),
-            expected=f"a file {FILE_NAME}",
-            advice="write one as docs/campaign.md shows, or correct the path",
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read as text ({error})", where=str(path), expected="UTF-8 text") from error
+    text = read_text(
+        path,
+        "there is no campaign here",
+        expected=f"a file {FILE_NAME}",
+        advice="write one as docs/campaign.md shows, or correct the path",
+    )
     return parse(text, str(path))
 
 

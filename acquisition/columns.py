@@ -9,6 +9,8 @@ from jaxtyping import Float
 
 from ema.errors import InputError
 
+__all__ = ["column", "moment", "numbers", "read_columns"]
+
 
 def read_columns(path: Path, names_in: str = "first row") -> dict[str, list[str]]:
     """The texts of each named column; separator (comma, semicolon, tab) by the first line, ``#`` starts a comment.

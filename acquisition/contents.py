@@ -9,8 +9,28 @@ from ema.data import Finding, FrfSet, Geometry, ModalModel, Recording
 class Contents:
     """Everything that one file held, in SI where the file states its units.
 
-    Where a file states no unit, the channel's or set's unit is ``"unstated"`` and the numbers are those of the file.
-    ``metadata`` holds ``(name, text)`` of what the file says about itself; ``findings`` what a reader has to know.
+    Where a file states no unit, the unit of the channel or set is ``"unstated"`` and the numbers are those of the file.
+
+    Parameters
+    ----------
+    recordings : tuple of Recording, optional
+        Time records.
+    frfs : tuple of FrfSet, optional
+        FRF sets.
+    modes : tuple of ModalModel, optional
+        Modal models.
+    geometry : Geometry, optional
+        Points of the structure, where the file has some.
+    findings : tuple of Finding, optional
+        What a reader of the file has to know.
+    metadata : tuple of tuple of (str, str), optional
+        ``(name, text)`` of what the file says about itself.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> len(Contents(frfs=(frf_set(),)).frfs)
+    1
     """
 
     recordings: tuple[Recording, ...] = ()

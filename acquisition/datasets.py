@@ -7,5 +7,16 @@ _DEFAULT = "../shared/datasets"
 
 
 def dataset_folder() -> Path:
-    """The folder named by ``EMA_DATASETS``, seen from the working directory; it need not exist."""
+    """Return the folder of real measurements, named by ``EMA_DATASETS`` as seen from the working directory.
+
+    Returns
+    -------
+    Path
+        The folder; it need not exist.
+
+    Examples
+    --------
+    >>> dataset_folder().is_absolute()
+    True
+    """
     return Path(os.environ.get("EMA_DATASETS", _DEFAULT)).resolve()

@@ -79,21 +79,43 @@ class _Piece:
 
 
 def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: bool = False) -> Campaign:
-    """Open the measurement campaign in a folder, by its ``campaign.toml``.
+    r"""Open the measurement campaign in a folder, by its ``campaign.toml``.
 
     Records of our own files stay on disk until they are used; files of other formats are read once here, to find out
     what is in them and whether it fits the campaign file. FRFs of all files of a run become one set.
 
     Parameters
     ----------
-    path : the folder, or its ``campaign.toml``.
-    progress : told which file is being opened.
-    salvage : read what damaged files still hold, with a finding that names it, instead of an error.
+    path : str or Path
+        The folder, or its ``campaign.toml``.
+    progress : Progress, optional
+        Called with the file that is being opened.
+    salvage : bool, default False
+        Read what damaged files still hold, with a finding that names it, instead of an error.
+
+    Returns
+    -------
+    Campaign
+        The campaign.
 
     Raises
     ------
-    InputError : the campaign file is wrong, a file is missing or damaged, or what it holds contradicts the campaign
-        file; a built-in campaign whose files have not been generated yet.
+    InputError
+        If the campaign file is wrong, a file is missing or damaged, what it holds contradicts the campaign file, or the
+        files of a built-in campaign have not been generated yet.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from ema.examples import frf_set
+    >>> from ema.store import save
+    >>> text = '[campaign]\nname = "A"\n[[runs]]\nid = "bare"\nfiles = "bare.h5"\n'
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(Path(folder, "bare.h5"), frf_set())
+    ...     _ = Path(folder, "campaign.toml").write_text(text)
+    ...     open_campaign(folder)["bare"].frfs[0].quantity
+    'accelerance'
     """
     path = Path(path)
     file = path / campaign_file.FILE_NAME if path.is_dir() else path
@@ -439,36 +461,14 @@ def _outside_geometry(geometry: Geometry | None, dofs: set[Dof]) -> list[Finding
     absent = sorted({dof.node for dof in dofs if dof.node not in geometry})
     scalar = sorted({dof.node for dof in dofs if dof.node in geometry and dof.direction == SCALAR})
     findings = []
-    if absent:
-        findings.append(
-            Finding(
-                "warning",
-                "node-without-position",
-                "geometry",
-                f"{len(absent)} measured nodes have no position: "
-                + ", ".join(map(str, absent[:8]))
-                + (" ..." if len(absent) > 8 else "")
-                + ".",
-                len(absent),
-                0,
-                "Add them to the geometry; until then they are not drawn.",
-            )
-        )
-    if scalar:
-        findings.append(
-            Finding(
-                "warning",
-                "direction-unstated",
-                "geometry",
-                f"{len(scalar)} measured nodes have no direction: "
-                + ", ".join(map(str, scalar[:8]))
-                + (" ..." if len(scalar) > 8 else "")
-                + ".",
-                len(scalar),
-                0,
-                'State it in the channel table: dof = "{point}:+Z".',
-            )
-        )
+    for code, nodes, lacking, advice in (
+        ("node-without-position", absent, "position", "Add them to the geometry; until then they are not drawn."),
+        ("direction-unstated", scalar, "direction", 'State it in the channel table: dof = "{point}:+Z".'),
+    ):
+        if nodes:
+            named = ", ".join(map(str, nodes[:8])) + (" ..." if len(nodes) > 8 else "")
+            message = f"{len(nodes)} measured nodes have no {lacking}: {named}."
+            findings.append(Finding("warning", code, "geometry", message, len(nodes), 0, advice))
     return findings
 
 

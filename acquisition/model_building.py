@@ -134,13 +134,31 @@ def _measured(path: Path, run: str) -> ModalModel:
             where=str(path),
             got=run or type(held).__name__,
             expected="run = one of " + ", ".join(models) if models else "a modal model",
-            advice="`ema fit ... --write modes.h5` writes one",
+            advice="`ema fit ... --output modes.h5` writes one",
         )
     return models[run]
 
 
 def law_of(table: tables.LawTable) -> FrictionLaw:
-    """The noun of a law table; parameters that are not stated have the values of the simulator's constructors."""
+    """Return the friction law of a law table.
+
+    Parameters that are not stated have the values of the simulator's constructors.
+
+    Parameters
+    ----------
+    table : LawTable
+        ``[law]`` of a model file.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
+
+    Examples
+    --------
+    >>> law_of(tables.LawTable(name="masing", friction_coefficient=0.3, contact_stiffness="2e7 N/m")).contact_stiffness
+    20000000.0
+    """
     stiffness = float("inf") if table.contact_stiffness is None else table.contact_stiffness
     names = tables.LAW_PARAMETERS.get(table.name, ())
     if table.name == "parallel masing":
@@ -273,14 +291,47 @@ def _check_places(model: tables.ModelFile, built: BeamModel, reader: _Reader) ->
 
 
 def open_model(path: str | Path) -> BeamModel:
-    """The structure with friction that a ``model.toml`` describes, in SI.
+    """Build the structure with friction that a ``model.toml`` describes, in SI.
 
     Parameters
     ----------
-    path : the file, or the folder that holds it; the files it names are relative to it.
+    path : str or Path
+        The file, or the folder that holds it; the files it names are relative to it.
+
+    Returns
+    -------
+    BeamModel
+        The model.
 
     Raises
     ------
-    InputError : a mistake in the file, with its line; a file it names is missing or damaged.
+    InputError
+        If there is a mistake in the file (with its line), or a file it names is missing or damaged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> text = '''
+    ... [model]
+    ... name = "two beams"
+    ... [structure]
+    ... kind = "double beam"
+    ... length = "0.5 m"
+    ... width = "40 mm"
+    ... height = "5 mm"
+    ... [[joints]]
+    ... name = "interface"
+    ... normal_force = "1 kN"
+    ... normal_stiffness = "1e9 N/m"
+    ... [law]
+    ... name = "masing"
+    ... friction_coefficient = 0.3
+    ... contact_stiffness = "1e9 N/m"
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "model.toml").write_text(text)
+    ...     open_model(folder).joints[0].normal_force
+    1000.0
     """
     return build(tables.load(path), tables.locate(path))

@@ -27,8 +27,8 @@ from acquisition.quantities import (
     as_list,
     in_si,
 )
+from ema import tables
 from ema.contact.catalogue import CATALOGUE
-from ema.errors import InputError
 from ema.tables import FormerNames, Table, validated, warn
 
 FILE_NAME = "model.toml"
@@ -375,14 +375,9 @@ def read_text(path: Path) -> str:
     ------
     InputError : no such file, or no text.
     """
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(
-            "there is no model here",
-            where=str(path),
-            expected=f"a file such as {FILE_NAME}",
-            advice="write one as docs/simulate.md shows, or correct the path",
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read as text ({error})", where=str(path), expected="UTF-8 text") from error
+    return tables.read_text(
+        path,
+        "there is no model here",
+        expected=f"a file such as {FILE_NAME}",
+        advice="write one as docs/simulate.md shows, or correct the path",
+    )

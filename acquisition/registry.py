@@ -37,7 +37,7 @@ class Format:
     @property
     def available(self) -> bool:
         """Whether the packages it needs are installed."""
-        return all(find_spec(package) is not None for package in self.packages)
+        return all(_installed(package) for package in self.packages)
 
 
 _TIME = ("recordings",)
@@ -89,6 +89,28 @@ _FORMATS = (
         "formats",
         ("openpyxl",),
     ),
+    Format(
+        "frd",
+        "CalculiX results: modes",
+        (".frd",),
+        "acquisition.files.finite_elements.frd",
+        sniff.frd,
+        ("modes", "geometry"),
+        (),
+        "fe",
+        ("pyvista_frd",),
+    ),
+    Format(
+        "rst",
+        "Ansys results: modes",
+        (".rst",),
+        "acquisition.files.finite_elements.rst",
+        sniff.rst,
+        ("modes", "geometry"),
+        (),
+        "fe",
+        ("ansys.mapdl.reader",),
+    ),
     Format("lvm", "LabVIEW measurement text", (".lvm",), "acquisition.files.lvm", sniff.lvm, _TIME),
     Format("signalcalc", "SignalCalc FRF text", (".txt",), "acquisition.files.signalcalc", sniff.signalcalc, ("frfs",)),
     Format("json", "JSON arrays", (".json",), "acquisition.files.json_arrays", sniff.json, _ANY),
@@ -104,7 +126,18 @@ _FORMATS = (
 
 
 def formats() -> list[Format]:
-    """The file formats that can be read or written, with what each needs."""
+    """Return the file formats that can be read or written, with what each needs.
+
+    Returns
+    -------
+    list of Format
+        One entry per format.
+
+    Examples
+    --------
+    >>> "uff" in {kind.name for kind in formats()}
+    True
+    """
     return list(_FORMATS)
 
 
@@ -149,15 +182,35 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
 
     Parameters
     ----------
-    path : the file; ``.gz`` is unpacked on the way.
-    format : name of the format where the file's content does not tell it.
-    layout : what a file that does not describe itself holds where; see :class:`acquisition.files.layout.Layout`.
+    path : str or PathLike
+        The file; ``.gz`` is unpacked on the way.
+    format : str, optional
+        Name of the format where the content of the file does not show it.
+    **layout : object
+        What a file that does not describe itself holds where; see :class:`acquisition.files.layout.Layout`.
+
+    Returns
+    -------
+    Contents
+        What the file held, in SI where it states its units.
 
     Raises
     ------
-    InputError : no such file, damaged, of an unknown format, or the ``layout`` has to say what it holds.
-    UnitError : the ``layout`` names an unknown unit.
-    MissingExtraError : the format needs an optional package.
+    InputError
+        If there is no such file, it is damaged or of an unknown format, or the ``layout`` has to say what it holds.
+    UnitError
+        If the ``layout`` names an unknown unit.
+    MissingExtraError
+        If the format needs an optional package.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ema.examples import frf_set
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(f"{folder}/line.uff", frf_set())
+    ...     read(f"{folder}/line.uff").frfs[0].values.shape
+    (201, 4, 2)
     """
     path = Path(path)
     kind = _named(format) if format else detect(path)
@@ -185,9 +238,16 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
     return contents
 
 
+def _installed(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except ModuleNotFoundError:  # the package above it is not there
+        return False
+
+
 def _require(kind: Format) -> None:
     for package in kind.packages:
-        if find_spec(package) is None:
+        if not _installed(package):
             raise MissingExtraError(
                 f"the optional package '{package}' is not installed",
                 advice=f"install it with: pip install 'friction-ema[{kind.extra}]'",
@@ -195,19 +255,36 @@ def _require(kind: Format) -> None:
 
 
 def write(path: "str | PathLike[str]", *nouns: Any, format: str = "", **options: Any) -> None:
-    """Write nouns (FRF sets, recordings, geometry, modes, or the contents of a file) in a foreign format.
+    """Write FRF sets, recordings, geometry, modes, or the contents of a file in a foreign format.
 
     The file appears whole or not at all; an old one stays intact if writing fails.
 
     Parameters
     ----------
-    path : its suffix chooses the format.
-    options : of the format, e.g. ``binary=True`` for universal files.
+    path : str or PathLike
+        The file; its suffix chooses the format.
+    *nouns : object
+        What to write.
+    format : str, optional
+        Name of the format, instead of the suffix.
+    **options : object
+        Options of the format, such as ``binary=True`` for universal files.
 
     Raises
     ------
-    InputError : a noun that the format cannot hold, values that are not finite, or a format that is only read.
-    FailureError : the folder is read-only or the disk is full.
+    InputError
+        If the format cannot hold what is written or is only read, or values are not finite.
+    FailureError
+        If the folder is read-only or the disk is full.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ema.examples import geometry
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(f"{folder}/line.uff", geometry())
+    ...     read(f"{folder}/line.uff").geometry.nodes
+    array([1, 2, 3, 4])
     """
     path = Path(path)
     suffix = _suffixes(path)

@@ -12,7 +12,7 @@ from acquisition.live.opendaq_rig import OpendaqRig, Wire
 from acquisition.live.trigger import Trigger
 from ema.data import Channel, Source
 from ema.errors import InputError
-from ema.tables import FormerNames, Table, validated, warn
+from ema.tables import FormerNames, Table, read_text, validated, warn
 from ema.units import SI_UNIT
 
 __all__ = ["FILE_NAME", "RigFile", "load", "open_rig", "wires"]
@@ -104,13 +104,12 @@ def load(path: Path) -> RigFile:
     InputError : no such file, or a key that is unknown, missing or wrong, with its line.
     """
     path = path / FILE_NAME if path.is_dir() else path
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no UTF-8 text"
-        raise InputError(
-            f"cannot be read: {reason}", where=str(path), expected="a rig.toml; see docs/record.md"
-        ) from error
+    text = read_text(
+        path,
+        "there is no rig here",
+        expected=f"a file {FILE_NAME}",
+        advice="write one as docs/record.md shows, or correct the path",
+    )
     rig = validated(RigFile, text, str(path), _TABLES, former=_FORMER)
     warn(rig.former_names)
     return rig

@@ -29,7 +29,35 @@ Judge = Callable[[Recording], tuple[Finding, ...]]
 
 @dataclass(frozen=True)
 class Take:
-    """One take as it was kept: where the hammer struck, whether it counts, why not, and the normal force in N."""
+    """One take as it was kept.
+
+    Parameters
+    ----------
+    point : int
+        Point that was struck.
+    number : int
+        Number of the take at that point.
+    record : Recording
+        The record.
+    accepted : bool
+        Whether it counts.
+    reasons : tuple of str
+        Why it does not count.
+    remarks : tuple of str
+        What else was noticed.
+    peak : float
+        Peak force [N].
+    normal_forces : dict of str to tuple of (float, float)
+        Mean and standard deviation of the normal force over the take [N], for each joint.
+    path : Path
+        File of the take.
+
+    Examples
+    --------
+    >>> from ema.examples import recording
+    >>> Take(1, 1, recording(), True, (), (), 100.0, {"joint": (1000.0, 2.0)}, Path("take.h5")).accepted
+    True
+    """
 
     point: int
     number: int
@@ -53,15 +81,34 @@ class Session:
 
     Parameters
     ----------
-    folder : of the campaign; ``raw`` holds the takes that count, ``rejected`` the others, ``takes.csv`` all of them.
-    run : id of the run.
-    judge : what is wrong with a take.
+    folder : Path
+        Folder of the campaign; ``raw`` holds the takes that count, ``rejected`` the others, ``takes.csv`` all of them.
+    rig : RigFile
+        What the ``rig.toml`` says.
+    run : str
+        Id of the run.
+    judge : Judge
+        Returns what is wrong with a record.
 
     Raises
     ------
-    InputError : a name that some disk cannot keep, a run begun with other channels, a campaign that cannot be
+    InputError
+        If the name is one that some disk cannot keep, the run was begun with other channels, or the campaign cannot be
         understood.
-    FailureError : another session records into the folder, or it cannot be written.
+    FailureError
+        If another session records into the folder, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from acquisition import rig_file
+    >>> from ema.examples import RIG, source
+    >>> with tempfile.TemporaryDirectory() as name:
+    ...     folder = Path(name)
+    ...     _ = (folder / "rig.toml").write_text(RIG)
+    ...     session = Session(folder, rig_file.load(folder), "bare", judge=lambda record: ())
+    ...     [take.accepted for take in session.takes(source())]
+    [True, True]
     """
 
     folder: Path
@@ -110,22 +157,84 @@ class Session:
     def takes(self, source: Source) -> Iterator[Take]:
         """Measure until every point has its takes; each take is on disk before it is reported.
 
+        Parameters
+        ----------
+        source : Source
+            What delivers the records.
+
+        Returns
+        -------
+        iterator of Take
+            The takes as they are kept, rejected ones included.
+
         Raises
         ------
-        FailureError : another session records into the folder, the disk is full, or the device has gone; takes reported
-            before are safe.
+        FailureError
+            If another session records into the folder, the disk is full, or the device does not answer any more; takes
+            reported before are safe.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from acquisition import rig_file
+        >>> from ema.examples import RIG, source
+        >>> with tempfile.TemporaryDirectory() as name:
+        ...     folder = Path(name)
+        ...     _ = (folder / "rig.toml").write_text(RIG)
+        ...     session = Session(folder, rig_file.load(folder), "bare", judge=lambda record: ())
+        ...     [round(take.peak) for take in session.takes(source())]
+        [100, 100]
         """
         self._measuring = self._measured(source)
         return self._measuring
 
     def close(self) -> None:
-        """End the measurement, if one is under way, so that others may record into the folder."""
+        """End the measurement, if one is running, so that others may record into the folder.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from acquisition import rig_file
+        >>> from ema.examples import RIG, source
+        >>> with tempfile.TemporaryDirectory() as name:
+        ...     folder = Path(name)
+        ...     _ = (folder / "rig.toml").write_text(RIG)
+        ...     session = Session(folder, rig_file.load(folder), "bare", judge=lambda record: ())
+        ...     first = next(session.takes(source()))
+        ...     session.close()
+        >>> first.number
+        1
+        """
         if self._measuring is not None:
             self._measuring.close()  # type: ignore[attr-defined]
             self._measuring = None
 
     def recordings(self, point: int) -> list[Recording]:
-        """The takes of a point that count."""
+        """Return the takes of a point that count.
+
+        Parameters
+        ----------
+        point : int
+            Number of the point.
+
+        Returns
+        -------
+        list of Recording
+            Records in order of their numbers.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from acquisition import rig_file
+        >>> from ema.examples import RIG, source
+        >>> with tempfile.TemporaryDirectory() as name:
+        ...     folder = Path(name)
+        ...     _ = (folder / "rig.toml").write_text(RIG)
+        ...     session = Session(folder, rig_file.load(folder), "bare", judge=lambda record: ())
+        ...     takes = list(session.takes(source()))
+        ...     len(session.recordings(1))
+        2
+        """
         return [store.load(take.path) for take in self._takes.accepted(self.run, point)]
 
     def _measured(self, source: Source) -> Iterator[Take]:

@@ -20,7 +20,23 @@ _RESEMBLANCE = 0.5
 
 @dataclass(frozen=True)
 class Part:
-    """FRFs of one file and the sensor set-up it belongs to (empty where the run has only one)."""
+    """FRFs of one file, and the sensor set-up that they belong to.
+
+    Parameters
+    ----------
+    frfs : FrfSet
+        The FRFs.
+    setup : str, optional
+        Name of the set-up; empty where the run has only one.
+    file : str, optional
+        Name of the file.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> Part(frf_set(), setup="A").setup
+    'A'
+    """
 
     frfs: FrfSet
     setup: str = ""
@@ -34,9 +50,30 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
     keeps the sense in which it came first. FRFs that several set-ups have in common are taken from the first of them.
     The frequency shift between set-ups is a finding (see ``shift_findings``).
 
+    Parameters
+    ----------
+    parts : sequence of Part
+        FRFs of the files.
+    name : str, optional
+        What the set is called.
+
+    Returns
+    -------
+    FrfSet
+        One set.
+
     Raises
     ------
-    InputError : no FRFs, unequal frequency axes, mixed units, an FRF measured twice in one set-up, or one missing.
+    InputError
+        If there are no FRFs, frequency axes differ, units are mixed, an FRF was measured twice in one set-up, or one is
+        missing.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> frfs = frf_set()
+    >>> len(merge([Part(frfs.pick(outputs=[0, 1])), Part(frfs.pick(outputs=[2, 3]))]).outputs)
+    4
     """
     if not parts:
         raise InputError("no FRFs to merge", where=name)

@@ -15,18 +15,35 @@ from ema.errors import InputError
 
 
 def open_rig(rig: "str | PathLike[str] | RigFile") -> Source:
-    """The hardware that a ``rig.toml`` describes, ready to take; close it afterwards.
+    """Open the hardware that a ``rig.toml`` describes, ready to take; close it afterwards.
 
     Parameters
     ----------
-    rig : the file, the folder that holds it, or what was read from it.
+    rig : str or PathLike or RigFile
+        The file, the folder that holds it, or what was read from it.
+
+    Returns
+    -------
+    Source
+        What delivers the records.
 
     Raises
     ------
-    InputError : no such file, a key that is unknown, missing or wrong, or a device that is none (``virtual`` is known
-        to `ema record` alone: make an ``ema.simulate.VirtualRig``).
-    MissingExtraError : the device needs an optional package.
-    FailureError : the device does not answer.
+    InputError
+        If there is no such file, a key is unknown, missing or wrong, or the device does not exist (``virtual`` is known
+        to ``ema record`` alone: make an ``ema.simulate.VirtualRig``).
+    MissingExtraError
+        If the device needs an optional package.
+    FailureError
+        If the device does not answer.
+
+    Examples
+    --------
+    >>> try:
+    ...     open_rig("no-such-rig.toml")
+    ... except InputError as error:
+    ...     "no-such-rig.toml" in str(error)
+    True
     """
     return rig_file.open_rig(rig if isinstance(rig, RigFile) else rig_file.load(Path(rig)))
 
@@ -44,16 +61,39 @@ def record(
 
     Parameters
     ----------
-    source : what delivers the records, a virtual rig for instance; the device of the ``rig.toml`` by default. It is
-        closed at the end.
-    run : its id; letters, digits, - and _.
-    judge : what is wrong with a take (``ema.estimate.check_impact``); an error rejects it. By default every take
+    folder : str or PathLike
+        Folder with the ``rig.toml``.
+    source : Source, optional
+        What delivers the records, a virtual rig for instance; the device of the ``rig.toml`` by default. It is closed
+        at the end.
+    run : str, default "run"
+        Id of the run; letters, digits, - and _.
+    judge : Judge, optional
+        Returns what is wrong with a record (``ema.estimate.check_impact``); an error rejects it. By default every take
         counts.
+
+    Yields
+    ------
+    Takes
+        The takes as they are measured; each is on disk before it is reported.
 
     Raises
     ------
-    InputError : no ``rig.toml``, or a source with other channels or another sampling rate.
-    MissingExtraError, FailureError : as ``open_rig``; the folder cannot be written, or another session records into it.
+    InputError
+        If there is no ``rig.toml``, or the source has other channels or another sampling rate.
+    MissingExtraError
+        As :func:`open_rig`.
+    FailureError
+        As :func:`open_rig`; or if the folder cannot be written, or another session records into it.
+
+    Examples
+    --------
+    >>> try:
+    ...     with record("no-such-folder") as takes:
+    ...         pass
+    ... except InputError as error:
+    ...     "no-such-folder" in str(error)
+    True
     """
     rig = rig_file.load(Path(folder))
     try:

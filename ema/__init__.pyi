@@ -11,9 +11,11 @@ from ema.study import Study as Study
 from . import app as app
 from . import compare as compare
 from . import data as data
+from . import datasets as datasets
 from . import estimate as estimate
 from . import fit as fit
 from . import place as place
+from . import proposal as proposal
 from . import report as report
 from . import shapes as shapes
 from . import show as show

@@ -18,9 +18,26 @@ _TEXT = re.compile(
 
 @dataclass(frozen=True, order=True, slots=True)
 class Dof:
-    """One measured direction at one node of the structure.
+    """A measured direction at one node of the structure, printed as ``12:+Z``.
 
-    ``direction`` is ``+X -X ... +RZ -RZ`` in the node's local axes (``Geometry.axes``), or ``S`` for a scalar.
+    Parameters
+    ----------
+    node : int
+        Number of the node in the geometry.
+    direction : str, optional
+        ``+X -X ... +RZ -RZ`` in the node's local axes (``Geometry.axes``), or ``S`` for a scalar.
+    part : str, optional
+        Component that the node belongs to, where node numbers are not unique without it.
+
+    Raises
+    ------
+    InputError
+        If the direction is none of ``DIRECTIONS``.
+
+    Examples
+    --------
+    >>> Dof(12, "+Z"), str(Dof(3, "-RX", part="table"))
+    (Dof(node=12, direction='+Z', part=''), 'table:3:-RX')
     """
 
     node: int
@@ -37,22 +54,63 @@ class Dof:
     def parse(cls, text: "str | Dof") -> "Dof":
         """Read ``12:+Z``, ``12Z``, ``12+Z``, ``12`` (scalar) or ``table:12:-RX``.
 
+        Parameters
+        ----------
+        text : str or Dof
+            What to read; a DOF is returned as it is. A direction without a sign is positive.
+
+        Returns
+        -------
+        Dof
+            The DOF.
+
         Raises
         ------
-        InputError : the text names no DOF.
+        InputError
+            If the text names no DOF.
+
+        Examples
+        --------
+        >>> Dof.parse("12Z") == Dof.parse("12:+Z")
+        True
         """
         if isinstance(text, Dof):
             return text
-        found = _TEXT.match(text)
-        if found is None:
+        parsed = _TEXT.match(text)
+        if parsed is None:
             raise InputError("not a DOF", got=repr(text), expected="node:direction such as 12:+Z")
-        axis = (found["axis"] or SCALAR).upper()
-        direction = SCALAR if axis == SCALAR else (found["sign"] or "+") + axis
-        return cls(int(found["node"]), direction, (found["part"] or "").strip())
+        axis = (parsed["axis"] or SCALAR).upper()
+        direction = SCALAR if axis == SCALAR else (parsed["sign"] or "+") + axis
+        return cls(int(parsed["node"]), direction, (parsed["part"] or "").strip())
 
     @classmethod
     def from_uff(cls, node: int, code: int, part: str = "") -> "Dof":
-        """From the node and direction code of a universal file (0 scalar, +-1..3 translation, +-4..6 rotation)."""
+        """Return the DOF of a node number and a direction code of a universal file.
+
+        Parameters
+        ----------
+        node : int
+            Number of the node.
+        code : int
+            0 for a scalar, +-1 to +-3 for translations, +-4 to +-6 for rotations along and about X, Y and Z.
+        part : str, optional
+            Component that the node belongs to.
+
+        Returns
+        -------
+        Dof
+            The DOF.
+
+        Raises
+        ------
+        InputError
+            If the code is not within -6 ... 6.
+
+        Examples
+        --------
+        >>> str(Dof.from_uff(12, -3)), str(Dof.from_uff(12, 4))
+        ('12:-Z', '12:+RX')
+        """
         if not -6 <= code <= 6:
             raise InputError("unknown UFF direction code", got=code, expected="-6 ... 6")
         return cls(node, SCALAR if code == 0 else ("+" if code > 0 else "-") + _AXES[abs(code) - 1], part)
@@ -78,7 +136,18 @@ class Dof:
         return Dof(self.node, self.direction.replace("-", "+"), self.part)
 
     def reversed(self) -> "Dof":
-        """The same DOF in the opposite direction (a scalar stays itself)."""
+        """Return the same DOF in the opposite direction.
+
+        Returns
+        -------
+        Dof
+            A scalar is returned as it is.
+
+        Examples
+        --------
+        >>> str(Dof(12, "+Z").reversed())
+        '12:-Z'
+        """
         flipped = {"+": "-", "-": "+"}
         return Dof(self.node, flipped.get(self.direction[0], self.direction[0]) + self.direction[1:], self.part)
 
@@ -88,15 +157,30 @@ class Dof:
 
 
 def match(wanted: Iterable[Dof], present: Iterable[Dof]) -> list[tuple[int, int, int]]:
-    """Pair DOFs that measure the same direction, whatever their sign.
+    """Pair DOFs that measure along the same line, whatever their sign.
 
-    Returns ``(index in wanted, index in present, sign)`` for every DOF of ``wanted`` found in ``present``; the sign is
-    -1 where the two point in opposite directions.
+    Parameters
+    ----------
+    wanted : iterable of Dof
+        DOFs to look for.
+    present : iterable of Dof
+        DOFs to look in.
+
+    Returns
+    -------
+    list of tuple of (int, int, int)
+        ``(index in wanted, index in present, sign)`` for every wanted DOF that is present; the sign is -1 where the two
+        point in opposite directions.
+
+    Examples
+    --------
+    >>> match([Dof(1, "+X"), Dof(2, "+X")], [Dof(2, "-X")])
+    [(1, 0, -1)]
     """
-    places = {dof.positive: (index, dof.sign) for index, dof in enumerate(present)}
+    rows = {dof.positive: (index, dof.sign) for index, dof in enumerate(present)}
     pairs = []
     for index, dof in enumerate(wanted):
-        if dof.positive in places:
-            other, sign = places[dof.positive]
+        if dof.positive in rows:
+            other, sign = rows[dof.positive]
             pairs.append((index, other, sign * dof.sign))
     return pairs

@@ -4,16 +4,28 @@ from typing import Any
 
 
 class EmaError(Exception):
-    """Something the caller can act on, told in one sentence.
+    """Something that the caller can act on, stated in one sentence.
+
+    The message reads ``where: what; got ..., expected ...; advice``. ``exit_code`` is the status with which the command
+    line ends.
 
     Parameters
     ----------
-    what : the fact, e.g. ``"the force channel never triggers"``.
-    where : file, run, channel or FRF concerned, e.g. ``"run beam_1kN, point 12"``.
-    got, expected : the offending value and what was wanted instead.
-    advice : the next step, e.g. ``"lower trigger_level or check the sensor"``.
+    what : str
+        The fact, such as ``"the force channel never triggers"``.
+    where : str, optional
+        File, run, channel or FRF concerned, such as ``"run beam_1kN, point 12"``.
+    got : object, optional
+        The offending value.
+    expected : object, optional
+        What was wanted instead.
+    advice : str, optional
+        The next step, such as ``"lower trigger_level or check the sensor"``.
 
-    ``exit_code`` is the status with which the command line ends.
+    Examples
+    --------
+    >>> print(EmaError("no such run", where="campaign beam", got="bare2", expected="one of bare, beam"))
+    campaign beam: no such run; got bare2, expected one of bare, beam
     """
 
     exit_code = 2
@@ -55,11 +67,29 @@ class CancelledError(EmaError):
 
 
 def require(module: str, extra: str) -> Any:
-    """Import an optional ``module`` or say which extra installs it.
+    """Import an optional package, or say which extra installs it.
+
+    Parameters
+    ----------
+    module : str
+        Name of the package.
+    extra : str
+        Extra of this distribution that brings it.
+
+    Returns
+    -------
+    module
+        The imported package.
 
     Raises
     ------
-    MissingExtraError : the module is not installed.
+    MissingExtraError
+        If the package is not installed.
+
+    Examples
+    --------
+    >>> require("json", "formats").__name__
+    'json'
     """
     from importlib import import_module
 

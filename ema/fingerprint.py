@@ -62,13 +62,13 @@ def versions() -> tuple[tuple[str, str], ...]:
     """``(what, version)`` of all that computes: this project with the fingerprint of its code, Python, packages."""
     from ema import __version__
 
-    found = [("friction-ema", __version__), (CODE, of_code()), ("Python", platform.python_version())]
+    entries = [("friction-ema", __version__), (CODE, of_code()), ("Python", platform.python_version())]
     for package in _PACKAGES:
         try:
-            found.append((package, version(package)))
+            entries.append((package, version(package)))
         except PackageNotFoundError:
-            found.append((package, "absent"))
-    return tuple(found)
+            entries.append((package, "absent"))
+    return tuple(entries)
 
 
 CODE = "code of friction-ema"

@@ -15,7 +15,26 @@ from ema.units import DERIVATIVE_ORDER, FRF_UNIT, UNSTATED, FrfQuantity
 def pole_basis(
     frequencies: Float[np.ndarray, "freq"], poles: Complex[np.ndarray, "mode"]
 ) -> tuple[Complex[np.ndarray, "freq mode"], Complex[np.ndarray, "freq mode"]]:
-    """``1 / (j w - p)`` and ``1 / (j w - conj(p))`` on the given lines (Hz; poles in rad/s)."""
+    """Return ``1 / (j w - p)`` and ``1 / (j w - conj(p))`` on frequency lines.
+
+    Parameters
+    ----------
+    frequencies : array of shape (freq,)
+        Frequency lines [Hz].
+    poles : complex array of shape (mode,)
+        Poles [rad/s].
+
+    Returns
+    -------
+    tuple of (complex array of shape (freq, mode), complex array of shape (freq, mode))
+        The two terms of every pole [s].
+
+    Examples
+    --------
+    >>> direct, mirrored = pole_basis(np.array([0.0]), np.array([-3.0 + 4.0j]))
+    >>> bool(np.isclose(direct[0, 0], mirrored[0, 0].conj()))
+    True
+    """
     s = 2j * np.pi * frequencies[:, None]
     return 1 / (s - poles[None, :]), 1 / (s - poles.conj()[None, :])
 
@@ -23,7 +42,33 @@ def pole_basis(
 def receptance(
     model: ModalModel, frequencies: Float[np.ndarray, "freq"], residuals: bool = True
 ) -> Complex[np.ndarray, "freq dof in"]:
-    """Receptance between all DOFs and inputs of ``model`` (ISO 7626-1), with or without its residual terms."""
+    """Return the receptance between all DOFs and inputs of a model (ISO 7626-1), with or without its residual terms.
+
+    ``sum_r [R_r / (j w - p_r) + conj(R_r) / (j w - conj(p_r))] + lower / (j w)^2 + upper``; the lower residual term is
+    left out at 0 Hz.
+
+    Parameters
+    ----------
+    model : ModalModel
+        Modes.
+    frequencies : array of shape (freq,)
+        Frequency lines [Hz].
+    residuals : bool, default True
+        Whether the residual terms are added.
+
+    Returns
+    -------
+    complex array of shape (freq, dof, in)
+        Receptances [m/N] where the model is scaled.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> static = receptance(modal_model(), np.array([0.0]))[0, 0, 0]
+    >>> shape, omega = modal_model().shapes[0].real, 2 * np.pi * modal_model().natural_frequencies
+    >>> round(float(static.real / np.sum(shape**2 / omega**2)), 9)  # sum of the modal flexibilities
+    1.0
+    """
     blocks = [(model.poles, model.residues())]
     rest = model.residuals if residuals else None
     if rest is not None and rest.residues is not None and len(rest.poles):
@@ -48,16 +93,36 @@ def frfs(
     inputs: Sequence[Dof] | None = None,
     residuals: bool = True,
 ) -> FrfSet:
-    """FRFs of a modal model, by reciprocity also with its DOFs as inputs and its references as outputs.
+    """Return FRFs of a modal model, by reciprocity also with its DOFs as inputs and its references as outputs.
 
     Parameters
     ----------
-    frequencies : Hz.
-    outputs, inputs : DOFs wanted; by default ``model.dofs`` and ``model.inputs``.
+    model : ModalModel
+        Modes.
+    frequencies : array of shape (freq,)
+        Frequency lines [Hz].
+    quantity : {"receptance", "mobility", "accelerance", "unstated"}, default "receptance"
+        Kind of the FRFs.
+    outputs, inputs : sequence of Dof, optional
+        DOFs of responses and forces; by default those of the model.
+    residuals : bool, default True
+        Whether the residual terms are added.
+
+    Returns
+    -------
+    FrfSet
+        FRFs; their unit is unstated where the model is not scaled to unit modal mass.
 
     Raises
     ------
-    InputError : a DOF is not in the model.
+    InputError
+        If a DOF is not in the model.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> frfs(modal_model(), np.array([30.0, 50.0]), "mobility").unit
+    '(m/s)/N'
     """
     outputs = tuple(model.dofs if outputs is None else outputs)
     inputs = tuple(model.inputs if inputs is None else inputs)
@@ -78,11 +143,30 @@ def frfs(
 
 
 def residues(model: ModalModel, outputs: Sequence[Dof], inputs: Sequence[Dof]) -> Complex[np.ndarray, "mode out in"]:
-    """Residue matrices of the receptance between these DOFs, by reciprocity also against the order of the model.
+    """Return the residue matrices of the receptance between DOFs, by reciprocity in either order.
+
+    Parameters
+    ----------
+    model : ModalModel
+        Modes.
+    outputs, inputs : sequence of Dof
+        DOFs of responses and forces.
+
+    Returns
+    -------
+    complex array of shape (mode, out, in)
+        Residues of every mode.
 
     Raises
     ------
-    InputError : a DOF is not in the model.
+    InputError
+        If a DOF is not in the model.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> residues(modal_model(), [Dof(4, "+Z")], [Dof(1, "+Z")]).shape
+    (3, 1, 1)
     """
     return _arranged(model.residues(), model, outputs, inputs)
 
@@ -107,11 +191,30 @@ def _arranged(
 
 
 def convert(frfs: FrfSet, quantity: FrfQuantity) -> FrfSet:
-    """The same FRFs as receptance, mobility or accelerance; a line at 0 Hz is dropped when it has to be divided.
+    """Convert FRFs to receptance, mobility or accelerance; a line at 0 Hz is dropped when it has to be divided.
+
+    Parameters
+    ----------
+    frfs : FrfSet
+        FRFs.
+    quantity : {"receptance", "mobility", "accelerance", "unstated"}
+        Kind of the FRFs to return.
+
+    Returns
+    -------
+    FrfSet
+        The FRFs with their variance and deviations; the same set where the quantity is already the wanted one.
 
     Raises
     ------
-    InputError : the quantity of the FRFs is unstated.
+    InputError
+        If the quantity of the FRFs, or the wanted one, is unstated.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> convert(frf_set(), "receptance").unit
+    'm/N'
     """
     if frfs.quantity == quantity:
         return frfs

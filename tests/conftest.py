@@ -12,7 +12,7 @@ from ema.fingerprint import compiled_modules
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Bounds on processor time are those of one thread; idle threads of linear algebra would be counted too.
+# One thread: several test processes share the cores, and idle threads of linear algebra would take them from each other.
 threadpool_limits(1, user_api="blas")
 
 

@@ -113,6 +113,31 @@ class Arrays:
         return [item.decode("utf-8", "replace") if isinstance(item, bytes) else str(item) for item in np.ravel(value)]
 
 
+class UndescribedError(InputError):
+    """A file does not say what its arrays are.
+
+    Parameters
+    ----------
+    arrays : Arrays
+        The arrays, so that a caller can find out or ask.
+
+    Examples
+    --------
+    >>> issubclass(UndescribedError, InputError)
+    True
+    """
+
+    def __init__(self, arrays: Arrays) -> None:
+        self.arrays = arrays
+        super().__init__(
+            "the file does not say what its arrays are",
+            where=arrays.where,
+            got=arrays.listing(),
+            advice="say it, e.g. signals='...' with time='...' or sampling_rate=..., frequency='...' with real='...' "
+            "and imaginary='...', or x, y, z",
+        )
+
+
 CONSTANT_FROM = 16
 """Values from which equal ones are no chance: shorter columns may be steady by rounding. Halved or doubled, only
 columns of that length are judged otherwise."""

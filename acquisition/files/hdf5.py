@@ -5,13 +5,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from acquisition.contents import Contents
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
+from acquisition.files.reconcile import differs
 from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError
+
+_SCALES, _ABSENT = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -24,8 +30,46 @@ def read(path: Path, layout: Layout) -> Contents:
     ------
     InputError : damaged, or in need of a layout.
     """
+    notes = compare_length(path, layout)
     pool = variables(path)
-    return arrange(pool, layout if layout.kind else replace(layout, **_itself(pool.arrays, layout)))
+    contents = arrange(pool, layout if layout.kind else replace(layout, **_itself(pool.arrays, layout)))
+    return replace(contents, findings=(*notes, *contents.findings))
+
+
+def compare_length(path: Path, layout: Layout) -> tuple[Finding, ...]:
+    """Compare the length of the file with the one in its superblock; the library looks for files that are shorter only.
+
+    Bytes that were put in or doubled move all arrays behind them. Source: HDF5 File Format Specification 3.0, II.A: the
+    superblock stands at byte 0, or behind a block of the user's own at 512, 1024, ...
+
+    Raises
+    ------
+    InputError : they differ, and salvage was not asked for.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        place = 0
+        while place < size:
+            file.seek(place)
+            head = file.read(96)
+            if head[:8] == _SIGNATURE:
+                break
+            place = 2 * place or 512
+        else:
+            return ()  # the library says what is wrong
+    version = head[8]
+    width, begin = (head[13], 24 + 4 * (version == 1)) if version < 2 else (head[9], 12)
+    base, end = (int.from_bytes(head[begin + k * width : begin + (k + 1) * width], "little") for k in (0, 2))
+    if width not in (2, 4, 8) or base + end == size or end == size:
+        return ()
+    return differs(
+        "the file is not as long as it announces",
+        where=path.name,
+        layout=layout,
+        got=f"{size} bytes",
+        expected=base + end,
+        recovered="what the library finds is read" if size > base + end else "",
+    )
 
 
 def variables(path: Path) -> Arrays:
@@ -37,7 +81,8 @@ def variables(path: Path) -> Arrays:
     """
     there = call("hdf5", path)
     numeric = [name for name, array in there["arrays"].items() if getattr(array, "ndim", 0) == 2]
-    notes = (not_read(path.name, there["left"]),) if there["left"] else ()
+    notes = [not_read(path.name, there["left"])] if there["left"] else []
+    notes += [Finding("warning", "meaning", f"{path.name}, {name}", f"{text}.") for name, text in there["meant"]]
     return Arrays(
         path.name,
         there["arrays"],
@@ -45,7 +90,7 @@ def variables(path: Path) -> Arrays:
         there["stated"],
         metadata=tuple((name, text) for name, text in there["metadata"]),
         labels=there["stated"],
-        findings=notes,
+        findings=tuple(notes),
     )
 
 
@@ -76,12 +121,17 @@ def not_read(where: str, names: Sequence[str]) -> Finding:
 
 @dataclass
 class _Found:
-    """What was gathered from the groups of one file; ``left`` names the arrays that are no numbers and no texts."""
+    """What was gathered from the groups of one file.
+
+    ``left`` names the arrays that are no numbers and no texts, ``meant`` those whose attributes give their numbers
+    another meaning, and which.
+    """
 
     arrays: dict[str, Any] = field(default_factory=dict)
     stated: dict[str, str] = field(default_factory=dict)
     metadata: list[tuple[str, str]] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
+    meant: list[tuple[str, str]] = field(default_factory=list)
 
 
 def _gather(group: Any, prefix: str, found: _Found, seen: set[int]) -> None:
@@ -110,12 +160,27 @@ def _gather(group: Any, prefix: str, found: _Found, seen: set[int]) -> None:
                 continue
             untrusted.check(item, name)
             found.arrays[name] = _texts(item) if texts else item[...]
+            if not texts and item.dtype.kind in "iuf":
+                _meaning(item, found.arrays[name], name, found)
+
+
+def _meaning(item: Any, array: Any, name: str, found: _Found) -> None:
+    """Note attributes that give the numbers another meaning, and how many are those that stand for nothing.
+
+    Source: NetCDF Climate and Forecast conventions, 2.5.1 and 8.1, whose attributes others use too.
+    """
+    scaled = [key for key in _SCALES if key in item.attrs]
+    if scaled:
+        found.meant.append((name, f"its attributes {' and '.join(scaled)} are not applied to the numbers"))
+    absent = [item.attrs[key] for key in _ABSENT if key in item.attrs and np.size(item.attrs[key]) == 1]
+    absent += [item.fillvalue] if np.any(item.fillvalue) else []  # 0 by default, which is a number like any other
+    count = max((int(np.count_nonzero(array == value)) for value in absent), default=0)
+    if count:
+        found.meant.append((name, f"{count} of {array.size} numbers are those that the file states for missing ones"))
 
 
 def _texts(item: Any) -> Any:
     """Texts as an array (of any shape) or, of one alone, as a text."""
-    import numpy as np
-
     there = item.asstr(errors="replace")[...]
     return np.array(there, dtype=np.str_)
 

@@ -14,6 +14,7 @@ from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
 from acquisition.files.signals import make_recording, nice_rate, rate_of, same_rate
+from acquisition.files.table.titles import distinct
 from ema.data import Finding
 from ema.errors import InputError
 
@@ -93,17 +94,32 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
     if len(rows) < 2:
         raise InputError("a segment without samples", where=name, got=f"{len(rows)} rows")
     titles = [cell.strip() for cell in rows[0].split(separator)]
-    columns = len(titles) - (1 if titles[-1] == "Comment" else 0)
-    rows, notes = _sound_rows(segment, rows[1:], columns, layout)
+    while len(titles) > 1 and not titles[-1] and titles[-2] == "Comment":
+        titles.pop()  # a separator at the end of the line
+    commented = titles[-1] == "Comment"
+    columns = len(titles) - commented
+    rows, notes = _sound_rows(segment, rows[1:], columns, commented, layout)
     values = _values(rows, separator, decimal, columns, name)
-    multi = (header.get("X_Columns") or ["One"])[0]
-    times = [] if multi == "No" else [place for place in range(columns) if titles[place] == "X_Value"]
-    signals = [place for place in range(columns) if titles[place] != "X_Value" and np.isfinite(values[:, place]).any()]
+    times = _time_columns(segment, titles[:columns])
+    full = np.isfinite(values).any(axis=0)
+    signals = [place for place in range(columns) if titles[place] != "X_Value" and full[place]]
     if not signals:
         raise InputError("a segment without signals", where=name, got=", ".join(titles))
     notes += _announced(segment, values[:, signals], layout)
+    notes += [
+        Finding("warning", "not-read", f"{name}, {titles[place] or f'column {place}'}", "the column holds nothing.")
+        for place in range(columns)
+        if titles[place] != "X_Value" and not full[place]
+    ]
+    for place in times[1:]:
+        same_rate(rate_of(values[:, place], name), rate_of(values[:, times[0]], name), len(values), name)
     rate = _rate(header, values[:, times[0]] if times else None, decimal, name)
-    names = [titles[place] or f"column {place}" for place in signals]
+    names = distinct([titles[place] or f"column {place}" for place in signals])
+    notes += [
+        Finding("warning", "no-title", f"{name}, column {place}", "the column has no title.")
+        for place in signals
+        if not titles[place]
+    ]
     labels = header.get("Y_Unit_Label", [])[: len(signals)]
     labels += [""] * (len(signals) - len(labels))
     if layout.units is not None:
@@ -122,8 +138,33 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
     return Contents(recordings=(record,), findings=(*notes, *not_finite(record.signals, name)), metadata=metadata)
 
 
-def _sound_rows(segment: _Segment, rows: list[str], columns: int, layout: Layout) -> tuple[list[str], list[Finding]]:
-    """The rows up to the first that is blank or holds fewer cells than there are titles.
+def _time_columns(segment: _Segment, titles: list[str]) -> list[int]:
+    """The columns of times, as many as the header announces.
+
+    Raises
+    ------
+    InputError : there are more or fewer.
+    """
+    announced = (segment.header.get("X_Columns") or ["One"])[0]
+    found = [place for place, title in enumerate(titles) if title == "X_Value"]
+    fits = {"No": not found or found == [0], "One": found == [0]}.get(announced, True)
+    if not fits:
+        raise InputError(
+            "other time columns than the header announces",
+            where=segment.name,
+            got=", ".join(titles),
+            expected=f"X_Columns {announced}",
+            advice="export the file again",
+        )
+    return [] if announced == "No" else found
+
+
+def _sound_rows(
+    segment: _Segment, rows: list[str], columns: int, commented: bool, layout: Layout
+) -> tuple[list[str], list[Finding]]:
+    """The rows up to the first that is blank or holds fewer or more cells than there are titles.
+
+    Behind the columns a comment may stand where there is a title for it, and blanks where there is none.
 
     Raises
     ------
@@ -131,8 +172,10 @@ def _sound_rows(segment: _Segment, rows: list[str], columns: int, layout: Layout
     """
     for place, row in enumerate(rows):
         cells = row.split(segment.separator)
-        if not row.strip() or len(cells) < columns:
-            what = "a blank line between the rows" if not row.strip() else "a row with too few cells"
+        many = len(cells) > columns + commented and any(cell.strip() for cell in cells[columns + commented :])
+        if not row.strip() or len(cells) < columns or many:
+            what = "a row with too many cells" if many else "a row with too few cells"
+            what = what if row.strip() else "a blank line between the rows"
             notes = differs(
                 what,
                 where=f"{segment.name}, row {place + 1}",

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,7 +11,7 @@ import numpy as np
 from acquisition.contents import Contents
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
-from acquisition.files.hdf5 import not_read
+from acquisition.files.hdf5 import compare_length, not_read
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
 from acquisition.files.scales import is_unit
@@ -25,7 +26,9 @@ def read(path: Path, layout: Layout) -> Contents:
     ------
     InputError : damaged, or in need of a layout.
     """
-    return arrange(variables(path), layout)
+    notes = compare_length(path, layout)
+    contents = arrange(variables(path), layout)
+    return replace(contents, findings=(*notes, *contents.findings))
 
 
 def variables(path: Path) -> Arrays:

@@ -1,16 +1,19 @@
 """ASAM MDF, versions 3 and 4."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from acquisition.contents import Contents
+from acquisition.files import mdf4_blocks
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import rate_of
 from acquisition.isolated import call
+from ema.data import Finding
 from ema.errors import InputError, require
 
 
@@ -26,26 +29,74 @@ def read(path: Path, layout: Layout) -> Contents:
     if not there["channels"]:
         raise InputError("no numeric channel in the file", where=path.name)
     sampled = [Sampled(one["name"], one["unit"], one["samples"], one["rate"]) for one in there["channels"]]
-    return recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
+    contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
+    notes = [
+        Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no row of numbers.")
+        for name in there["skipped"]
+    ]
+    notes += [
+        Finding("warning", "invalid-values", f"{path.name}, {name}", "values marked as invalid are NaN.")
+        for name in there["invalid"]
+    ]
+    return replace(contents, findings=(*notes, *contents.findings))
 
 
 def channels(path: Path) -> dict[str, Any]:
     """The ``channels`` of a file, each with ``name``, ``unit``, ``samples`` and ``rate`` in Hz, and its ``metadata``.
 
+    ``skipped`` names channels that are no numbers, ``invalid`` those with values that the logger marked as invalid.
+
     Raises
     ------
-    InputError : a time axis that is not even.
+    InputError : a time axis that is not even; more or less in the file than it announces.
     """
     asammdf = require("asammdf", "formats")
-    found = []
+    cycles = mdf4_blocks.check(path) if _version(path) == 4 else None
+    found, skipped, invalid = [], [], []
     # handed an open file: by name the package may open it for writing
     with quiet("asammdf"), path.open("rb") as raw, asammdf.MDF(raw) as file:
         metadata = [("version", str(file.version)), ("start", str(file.start_time))]
-        for signal in file.iter_channels(skip_master=True):
-            samples = np.asarray(signal.samples)
-            if samples.ndim == 1 and samples.dtype.kind in "biuf" and len(samples) > 1:
-                rate = rate_of(np.asarray(signal.timestamps, dtype=np.float64), f"{path.name}, {signal.name}")
-                found.append(
-                    {"name": str(signal.name), "unit": str(signal.unit or ""), "samples": samples, "rate": rate}
-                )
-    return {"channels": found, "metadata": metadata}
+        announced = [int(group.channel_group.cycles_nr) for group in file.groups]
+        if cycles is not None and announced != cycles:
+            raise InputError("other groups of channels than announced", where=path.name, got=announced, expected=cycles)
+        for number, group in enumerate(file.groups):
+            places = [place for place in range(len(group.channels)) if place != file.masters_db.get(number)]
+            for signal in file.select([(None, number, place) for place in places], copy_master=False) if places else ():
+                samples, name = np.asarray(signal.samples), str(signal.name)
+                if samples.ndim != 1 or samples.dtype.kind not in "biuf" or announced[number] < 2:
+                    skipped.append(name)
+                    continue
+                if len(samples) != announced[number]:
+                    raise InputError(
+                        "another number of samples than the header announces",
+                        where=f"{path.name}, {name}",
+                        got=len(samples),
+                        expected=announced[number],
+                        advice="copy or export the file again",
+                    )
+                marked = signal.invalidation_bits
+                if marked is not None and np.any(marked):
+                    invalid.append(name)
+                    samples = np.where(np.asarray(marked, dtype=bool), np.nan, samples.astype(np.float64))
+                rate = rate_of(np.asarray(signal.timestamps, dtype=np.float64), f"{path.name}, {name}")
+                found.append({"name": name, "unit": str(signal.unit or ""), "samples": samples, "rate": rate})
+    return {"channels": found, "metadata": metadata, "skipped": skipped, "invalid": invalid}
+
+
+def _version(path: Path) -> int:
+    """Major version as the identification states it: a number at byte 28, in agreement with the text in front of it."""
+    with path.open("rb") as file:
+        head = file.read(64)
+    number = int.from_bytes(head[28:30], "little") // 100
+    if head[:8] != b"MDF     ":
+        advice = "finish it with the software of the logger, or copy or export it again"
+        raise InputError("the logger did not finish the file", where=path.name, advice=advice)
+    if head[8:9] != str(number).encode() and number < 10:
+        raise InputError(
+            "the version of the file is stated twice and differs",
+            where=path.name,
+            got=repr(head[8:16].decode("latin-1")),
+            expected=str(number),
+            advice="copy or export the file again",
+        )
+    return number

@@ -184,7 +184,11 @@ def _given_names(arrays: Arrays, layout: Layout, count: int) -> list[str]:
 def _rate(arrays: Arrays, layout: Layout, samples: int) -> float:
     stated = None
     if isinstance(layout.sampling_rate, str):
-        stated = float(arrays.vector(layout.sampling_rate)[0])
+        rates = np.unique(arrays.vector(layout.sampling_rate))
+        if len(rates) != 1:
+            got = f"{len(rates)} values at {layout.sampling_rate}"
+            raise InputError("the sampling rate is not one number", where=arrays.where, got=got)
+        stated = float(rates[0])
     elif layout.sampling_rate is not None:
         stated = float(layout.sampling_rate)
     if layout.time is not None:

@@ -83,8 +83,9 @@ def uff(start: bytes) -> bool:
 
 
 def hdf5(start: bytes) -> bool:
-    """The HDF5 signature; MATLAB v7.3 carries it behind a text of its own."""
-    return start[:8] == b"\x89HDF\r\n\x1a\n"
+    """The HDF5 signature, also behind a block of the user's own; MATLAB v7.3 carries it behind a text of its own."""
+    places = (0, 512, 1024, 2048)
+    return start[:6] != b"MATLAB" and any(start[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in places)
 
 
 def matlab(start: bytes) -> bool:
@@ -103,13 +104,23 @@ def tdms(start: bytes) -> bool:
 
 
 def mdf4(start: bytes) -> bool:
-    """The identification block of MDF."""
-    return start[:3] == b"MDF"
+    """The identification block of MDF, of a finished file or of one that its logger left."""
+    return start[:3] == b"MDF" or start[:8] == b"UnFinMF "
 
 
 def wav(start: bytes) -> bool:
     """RIFF, RF64, W64 and FLAC."""
     return (start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE") or start[:4] in (b"fLaC", b"riff")
+
+
+def frd(start: bytes) -> bool:
+    """The first records of a CalculiX result file: the case, then lines of the user."""
+    return re.match(rb"\s{4}1C[^\n]*\n\s{4}1U", start) is not None
+
+
+def rst(start: bytes) -> bool:
+    """The standard header of a binary file of Ansys: record of 100 integers, file number 12 of results."""
+    return start[:4] == (100).to_bytes(4, "little") and start[8:12] == (12).to_bytes(4, "little")
 
 
 def xlsx(start: bytes) -> bool:

@@ -1,5 +1,6 @@
 """LabVIEW TDMS."""
 
+import struct
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 from acquisition.contents import Contents
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
+from acquisition.files.reconcile import differs
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import nice_rate
 from acquisition.isolated import call
@@ -24,6 +26,7 @@ def read(path: Path, layout: Layout) -> Contents:
     MissingExtraError : nptdms is not installed.
     InputError : damaged, without channels, or without a time step.
     """
+    notes = _announced(path, layout)
     there = call("tdms", path)
     sampled = []
     for channel in there["channels"]:
@@ -38,7 +41,7 @@ def read(path: Path, layout: Layout) -> Contents:
     if not sampled:
         raise InputError("no numeric channel in the file", where=path.name)
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
-    notes = [
+    notes += [
         Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no values.") for name in there["empty"]
     ]
     if there["cut"]:
@@ -52,6 +55,44 @@ def read(path: Path, layout: Layout) -> Contents:
             )
         )
     return replace(contents, findings=(*notes, *contents.findings))
+
+
+_LEAD = struct.Struct("<4sIIQQ")
+_OPEN = 2**64 - 1
+"""Length of a segment whose writer did not come to its end."""
+
+
+def _announced(path: Path, layout: Layout) -> list[Finding]:
+    """Compare the lengths of the segments with that of the file.
+
+    Source: TDMS File Format Internal Structure (NI): every segment begins with a lead-in of 28 bytes, in which the
+    length of all behind it stands.
+
+    Raises
+    ------
+    InputError : the last segment does not end where the file does, and salvage was not asked for.
+    """
+    size, place = path.stat().st_size, 0
+    with path.open("rb") as file:
+        while place + _LEAD.size <= size:
+            file.seek(place)
+            tag, _, _, length, raw = _LEAD.unpack(file.read(_LEAD.size))
+            if tag not in (b"TDSm", b"TDSh") or (length != _OPEN and raw > length):
+                break
+            place += _LEAD.size + length
+            if place > size or length == _OPEN:
+                return []  # cut short: the library reads as far as it goes, which is named
+    if place == size:
+        return []
+    found = differs(
+        "other bytes behind a segment than the next one",
+        where=path.name,
+        layout=layout,
+        got=f"{size} bytes",
+        expected=place,
+        recovered="the segments in front of them are read",
+    )
+    return list(found)
 
 
 def channels(path: Path) -> dict[str, Any]:

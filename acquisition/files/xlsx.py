@@ -41,6 +41,10 @@ def read(path: Path, layout: Layout) -> Contents:
         texts.setdefault(row, {})[column] = text
     segment, notes = _segment(there["places"], there["values"], texts, layout=layout, where=where)
     contents = table.arranged(segment, layout, where)
+    others = [name for name in sheets if name != there["sheet"]]
+    if others and layout.sheet is None:
+        message = f"sheets that were not read: {', '.join(others[:5])}{' ...' if len(others) > 5 else ''}."
+        notes = [*notes, Finding("info", "not-read", path.name, message, advice="Say sheet='...' to read another.")]
     return replace(contents, findings=(*notes, *contents.findings))
 
 

@@ -39,35 +39,59 @@ class Parsers:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._owner = 0
+        self._served = 0  # files that the process has parsed
 
     def call(self, task: str, path: Path, options: dict[str, Any]) -> Any:
-        """The tree that a task makes of a file; see :func:`call`."""
+        """The tree that a task makes of a file; see :func:`call`.
+
+        A process that breaks down may have been damaged by an earlier file: then the file is parsed by a new one.
+        """
+        request = {"task": task, "path": str(path.absolute()), "options": options}
         limits = Limits.of(path)
         with self._lock:
-            process = self._running()
-            try:
-                request = {"task": task, "path": str(path.absolute()), "options": options}
-                wire.send(process.stdin, request)  # type: ignore[arg-type]
-                reply = self._reply(process, START_SECONDS)
-                if "ready" in reply:
-                    reply = self._parsed(process, limits)
-            except TimeoutError as error:
-                self._kill()
-                raise InputError(
-                    "reading the file takes too long",
-                    where=str(path),
-                    got=f"more than {error} s",
-                    advice="copy or export it again",
-                ) from error
-            except _TooMuch as error:
-                self._kill()
-                raise ParserError(TOO_MUCH) from error
-            except (wire.Broken, OSError) as error:
-                raise self._crashed(path) from error
-            except BaseException:  # interrupted inside a message: what follows in the stream is of no use
-                self._kill()
-                raise
+            while True:
+                process, used = self._running(), self._served > 0
+                try:
+                    reply = self._answer(process, request, limits)
+                    break
+                except (wire.Broken, OSError) as error:
+                    status = self._ended()
+                    if not used or status == -getattr(signal, "SIGXCPU", 0):
+                        raise _crashed(status, path) from error
         return _result(reply)
+
+    def _answer(self, process: "subprocess.Popen[bytes]", request: dict[str, Any], limits: Limits) -> dict[str, Any]:
+        """The answer to a request.
+
+        Raises
+        ------
+        Broken, OSError : the process crashed.
+        InputError : it takes too long.
+        ParserError : it grows beyond its memory.
+        """
+        try:
+            wire.send(process.stdin, request)  # type: ignore[arg-type]
+            reply = self._reply(process, START_SECONDS)
+            if "ready" in reply:
+                reply = self._parsed(process, limits)
+        except TimeoutError as error:
+            self._kill()
+            raise InputError(
+                "reading the file takes too long",
+                where=request["path"],
+                got=f"more than {error} s",
+                advice="copy or export it again",
+            ) from error
+        except _TooMuch as error:
+            self._kill()
+            raise ParserError(TOO_MUCH) from error
+        except (wire.Broken, OSError):
+            raise
+        except BaseException:  # interrupted inside a message: what follows in the stream is of no use
+            self._kill()
+            raise
+        self._served += 1
+        return dict(reply)
 
     def close(self) -> None:
         """End the process."""
@@ -138,19 +162,15 @@ class Parsers:
         finally:
             timer.cancel()
 
-    def _crashed(self, path: Path) -> InputError:
+    def _ended(self) -> int | None:
+        """Status of a process that crashed; the next file has a new one."""
         process = self._process
         assert process is not None
         with suppress(subprocess.TimeoutExpired):
             process.wait(5)
         status = process.poll()
         self._kill()
-        if status is not None and status < 0 and -status == getattr(signal, "SIGXCPU", 0):
-            return InputError("reading the file takes too long", where=str(path), advice="copy or export it again")
-        how = f"signal {signal.Signals(-status).name}" if status is not None and status < 0 else f"status {status}"
-        return InputError(
-            "the file is damaged: its reader broke down", where=str(path), got=how, advice="copy or export it again"
-        )
+        return status
 
     def _kill(self) -> None:
         process = self._process
@@ -162,13 +182,22 @@ class Parsers:
 
     def _forget(self) -> None:
         """Let go of the process: its streams are closed, and it ends where it is ours."""
-        process, self._process = self._process, None
+        process, self._process, self._served = self._process, None, 0
         if process is not None:
             for stream in (process.stdin, process.stdout):
                 with suppress(OSError, ValueError):
                     stream.close()  # type: ignore[union-attr]
             if self._owner != os.getpid():
                 process.returncode = 0  # a child of the process that this one was forked from
+
+
+def _crashed(status: int | None, path: Path) -> InputError:
+    if status is not None and status < 0 and -status == getattr(signal, "SIGXCPU", 0):
+        return InputError("reading the file takes too long", where=str(path), advice="copy or export it again")
+    how = f"signal {signal.Signals(-status).name}" if status is not None and status < 0 else f"status {status}"
+    return InputError(
+        "the file is damaged: its reader broke down", where=str(path), got=how, advice="copy or export it again"
+    )
 
 
 def call(task: str, path: Path, **options: Any) -> Any:

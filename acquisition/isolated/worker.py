@@ -12,12 +12,14 @@ from acquisition.isolated import limits, wire
 from ema.errors import EmaError
 
 TASKS = {
+    "frd": "acquisition.files.finite_elements.frd_parser:modes",
     "gzip": "acquisition.files.sniff:unpacked",
     "hdf5": "acquisition.files.hdf5:tree",
     "market": "acquisition.files.matrices:entries",
     "matlab": "acquisition.files.matlab:tree",
     "mdf4": "acquisition.files.mdf4:channels",
     "npz": "acquisition.files.npy:members",
+    "rst": "acquisition.files.finite_elements.rst_parser:modes",
     "tdms": "acquisition.files.tdms:channels",
     "wav": "acquisition.files.wav:samples",
     "xlsx": "acquisition.files.xlsx:cells",

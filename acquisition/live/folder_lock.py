@@ -8,7 +8,7 @@ from ema.errors import FailureError
 
 LOCK = ".record.lock"
 """Name of the lock file. It stays in the folder; what counts is who holds it, and the system ends that with the
-process, however it ends."""
+process, however it ends. On a drive without locks the file itself counts, and a killed session leaves it."""
 
 PATIENCE = 2.0
 """Seconds to wait for a lock. Opening a session holds it for less than a second at some hundred takes; a session that
@@ -17,7 +17,7 @@ the refusal comes later."""
 
 
 class FolderLock:
-    """The right to record into a folder; given up by ``release``, and by the system when the process ends."""
+    """The right to record into a folder; given up by ``release``, and by a system with locks when the process ends."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / LOCK
@@ -39,7 +39,7 @@ class FolderLock:
                 where=str(self._path.parent),
                 advice=f"end it, or record into another folder; if none runs on any computer, remove {LOCK} there",
             ) from error
-        except (OSError, NotImplementedError) as error:
+        except (OSError, NotImplementedError) as error:  # the latter from versions of filelock that know locks alone
             raise FailureError(
                 "this folder cannot be locked against a second session",
                 where=str(self._path),

@@ -71,13 +71,31 @@ def serve(bench: Workbench, host: str = LOCAL, port: int = 8080) -> App:
 
     Parameters
     ----------
-    host : by default only this machine can reach it; any other address asks for a token that is part of the URL.
-    port : 0 takes a free one.
+    bench : Workbench
+        Study that is worked on.
+    host : str, optional
+        Address; by default only this machine can reach it. Any other address requires a token that is part of the URL.
+    port : int, default 8080
+        Port; 0 takes a free one.
+
+    Returns
+    -------
+    App
+        The server.
 
     Raises
     ------
-    MissingExtraError : plotly is not installed.
-    FailureError : the port is in use or the address is not this machine's.
+    MissingExtraError
+        If plotly is not installed.
+    FailureError
+        If the port is in use, or the address is not this machine's.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ema.examples import study_result
+    >>> app = serve(Workbench(study_result(), Path("study.h5")), port=0)
+    >>> app.stop()
     """
     require("plotly", "app")
     token = "" if _local(host) else secrets.token_urlsafe(24)

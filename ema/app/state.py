@@ -75,17 +75,47 @@ class Moment:
 
 @dataclass
 class Workbench:
-    """A study under the hands of its user; every window shows the same one.
+    """A study that its user works on; every window shows the same one.
 
     Parameters
     ----------
-    result : the study.
-    path : where it is saved.
-    again : computes a run again without some blows; ``None`` where the signals are not at hand.
-    keep : is told with every save which blows of which run are excluded since the study was opened.
-    maps : modal maps whose points lead to runs.
-    placements : where friction beams go.
-    look : gives the FRFs behind a point of a map; ``None`` where the signals are not at hand.
+    result : StudyResult
+        The study.
+    path : Path
+        Where it is saved.
+    again : Again, optional
+        Computes a run again without some impacts; ``None`` where the signals are not available.
+    keep : callable, optional
+        Is called with every save, with the impacts of each run that were excluded since the study was opened.
+    maps : tuple of ModalMap, optional
+        Modal maps whose points lead to runs.
+    place : int, default 0
+        Position of the run that is shown, from 0.
+    revision : int, default 0
+        Counts the changes.
+    saved : bool, default True
+        Whether the last change is saved.
+    who : str, optional
+        Who works on it.
+    placements : tuple of Placement, optional
+        Where friction beams go.
+    look : Look, optional
+        Returns the FRFs behind a point of a map; ``None`` where the signals are not available.
+
+    Raises
+    ------
+    InputError
+        If the study has no run.
+
+    Examples
+    --------
+    >>> from ema.data import RunResult
+    >>> from ema.examples import campaign, frf_set, modal_model
+    >>> runs = tuple(RunResult(run, frf_set(), None, modal_model()) for run in campaign().runs)
+    >>> bench = Workbench(StudyResult(campaign(), runs), Path("study.h5"))
+    >>> bench.choose("beam")
+    >>> bench.place
+    1
     """
 
     result: StudyResult
@@ -122,9 +152,25 @@ class Workbench:
     def choose(self, run: str) -> None:
         """Show another run.
 
+        Parameters
+        ----------
+        run : str
+            Name of the run.
+
         Raises
         ------
-        InputError : there is no such run.
+        InputError
+            If there is no such run.
+
+        Examples
+        --------
+        >>> from ema.data import RunResult
+        >>> from ema.examples import campaign, frf_set, modal_model
+        >>> runs = tuple(RunResult(run, frf_set(), None, modal_model()) for run in campaign().runs)
+        >>> bench = Workbench(StudyResult(campaign(), runs), Path("study.h5"))
+        >>> bench.choose("beam")
+        >>> bench.place
+        1
         """
         names = [work.result.run.id for work in self._now.works]
         if run not in names:
@@ -133,11 +179,25 @@ class Workbench:
         self.revision += 1
 
     def pick(self, row: int) -> None:
-        """Take a pole of the table as a mode, or drop it if it is taken; everything that follows from it follows.
+        """Select a pole of the table as a mode, or drop it if it is selected; everything that follows from it follows.
+
+        Parameters
+        ----------
+        row : int
+            Row of the pole table, from 0.
 
         Raises
         ------
-        InputError : there is no such pole.
+        InputError
+            If there is no such pole.
+
+        Examples
+        --------
+        >>> from ema.examples import study_result
+        >>> bench = Workbench(study_result(), Path("study.h5"))
+        >>> bench.pick(3)
+        >>> bench.as_result().runs[0].modes.natural_frequencies.round(1)
+        array([40.])
         """
         with self._lock:
             work, poles = self.work, self._poles()
@@ -150,11 +210,25 @@ class Workbench:
                 self._pick([*work.picked, row], f"pick {frequency}")
 
     def pick_near(self, frequency: float) -> None:
-        """Take the most stable pole next to a frequency in Hz, as ``ema.fit.modes(near=...)`` does.
+        """Select the most stable pole next to a frequency, as ``ema.fit.modes(near=...)`` does.
+
+        Parameters
+        ----------
+        frequency : float
+            Frequency [Hz].
 
         Raises
         ------
-        InputError : no pole within 1 %.
+        InputError
+            If there is no pole within 1 %.
+
+        Examples
+        --------
+        >>> from ema.examples import study_result
+        >>> bench = Workbench(study_result(), Path("study.h5"))
+        >>> bench.pick_near(60.2)
+        >>> bench.as_result().runs[0].modes.natural_frequencies.round(1)
+        array([60.])
         """
         with self._lock:
             row = nearest(self._poles(), frequency)
@@ -162,11 +236,26 @@ class Workbench:
                 self.pick(row)
 
     def drop(self, mode: int) -> None:
-        """Drop the mode with that position from 0.
+        """Drop a mode.
+
+        Parameters
+        ----------
+        mode : int
+            Position of the mode, from 0.
 
         Raises
         ------
-        InputError : there is no such mode.
+        InputError
+            If there is no such mode.
+
+        Examples
+        --------
+        >>> from ema.examples import study_result
+        >>> bench = Workbench(study_result(), Path("study.h5"))
+        >>> bench.pick(3)
+        >>> bench.drop(0)
+        >>> len(bench.as_result().runs[0].modes.poles)
+        0
         """
         with self._lock:
             work = self.work
@@ -178,15 +267,31 @@ class Workbench:
             self._pick([row for row in work.picked if row != gone], f"drop {frequencies[mode]:.5g} Hz")
 
     def exclude(self, hit: int, why: str, who: str) -> None:
-        """Leave a blow out of the averages, as a repair with a reason; FRFs, poles and modes are computed again.
+        """Leave an impact out of the averages, as a repair with a reason; FRFs, poles and modes are computed again.
 
         Parameters
         ----------
-        hit : position in the gallery from 0.
+        hit : int
+            Position in the gallery, from 0.
+        why : str
+            Reason.
+        who : str
+            Who decided it.
 
         Raises
         ------
-        InputError : no such blow, no reason, no name, or no signals to compute from.
+        InputError
+            If there is no such impact, no reason, no name, or no signals to compute from.
+
+        Examples
+        --------
+        >>> from ema.examples import study_result
+        >>> bench = Workbench(study_result(), Path("study.h5"))  # of ready FRFs, without impacts
+        >>> try:
+        ...     bench.exclude(0, why="double hit", who="A. Tester")
+        ... except InputError as error:
+        ...     print(error)
+        no such blow; got 0, expected one of 0
         """
         with self._lock:
             work = self.work
@@ -218,7 +323,17 @@ class Workbench:
 
         Raises
         ------
-        InputError : there is nothing to take back.
+        InputError
+            If there is nothing to take back.
+
+        Examples
+        --------
+        >>> from ema.examples import study_result
+        >>> bench = Workbench(study_result(), Path("study.h5"))
+        >>> bench.pick(3)
+        >>> bench.undo()
+        >>> len(bench.as_result().runs[0].modes.poles)
+        0
         """
         with self._lock:
             if not self._past:
@@ -230,9 +345,25 @@ class Workbench:
     def save(self) -> Path:
         """Write the study as it stands, whole or not at all; exclusions go to the campaign as repairs.
 
+        Returns
+        -------
+        Path
+            The file.
+
         Raises
         ------
-        FailureError : the file cannot be written.
+        FailureError
+            If the file cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from ema.data import RunResult
+        >>> from ema.examples import campaign, frf_set, modal_model
+        >>> runs = tuple(RunResult(run, frf_set(), None, modal_model()) for run in campaign().runs)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     Workbench(StudyResult(campaign(), runs), Path(folder, "study.h5")).save().name
+        'study.h5'
         """
         with self._lock:
             store.save(self.path, self.as_result())
@@ -243,26 +374,88 @@ class Workbench:
             return self.path
 
     def as_result(self) -> StudyResult:
-        """The study as it stands."""
+        """Return the study as it stands.
+
+        Returns
+        -------
+        StudyResult
+            The study with the runs as they were changed.
+
+        Examples
+        --------
+        >>> from ema.data import RunResult
+        >>> from ema.examples import campaign, frf_set, modal_model
+        >>> runs = tuple(RunResult(run, frf_set(), None, modal_model()) for run in campaign().runs)
+        >>> len(Workbench(StudyResult(campaign(), runs), Path("study.h5")).as_result().runs)
+        2
+        """
         runs = tuple(work.result for work in self._now.works)
         repairs = dict.fromkeys([*self.result.repairs, *(repair for run in runs for repair in run.run.repairs)])
         return replace(self.result, runs=runs, repairs=tuple(repairs))
 
     def behind(self, chart: int, level: int, force: int) -> str:
-        """The run that lies next to a point of a map: level and normal force compared in octaves.
+        """Return the run that lies next to a point of a map; level and normal force are compared in octaves.
+
+        Parameters
+        ----------
+        chart : int
+            Position of the map, from 0.
+        level : int
+            Row of the force level.
+        force : int
+            Column of the normal force.
+
+        Returns
+        -------
+        str
+            Name of the run.
 
         Raises
         ------
-        InputError : there is no such point, or no run states a force level and a normal force.
+        InputError
+            If there is no such point, or no run states a force level and a normal force.
+
+        Examples
+        --------
+        >>> from ema.data import RunResult
+        >>> from ema.examples import campaign, frf_set, modal_map, modal_model
+        >>> runs = tuple(RunResult(run, frf_set(), None, modal_model()) for run in campaign().runs)
+        >>> bench = Workbench(StudyResult(campaign(), runs), Path("study.h5"), maps=(modal_map(),))
+        >>> bench.behind(0, level=1, force=1)
+        'beam'
         """
         return self._nearest([work.result.run for work in self._now.works], chart, level, force)
 
     def seen_at(self, chart: int, level: int, force: int) -> tuple[str, FrfSet]:
-        """The run of the campaign that lies next to a point of a map, fitted or not, and its FRFs.
+        """Return the run of the campaign next to a point of a map, fitted or not, and its FRFs.
+
+        Parameters
+        ----------
+        chart : int
+            Position of the map, from 0.
+        level : int
+            Row of the force level.
+        force : int
+            Column of the normal force.
+
+        Returns
+        -------
+        tuple of (str, FrfSet)
+            Name of the run, and its FRFs.
 
         Raises
         ------
-        InputError : there is no such point, no run near it, or no signals to compute from.
+        InputError
+            If there is no such point, no run near it, or no signals to compute from.
+
+        Examples
+        --------
+        >>> from ema.data import RunResult
+        >>> from ema.examples import campaign, frf_set, modal_map, modal_model
+        >>> runs = tuple(RunResult(run, frf_set(), None, modal_model()) for run in campaign().runs)
+        >>> bench = Workbench(StudyResult(campaign(), runs), Path("study.h5"), maps=(modal_map(),))
+        >>> bench.seen_at(0, level=1, force=1)[0]
+        'beam'
         """
         fitted = {work.result.run.id: work.result for work in self._now.works}
         others = [run for run in self.result.campaign.runs if run.id not in fitted]

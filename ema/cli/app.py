@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import ema
-from ema.cli import browsing, comparing, mapping, placing, predicting, recording, simulating
+from ema.cli import archiving, beginning, browsing, comparing, mapping, placing, predicting, recording, simulating
+from ema.cli.cluster import Cluster
 from ema.cli.common import Formats, Jobs, Json, LimitOfRecipe, split_formats, status
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
@@ -16,20 +17,25 @@ from ema.errors import InputError
 if TYPE_CHECKING:
     from ema.data import Geometry, ModalModel
     from ema.fit.opinion import SecondOpinion
+    from ema.study import Study
     from ema.study.recipe import FitTable
 
 app = typer.Typer(
     name="ema",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
+    # markup of rich takes "[[map]]" for a style and prints nothing in its place
+    rich_markup_mode=None,
     help="Experimental modal analysis where joints and friction matter.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 app.add_typer(simulating.app)
+app.add_typer(archiving.app)
 app.add_typer(browsing.app)
 app.add_typer(recording.app)
+app.command()(beginning.init)
 app.command()(comparing.compare)
 app.command()(placing.place)
 app.command("map")(mapping.make_map)
@@ -80,19 +86,72 @@ def run(
     formats: Formats = "html",
     limit: LimitOfRecipe = None,
     jobs: Jobs = None,
+    cluster: Cluster = None,
     salvage: Salvage = False,
     keep: Keep = None,
     json: Json = False,
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
-    from ema.cli import screen
-    from ema.cli.placing import workers
-    from ema.study import Study, summary
+    from ema.study import Study
 
     others = [name for name in split_formats(formats) if name != "html"]
     study = replace(Study.load(recipe, output), salvage=salvage).keeping(keep or [])
+    return _done(study, others, resume=resume, limit=limit, jobs=jobs, cluster=cluster, json=json)
+
+
+@app.command()
+@ends_well
+def demo(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Where the files are written; by default the user's cache folder.")
+    ] = None,
+    name: Annotated[str, typer.Option("--name", help="Which demonstration; see --list.")] = "table_placement",
+    listing: Annotated[bool, typer.Option("--list", help="Print the demonstrations and end.")] = False,
+    jobs: Jobs = None,
+    json: Json = False,
+) -> int:
+    """Do the main job on a virtual work table: from a hammer test to the place of a friction beam and a report."""
+    from ema import datasets
+    from ema.cli import screen
+    from ema.study import Study, recipe
+
+    if listing:
+        titles = {one: recipe.load(datasets.recipe_file(one)).title for one in datasets.recipes()}
+        if json:
+            screen.as_json(titles)
+        else:
+            for one, title in titles.items():
+                print(f"{one:22}{title}")
+        return FINE
+    written = datasets.fetch_recipe(name, folder)
+    study = Study.load(written)
+    status = _done(study, [], resume=study.kept.is_dir(), limit=None, jobs=jobs, json=json)
+    if not json:
+        print(f"Recipe: {written}\nCampaign: {study.campaign.resolve() / 'campaign.toml'}")
+        print("Nothing here was measured on hardware: the signals are those of a virtual rig.")
+        print(
+            f"Next: `ema app {study.result}` opens the result in a browser; `ema init FOLDER` begins with your files."
+        )
+    return status
+
+
+def _done(
+    study: "Study",
+    others: list[str],
+    *,
+    resume: bool,
+    limit: str | None,
+    jobs: int | None,
+    json: bool,
+    cluster: str | None = None,
+) -> int:
+    """Do a study and show its result; the exit status."""
+    from ema.cli import screen
+    from ema.cli.cluster import workers
+    from ema.study import summary
+
     processes = (jobs or os.cpu_count() or 1) if study.recipe.placement else 1
-    with screen.Bars() as bars, workers(None, processes) as executor:
+    with screen.Bars() as bars, workers(cluster, processes) as executor:
         result = study.run(progress=bars, resume=resume, executor=executor)
         if others:
             from ema.report import write
@@ -144,7 +203,9 @@ def fit(
     near: Annotated[list[float] | None, typer.Option(help="Take the mode near this frequency in Hz (repeat).")] = None,
     order: Annotated[int | None, typer.Option(help="Highest model order.", min=2)] = None,
     band: Annotated[tuple[float, float] | None, typer.Option(help="Lowest and highest frequency in Hz.")] = None,
-    write: Annotated[Path | None, typer.Option(help="Write the modes to this file (.uff, .unv or .h5).")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the modes to this file (.uff, .unv or .h5).")
+    ] = None,
     second: Annotated[
         bool, typer.Option("--second-opinion", help="Compare with ERA, an estimator in the time domain.")
     ] = False,
@@ -179,8 +240,8 @@ def fit(
             if second:
                 opinions[one.id] = found = fitting.second_opinion(models[one.id], inside, bars)
                 models[one.id] = replace(models[one.id], findings=models[one.id].findings + found.findings)
-    if write is not None:
-        _write_modes(write, models, opened.geometry)
+    if output is not None:
+        _write_modes(output, models, opened.geometry)
     if json:
         told_of = {name: modes(model) for name, model in models.items()}
         screen.as_json(

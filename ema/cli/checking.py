@@ -39,6 +39,8 @@ def checked(run: Run, settings: EstimateTable, progress: Progress) -> Checked:
         return Checked(run, None, None, chain.unique(run.findings + mode.findings), mode)
     if run.kind == "snap-back" and not run.frfs:
         return Checked(run, None, None, chain.unique((*run.findings, chain.ring_down_finding(run))))
+    if run.kind == "unknown" and not run.frfs:
+        return Checked(run, None, None, chain.unique((*run.findings, chain.excitation_finding(run))))
     frfs, hits = frfs_of(run, settings, progress)
     return Checked(run, frfs, hits, chain.unique(run.findings + frfs.findings + quality(frfs, None, hits)))
 

@@ -1,4 +1,4 @@
-"""`ema compare`: measured modes or a measured map against a model, with a verdict."""
+"""`ema compare`: measured modes, a measured map or a measured release against a model, with a verdict."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from ema.data import Finding, ModalMap, ModalModel
+    from ema.data import Finding, Geometry, ModalMap, ModalModel, Recording
     from ema.data.comparison import Verdict
 
 
@@ -33,15 +33,27 @@ class Outcome:
 
 @ends_well
 def compare(
-    measured: Annotated[Path, typer.Argument(help="File with modes, or a map that `ema map` wrote.")],
-    model: Annotated[Path, typer.Argument(help="File with modes or a map, or a model.toml with [map].")],
+    measured: Annotated[
+        Path, typer.Argument(help="File with modes, a map that `ema map` wrote, or the record of a release.")
+    ],
+    model: Annotated[Path, typer.Argument(help="File with modes, a map or a record, or a model.toml with [map].")],
     update: Annotated[
         str, typer.Option("--update", help="Parameters to identify first, e.g. friction_coefficient,contact_stiffness.")
     ] = "",
     levels: Annotated[
         bool, typer.Option("--known-levels/--relative-levels", help="Whether the force levels are known in N.")
     ] = True,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for what is written [compared/NAME].")] = None,
+    band: Annotated[
+        tuple[float, float] | None, typer.Option("--band", help="Of releases: band in Hz that holds the mode.")
+    ] = None,
+    start: Annotated[float, typer.Option("--start", help="Of releases: s of rest before it.", min=0)] = 0.0,
+    geometry: Annotated[
+        Path | None,
+        typer.Option("--geometry", help="Of modes: points of the test, to be found on a finite element model."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for what is written [compared/NAME].")
+    ] = None,
     formats: Formats = "html",
     json: Json = False,
 ) -> int:
@@ -51,6 +63,14 @@ def compare(
     wanted = split_formats(formats)
     free = [name.strip() for name in update.split(",") if name.strip()]
     found = _contents(measured)
+    if geometry is not None and _is_model(model):
+        raise InputError(
+            "a model file needs no points of the test",
+            where=str(model),
+            got=f"--geometry {geometry}",
+            expected="a file of modes with their mesh",
+            advice="leave --geometry out",
+        )
     with screen.Bars() as bars:
         if _is_model(model):
             outcome = _against_model(found, measured, model, free, levels, bars)
@@ -63,7 +83,10 @@ def compare(
                 advice="leave --update out",
             )
         else:
-            outcome = _against_file(found, _contents(model), measured, model)
+            other = _contents(model)
+            placed = None if geometry is None else _at_points(found, other, model, geometry)
+            outcome = _against_file(found, placed[0] if placed else other, (measured, model), (band, start))
+            outcome.findings += placed[1] if placed else []
     folder = out or Path("compared") / measured.resolve().stem
     written = _write(folder, outcome, wanted)
     if json:
@@ -85,29 +108,33 @@ def _is_model(path: Path) -> bool:
     return path.suffix == ".toml" or (path.is_dir() and (path / "model.toml").is_file())
 
 
-def _contents(path: Path) -> "ModalMap | ModalModel":
-    """The map or the modes of a file."""
+def _contents(path: Path) -> "ModalMap | ModalModel | Recording":
+    """The map, the modes or the record of a file."""
     import acquisition
     from ema import store
-    from ema.data import MapResult, ModalMap, ModalModel
+    from ema.data import MapResult, ModalMap, ModalModel, Recording
 
     if not path.exists():
         raise InputError(
-            "no such file", where=str(path), expected="modes or a map", advice="`ema fit` writes modes, `ema map` a map"
+            "no such file",
+            where=str(path),
+            expected="modes, a map or a record",
+            advice="`ema fit` writes modes, `ema map` a map",
         )
     if store.is_store(path):
         held = store.load(path)
         items = list(held.values()) if hasattr(held, "values") and not isinstance(held, ModalModel) else [held]
     else:
-        items = list(acquisition.read(path).modes)
-    known: list[ModalMap | ModalModel] = []
+        read = acquisition.read(path)
+        items = list(read.modes) or list(read.recordings)
+    known: list[ModalMap | ModalModel | Recording] = []
     for item in items:
         noun = item.chart if isinstance(item, MapResult) else item
-        if isinstance(noun, ModalMap | ModalModel):
+        if isinstance(noun, ModalMap | ModalModel | Recording):
             known.append(noun)
     if len(known) != 1:
         raise InputError(
-            "not one set of modes or one map",
+            "not one set of modes, one map or one record",
             where=str(path),
             got=f"{len(known)} of them",
             expected="one",
@@ -116,11 +143,59 @@ def _contents(path: Path) -> "ModalMap | ModalModel":
     return known[0]
 
 
+def _at_points(
+    measured: "ModalMap | ModalModel | Recording",
+    model: "ModalMap | ModalModel | Recording",
+    mesh: Path,
+    points: Path,
+) -> "tuple[ModalModel, list[Finding]]":
+    """The modes of a finite element model on the DOFs of the test, and what the search of its points says."""
+    from ema import shapes
+    from ema.data import ModalModel
+
+    if not isinstance(measured, ModalModel) or not isinstance(model, ModalModel):
+        raise InputError(
+            "points belong to modes",
+            where=str(mesh),
+            got=f"{type(measured).__name__} and {type(model).__name__}",
+            expected="two files of modes",
+            advice="leave --geometry out",
+        )
+    geometry = _geometry(points)
+    alignment = shapes.align(geometry, _geometry(mesh), modes=(measured, model))
+    return shapes.on_test_dofs(model, alignment, measured, geometry), list(alignment.findings)
+
+
+def _geometry(path: Path) -> "Geometry":
+    """The points or the mesh of a file.
+
+    Raises
+    ------
+    InputError : it has none.
+    """
+    import acquisition
+    from ema import store
+    from ema.data import Geometry
+
+    if store.is_store(path):
+        loaded = store.load(path)
+        items = list(loaded.values()) if hasattr(loaded, "values") else [loaded]
+        geometry = next((item for item in items if isinstance(item, Geometry)), None)
+    else:
+        geometry = acquisition.read(path).geometry
+    if geometry is None:
+        raise InputError("no points in this file", where=str(path), expected="coordinates of nodes")
+    return geometry
+
+
 def _against_file(
-    found: "ModalMap | ModalModel", other: "ModalMap | ModalModel", measured: Path, model: Path
+    found: "ModalMap | ModalModel | Recording",
+    other: "ModalMap | ModalModel | Recording",
+    paths: tuple[Path, Path],
+    release: tuple[tuple[float, float] | None, float],
 ) -> Outcome:
     from ema import compare, show
-    from ema.data import ModalMap, ModalModel
+    from ema.data import ModalMap, ModalModel, Recording
 
     if isinstance(found, ModalModel) and isinstance(other, ModalModel):
         paired = compare.modes(found, other)
@@ -128,16 +203,28 @@ def _against_file(
     if isinstance(found, ModalMap) and isinstance(other, ModalMap):
         held = compare.maps(found, other)
         return Outcome(held.verdict, {}, {"comparison": held}, {"map_comparison": show.map_comparison(held)})
+    if isinstance(found, Recording) and isinstance(other, Recording):
+        band, start = release
+        if band is None:
+            raise InputError(
+                "which mode do the releases show?",
+                where=f"{paths[0]} and {paths[1]}",
+                expected="the band in Hz that holds it",
+                advice="give --band 8 60, and --start 0.3 where the records begin with 0.3 s of rest",
+            )
+        decays = compare.releases(found, other, band, start)
+        return Outcome(decays.verdict, {}, {"comparison": decays}, {})
+    kinds = {ModalModel: "modes", ModalMap: "a map", Recording: "a record"}
     raise InputError(
-        "modes cannot be compared with a map",
-        where=f"{measured} and {model}",
-        got=f"{type(found).__name__} and {type(other).__name__}",
+        f"{kinds[type(found)]} cannot be compared with {kinds[type(other)]}",
+        where=f"{paths[0]} and {paths[1]}",
         expected="two of a kind",
+        advice="`ema fit` writes modes, `ema map` a map, `ema record` records",
     )
 
 
 def _against_model(
-    found: "ModalMap | ModalModel", measured: Path, path: Path, free: list[str], levels: bool, bars: Any
+    found: "ModalMap | ModalModel | Recording", measured: Path, path: Path, free: list[str], levels: bool, bars: Any
 ) -> Outcome:
     import acquisition
     from acquisition import model_file
@@ -169,6 +256,7 @@ def _against_model(
         model, findings = fitted.model, list(fitted.findings)
         tables["parameters"], nouns["update"] = fitted.table(), fitted
     simulated = compare.measure(model, found, at, output, band, progress=bars)
+    findings += simulated.findings
     held = compare.maps(found, simulated)
     nouns |= {"model": model, "comparison": held}
     return Outcome(held.verdict, tables, nouns, {"map_comparison": show.map_comparison(held)}, findings)

@@ -45,7 +45,7 @@ def laws_as_list(laws: Sequence[KnownLaw]) -> list[dict[str, Any]]:
     return [
         {
             "name": law.name,
-            "constructor": f"ema.simulate.{law.constructor}",
+            "constructor": f"ema.simulate.{law.constructor}" if law.constructor else None,
             "meaning": law.meaning,
             "parameters": [
                 {

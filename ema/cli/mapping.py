@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ema.cli.cluster import Cluster, workers
 from ema.cli.common import Json, Limit, save_pictures, status
 from ema.cli.ending import ends_well
 from ema.errors import InputError
@@ -26,7 +27,8 @@ def make_map(
     mount_mass: Annotated[float | None, typer.Option(help="kg between load cell and structure.", min=0)] = None,
     force: Annotated[list[float] | None, typer.Option(help="Nominal normal force in N (repeat).")] = None,
     level: Annotated[list[float] | None, typer.Option(help="Nominal force level in N (repeat).")] = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for what is written [maps/NAME].")] = None,
+    out: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written [maps/NAME].")] = None,
+    cluster: Cluster = None,
     limit: Limit = "error",
     json: Json = False,
 ) -> int:
@@ -52,8 +54,8 @@ def make_map(
     from ema.study.study import make_folder
 
     make_folder(folder)
-    with screen.Bars() as bars:
-        results = [mapping.mapped(opened, table, estimate, bars) for table in tables]
+    with screen.Bars() as bars, workers(cluster, 1) as executor:
+        results = [study.mapped(opened, table, estimate, bars, executor) for table in tables]
     modes = [amplitude_dependent_mode(one.levels, name=one.id, condition=one.condition) for one in stepped]
     written = [path for result in results for path in _write(folder, result)]
     written += [path for mode in modes for path in _write_mode(folder, mode)]

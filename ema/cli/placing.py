@@ -1,26 +1,22 @@
 """`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ema.cli.cluster import Cluster, workers
 from ema.cli.common import Formats, Json, Limit, jsonable, save_pictures, split_formats, status
 from ema.cli.ending import ends_well
-from ema.errors import FailureError, InputError, require
+from ema.errors import InputError
 
 if TYPE_CHECKING:
     from ema.data import Finding, Geometry, ModalModel
     from ema.data.placement import Placement
     from ema.place.recipe import PlaceRecipe
     from ema.progress import Progress
-
-WAIT = 20.0
-"""Seconds that a cluster has to answer and to show its first worker."""
 
 
 @ends_well
@@ -33,9 +29,7 @@ def place(
     ],
     recipe: Annotated[Path | None, typer.Option("--recipe", help="The recipe, where SOURCE is none.")] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")] = None,
-    cluster: Annotated[
-        str | None, typer.Option("--cluster", help="Address of a Dask scheduler, such as tcp://127.0.0.1:8786.")
-    ] = None,
+    cluster: Cluster = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes on this machine.")] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Keep places finished before.")] = False,
     anyway: Annotated[bool, typer.Option("--anyway", help="Place although the joint model does not agree.")] = False,
@@ -178,56 +172,6 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
             expected="one modal model and its geometry",
         )
     return models[0], shapes[0]
-
-
-@contextmanager
-def workers(cluster: str | None, jobs: int) -> Iterator[Executor | None]:
-    """Where the checks run: a cluster, processes, or here."""
-    if cluster is not None:
-        with _cluster(cluster) as executor:
-            yield executor
-    elif jobs > 1:
-        from concurrent.futures import ProcessPoolExecutor
-        from multiprocessing import get_context
-
-        # a fresh interpreter: forking one whose compiled code holds threads may hang
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            yield pool
-    else:
-        yield None
-
-
-@contextmanager
-def _cluster(address: str) -> Iterator[Executor]:
-    from importlib.util import find_spec
-
-    if find_spec("distributed") is None:
-        require("distributed", "cluster")
-    from distributed import Client
-
-    try:
-        client = Client(address, timeout=WAIT)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(
-            "no cluster answers",
-            where=address,
-            got=str(error).splitlines()[0] if str(error) else "",
-            expected="the address of a running scheduler",
-            advice="start `dask scheduler` and `dask worker ADDRESS`",
-        ) from error
-    try:
-        try:
-            client.wait_for_workers(1, timeout=WAIT)
-        except TimeoutError as error:
-            raise FailureError(
-                "the cluster has no worker",
-                where=address,
-                got=f"none within {WAIT:g} s",
-                advice=f"start one with `dask worker {address}`",
-            ) from error
-        yield client.get_executor(pure=False, retries=3)
-    finally:
-        client.close(timeout=WAIT)
 
 
 def _write(found: "Placement", folder: Path, formats: Sequence[str]) -> list[Path]:

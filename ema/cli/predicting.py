@@ -22,7 +22,7 @@ def predict(
         str, typer.Option("--up-to", help="Fit levels up to this amplitude; higher ones confirm or refute.")
     ] = "",
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for what is written [predicted/NAME].")
+        Path | None, typer.Option("--output", "-o", help="Folder for what is written [predicted/NAME].")
     ] = None,
     limit: Limit = "error",
     json: Json = False,

@@ -182,10 +182,10 @@ class VirtualHammer:
     @cached_property
     def _table(self) -> "VirtualRig":
         from acquisition import rig_file
+        from ema.datasets import table
         from ema.dof import Dof
         from ema.simulate import RovingHammer, VirtualRig
         from ema.simulate.rig import RingCell
-        from ema.study import table
 
         tables = self.rig.channels
         wired = [wire.channel for wire in rig_file.wires(self.rig)]

@@ -51,7 +51,7 @@ def _options(
 
 
 ModelPath = Annotated[Path, typer.Argument(help="A model.toml, or the folder that holds it.", show_default=False)]
-Out = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for result and pictures [simulated/NAME].")]
+Out = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for result and pictures [simulated/NAME].")]
 NormalForce = Annotated[
     list[float] | None, typer.Option("--normal-force", help="Normal force of every joint in N (may be repeated).")
 ]

@@ -12,6 +12,8 @@ _HOMES = {
     "predict_amplitudes": "ema.compare.amplitude_prediction",
     "repeat_findings": "ema.compare.scatter",
     "repeats": "ema.compare.scatter",
+    "releases": "ema.compare.decays",
+    "ring_down_modes": "ema.compare.amplitude_resolved",
     "signals": "ema.compare.decays",
     "update": "ema.compare.fitting",
     "variance_components": "ema.compare.components",

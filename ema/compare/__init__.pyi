@@ -1,7 +1,9 @@
 from ema.compare.amplitude_prediction import confirmed as confirmed
 from ema.compare.amplitude_prediction import predict_amplitudes as predict_amplitudes
+from ema.compare.amplitude_resolved import ring_down_modes as ring_down_modes
 from ema.compare.components import variance_components as variance_components
 from ema.compare.damping_maps import maps as maps
+from ema.compare.decays import releases as releases
 from ema.compare.decays import signals as signals
 from ema.compare.fitting import update as update
 from ema.compare.pairing import modes as modes

@@ -22,8 +22,10 @@ _AHEAD = 2.2
 _PSEUDO = 1.0
 """Levels that count for equal weights of all laws, beside those scored."""
 _COUNT = 4000
+_DRAWN = 0.95
+"""Share of the weight of the laws from which on the bands are theirs: what a 95 % band leaves out anyway."""
 _FAR = 2.0
-"""Amplitude over the highest measured one, beyond which the bands were not calibrated."""
+"""Amplitude over the highest measured one, or lowest measured one over it, beyond which bands were not calibrated."""
 _MISMATCH = 3.0
 """Ratio of the model-form discrepancies of frequency and damping from which a law explains one and not the other."""
 _PROBABILITY = 0.95
@@ -42,12 +44,18 @@ def predict_amplitudes(
 
     Every law is fitted to frequency and damping of all levels at once, with a model-form discrepancy whose variance
     grows with the distance in log amplitude. The laws are weighted by stacking of how well each predicts the highest
-    levels from those below (Yao et al. 2018; Buerkner, Gabry and Vehtari 2020).
+    levels from those below.
 
     Parameters
     ----------
-    mode : the measured levels, two or more.
-    amplitudes : where to predict, in the SI unit of the mode's quantity, shape (point,).
+    mode : AmplitudeDependentMode
+        The measured levels, two or more.
+    amplitudes : sequence of float
+        Where to predict, in the SI unit of the mode's quantity.
+    laws : sequence of ModalLaw, optional
+        Joint laws that are fitted.
+    seed : int, default 1
+        Seed of the draws.
 
     Returns
     -------
@@ -58,7 +66,12 @@ def predict_amplitudes(
     Raises
     ------
     InputError
-        Fewer than two levels, an amplitude that is not positive, or one at which no law has a positive loss.
+        If there are fewer than two levels, an amplitude is not positive, or no law has a positive loss at one.
+
+    References
+    ----------
+    .. [1] Stacking: Yao et al. (2018), Bayesian Analysis 13:917; leaving the future out: Bürkner, Gabry and Vehtari
+       (2020), Journal of Statistical Computation and Simulation 90:2499.
 
     Examples
     --------
@@ -82,11 +95,8 @@ def predict_amplitudes(
     fitted = [drawn.given(levels) for drawn in posteriors]
     generator = np.random.default_rng(seed)
     index = levels + np.arange(len(at))
-    parts = [
-        one.sample(index, round(_COUNT * weight), generator)
-        for one, weight in zip(fitted, weights, strict=True)
-        if round(_COUNT * weight)
-    ]
+    counts = np.round(_COUNT * weights).astype(int)
+    parts = [one.sample(index, int(count), generator) for one, count in zip(fitted, counts, strict=True) if count]
     drawn = np.concatenate(parts)
     if not len(drawn):
         raise InputError(
@@ -108,7 +118,12 @@ def predict_amplitudes(
         statement=_statement(mode, at),
         name=mode.name,
         parameters=identifiability(posteriors[best], levels),
-        findings=(*_about(mode, at), *_explained(mode, fitted[best]), *_few_draws(mode, fitted, weights)),
+        findings=(
+            *_about(mode, at),
+            *_explained(mode, fitted[best]),
+            *_few_draws(mode, fitted, weights),
+            *_without_draws(mode, len(drawn) / counts.sum()),
+        ),
     )
 
 
@@ -194,11 +209,27 @@ def identifiability(drawn: LawPosterior, levels: int) -> tuple[LawParameter, ...
 
 
 def confirmed(prediction: AmplitudePrediction, mode: AmplitudeDependentMode) -> tuple[int, int]:
-    """How many levels that were held out lie inside the bands with frequency and damping, and how many there were.
+    """Count the levels left out of a prediction that lie inside its bands, with frequency and damping.
 
     Parameters
     ----------
-    mode : levels at the amplitudes of the prediction (within 1 %); others do not count.
+    prediction : AmplitudePrediction
+        Predicted frequency and damping.
+    mode : AmplitudeDependentMode
+        Levels at the amplitudes of the prediction (within 1 %); others do not count.
+
+    Returns
+    -------
+    tuple of (int, int)
+        Levels inside the bands, and levels compared.
+
+    Examples
+    --------
+    >>> from ema.data import Band
+    >>> frequency, damping = Band([39.0], [39.5], [40.0]), Band([0.01], [0.02], [0.03])
+    >>> prediction = AmplitudePrediction([10.0], frequency, damping, beyond=[2.0], laws=("iwan",), weights=[1.0])
+    >>> confirmed(prediction, AmplitudeDependentMode([10.0], frequency, damping))
+    (1, 1)
     """
     inside = total = 0
     for n, amplitude in enumerate(prediction.amplitude):
@@ -271,20 +302,26 @@ def _statement(mode: AmplitudeDependentMode, at: Float[np.ndarray, "point"]) -> 
 
 
 def _about(mode: AmplitudeDependentMode, at: np.ndarray) -> list[Finding]:
-    far = float(at.max() / mode.amplitude[-1])
-    if far <= _FAR * (1 + 1e-9):
+    """Amplitudes further from the measured levels than the bands were calibrated for."""
+    above, below = float(at.max() / mode.amplitude[-1]), float(mode.amplitude[0] / at.min())
+    findings = []
+    for far, text in (
+        (above, f"the highest amplitude is {above:.3g} times the highest measured one."),
+        (below, f"the lowest measured amplitude is {below:.3g} times the lowest one predicted."),
+    ):
+        if far > _FAR * (1 + 1e-9):
+            advice = "The bands are calibrated up to twice the highest level; measure nearer to these amplitudes."
+            findings.append(Finding("warning", "far-outside-the-data", mode.name, text, far, _FAR, advice))
+    return findings
+
+
+def _without_draws(mode: AmplitudeDependentMode, share: float) -> list[Finding]:
+    """Laws that leave a positive loss and stiffness at these amplitudes so rarely that others stand for them."""
+    if share >= _DRAWN:
         return []
-    return [
-        Finding(
-            "warning",
-            "far-outside-the-data",
-            mode.name,
-            f"the highest amplitude is {far:.3g} times the highest measured one.",
-            far,
-            _FAR,
-            "The bands are calibrated up to twice; measure a higher level.",
-        )
-    ]
+    text = f"{1 - share:.0%} of the weight of the laws has no part in the bands: they leave no positive loss there."
+    advice = "The bands are those of the other laws; predict nearer to the measured levels."
+    return [Finding("warning", "laws-left-out", mode.name, text, share, _DRAWN, advice)]
 
 
 def _few_draws(mode: AmplitudeDependentMode, fitted: Sequence[Conditional], weights: np.ndarray) -> list[Finding]:

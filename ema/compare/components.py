@@ -19,22 +19,41 @@ def variance_components(
 ) -> VarianceComponents:
     """Separate the noise within a take from the scatter between assemblies (one-way random effects, nested takes).
 
-    Takes of one assembly are averaged first, so that looking three times at one assembly is not taken for three
+    Takes of one assembly are averaged first, so that measuring one assembly three times does not count as three
     assemblies. The interval of the mean is that of Student over the plain mean of the assemblies: exact where all are
-    equally precise, and at the 95 % level never too narrow where they are not (Bakirov and Székely 2005), which
-    weights from two to five repeats cannot promise. It is never narrower than the noise alone. The variance between
-    is that of the assemblies less what noise and takes explain (the moment estimator, for equal precision that of
-    REML); its interval is that of the chi-square distribution.
+    equally precise, and at the 95 % level never too narrow where they are not, which weights from two to five repeats
+    cannot promise. It is never narrower than the noise alone. The variance between is that of the assemblies less what
+    noise and takes explain (the moment estimator, for equal precision that of REML); its interval is that of the
+    chi-square distribution.
 
     Parameters
     ----------
-    values, stds : the quantity and the standard deviation that the fit states, shape (run, mode); NaN where a mode was
-        not found, or no standard deviation is known.
-    assemblies : one text per run; by default every run is an assembly of its own.
+    values : array of shape (run, mode)
+        The quantity; NaN where a mode was not identified.
+    stds : array of shape (run, mode)
+        Standard deviation that the fit states; NaN where none is known.
+    assemblies : tuple of str, optional
+        One text per run; by default every run is an assembly of its own.
+
+    Returns
+    -------
+    VarianceComponents
+        Mean and standard deviations within takes, between takes and between assemblies.
 
     Raises
     ------
-    InputError : no run, or arrays that do not fit each other.
+    InputError
+        If there is no run, or the arrays do not fit each other.
+
+    References
+    ----------
+    .. [1] Bakirov and Székely (2005), Student's t-test for Gaussian scale mixtures.
+
+    Examples
+    --------
+    >>> spread = variance_components(np.array([[40.0], [40.2], [39.8]]), np.full((3, 1), 0.01))
+    >>> spread.between.round(2)
+    array([0.2])
     """
     names = tuple(map(str, range(len(values)))) if assemblies is None else assemblies
     if not len(values) or values.shape != stds.shape or len(names) != len(values):

@@ -15,14 +15,34 @@ RIDGE = 1.6
 
 
 def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
-    """Hold a simulated map against a measured one, point by point and along the ridge of most damping.
+    """Compare a simulated map with a measured one, point by point and along the ridge of most damping.
 
-    The simulated map is read at the measured forces (linear in the logarithms of level and normal force); what it does
-    not reach, and holes, do not count.
+    The simulated map is read at the measured forces (linear in the logarithms of level and normal force). Measured
+    points that it does not reach do not count; the verdict says how many. Where it has a hole (NaN: the model has no
+    resonance) it misses the measured point.
+
+    Parameters
+    ----------
+    measured : ModalMap
+        Measured map, two force levels or more.
+    simulated : ModalMap
+        Simulated map.
+
+    Returns
+    -------
+    MapComparison
+        Errors on the points of the measured map, the ridges, and whether the model agrees.
 
     Raises
     ------
-    InputError : a map with one level or no point in common, or a normal force that is off by a factor of a thousand.
+    InputError
+        If a map has one level or no point in common, or the normal forces differ by a factor of a thousand.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_map
+    >>> maps(modal_map(), modal_map()).verdict.agrees
+    True
     """
     if len(measured.force_levels) < 2:
         raise InputError(
@@ -33,12 +53,11 @@ def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
             advice="measure another level: one tells no trend",
         )
     _units(measured, simulated)
-    levels, forces = _places(measured)
+    levels, forces = _conditions(measured)
     frequency = _read(simulated, simulated.frequency, levels, forces)
     damping = _read(simulated, simulated.damping, levels, forces)
     frequency_error, ratio = frequency / measured.frequency - 1, damping / measured.damping
-    count = int(np.isfinite(ratio).sum())
-    if not count:
+    if not np.isfinite(ratio).any():
         raise InputError(
             "the maps have no point in common",
             where=measured.name or "measured map",
@@ -51,7 +70,13 @@ def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
     ]
     good = np.abs(frequency - measured.frequency) <= bounds[0] + FREQUENCY * measured.frequency
     good &= np.abs(damping - measured.damping) <= bounds[1] + DAMPING * measured.damping
-    inside = float(good[np.isfinite(ratio)].mean())
+    known = np.isfinite(measured.damping) & np.isfinite(measured.frequency)
+    reached = known & np.isfinite(_read(simulated, np.ones(simulated.damping.shape), levels, forces))
+    inside = float(good[reached].mean())
+    said = [
+        f"{inside:.0%} of {int(reached.sum())} points lie within the bounds.",
+        *_left_out(int(np.sum(reached & ~np.isfinite(ratio))), int(np.sum(known & ~reached))),
+    ]
     ridge = np.stack([_ridge(measured.damping, forces), _ridge(damping, forces)], axis=1)
     return MapComparison(
         measured,
@@ -60,8 +85,18 @@ def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
         ratio,
         ridge,
         inside,
-        _verdict(measured, frequency_error, ratio, ridge, _given_away(measured, damping), inside, count),
+        _verdict(measured, frequency_error, ratio, ridge, _given_away(measured, damping), inside, said),
     )
+
+
+def _left_out(holes: int, beyond: int) -> list[str]:
+    """Sentences on measured points without a simulated one: at holes of the simulated map, and beyond its range."""
+    said = []
+    if holes:
+        said.append(f"Of these, the model has no resonance at {holes}.")
+    if beyond:
+        said.append(f"Measured points beyond the simulated map, which do not count: {beyond}.")
+    return said
 
 
 def _units(measured: ModalMap, simulated: ModalMap) -> None:
@@ -76,7 +111,7 @@ def _units(measured: ModalMap, simulated: ModalMap) -> None:
         )
 
 
-def _places(chart: ModalMap) -> tuple[Float[np.ndarray, "level force"], Float[np.ndarray, "level force"]]:
+def _conditions(chart: ModalMap) -> tuple[Float[np.ndarray, "level force"], Float[np.ndarray, "level force"]]:
     """Measured level and normal force of every point, the nominal one where none was measured."""
     shape = chart.damping.shape
     levels = np.broadcast_to(chart.force_levels[:, None], shape)
@@ -97,12 +132,12 @@ def _read(
     x, y = np.log(np.maximum(chart.force_levels, 1e-9)), np.log(np.maximum(chart.normal_forces, 1e-9))
     at_x, at_y = np.log(np.maximum(levels, 1e-9)), np.log(np.maximum(forces, 1e-9))
     result = np.full(levels.shape, np.nan)
-    for place in np.ndindex(levels.shape):
-        weights = [_weights(axis, value) for axis, value in ((x, at_x[place]), (y, at_y[place]))]
+    for index in np.ndindex(levels.shape):
+        weights = [_weights(axis, value) for axis, value in ((x, at_x[index]), (y, at_y[index]))]
         if weights[0] is None or weights[1] is None:
             continue
         parts = [wa * wb * values[i, j] for i, wa in weights[0] for j, wb in weights[1] if wa * wb > 0]
-        result[place] = float(np.sum(parts))
+        result[index] = float(np.sum(parts))
     return result
 
 
@@ -142,10 +177,10 @@ def _verdict(
     ridge: np.ndarray,
     lost: np.ndarray,
     inside: float,
-    count: int,
+    counts: list[str],
 ) -> Verdict:
     said = [
-        f"{inside:.0%} of {count} points lie within the bounds.",
+        *counts,
         f"Simulated over measured damping is {np.nanmedian(ratio):.2f} in the median, "
         f"{np.nanmin(ratio):.2f} to {np.nanmax(ratio):.2f}; frequencies differ by up to "
         f"{100 * np.nanmax(np.abs(frequency_error)):.2f} %.",
@@ -162,7 +197,7 @@ def _verdict(
     elif apart.any():
         row = int(np.argmax(np.where(apart, np.abs(np.log(off)), -1)))
         said.append(
-            f"The normal force of most damping agrees at every level, as far as it can be told: at "
+            f"The normal force of most damping agrees at every level, as far as the data show: at "
             f"{measured.force_levels[row]:g} N the damping measured at {ridge[row, 1]:.3g} N is within "
             f"{100 * DAMPING:.0f} % of that at {ridge[row, 0]:.3g} N."
         )

@@ -120,7 +120,7 @@ class Linearity:
 
     ``constants`` is the level dependence of the modal constants, ``decay`` that of the late decay over the early one;
     ``None`` where it cannot be read. ``decays`` begin where the response has fallen to ``later`` of that behind the
-    impact. ``reason`` says why nothing was decided.
+    impact. ``reason`` says why nothing was decided. ``beside`` is the run of another level that it took to decide.
     """
 
     verdict: Verdict
@@ -129,6 +129,7 @@ class Linearity:
     decays: ImpactDecays | None = None
     reason: str = ""
     later: float = LATE
+    beside: str = ""
 
 
 def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) -> Linearity:
@@ -159,11 +160,83 @@ def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) 
     result = Linearity("not testable", reason="no decay is long enough to be fitted behind the impacts")
     for later in (LATE, LATER):
         decays = impact_decays(run, band, later, progress)
-        if decays is not None:
-            result = replace(judge(decays), later=later)
-        if result.verdict != "not testable" or decays is None:
+        if decays is None:
+            break
+        judged = replace(judge(decays), later=later)
+        # what slips beyond measure is not linear, whatever a later decay says; it may say how much
+        result = judged if judged.verdict == "not linear" or result.verdict == "not testable" else result
+        if result.verdict != "not testable" and not _beyond(result):
             break
     return result
+
+
+def _beyond(result: Linearity) -> bool:
+    """Whether twice the force would change a modal amplitude by more than all of it.
+
+    A late decay keeps between none and all of what the impact gave: poles were fitted to a joint that still slips.
+    """
+    return any(one is not None and TWICE * one.size > 1 for one in (result.constants, result.decay))
+
+
+OTHER_LEVEL = 1.3
+"""Ratio of the median forces of two runs from which on one is the harder. Medians of impacts of one nominal level that
+scatter by a fifth differ by a tenth at most on three points or more."""
+SAME_FORCE = 0.03
+"""Relative difference of the normal forces of two runs up to which they are one condition: with a contact stiffness
+that grows with the root of the normal force it changes the joint by 1.5 %, a third of `CHANGE`."""
+
+
+def other_levels(run: Run, runs: Sequence[Run]) -> tuple[Run, ...]:
+    """Hammer tests that may be judged together with ``run``: the same joints and normal forces, nothing loosened.
+
+    Nothing was loosened between runs of one ``assembly``; without that label two runs may be two structures.
+    """
+    return tuple(one for one in runs if one.id != run.id and _same_condition(run, one))
+
+
+def _same_condition(one: Run, other: Run) -> bool:
+    if any(run.kind != "hammer" or not len(run.recordings) or run.frfs for run in (one, other)):
+        return False
+    mine, theirs = one.condition.joints, other.condition.joints
+    if one.assembly != other.assembly or [joint.joint for joint in mine] != [joint.joint for joint in theirs]:
+        return False
+    near = all(abs(a.mean - b.mean) <= SAME_FORCE * a.mean for a, b in zip(mine, theirs, strict=True))
+    return bool(one.assembly) and near
+
+
+def linearity_beside(
+    run: Run, others: Sequence[Run], band: tuple[float, float], progress: Progress = silent
+) -> Linearity:
+    """The verdict on a hammer test, with tests of other levels beside it.
+
+    They decide where the test itself does not, and against it where it is the harder of two that differ. Where the
+    lighter of two that differ does not decide by itself, it may still be linear: that stays open.
+
+    Parameters
+    ----------
+    run, others : hammer tests under one condition, see :func:`other_levels`.
+    band : Hz, of the modes.
+
+    Raises
+    ------
+    InputError : a record cannot be used.
+    """
+    alone = linearity(run, band, progress)
+    for other in others:
+        if alone.verdict == "not linear":
+            break
+        both = linearity(replace(run, recordings=(*run.recordings, *other.recordings)), band, progress)
+        harder = _level(run) > OTHER_LEVEL * _level(other)
+        if (both.verdict == "not linear" and harder) or (both.verdict == "linear" and alone.verdict != "linear"):
+            # the decays of both decide; those of the run itself give its modes
+            alone = replace(both, beside=other.id)
+    return alone
+
+
+def _level(run: Run) -> float:
+    """Median over the records of their largest force, N."""
+    tops = [float(np.abs(one.signals[one.with_role("reference")]).max()) for one in run.recordings]
+    return float(np.median(tops))
 
 
 def judge(decays: ImpactDecays) -> Linearity:
@@ -346,8 +419,10 @@ def level_finding(result: Linearity, where: str) -> Finding:
             if one.size / most > value / limit:
                 value, limit = one.size, most
     peaks = result.decays.peaks if result.decays is not None else np.zeros(1)
+    beside = f", together with run {result.beside}" if result.beside else ""
     statement = (
-        f"Twice the force changes {' and '.join(texts)} (by impacts of {peaks.min():.0f} to {peaks.max():.0f} N)"
+        f"Twice the force changes {' and '.join(texts)} "
+        f"(by impacts of {peaks.min():.0f} to {peaks.max():.0f} N{beside})"
     )
     if not named:
         return Finding("info", "level-tested", where, f"{statement}: no sign of a nonlinear structure.", value, limit)

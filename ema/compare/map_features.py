@@ -24,6 +24,10 @@ VERTEX = 0.2
 """Part of a step by which the vertex of the parabola through three points may miss that of a smooth peak. Gaussian and
 resonance peaks with a step of up to 1.5 of their half width are missed by 0.17 at most. Halved, some frequencies at a
 ridge between two points lie outside their interval; doubled, shallow dips become undecided."""
+SETTLED = 0.02
+"""Part of the height of a line above its last value that it may still be off where it counts as settled. One Masing
+spring adds 4 y (1 - y) of its highest damping, y the amplitude that it bears without slip over that of the motion: 0.02
+where the motion is 0.5 % larger. Twice or half the part moves that to 1.0 and 0.3 %."""
 FEWEST = 3
 """Points below which a line has no optimum inside: two neighbours and the point itself."""
 
@@ -253,6 +257,24 @@ def ratio(over: Measure, under: Measure) -> Measure:
         lower = max(over.lower, 0.0) / np.float64(under.upper)
         upper = over.upper / np.float64(max(under.lower, 0.0))
     return Measure(over.value / under.value, float(np.nan_to_num(lower)), float(upper))
+
+
+def settled(given: Line) -> Measure:
+    """From where on a line stays at its last value, within ``SETTLED`` of what its highest point stands above that.
+
+    The place lies between the last point that is further off and the one behind it. It is open towards the end of the
+    grid where the last two points still differ.
+    """
+    if len(given.values) < FEWEST:
+        return missing(f"{FEWEST} points along the axis")
+    last = float(given.values[-1])
+    doubt = _factor(len(given.values)) * np.hypot(given.std, given.std[-1])
+    off = np.abs(given.values - last) > SETTLED * (float(given.values.max()) - last) + doubt
+    if not off.any():
+        return missing("a line that changes")
+    place = int(np.flatnonzero(off)[-1])
+    begins = float(given.axis[place + 1])
+    return Measure(begins, float(given.axis[place]), begins if place + 2 < len(given.axis) else np.inf)
 
 
 def spread(given: Line) -> Measure:

@@ -19,11 +19,28 @@ def modes(measured: ModalModel, model: ModalModel, threshold: float = 0.5) -> Mo
 
     Parameters
     ----------
-    threshold : smallest MAC of a pair.
+    measured : ModalModel
+        Measured modes.
+    model : ModalModel
+        Modes of the model.
+    threshold : float, default 0.5
+        Smallest MAC of a pair.
+
+    Returns
+    -------
+    ModeComparison
+        Frequencies, damping and MAC of the pairs, what is left unpaired, and whether the model agrees.
 
     Raises
     ------
-    InputError : the two share no DOF.
+    InputError
+        If the two have no DOF in common.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> modes(modal_model(), modal_model()).verdict.agrees
+    True
     """
     paired = compare(measured, model, threshold)
     left, right = [i for i, _ in paired.pairs], [j for _, j in paired.pairs]

@@ -4,21 +4,24 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from ema.data import BeamModel, Condition, Excitation, FrfSet, JointForce, Lazy, ModalMap, Recording, Run
+from ema.data import BeamModel, Condition, Excitation, Finding, FrfSet, JointForce, Lazy, ModalMap, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 
 _WIDTH = 0.04
 """Part of its frequency by which a mode may leave the range of the measured map."""
+_BAND_END = 1e-4
+"""Distance of a peak from an end of the band, relative, up to which the band cuts it off: a search that meets no peak
+within the band returns its end. Peaks are placed within half of it; twice as wide, the last 0.02 % are cut."""
 _LINES, _BANDWIDTHS = 25, 4.0
 """Lines about a resonance, and its half-power bandwidths to either side that they span."""
 
 
 @dataclass(frozen=True)
-class Places:
+class MeasuredPoints:
     """The measured points of a map: ``row``, ``column`` (point,), ``level`` N (point,), ``forces`` N (point, joint)."""
 
     row: np.ndarray
@@ -48,29 +51,53 @@ def measure(
     tolerance: float = 5e-3,
     progress: Progress = silent,
 ) -> ModalMap | Run:
-    """What a test of the model would give under the conditions of a measured one.
+    """Simulate what a test of the model would give under the conditions of a measured one.
 
     Like a map: every measured point is repeated at its own force at resonance and its own normal force of every joint.
     A ``frozen`` map gives the equivalent damping of the steady state; a ``measured`` one the steady-state FRFs about
-    the resonance, fitted as those of the machine (``ema.fit.track``), so that what a linear fit reads wrong at a
+    the resonance, fitted as those of the structure (``ema.fit.track``), so that what a linear fit reads wrong at a
     friction peak is wrong in both.
 
+    Points at which the model has no resonance in the band are holes (finding ``no-resonance``).
+
     Like a run: the very forces that were recorded act on the model, and its responses are recorded at the same DOFs and
-    rate; windows and fit are then those of the machine because they are the same calls. A record is simulated when it
-    is asked for.
+    rate; windows and fit are then those of the structure because they are the same calls. A record is simulated when it
+    is used.
 
     Parameters
     ----------
-    model : with as many joints as the map or the run, or a map without single joints.
-    at, output : like a map: DOF of the model that is excited, and whose response is measured.
-    band : like a map: Hz in which the resonance is looked for; by default that of the map and 4 % to either side.
-    tolerance : wanted relative error of the simulation.
+    model : BeamModel
+        Model with as many joints as the map or the run, or a map without single joints.
+    like : ModalMap or Run
+        Measured map, or run with its records.
+    at, output : Dof or str, optional
+        Like a map: DOF of the model that is excited, and whose response is measured.
+    band : tuple of (float, float), optional
+        Like a map: band [Hz] in which the resonance is searched; by default that of the map and 4 % to either side.
+    tolerance : float, default 0.005
+        Relative error of the simulation that is aimed at.
+    progress : Progress, optional
+        Called after each point.
+
+    Returns
+    -------
+    ModalMap or Run
+        As ``like``, simulated.
 
     Raises
     ------
-    InputError : the joints do not fit, a normal force is unknown, no resonance in the band, a run without records.
+    InputError
+        If the joints do not fit, a normal force is unknown, the band holds no resonance, or a run has no records.
 
-    Source: Gaul, Roseira and Becker 2008, Figs. 8 and 9.
+    References
+    ----------
+    .. [1] Maps of damping over excitation and normal force: Gaul, Roseira and Becker (2008), Figs. 8 and 9.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model, campaign
+    >>> measure(beam_model(), like=campaign()["beam"]).kind
+    'hammer'
     """
     if isinstance(like, Run):
         return _run(model, like, tolerance)
@@ -144,13 +171,15 @@ def _map(
 ) -> ModalMap:
     from ema.simulate.maps import check_band
 
-    points = places(model, like)
+    points = measured_points(model, like)
     limits = check_band(model, band or search_band(like))
     values = np.full((4, *like.damping.shape), np.nan)
-    for done in np.lexsort((points.level, points.forces.sum(axis=1))):
-        advance(progress, "measuring the model", int(done), len(points.level))
-        pressed, level = model.with_normal_force(points.forces[done].tolist()), float(points.level[done])
-        values[:, points.row[done], points.column[done]] = _point(pressed, level, at, output, limits, tolerance, like)
+    for index in np.lexsort((points.level, points.forces.sum(axis=1))):
+        advance(progress, "measuring the model", int(index), len(points.level))
+        pressed, level = model.with_normal_force(points.forces[index].tolist()), float(points.level[index])
+        values[:, points.row[index], points.column[index]] = _point(pressed, level, at, output, limits, tolerance, like)
+    count, cut = len(points.level), int(np.isnan(values[2, points.row, points.column]).sum())
+    findings = (_cut_off(model.name or "model", cut, count, limits),) if cut else ()
     return replace(
         like,
         frequency=values[0],
@@ -161,7 +190,24 @@ def _map(
         damping_std=None,
         quadrature_damping=None,
         name=model.name or "model",
-        findings=(),
+        findings=findings,
+    )
+
+
+def within_band(frequency: Float[np.ndarray, "point"], band: tuple[float, float]) -> Bool[np.ndarray, "point"]:
+    """Whether resonances that were searched in a band are peaks within it; not where there is none (NaN)."""
+    return (frequency > band[0] * (1 + _BAND_END)) & (frequency < band[1] * (1 - _BAND_END))
+
+
+def _cut_off(where: str, cut: int, count: int, band: tuple[float, float]) -> Finding:
+    return Finding(
+        "warning",
+        "no-resonance",
+        where,
+        f"the model has no resonance between {band[0]:.4g} and {band[1]:.4g} Hz at {cut} of {count} points.",
+        float(cut),
+        0.0,
+        "Widen the band, or look for the mode of the map among those of the model.",
     )
 
 
@@ -180,7 +226,7 @@ def search_band(chart: ModalMap) -> tuple[float, float]:
     return float(known.min() * (1 - _WIDTH)), float(known.max() * (1 + _WIDTH))
 
 
-def places(model: BeamModel, chart: ModalMap) -> Places:
+def measured_points(model: BeamModel, chart: ModalMap) -> MeasuredPoints:
     """The measured points of a map, with the normal force of every joint of the model.
 
     Raises
@@ -216,7 +262,7 @@ def places(model: BeamModel, chart: ModalMap) -> Places:
             expected="N",
             advice="measure the normal force: without it there is nothing to compare",
         )
-    return Places(row, column, level, forces)
+    return MeasuredPoints(row, column, level, forces)
 
 
 def _point(
@@ -228,12 +274,14 @@ def _point(
     tolerance: float,
     like: ModalMap,
 ) -> tuple[float, float, float, float]:
-    """Frequency, damping, modal amplitude and misfit of one condition."""
+    """Frequency, damping, modal amplitude and misfit of one condition; NaN without a resonance in the band."""
     from ema.fit.tracking import track
     from ema.simulate.harmonic import frf
     from ema.simulate.maps import resonance
 
     peak = resonance(model, level, at, output, band, tolerance)
+    if not within_band(np.array([peak.frequency]), band)[0]:
+        return (float("nan"),) * 4
     if like.method == "frozen":
         return peak.frequency, peak.damping, peak.modal_amplitude, float("nan")
     width = _BANDWIDTHS * peak.damping * peak.frequency

@@ -28,16 +28,32 @@ def repeats(
 
     Parameters
     ----------
-    models : the modes of each run; frequencies, damping ratios and their covariance by the noise.
-    label : of the condition.
-    names : of the runs; by default those of the models.
-    assemblies : one text per run; runs with the same text are takes between which nothing was loosened. By default, and
-        where the text is empty, every run is an assembly of its own.
+    models : sequence of ModalModel
+        Modes of each run; frequencies, damping ratios and their covariance by the noise.
+    label : str, optional
+        Name of the condition; by default that of the run with the most modes.
+    names : sequence of str, optional
+        Names of the runs; by default those of the models. Runs of one name count as takes of one assembly.
+    assemblies : sequence of str, optional
+        One text per run; runs with the same text are takes between which nothing was loosened. By default, and where
+        the text is empty, every run is an assembly of its own.
+
+    Returns
+    -------
+    RepeatGroup
+        The paired modes, and what scatters within and between assemblies.
 
     Raises
     ------
-    InputError : no model, runs without a common DOF, with and without a beam, or with normal forces that are not one
-        condition.
+    InputError
+        If there is no model, runs have no common DOF, some have a beam and others not, or their normal forces are not
+        one condition.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> repeats([modal_model(), modal_model()], names=["run 1", "run 2"]).count
+    2
     """
     names = tuple(names) or tuple(model.name or f"take {number}" for number, model in enumerate(models, 1))
     given = tuple(assemblies) or ("",) * len(models)
@@ -76,14 +92,32 @@ def repeats(
 
 
 def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
-    """What changed from one condition to another; significant is what the repeats of both cannot explain.
+    """Return what changed from one condition to another, and whether the repeats of both explain it.
 
     A change is significant where its 95 % interval, from the scatter between the assemblies of both conditions, does
-    not hold zero. Each statement holds by itself: of twenty modes that did not change, one is called significant.
+    not contain zero. Each statement stands by itself: of twenty modes that did not change, one is called significant.
+
+    Parameters
+    ----------
+    first, second : RepeatGroup
+        The conditions.
+
+    Returns
+    -------
+    ConditionDifference
+        Changes of the paired modes, with their intervals.
 
     Raises
     ------
-    InputError : the conditions have no DOF in common.
+    InputError
+        If the conditions have no DOF in common.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> bare = repeats([modal_model()], label="bare")
+    >>> difference(bare, bare).frequency[0].round(3)
+    array([40., 40.])
     """
     where = f"{second.label} against {first.label}"
     pairs, values = _pairs(first.reference, second.reference, SHIFTED, where)
@@ -117,10 +151,29 @@ def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
 
 
 def conditions(results: Sequence[RunResult]) -> tuple[tuple[RepeatGroup, ...], tuple[ConditionDifference, ...]]:
-    """Gather the runs of a study by their ``repeat`` and hold every condition against the first one without a beam.
+    """Group the runs of a study by their ``repeat``, and compare every condition with the first one without a beam.
 
     Runs without that label are conditions of their own. Groups that cannot be one condition are not taken as one; the
-    finding of ``repeat_findings`` says so.
+    finding of :func:`repeat_findings` says so. Without a run without a beam, the first condition is compared with.
+
+    Parameters
+    ----------
+    results : sequence of RunResult
+        Results of the runs; those without a mode are left out.
+
+    Returns
+    -------
+    tuple of (tuple of RepeatGroup, tuple of ConditionDifference)
+        The conditions, and their differences from the first one; conditions without a common DOF have none.
+
+    Examples
+    --------
+    >>> from ema.data import RunResult
+    >>> from ema.examples import campaign, frf_set, modal_model
+    >>> results = [RunResult(run, frf_set(), None, modal_model()) for run in campaign().runs]
+    >>> groups, differences = conditions(results)
+    >>> [group.label for group in groups], len(differences)
+    (['bare', 'beam'], 1)
     """
     fitted = [result for result in results if len(result.modes.poles)]
     grouped: dict[str, list[RunResult]] = {}
@@ -147,7 +200,26 @@ def conditions(results: Sequence[RunResult]) -> tuple[tuple[RepeatGroup, ...], t
 
 
 def repeat_findings(runs: Sequence[Run]) -> tuple[Finding, ...]:
-    """What is wrong with the repeat groups of a campaign: a run alone, or runs under other conditions."""
+    """Check the repeat groups of a campaign.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs of the campaign.
+
+    Returns
+    -------
+    tuple of Finding
+        What is wrong with the groups: a run alone, or runs under other conditions.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from ema.examples import campaign
+    >>> alone = replace(campaign().runs[0], repeat="bare")
+    >>> [finding.code for finding in repeat_findings([alone])]
+    ['repeat-alone']
+    """
     labelled: dict[str, list[Run]] = {}
     for run in runs:
         if run.repeat:

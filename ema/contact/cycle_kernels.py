@@ -137,31 +137,28 @@ def hold(state, lanes, limit, capacity, grown, tangent):
 
 
 @fast
-def gather(n, wave, deviation, change, forces, jacobian):
-    """Add one sample to the Fourier coefficients and to their derivatives; ``change`` (2 H,)."""
+def gather(n, wave, deviation, forces):
+    """Add one sample to the Fourier coefficients (2 H,)."""
     basis, weights = wave[0], wave[1]
     for r in range(len(weights)):
-        lever = weights[r] * basis[n, r]
-        forces[r] += lever * deviation
-        for c in range(len(weights)):
-            jacobian[r, c] += lever * change[c]
+        forces[r] += weights[r] * basis[n, r] * deviation
 
 
 @inner
-def owe(n, wave, contact, tangent, sums):
-    """Add sample n to the sums, once the cycle is closed: forces (lane, 2 H), Jacobian (lane, member, 2 H, 2 H)."""
-    (k, displacement, force, rise, moved, change), (forces, jacobian) = contact, sums
+def owe(n, wave, contact, tangent, sums, derive):
+    """Add sample n to the forces (lane, 2 H), once the cycle is closed, and keep what they change by there."""
+    (k, displacement, force, rise, moved), (forces, changes) = contact, sums
     basis, lanes = wave[0], tangent.shape[1]
     for o in range(lanes):
-        for m in range(lanes + 1):
+        gather(n, wave, force[o] - k * displacement[o, n], forces[o])
+        for m in range(lanes + 1 if derive else 0):
+            change = changes[o, m, n]
             for c in range(len(change)):
                 change[c] = rise[o, m] * moved[c] if m < lanes else 0.0
                 if m == o:
                     change[c] -= k * basis[n, c]
                 for w in range(tangent.shape[0]):
                     change[c] += tangent[w, o, m, c]
-            # the deviation is counted once
-            gather(n, wave, force[o] - k * displacement[o, n] if m == o else 0.0, change, forces[o], jacobian[o, m])
 
 
 @inner
@@ -188,24 +185,27 @@ def close(begun, tangent):
 
 
 @compiled()
-def cycle(law, lanes, motion, wave, slip, bounds):
+def cycle(law, lanes, motion, wave, slip, bounds, derive):
     """Fourier coefficients (lane, 2 H) of f - k u of one contact, their Jacobian, and the loss per period.
 
     law: ``ContactLaws.one_by_one``. lanes: its rows, and motion (lane, sample). wave: cos and sin (sample, 2 H),
     weights (2 H,) of their integrals, 1/h, and periods at most. slip: slip force (sample,) and its slope by the gap.
     bounds: number of internal forces, their share of the slip force, whether the law approaches it smoothly. The
     Jacobian (lane, member, 2 H, 2 H) is by the motion of the lanes, then by that of the gap.
+    Without ``derive`` it is 0.
 
     The first period brings what springs keep that stick from then on; further ones close the cycle; one more closes the
     tangents, and the last one is summed.
     """
     periods, (width, _, _), (samples, size) = wave[3], bounds, wave[0].shape
     states, count, slides = law[4], len(lanes), bool(np.any(slip[1] != 0.0))
-    sums = np.zeros((count, size)), np.zeros((count, count + 1, size, size))
+    forces, jacobian = np.zeros((count, size)), np.zeros((count, count + 1, size, size))
+    changes = np.zeros((count, count + 1, samples if derive else 1, size))
     by, by_limit, rise = np.zeros((2, width, count, count)), np.zeros((width, count)), np.zeros((count, count))
     tangent, rows = np.zeros((width, count, count + 1, size + 1)), np.zeros((3, size + 1))
-    begun, old, kept, change = tangent.copy(), np.zeros((count, width)), np.zeros(width), np.zeros(size)
-    out, room, force, lost, stage = (by[0], by[1], by_limit, rise), (rows, kept, change), np.zeros(4), 0.0, LEARN
+    begun, old, kept = tangent.copy(), np.zeros((count, width)), np.zeros(width)
+    out, room, force, lost, stage = (by[0], by[1], by_limit, rise), (rows, kept), np.zeros(4), 0.0, LEARN
+    now = forces, changes
     for o in range(count):
         states[:, lanes[o]] = 0.0
     for period in range(periods + 2):
@@ -218,9 +218,8 @@ def cycle(law, lanes, motion, wave, slip, bounds):
             old[o] = states[0, lanes[o], :width]
         for n in range(samples):
             ago = n - 1 if period + n > 0 else -samples
-            lost += follow(
-                law, lanes, motion, wave, slip, bounds, (n, ago, stage, slides), (out, room, tangent, force, sums)
-            )
+            place = n, ago, stage, slides, derive
+            lost += follow(law, lanes, motion, wave, slip, bounds, place, (out, room, tangent, force, now))
         if stage == SUM:
             break
         drift = 0.0
@@ -230,21 +229,27 @@ def cycle(law, lanes, motion, wave, slip, bounds):
             close(begun, tangent)
             stage = SUM
         elif period >= periods - 2 or (period > 0 and drift <= _SETTLED * slip[0].max()):
-            stage = CLOSE
+            stage = CLOSE if derive else SUM
         else:
             stage = SETTLE
-    return sums[0], sums[1], lost
+    if derive:
+        lever = wave[0] * wave[1]
+        for o in range(count):
+            for m in range(count + 1):
+                jacobian[o, m] = np.dot(lever.T, changes[o, m])
+    return forces, jacobian, lost
 
 
 @inner
 def follow(law, lanes, motion, wave, slip, bounds, place, books):
     """One sample; returns what is lost, in the period that is summed.
 
-    place: sample, that before, which is before the first one where nothing has moved, stage, and whether the slip force
-    follows a gap. books: tangents of the step, room, tangents of the internal forces, forces now and before, sums.
+    place: sample, that before, which is before the first one where nothing has moved, stage, whether the slip force
+    follows a gap, and whether tangents are asked for. books: tangents of the step, room, tangents of the internal
+    forces, forces now and before, sums.
     """
     (basis, _, rate, _), (limit, fall), (_, capacity, smooth) = wave, slip, bounds
-    (n, ago, stage, slides), (out, (rows, kept, change), tangent, force, sums) = place, books
+    (n, ago, stage, slides, derive), (out, (rows, kept), tangent, force, sums) = place, books
     exchange, states, moved, opened, grown = law[3], law[4], rows[0], rows[1], rows[2]
     k, square, begun, lost = exchange[STIFFNESS, lanes[0]], 0.0, ago > -len(limit), 0.0
     before = ago if begun else n
@@ -258,7 +263,7 @@ def follow(law, lanes, motion, wave, slip, bounds, place, books):
     step(law, lanes[0], rate, states[1])
     force[2], force[3] = force[0], force[1]
     force[0], force[1] = exchange[FORCE, lanes[0]], exchange[FORCE, lanes[-1]]
-    if stage != SETTLE:
+    if derive and stage != SETTLE:
         for c in range(basis.shape[1]):
             moved[c] = basis[n, c] - (basis[before, c] if begun else 0.0)
             grown[c] = fall[n] * basis[n, c]
@@ -270,7 +275,7 @@ def follow(law, lanes, motion, wave, slip, bounds, place, books):
     if stage == SUM:
         for o in range(len(lanes)):
             lost += 0.5 * (force[o] + force[2 + o]) * exchange[WAY, lanes[o]]
-        owe(n, wave, (k, motion, force, out[3], moved, change), tangent, sums)
+        owe(n, wave, (k, motion, force, out[3], moved), tangent, sums, derive)
     for o in range(len(lanes)):
         for w in range(states.shape[2]):
             states[0, lanes[o], w] = states[1, lanes[o], w]

@@ -152,13 +152,22 @@ class ContactLaws:
 
         ``interval`` s between samples.
         """
+        return self.followed(path, np.broadcast_to(slip_force, path.shape), interval)[0]
+
+    def followed(
+        self, path: Float[np.ndarray, "contact sample"], limits: Float[np.ndarray, "contact sample"], interval: float
+    ) -> tuple[Float[np.ndarray, "contact sample"], Float[np.ndarray, "contact state"]]:
+        """Forces in N of all contacts along paths in m from the unstressed state, and the state at the end.
+
+        ``limits`` N are their slip forces, ``interval`` s the time between samples.
+        """
         from ema.contact import solve_kernels
 
         kernels: Any = solve_kernels
         states, forces = (np.zeros_like(self.flexibility), np.zeros_like(self.flexibility)), np.empty(path.shape)
-        laws = self.arguments()[:3]
-        kernels.drive(laws, (np.ascontiguousarray(path), slip_force), 1 / interval, self.exchange(), states, forces)
-        return forces
+        motion = np.ascontiguousarray(path), np.ascontiguousarray(limits)
+        kernels.drive(self.arguments()[:3], motion, 1 / interval, self.exchange(), states, forces)
+        return forces, states[path.shape[1] % 2]
 
 
 def compiled(name: str) -> Any:

@@ -166,7 +166,7 @@ def solve(laws, problem, displacements, exchange, states, memory):
 
 @kernel
 def drive(laws, motion, rate, exchange, states, forces):
-    """Forces (lane, sample) of one contact along ``motion``: displacements alike, and slip forces (sample,).
+    """Forces (contact, sample) along ``motion``: displacements and slip forces alike.
 
     1/``rate`` s between samples.
     """
@@ -174,7 +174,7 @@ def drive(laws, motion, rate, exchange, states, forces):
     for n in range(path.shape[1]):
         for i in range(len(path)):
             exchange[WAY, i] = path[i, n] - path[i, max(n - 1, 0)]
-            exchange[LIMIT, i] = limits[n]
+            exchange[LIMIT, i] = limits[i, n]
         evaluate(laws, rate, exchange, before, after)
         for i in range(len(path)):
             forces[i, n] = exchange[FORCE, i]

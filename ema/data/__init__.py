@@ -1,4 +1,4 @@
-"""Nouns: frozen dataclasses over numpy; no algorithms, no files, no plots."""
+"""Data types: frozen dataclasses over numpy; no algorithms, no files, no plots."""
 
 from ema.data.amplitude import AmplitudeDependentMode, AmplitudePrediction, Band, LawParameter, SteppedLevel
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact

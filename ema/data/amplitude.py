@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 from ema.data.condition import Condition
 from ema.data.findings import Finding
@@ -20,11 +20,26 @@ Control = Literal["response", "force", "none"]
 
 @dataclass(frozen=True, repr=False)
 class Band(Container):
-    """Values with an interval each: ``low <= value <= high``, of any one shape; ``contains`` says what is in it.
+    """Values with an interval each, all of one shape.
+
+    Parameters
+    ----------
+    low, value, high : array
+        Lower bounds, values and upper bounds; ``low <= value <= high`` wherever all three are finite.
+    level : float, default 0.95
+        Probability that the interval is stated with.
+    contains : str, optional
+        What is in the interval: noise, scatter, model form.
+
+    Raises
+    ------
+    InputError
+        If a value lies outside its interval.
 
     Examples
     --------
-    >>> Band(low=[79.9], value=[80.0], high=[80.1], contains="noise").half_width
+    >>> band = Band(low=[79.9], value=[80.0], high=[80.1], contains="noise")
+    >>> band.half_width
     array([0.1])
     """
 
@@ -36,6 +51,7 @@ class Band(Container):
 
     def __post_init__(self) -> None:
         freeze(self, low=np.float64, value=np.float64, high=np.float64)
+        check_axes(self)
         known = np.isfinite(self.low) & np.isfinite(self.value) & np.isfinite(self.high)
         if np.any(self.low[known] > self.value[known]) or np.any(self.value[known] > self.high[known]):
             raise InputError("an interval that does not hold its value", expected="low <= value <= high")
@@ -55,11 +71,32 @@ class Band(Container):
 
 @dataclass(frozen=True, repr=False)
 class SteppedLevel(Container):
-    """One level of a stepped sine: what was held, and the fundamentals at every frequency.
+    """One level of a stepped sine: what was controlled, and the fundamentals at every frequency.
 
-    ``frequencies`` (line,) Hz; ``force`` (line,) amplitude in N; ``response`` (line,) complex amplitude in SI units of
-    ``quantity``, its phase relative to the force; ``harmonics`` (order, line) amplitudes of the response at 2, 3, ...
-    times the frequency, ``None`` where they were not recorded.
+    Parameters
+    ----------
+    frequencies : array of shape (line,)
+        Frequencies of the steps [Hz].
+    force : array of shape (line,)
+        Amplitude of the force [N].
+    response : complex array of shape (line,)
+        Complex amplitude of the response in SI units of ``quantity``, its phase relative to the force.
+    quantity : {"displacement", "velocity", "acceleration"}
+        What ``response`` is.
+    control : {"response", "force", "none"}, default "none"
+        What was kept constant over the frequencies.
+    output, input : Dof, optional
+        DOFs of response and force, where known.
+    harmonics : array of shape (order, line), optional
+        Amplitudes of the response at 2, 3, ... times the frequency; ``None`` where they were not recorded.
+    name : str, optional
+        What the level is called in messages.
+
+    Examples
+    --------
+    >>> level = SteppedLevel(frequencies=[39.0, 40.0], force=[1, 1], response=[5 + 1j, 9j], quantity="acceleration")
+    >>> np.abs(level.displacement).round(8)
+    array([8.4920e-05, 1.4248e-04])
     """
 
     frequencies: Float[np.ndarray, "line"]
@@ -74,6 +111,7 @@ class SteppedLevel(Container):
 
     def __post_init__(self) -> None:
         freeze(self, frequencies=np.float64, force=np.float64, response=np.complex128, harmonics=np.float64)
+        check_axes(self)
 
     @property
     def displacement(self) -> Complex[np.ndarray, "line"]:
@@ -88,14 +126,46 @@ class AmplitudeDependentMode(Container):
 
     Parameters
     ----------
-    amplitude : amplitude of the response at resonance, SI units of ``quantity``, shape (level,).
-    frequency : natural frequency in Hz at that amplitude, shape (level,).
-    damping : equivalent viscous damping ratio, power over omega^3 q^2, shape (level,).
-    force : amplitude of the force at resonance in N, shape (level,); NaN where there was none.
-    modal_mass : kg, for a shape of 1 at the response; NaN where it is not known.
-    control : what was held while the levels were measured; ``none`` for a ring-down.
+    amplitude : array of shape (level,)
+        Amplitude of the response at resonance in SI units of ``quantity``; positive and rising.
+    frequency : Band
+        Natural frequency [Hz] at each amplitude.
+    damping : Band
+        Equivalent viscous damping ratio [-] at each amplitude: mean power over omega^3 q^2.
+    quantity : {"displacement", "velocity", "acceleration"}, default "acceleration"
+        What ``amplitude`` measures.
+    force : array of shape (level,), optional
+        Amplitude of the force at resonance [N]; NaN where there was none.
+    modal_mass : float, optional
+        Modal mass [kg] for a shape of 1 at the response; NaN where it is not known.
+    control : {"response", "force", "none"}, default "none"
+        What was kept constant while the levels were measured; ``none`` for a ring-down.
+    condition : Condition, optional
+        Excitation and normal forces of the measurement.
+    name : str, optional
+        What the mode is called in messages.
+    findings : tuple of Finding, optional
+        What a reader of the values has to know.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the mode.
 
-    Source: damping by power, Scheel et al. (2018), MSSP 113:1; response control, Arslan, Aykan and Ozguven (2011).
+    Raises
+    ------
+    InputError
+        If the fields differ in length, or the amplitudes are not positive and rising.
+
+    References
+    ----------
+    .. [1] Damping by power: Scheel, Peter, Leine and Krack (2018), Journal of Sound and Vibration 435:56.
+    .. [2] Control of the response: Arslan, Aykan and Ozguven (2011).
+
+    Examples
+    --------
+    >>> frequency = Band(low=[39.9, 39.7], value=[40.0, 39.8], high=[40.1, 39.9])
+    >>> damping = Band(low=[0.009, 0.011], value=[0.010, 0.012], high=[0.011, 0.013])
+    >>> mode = AmplitudeDependentMode(amplitude=[1.0, 5.0], frequency=frequency, damping=damping)
+    >>> mode.lowest(1).amplitude
+    array([1.])
     """
 
     amplitude: Float[np.ndarray, "level"]
@@ -112,13 +182,31 @@ class AmplitudeDependentMode(Container):
 
     def __post_init__(self) -> None:
         freeze(self, amplitude=np.float64, force=np.float64)
+        check_axes(self)
         if not len(self.amplitude) == len(self.frequency.value) == len(self.damping.value):
             raise InputError("amplitudes, frequencies and damping ratios of unequal number", where=self.name)
         if np.any(np.diff(self.amplitude) <= 0) or not np.all(self.amplitude > 0):
             raise InputError("amplitudes that do not rise", where=self.name, expected="positive, lowest first")
 
     def lowest(self, count: int) -> "AmplitudeDependentMode":
-        """The mode as its ``count`` lowest levels show it."""
+        """Return the mode with its lowest levels only.
+
+        Parameters
+        ----------
+        count : int
+            Number of levels to keep.
+
+        Returns
+        -------
+        AmplitudeDependentMode
+            The mode on the first ``count`` levels.
+
+        Examples
+        --------
+        >>> band = Band(low=[1.0, 1.0], value=[1.0, 1.0], high=[1.0, 1.0])
+        >>> AmplitudeDependentMode(amplitude=[1.0, 5.0], frequency=band, damping=band).lowest(1).damping.value
+        array([1.])
+        """
         from dataclasses import replace
 
         def cut(band: Band) -> Band:
@@ -135,9 +223,25 @@ class AmplitudeDependentMode(Container):
 
 @dataclass(frozen=True, repr=False)
 class LawParameter(Container):
-    """A parameter of a joint law: median, bounds of its 95 % interval, and whether the measured levels identify it.
+    """A parameter of a joint law with its 95 % interval, and whether the measured levels identify it.
 
-    ``reason`` says why they do not. A parameter that is identified by measured levels confirms no prediction.
+    Parameters
+    ----------
+    law : str
+        Name of the law.
+    name : str
+        Name of the parameter.
+    low, value, high : float
+        Lower bound of the 95 % interval, median, upper bound.
+    identifiable : bool
+        Whether the measured levels bound it. That they do confirms no prediction.
+    reason : str, optional
+        Why the levels do not identify it; empty where they do.
+
+    Examples
+    --------
+    >>> LawParameter("iwan", "mu", low=0.3, value=0.4, high=0.55, identifiable=True).value
+    0.4
     """
 
     law: str
@@ -148,15 +252,53 @@ class LawParameter(Container):
     identifiable: bool
     reason: str = ""
 
+    def __post_init__(self) -> None:
+        if self.low > self.value or self.value > self.high:  # NaN, where a bound is unknown, is in order
+            raise InputError(
+                "an interval that does not hold its value",
+                where=f"{self.law}, {self.name}",
+                got=f"{self.low:g}, {self.value:g}, {self.high:g}",
+                expected="low <= value <= high",
+            )
+
 
 @dataclass(frozen=True, repr=False)
 class AmplitudePrediction(Container):
-    """Frequency in Hz and damping of a mode at amplitudes that were not measured, with 95 % bands.
+    """Frequency and damping of a mode at amplitudes that were not measured, with 95 % bands.
 
-    ``amplitude`` (point,) in SI units of ``quantity``; ``beyond`` (point,) the amplitude over the highest measured one;
-    ``laws`` and their ``weights`` by prediction of the highest levels left out; ``force`` (point,) in N that holds the
-    amplitude at resonance. ``statement`` says how far outside the data the prediction lies;
-    ``parameters`` are those of the law of most weight.
+    Parameters
+    ----------
+    amplitude : array of shape (point,)
+        Amplitudes of the response in SI units of ``quantity``.
+    frequency : Band
+        Predicted natural frequency [Hz].
+    damping : Band
+        Predicted damping ratio [-].
+    beyond : array of shape (point,)
+        Each amplitude over the highest measured one.
+    laws : tuple of str
+        Joint laws that were fitted.
+    weights : array of shape (law,)
+        Weight of each law, by its prediction of the highest levels left out.
+    quantity : {"displacement", "velocity", "acceleration"}, default "acceleration"
+        What ``amplitude`` measures.
+    force : Band, optional
+        Amplitude of the force [N] that keeps up the amplitude at resonance, where known.
+    statement : str, optional
+        How far outside the data the prediction lies.
+    name : str, optional
+        What the mode is called in messages.
+    parameters : tuple of LawParameter, optional
+        Parameters of the law of most weight.
+    findings : tuple of Finding, optional
+        What a reader of the prediction has to know.
+
+    Examples
+    --------
+    >>> band = Band(low=[0.01], value=[0.02], high=[0.03])
+    >>> frequency = Band(low=[39.0], value=[39.5], high=[40.0])
+    >>> AmplitudePrediction([10.0], frequency, band, beyond=[2.0], laws=("iwan",), weights=[1.0]).beyond
+    array([2.])
     """
 
     amplitude: Float[np.ndarray, "point"]
@@ -174,3 +316,4 @@ class AmplitudePrediction(Container):
 
     def __post_init__(self) -> None:
         freeze(self, amplitude=np.float64, beyond=np.float64, weights=np.float64)
+        check_axes(self)

@@ -20,7 +20,21 @@ T = TypeVar("T")
 
 
 class Lazy(Sequence[T]):
-    """A sequence whose items are made when asked for, and not kept: records larger than memory stay on disk."""
+    """A sequence whose items are made when they are used, and not kept: records larger than memory stay on disk.
+
+    Its ``repr`` is that of any object; a slice is again lazy.
+
+    Parameters
+    ----------
+    makers : sequence of callable
+        One function per item, called each time the item is used.
+
+    Examples
+    --------
+    >>> squares = Lazy([lambda k=k: k**2 for k in range(4)])
+    >>> len(squares), squares[3], list(squares[:2])
+    (4, 9, [0, 1])
+    """
 
     def __init__(self, makers: Sequence[Callable[[], T]]) -> None:
         self._makers = tuple(makers)
@@ -44,7 +58,24 @@ class Lazy(Sequence[T]):
 
 @dataclass(frozen=True, repr=False)
 class Repair(Container):
-    """A correction of metadata that leaves the raw data untouched: what, by whom and why."""
+    """A correction of metadata that leaves the raw data untouched.
+
+    Parameters
+    ----------
+    what : str
+        The correction.
+    where : str
+        What it concerns, such as a run or a channel.
+    who : str
+        Who decided it.
+    why : str
+        Reason for it.
+
+    Examples
+    --------
+    >>> Repair("exclude impact 3", where="run bare, point 12", who="operator", why="double hit").why
+    'double hit'
+    """
 
     what: str
     where: str
@@ -54,11 +85,39 @@ class Repair(Container):
 
 @dataclass(frozen=True, repr=False)
 class Run(Container):
-    """Measurements under one condition: raw records, FRFs that the measuring system has already computed, or the levels
-    of a stepped sine, lowest first.
+    """Measurements under one condition.
 
-    ``repeat`` is the label shared by runs that repeat the same condition (re-torqued, re-mounted, loaded anew).
-    ``assembly`` is shared by those of them between which nothing was loosened; empty for an assembly of its own.
+    A run holds raw records, FRFs that the measuring system has already computed, or the levels of a stepped sine,
+    lowest first.
+
+    Parameters
+    ----------
+    id : str
+        Name of the run, unique in its campaign.
+    condition : Condition
+        Excitation and normal forces.
+    recordings : sequence of Recording, optional
+        Raw records; read when used where they come from files.
+    frfs : sequence of FrfSet, optional
+        FRF sets of the measuring system.
+    repairs : tuple of Repair, optional
+        Corrections that were applied.
+    findings : tuple of Finding, optional
+        What a reader of the run has to know.
+    comment : str, optional
+        Note of the operator.
+    repeat : str, optional
+        Label shared by runs that repeat the same condition (re-torqued, re-mounted, loaded anew).
+    assembly : str, optional
+        Shared by those of them between which nothing was loosened; empty for an assembly of its own.
+    levels : tuple of SteppedLevel, optional
+        Levels of a stepped sine, lowest first.
+
+    Examples
+    --------
+    >>> from ema.examples import campaign
+    >>> campaign()["beam"]
+    Run('beam', hammer, F_N joint 500 N, 1 record)
     """
 
     id: str
@@ -90,7 +149,43 @@ class Run(Container):
 
 @dataclass(frozen=True, repr=False)
 class Campaign(Container):
-    """A folder of measurements, opened."""
+    """A folder of measurements, opened; ``campaign["bare"]`` is the run of that name.
+
+    Parameters
+    ----------
+    name : str
+        What the campaign is called.
+    runs : tuple of Run
+        Runs in the order of the campaign file.
+    geometry : Geometry, optional
+        Points of the structure, where known.
+    structure : str, optional
+        What was tested.
+    operator : str, optional
+        Who tested.
+    date : str, optional
+        When it was tested, as written.
+    comment : str, optional
+        Note of the operator.
+    photos : tuple of str, optional
+        Image files.
+    channels : tuple of Channel, optional
+        Channel table.
+    inputs : tuple of tuple of (str, str), optional
+        ``(file, sha256)`` of the campaign's metadata files.
+    findings : tuple of Finding, optional
+        What a reader of the campaign has to know.
+    folder : str, optional
+        Folder that it was read from.
+    logo : str, optional
+        Image file of whoever tests, for the report.
+
+    Examples
+    --------
+    >>> from ema.examples import campaign
+    >>> campaign()
+    Campaign('line', 2 runs: bare, beam, 4 nodes, 2 channels)
+    """
 
     name: str
     runs: tuple[Run, ...]
@@ -120,11 +215,45 @@ class Campaign(Container):
         )
 
     def where(self, **wanted: Any) -> tuple[Run, ...]:
-        """The runs whose attributes (``kind``, ``repeat``, ...) have the wanted values."""
+        """Return the runs whose attributes have the wanted values.
+
+        Parameters
+        ----------
+        **wanted : object
+            Values of attributes of ``Run``, such as ``kind="hammer"`` or ``repeat="1 kN"``.
+
+        Returns
+        -------
+        tuple of Run
+            Runs that have all of them.
+
+        Raises
+        ------
+        AttributeError
+            If runs have no attribute of that name.
+
+        Examples
+        --------
+        >>> from ema.examples import campaign
+        >>> [run.id for run in campaign().where(kind="hammer", repeat="")]
+        ['bare', 'beam']
+        """
         return tuple(run for run in self.runs if all(getattr(run, name) == value for name, value in wanted.items()))
 
     def index(self) -> "pd.DataFrame":
-        """One row per run: kind, level [N], F_N per joint [N], number of records."""
+        """Return the runs as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per run: kind, level [N], F_N per joint [N], number of records and of FRF sets.
+
+        Examples
+        --------
+        >>> from ema.examples import campaign
+        >>> campaign().index()["F_N joint [N]"].tolist()
+        [nan, 500.0]
+        """
         import pandas as pd
 
         rows = []

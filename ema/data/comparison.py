@@ -1,4 +1,4 @@
-"""A model held against a measurement: modes, maps, signals, and the verdict."""
+"""A model compared with a measurement: modes, maps, signals, and the verdict."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 from ema.data.beam import BeamModel
 from ema.data.findings import Finding
@@ -19,7 +19,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Verdict(Container):
-    """Whether a model agrees with a measurement, and why, in sentences."""
+    """Whether a model agrees with a measurement, and why.
+
+    Parameters
+    ----------
+    agrees : bool
+        Whether it does.
+    sentences : tuple of str
+        What was compared, and with which result.
+
+    Examples
+    --------
+    >>> print(Verdict(True, ("All frequencies within 1 %.",)))
+    The model agrees. All frequencies within 1 %.
+    """
 
     agrees: bool
     sentences: tuple[str, ...]
@@ -32,10 +45,36 @@ class Verdict(Container):
 class ModeComparison(Container):
     """Paired modes of a measurement (a) and a model (b).
 
-    ``pairs`` (mode of a, mode of b), from 0; over the pairs: ``frequency`` (pair, 2) Hz, ``damping`` (pair, 2),
-    ``mac`` (pair,) and ``significance`` (pair, 2): the difference of frequency and damping over its standard
-    uncertainty, NaN where that is unknown. ``co_mac`` (dof,) over the shared ``dofs``; ``unpaired`` modes of a and b.
-    ``mac_std`` (pair,) is the standard uncertainty of ``mac``, ``None`` where neither model states one for its shapes.
+    Parameters
+    ----------
+    pairs : tuple of tuple of (int, int)
+        (mode of a, mode of b), from 0.
+    frequency : array of shape (pair, 2)
+        Natural frequencies [Hz] of a and b.
+    damping : array of shape (pair, 2)
+        Damping ratios [-] of a and b.
+    mac : array of shape (pair,)
+        MAC of each pair over the shared DOFs.
+    significance : array of shape (pair, 2)
+        Difference of frequency and of damping over its standard uncertainty; NaN where that is unknown.
+    co_mac : array of shape (dof,)
+        Coordinate MAC of the shared DOFs.
+    dofs : tuple of Dof
+        DOFs that both share.
+    unpaired : tuple of (tuple of int, tuple of int)
+        Modes of a and modes of b without a partner, from 0.
+    verdict : Verdict
+        Whether the model agrees, and why.
+    mac_std : array of shape (pair,), optional
+        Standard uncertainty of ``mac``; ``None`` where neither model states one for its shapes.
+
+    Examples
+    --------
+    >>> from ema.compare import modes
+    >>> from ema.examples import modal_model
+    >>> comparison = modes(modal_model(), modal_model())
+    >>> comparison.pairs, comparison.mac.round(3)
+    (((0, 0), (1, 1), (2, 2)), array([1., 1., 1.]))
     """
 
     pairs: tuple[tuple[int, int], ...]
@@ -52,9 +91,24 @@ class ModeComparison(Container):
     def __post_init__(self) -> None:
         names = ("frequency", "damping", "mac", "significance", "co_mac", "mac_std")
         freeze(self, **dict.fromkeys(names, np.float64))
+        check_axes(self)
 
     def table(self) -> "pd.DataFrame":
-        """One row per pair: frequencies [Hz], difference [%], damping ratios [%], MAC."""
+        """Return the comparison as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per pair: frequencies [Hz], difference [%], damping ratios [%], MAC, and its standard uncertainty
+            where known.
+
+        Examples
+        --------
+        >>> from ema.compare import modes
+        >>> from ema.examples import modal_model
+        >>> modes(modal_model(), modal_model()).table()["f model [Hz]"].round(3).tolist()
+        [40.0, 60.0, 90.0]
+        """
         import pandas as pd
 
         f, z = self.frequency, 100 * self.damping
@@ -73,11 +127,28 @@ class ModeComparison(Container):
 
 @dataclass(frozen=True, repr=False)
 class SignalComparison(Container):
-    """A simulated against a measured signal of one free decay.
+    """A simulated signal of one free decay, compared with the measured one.
 
-    ``error`` rms of the difference over the rms of the measured signal; ``peak_frequencies`` Hz of measured and
-    simulated spectrum; ``envelope_error`` the same as ``error`` of the envelopes; ``missing_damping`` the damping ratio
-    the model lacks (its standard uncertainty in ``missing_std``), from the ratio of the envelopes.
+    Parameters
+    ----------
+    error : float
+        Rms of the difference over the rms of the measured signal.
+    peak_frequencies : tuple of (float, float)
+        Peak [Hz] of the measured and of the simulated spectrum.
+    envelope_error : float
+        The same as ``error``, of the envelopes.
+    missing_damping : float
+        Damping ratio that the model lacks, from the ratio of the envelopes.
+    missing_std : float
+        Standard uncertainty of ``missing_damping``.
+    verdict : Verdict
+        Whether the model agrees, and why.
+
+    Examples
+    --------
+    >>> verdict = Verdict(False, ("The model lacks damping.",))
+    >>> SignalComparison(0.2, (40.1, 40.0), 0.1, missing_damping=0.002, missing_std=0.0004, verdict=verdict).error
+    0.2
     """
 
     error: float
@@ -90,11 +161,32 @@ class SignalComparison(Container):
 
 @dataclass(frozen=True, repr=False)
 class MapComparison(Container):
-    """A simulated against a measured damping map, on the points of the measured one.
+    """A simulated damping map, compared with a measured one on the points of the latter.
 
-    ``frequency_error`` (level, force) relative, ``damping_ratio`` (level, force) simulated over measured;
-    ``ridge`` (level, 2): normal force of most damping, measured and simulated, N; ``inside`` the share of points that
-    lie within the 95 % bounds of the measurement widened by the model's tolerance.
+    Parameters
+    ----------
+    measured : ModalMap
+        Measured map.
+    simulated : ModalMap
+        Simulated map, on the points of the measured one.
+    frequency_error : array of shape (level, force)
+        Relative difference of the frequencies.
+    damping_ratio : array of shape (level, force)
+        Simulated over measured damping.
+    ridge : array of shape (level, 2)
+        Normal force [N] of most damping, measured and simulated.
+    inside : float
+        Share of points that lie within the 95 % bounds of the measurement, widened by the model's tolerance.
+    verdict : Verdict
+        Whether the model agrees, and why.
+
+    Examples
+    --------
+    >>> from ema.compare import maps
+    >>> from ema.examples import modal_map
+    >>> maps(modal_map(), modal_map()).ridge
+    array([[500., 500.],
+           [500., 500.]])
     """
 
     measured: ModalMap
@@ -107,16 +199,40 @@ class MapComparison(Container):
 
     def __post_init__(self) -> None:
         freeze(self, frequency_error=np.float64, damping_ratio=np.float64, ridge=np.float64)
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
 class ModelUpdate(Container):
-    """Joint parameters that make a model fit a measured map, and how well the map tells them.
+    """Joint parameters that make a model fit a measured map, and how well the map determines them.
 
-    ``names`` of the parameters; ``values`` and ``intervals`` (95 %) in their units; ``identifiable`` says of each
-    whether the map bounds it; ``correlation`` between their estimates. ``frequency_ratio`` is measured over simulated,
-    a fault of the host that the joints are not asked to mend; ``misfit`` the rms of the residuals over the standard
-    uncertainties.
+    Parameters
+    ----------
+    model : BeamModel
+        Updated model.
+    names : tuple of str
+        Names of the parameters.
+    values : array of shape (parameter,)
+        Estimates, in the units of the parameters.
+    intervals : array of shape (parameter, 2)
+        95 % intervals of the estimates.
+    identifiable : tuple of bool
+        Whether the map bounds each parameter.
+    correlation : array of shape (parameter, parameter)
+        Correlation between the estimates.
+    frequency_ratio : float
+        Measured over simulated frequency: an error of the host that the joints are not made to compensate.
+    misfit : float
+        Rms of the residuals over their standard uncertainties.
+    findings : tuple of Finding, optional
+        What a reader of the parameters has to know.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> update = ModelUpdate(beam_model(), ("mu",), [0.45], [[0.4, 0.5]], (True,), [[1.0]], 1.01, misfit=1.1)
+    >>> update.values
+    array([0.45])
     """
 
     model: BeamModel
@@ -131,9 +247,23 @@ class ModelUpdate(Container):
 
     def __post_init__(self) -> None:
         freeze(self, values=np.float64, intervals=np.float64, correlation=np.float64)
+        check_axes(self)
 
     def table(self) -> "pd.DataFrame":
-        """One row per parameter: value, 95 % interval, whether the map tells it."""
+        """Return the parameters as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per parameter: value, 95 % interval, whether the map identifies it.
+
+        Examples
+        --------
+        >>> from ema.examples import beam_model
+        >>> update = ModelUpdate(beam_model(), ("mu",), [0.45], [[0.4, 0.5]], (True,), [[1.0]], 1.01, misfit=1.1)
+        >>> update.table().loc[0, "high"].item()
+        0.5
+        """
         import pandas as pd
 
         return pd.DataFrame(

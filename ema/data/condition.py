@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 
 ExcitationKind = Literal["hammer", "sweep", "stepped sine", "random", "snap-back", "unknown"]
@@ -17,9 +17,24 @@ LoadingSequence = Literal["up", "down", "unstated"]
 class Excitation(Container):
     """How the structure was driven.
 
-    ``level`` and ``std`` are the force level (peak of a blow, force at resonance of a shaker) and its scatter in N;
-    NaN where unknown. ``band`` in Hz. ``period`` in s is that of a periodic sweep, or the time that a stepped sine
-    stays at each frequency; NaN where a record holds one sweep, or one frequency.
+    Parameters
+    ----------
+    kind : {"hammer", "sweep", "stepped sine", "random", "snap-back", "unknown"}, default "unknown"
+        How the force was applied.
+    level : float, optional
+        Force level [N]: peak of an impact, force at resonance of a shaker; NaN where unknown.
+    std : float, optional
+        Scatter of the level [N]; NaN where unknown.
+    band : tuple of (float, float), optional
+        Ends of the excited band [Hz], where known.
+    period : float, optional
+        Period [s] of a periodic sweep, or the time that a stepped sine stays at each frequency; NaN where a record
+        holds one sweep, or one frequency.
+
+    Examples
+    --------
+    >>> Excitation("hammer", level=850.0, std=40.0)
+    Excitation(kind='hammer', level=850, std=40)
     """
 
     kind: ExcitationKind = "unknown"
@@ -33,9 +48,33 @@ class Excitation(Container):
 class JointForce(Container):
     """Normal force of one joint during a measurement.
 
-    ``mean``, ``std`` (dynamic rms and scatter over the run) and ``drift`` (end minus start) in N; a mean of NaN says
-    that the joint was pressed by an unknown force. ``trace`` (sample,) in N at ``trace_times`` (sample,) in s from the
-    start of the run. ``torque`` in N m. ``sequence`` says whether the force was being raised or lowered.
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    mean : float, optional
+        Mean over the run [N]; NaN where the joint was pressed by an unknown force.
+    std : float, optional
+        Dynamic rms and scatter over the run [N].
+    drift : float, optional
+        End minus start [N].
+    trace : array of shape (sample,), optional
+        Normal force over the run [N].
+    trace_times : array of shape (sample,), optional
+        Times of ``trace`` [s] from the start of the run.
+    calibration : str, optional
+        Load cell and date of its calibration, where stated.
+    torque : float, optional
+        Tightening torque of the bolt [N m], where stated.
+    sequence : {"up", "down", "unstated"}, default "unstated"
+        Whether the force was being raised or lowered from run to run.
+    run_in : int, optional
+        Cycles or impacts before the measurement, to settle the contact, where stated.
+
+    Examples
+    --------
+    >>> JointForce("left", mean=1010.0, std=4.0).known, JointForce("left").known
+    (True, False)
     """
 
     joint: str
@@ -51,6 +90,7 @@ class JointForce(Container):
 
     def __post_init__(self) -> None:
         freeze(self, trace=np.float64, trace_times=np.float64)
+        check_axes(self)
 
     @property
     def known(self) -> bool:
@@ -60,9 +100,22 @@ class JointForce(Container):
 
 @dataclass(frozen=True, repr=False)
 class Condition(Container):
-    """Excitation, normal force per joint and temperature (K) of a measurement.
+    """Excitation, normal force of every joint and temperature of a measurement.
 
-    An empty ``joints`` means that there is no friction beam, which is not the same as 0 N.
+    Parameters
+    ----------
+    excitation : Excitation, optional
+        How the structure was driven.
+    joints : tuple of JointForce, optional
+        One per joint. Empty means that there is no friction beam, which is not the same as 0 N.
+    temperature : float, optional
+        Temperature [K], where known.
+
+    Examples
+    --------
+    >>> condition = Condition(joints=(JointForce("left", mean=990.0), JointForce("right", mean=1010.0)))
+    >>> condition.normal_force
+    1000.0
     """
 
     excitation: Excitation = Excitation()

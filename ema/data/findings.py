@@ -10,16 +10,29 @@ Severity = Literal["info", "warning", "error"]
 
 @dataclass(frozen=True, repr=False, slots=True)
 class Finding(Container):
-    """One thing a reader of the results has to know.
+    """One thing that a reader of the results has to know.
 
     Parameters
     ----------
-    severity : ``info`` (good to know), ``warning`` (look at it), ``error`` (do not use without a repair).
-    code : short stable name, e.g. ``"double-hit"``, ``"low-coherence"``; one word for each kind of finding.
-    where : what it concerns, e.g. ``"run beam_1kN, point 12:+Z, hit 3"``.
-    message : one sentence that states the fact with its numbers.
-    value, limit : the number found and the number it was held against, SI; ``None`` where there is none.
-    advice : one sentence a test engineer can act on.
+    severity : {"info", "warning", "error"}
+        ``info`` (good to know), ``warning`` (look at it), ``error`` (do not use without a repair).
+    code : str
+        Short stable name, such as ``"double-hit"`` or ``"low-coherence"``; one for each kind of finding.
+    where : str
+        What it concerns, such as ``"run beam_1kN, point 12:+Z, hit 3"``.
+    message : str
+        One sentence that states the fact with its numbers.
+    value : float, optional
+        The measured number, SI; ``None`` where there is none.
+    limit : float, optional
+        The number that it was compared with, SI; ``None`` where there is none.
+    advice : str, optional
+        One sentence that a test engineer can act on.
+
+    Examples
+    --------
+    >>> print(Finding("warning", "low-coherence", "run bare", "Coherence 0.41 at 499 Hz.", value=0.41, limit=0.8))
+    run bare: Coherence 0.41 at 499 Hz.
     """
 
     severity: Severity

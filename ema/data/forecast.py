@@ -1,4 +1,4 @@
-"""What a placed beam is expected to do, told before it is bolted on, and what was measured afterwards."""
+"""What a beam is predicted to do before it is mounted, and what was measured afterwards."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
@@ -18,16 +18,55 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Forecast(Container):
-    """Frequency Hz and damping of the target modes over (F_E, F_N) with 95 % bands, shape (mode, level, force).
+    """Frequency and damping of the target modes over (F_E, F_N), predicted before the beam is mounted, with 95 % bands.
 
     Parameters
     ----------
-    centre : of the beam in m, in the plane of the placement; ``angle`` rad, ``beam`` its name.
-    modes : numbers of the target modes in the bare structure, from 1; ``bare_frequencies`` Hz, ``bare_damping``.
-    force_levels, normal_forces : N; F_N per joint.
-    draws : samples behind the bands.
-    method : as in ``ModalMap``: "measured" is what a one-mode fit of a stepped sine about the resonance reads, "frozen"
+    centre : tuple of (float, float)
+        Centre of the beam [m] in the plane of the placement.
+    angle : float
+        Angle of the beam [rad] from the first axis of the plane.
+    beam : str
+        Name of the beam.
+    modes : tuple of int
+        Numbers of the target modes in the structure without the beam, from 1.
+    bare_frequencies : array of shape (mode,)
+        Natural frequencies [Hz] without the beam.
+    bare_damping : array of shape (mode,)
+        Damping ratios [-] without the beam.
+    force_levels : array of shape (level,)
+        F_E [N].
+    normal_forces : array of shape (force,)
+        F_N per joint [N].
+    frequency : array of shape (mode, level, force)
+        Predicted frequencies [Hz].
+    frequency_low, frequency_high : array of shape (mode, level, force)
+        Bounds of their 95 % bands [Hz].
+    damping : array of shape (mode, level, force)
+        Predicted damping ratios [-].
+    damping_low, damping_high : array of shape (mode, level, force)
+        Bounds of their 95 % bands [-].
+    draws : int
+        Samples behind the bands.
+    method : str, default "measured"
+        As in ``ModalMap``: ``measured`` is what a one-mode fit of a stepped sine about the resonance reads, ``frozen``
         the equivalent damping of the steady state at resonance.
+    findings : tuple of Finding, optional
+        What a reader of the forecast has to know.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the forecast.
+
+    Raises
+    ------
+    InputError
+        If an array has another shape than the axes.
+
+    Examples
+    --------
+    >>> from ema.examples import forecast
+    >>> prediction = forecast()
+    >>> prediction.frequency.shape, prediction.normal_forces
+    ((1, 2, 3), array([ 200.,  500., 1000.]))
     """
 
     centre: tuple[float, float]
@@ -63,6 +102,7 @@ class Forecast(Container):
             "damping_high",
         )
         freeze(self, **dict.fromkeys(arrays, np.float64))
+        check_axes(self)
         shape = (len(self.modes), len(self.force_levels), len(self.normal_forces))
         for name in arrays[4:]:
             if getattr(self, name).shape != shape:
@@ -74,7 +114,20 @@ class Forecast(Container):
                 )
 
     def table(self) -> "pd.DataFrame":
-        """One row per mode and condition, damping in percent."""
+        """Return the forecast as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per mode and condition: frequency [Hz] and damping ratio [%] with their bands.
+
+        Examples
+        --------
+        >>> from ema.examples import forecast
+        >>> table = forecast().table()
+        >>> len(table), table.columns[3]
+        (6, 'f [Hz]')
+        """
         import pandas as pd
 
         rows = []
@@ -101,9 +154,26 @@ class Forecast(Container):
 
 @dataclass(frozen=True, repr=False)
 class ForecastCheck(Container):
-    """A forecast held against measured maps: ``(mode, level, force)`` arrays, NaN where nothing was measured.
+    """A forecast compared with measured maps; NaN where nothing was measured.
 
-    ``measured_frequency`` Hz and ``measured_damping``; ``inside`` counts the values within their band, of ``values``.
+    Parameters
+    ----------
+    forecast : Forecast
+        The forecast.
+    measured_frequency : array of shape (mode, level, force)
+        Measured frequencies [Hz] on the grid of the forecast.
+    measured_damping : array of shape (mode, level, force)
+        Measured damping ratios [-] on the grid of the forecast.
+    maps : tuple of str, optional
+        Name of the map of each compared mode.
+
+    Examples
+    --------
+    >>> from ema.examples import forecast
+    >>> prediction = forecast()
+    >>> check = ForecastCheck(prediction, prediction.frequency, 1.5 * prediction.damping)
+    >>> check.inside, check.values
+    (6, 12)
     """
 
     forecast: Forecast
@@ -113,6 +183,7 @@ class ForecastCheck(Container):
 
     def __post_init__(self) -> None:
         freeze(self, measured_frequency=np.float64, measured_damping=np.float64)
+        check_axes(self)
 
     @property
     def frequency_inside(self) -> np.ndarray:

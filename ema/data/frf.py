@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase, span
 from ema.data.condition import Condition
 from ema.data.deviations import Deviations
@@ -24,26 +24,55 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class FrfSet(Container):
-    """A block of FRFs on one frequency axis, phasor exp(+j w t).
+    """A block of frequency response functions on one frequency axis, phasor exp(+j w t).
 
     Parameters
     ----------
-    frequencies : Hz, increasing, shape (freq,).
-    values : SI, shape (freq, out, in); bare numbers where ``unit`` is ``"unstated"``.
-    outputs, inputs : DOFs of the responses and of the forces. A roving hammer with 2 accelerometers and 80 points is
-        (freq, 2, 80).
-    quantity : receptance, mobility or accelerance; never guessed.
-    coherence : ordinary or multiple coherence, shape (freq, out, in), where there is one.
-    variance : variance of the complex value E|H - E H|^2, shape (freq, out, in), where known.
-    estimator : H1, H2, Hv, ..., or where the FRFs came from.
-    averages : number of averages behind each FRF, shape (out, in); ``None`` where unknown.
-    added_decay : decay rate in rad/s that an exponential window added to every pole (the fit takes it off again).
-    deviations : what the single impacts or blocks changed in their average, where they were kept.
-    record_length : s from the beginning of the free vibrations to the end of the record, where the record began with
-        them and its end cut them off, or s of a block of random excitation; ``None`` where unknown or neither.
-    window : ``rectangular``, ``exponential`` or ``hann`` (blocks of random excitation), or another one that the
-        response was multiplied by; empty where unknown.
-    set_ups : which set-up of roving sensors or forces each FRF was measured in; ``None`` where there is only one.
+    frequencies : array of shape (freq,)
+        Frequency lines [Hz], increasing.
+    values : complex array of shape (freq, out, in)
+        FRFs in SI; bare numbers where ``unit`` is ``"unstated"``.
+    outputs, inputs : tuple of Dof
+        DOFs of the responses and of the forces. A roving hammer with 2 accelerometers and 80 points is (freq, 2, 80).
+    quantity : {"receptance", "mobility", "accelerance", "unstated"}
+        Kind of the FRFs (ISO 7626-1); never guessed.
+    unit : str, optional
+        SI unit of the values, such as ``"m/N"``, or ``"unstated"``.
+    coherence : array of shape (freq, out, in), optional
+        Ordinary or multiple coherence, where there is one.
+    variance : array of shape (freq, out, in), optional
+        Variance of the complex value, E|H - E H|^2, where known.
+    estimator : str, optional
+        H1, H2, Hv ..., or where the FRFs came from.
+    averages : array of shape (out, in), optional
+        Number of averages behind each FRF; ``None`` where unknown.
+    added_decay : float, default 0.0
+        Decay rate [rad/s] that an exponential window added to every pole. The fit takes it off again.
+    condition : Condition, optional
+        Excitation and normal forces of the measurement.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the set.
+    findings : tuple of Finding, optional
+        What a reader of the FRFs has to know.
+    name : str, optional
+        What the set is called in messages.
+    deviations : Deviations, optional
+        What the single impacts or blocks changed in their average, where they were kept.
+    record_length : float, optional
+        Time [s] from the beginning of the free vibrations to the end of the record, where the record began with them
+        and its end cut them off, or length of a block of random excitation; ``None`` where unknown or neither.
+    window : str, optional
+        ``rectangular``, ``exponential`` or ``hann`` (blocks of random excitation), or another window that the response
+        was multiplied by; empty where unknown.
+    set_ups : SetUps, optional
+        Which set-up of roving sensors or forces each FRF was measured in; ``None`` where there is only one.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> frfs = frf_set()
+    >>> frfs.values.shape, frfs.unit, frfs.frequency_step
+    ((201, 4, 2), '(m/s^2)/N', 0.5)
     """
 
     frequencies: Float[np.ndarray, "freq"]
@@ -75,6 +104,7 @@ class FrfSet(Container):
             variance=np.float64,
             averages=np.float64,
         )
+        check_axes(self)
 
     @classmethod
     def from_arrays(
@@ -143,9 +173,16 @@ class FrfSet(Container):
 
         Returns
         -------
-        DataFrame
+        pandas.DataFrame
             One complex column per FRF, named response over force (``12:+Z/5:-Z``), over the frequencies in Hz;
             ``attrs`` holds quantity and unit.
+
+        Examples
+        --------
+        >>> from ema.examples import frf_set
+        >>> table = frf_set().to_dataframe()
+        >>> table.shape, table.columns[0], table.attrs["quantity"]
+        ((201, 8), '1:+Z/1:+Z', 'accelerance')
         """
         import pandas as pd
 
@@ -168,7 +205,24 @@ class FrfSet(Container):
         return self.unit != UNSTATED
 
     def lines(self, keep: "np.ndarray | slice") -> "FrfSet":
-        """The set on a subset of its frequency lines."""
+        """Return the set on a subset of its frequency lines.
+
+        Parameters
+        ----------
+        keep : array or slice
+            Index of numpy along the frequency axis: a slice, a mask of shape (freq,) or positions.
+
+        Returns
+        -------
+        FrfSet
+            Values, coherence, variance and deviations on those lines.
+
+        Examples
+        --------
+        >>> from ema.examples import frf_set
+        >>> frf_set().lines(slice(0, 3)).frequencies
+        array([20. , 20.5, 21. ])
+        """
         return replace(
             self,
             frequencies=self.frequencies[keep],
@@ -179,11 +233,28 @@ class FrfSet(Container):
         )
 
     def band(self, low: float, high: float) -> "FrfSet":
-        """The lines from ``low`` to ``high`` Hz, both included.
+        """Return the lines of a band, its ends included.
+
+        Parameters
+        ----------
+        low, high : float
+            Ends of the band [Hz].
+
+        Returns
+        -------
+        FrfSet
+            The set on the lines of the band.
 
         Raises
         ------
-        InputError : there is no line in the band.
+        InputError
+            If there is no line in the band.
+
+        Examples
+        --------
+        >>> from ema.examples import frf_set
+        >>> frf_set().band(30, 31).frequencies
+        array([30. , 30.5, 31. ])
         """
         start, stop = np.searchsorted(self.frequencies, [low - 1e-9 * abs(low), high + 1e-9 * abs(high)])
         if stop - start < 1:
@@ -196,7 +267,26 @@ class FrfSet(Container):
         return self.lines(slice(int(start), int(stop)))
 
     def pick(self, outputs: Sequence[int] | None = None, inputs: Sequence[int] | None = None) -> "FrfSet":
-        """The set on some of its output and input positions."""
+        """Return the set with some of its outputs and inputs, in the order given.
+
+        Parameters
+        ----------
+        outputs : sequence of int, optional
+            Positions in ``outputs``, from 0; all by default.
+        inputs : sequence of int, optional
+            Positions in ``inputs``, from 0; all by default.
+
+        Returns
+        -------
+        FrfSet
+            The set with those rows and columns.
+
+        Examples
+        --------
+        >>> from ema.examples import frf_set
+        >>> frf_set().pick(outputs=[3], inputs=[0]).values.shape
+        (201, 1, 1)
+        """
         rows = list(range(len(self.outputs))) if outputs is None else list(outputs)
         columns = list(range(len(self.inputs))) if inputs is None else list(inputs)
 
@@ -216,7 +306,26 @@ class FrfSet(Container):
         )
 
     def label(self, output: int, input_: int) -> str:
-        """``12:+Z/5:-Z``: response over force."""
+        """Return the name of one FRF, response over force.
+
+        Parameters
+        ----------
+        output : int
+            Position in ``outputs``, from 0.
+        input_ : int
+            Position in ``inputs``, from 0.
+
+        Returns
+        -------
+        str
+            Such as ``12:+Z/5:-Z``.
+
+        Examples
+        --------
+        >>> from ema.examples import frf_set
+        >>> frf_set().label(3, 0)
+        '4:+Z/1:+Z'
+        """
         return f"{self.outputs[output]}/{self.inputs[input_]}"
 
     def _headline(self) -> str:

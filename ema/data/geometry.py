@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float, Int
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase
 from ema.dof import SCALAR, Dof
 from ema.errors import InputError
@@ -17,12 +17,25 @@ class Geometry(Container):
 
     Parameters
     ----------
-    nodes : node numbers, shape (n,).
-    xyz : coordinates in m, shape (n, 3).
-    lines : polylines as node numbers.
-    faces : polygons (three or more nodes each) as node numbers.
-    axes : local axes, shape (n, 3, 3): ``axes[k, 0]`` is the unit vector of +X at node k in global coordinates.
-        ``None`` means global axes everywhere.
+    nodes : integer array of shape (n,)
+        Node numbers.
+    xyz : array of shape (n, 3)
+        Coordinates [m].
+    lines : tuple of tuple of int, optional
+        Polylines as node numbers.
+    faces : tuple of tuple of int, optional
+        Polygons (three or more nodes each) as node numbers.
+    axes : array of shape (n, 3, 3), optional
+        Local axes: ``axes[k, 0]`` is the unit vector of +X at node k in global coordinates. ``None`` means global axes
+        everywhere.
+    name : str, optional
+        What the geometry is called in messages.
+
+    Examples
+    --------
+    >>> from ema.examples import geometry
+    >>> 3 in geometry(), 9 in geometry()
+    (True, False)
     """
 
     nodes: Int[np.ndarray, "n"]
@@ -35,14 +48,32 @@ class Geometry(Container):
 
     def __post_init__(self) -> None:
         freeze(self, nodes=np.int64, xyz=np.float64, axes=np.float64)
+        check_axes(self)
         object.__setattr__(self, "_places", {int(node): place for place, node in enumerate(self.nodes)})
 
     def place(self, node: int) -> int:
-        """Row of ``node`` in ``nodes`` and ``xyz``.
+        """Return the row of a node in ``nodes`` and ``xyz``.
+
+        Parameters
+        ----------
+        node : int
+            Node number.
+
+        Returns
+        -------
+        int
+            Row, from 0.
 
         Raises
         ------
-        InputError : the geometry has no such node.
+        InputError
+            If the geometry has no such node.
+
+        Examples
+        --------
+        >>> from ema.examples import geometry
+        >>> geometry().place(3)
+        2
         """
         try:
             return self._places[node]
@@ -55,7 +86,29 @@ class Geometry(Container):
         return node in self._places
 
     def direction(self, dof: Dof) -> Float[np.ndarray, "3"]:
-        """Unit vector of a translation or rotation DOF in global coordinates, sign included."""
+        """Return the unit vector of a translation or rotation DOF in global coordinates, its sign included.
+
+        Parameters
+        ----------
+        dof : Dof
+            DOF at a node of the geometry.
+
+        Returns
+        -------
+        array of shape (3,)
+            Unit vector.
+
+        Raises
+        ------
+        InputError
+            If the DOF is a scalar, or the geometry has no such node.
+
+        Examples
+        --------
+        >>> from ema.examples import geometry
+        >>> geometry().direction(Dof(1, "-Z"))
+        array([-0., -0., -1.])
+        """
         if dof.direction == SCALAR:
             raise InputError("a scalar DOF has no direction in space", where=str(dof))
         axis = "XYZ".index(dof.axis[-1])

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase, span
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
@@ -14,13 +14,48 @@ from ema.data.provenance import Provenance
 
 @dataclass(frozen=True, repr=False)
 class ModalMap(Container):
-    """One mode over (F_E, F_N); holes are NaN.
+    """One mode over force level and normal force (F_E, F_N); holes are NaN.
 
-    ``force_levels`` (level,) and ``normal_forces`` (force,) are the nominal axes in N; ``force_at_resonance`` N,
-    ``modal_amplitude`` (mass-normalised, m sqrt(kg)), ``joint_forces`` (level, force, joint) N are what was measured.
-    ``method`` says how the points were obtained: ``measured`` (signals, windows and fit of a test, real or replayed) or
-    ``frozen`` (from harmonic balance alone). ``quadrature_damping`` is told by the height of the peak; ``misfit`` is
-    what a linear mode leaves of the FRFs about the peak, relative.
+    Parameters
+    ----------
+    force_levels : array of shape (level,)
+        Nominal F_E [N].
+    normal_forces : array of shape (force,)
+        Nominal F_N [N].
+    frequency : array of shape (level, force)
+        Natural frequency [Hz].
+    damping : array of shape (level, force)
+        Damping ratio [-].
+    frequency_std, damping_std : array of shape (level, force), optional
+        Their standard deviations, where known.
+    force_at_resonance : array of shape (level, force), optional
+        Measured force at resonance [N].
+    modal_amplitude : array of shape (level, force), optional
+        Amplitude of the mass-normalised modal coordinate [m sqrt(kg)].
+    joint_forces : array of shape (level, force, joint), optional
+        Measured normal force of every joint [N].
+    joints : tuple of str, optional
+        Names of the joints.
+    method : {"measured", "frozen"}, default "measured"
+        How the points were obtained: ``measured`` (signals, windows and fit of a test, real or replayed) or ``frozen``
+        (from harmonic balance alone).
+    name : str, optional
+        What the map is called in messages.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the map.
+    quadrature_damping : array of shape (level, force), optional
+        Damping ratio by the height of the peak.
+    misfit : array of shape (level, force), optional
+        What a linear mode leaves of the FRFs about the peak, relative.
+    findings : tuple of Finding, optional
+        What a reader of the map has to know.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_map
+    >>> damping_map = modal_map()
+    >>> damping_map.normal_forces[np.nanargmax(damping_map.damping, axis=1)]
+    array([500., 500.])
     """
 
     force_levels: Float[np.ndarray, "level"]
@@ -55,6 +90,7 @@ class ModalMap(Container):
             quadrature_damping=float,
             misfit=float,
         )
+        check_axes(self)
 
     def _headline(self) -> str:
         return phrase(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase, span
 from ema.data.condition import Condition
 from ema.data.findings import Finding
@@ -25,19 +25,70 @@ Scaling = Literal["unit modal mass", "unscaled"]
 
 
 def natural_frequencies(poles: Complex[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
-    """Undamped natural frequencies in Hz of poles in rad/s."""
+    """Return the undamped natural frequencies of poles.
+
+    Parameters
+    ----------
+    poles : complex array
+        Poles [rad/s].
+
+    Returns
+    -------
+    array
+        ``|p| / (2 pi)`` [Hz].
+
+    Examples
+    --------
+    >>> natural_frequencies(np.array([-2.0 + 250j])).round(3)
+    array([39.79])
+    """
     return np.abs(poles) / (2 * np.pi)
 
 
 def damping_ratios(poles: Complex[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
-    """Fractions of critical damping of poles in rad/s."""
+    """Return the fractions of critical damping of poles.
+
+    Parameters
+    ----------
+    poles : complex array
+        Poles [rad/s].
+
+    Returns
+    -------
+    array
+        ``-Re(p) / |p|``.
+
+    Examples
+    --------
+    >>> damping_ratios(np.array([-3.0 + 4.0j]))
+    array([0.6])
+    """
     return -np.real(poles) / np.abs(poles)
 
 
 def poles_from(
     frequencies: Float[np.ndarray, "*shape"], damping: Float[np.ndarray, "*shape"]
 ) -> Complex[np.ndarray, "*shape"]:
-    """Poles in rad/s (positive imaginary part) of natural frequencies in Hz and damping ratios."""
+    """Return the poles of natural frequencies and damping ratios.
+
+    Parameters
+    ----------
+    frequencies : array
+        Undamped natural frequencies [Hz].
+    damping : array
+        Fractions of critical damping, below 1.
+
+    Returns
+    -------
+    complex array
+        Poles [rad/s] with positive imaginary part, -zeta w + j w sqrt(1 - zeta^2).
+
+    Examples
+    --------
+    >>> poles = poles_from(np.array([40.0]), np.array([0.01]))
+    >>> natural_frequencies(poles), damping_ratios(poles)
+    (array([40.]), array([0.01]))
+    """
     omega = 2 * np.pi * np.asarray(frequencies, dtype=np.float64)
     zeta = np.asarray(damping, dtype=np.float64)
     return -zeta * omega + 1j * omega * np.sqrt(1 - zeta**2)
@@ -45,12 +96,35 @@ def poles_from(
 
 @dataclass(frozen=True, repr=False)
 class PoleTable(Container):
-    """Poles of all model orders: what a stabilisation diagram draws.
+    """Poles of all model orders: what a stabilisation diagram shows.
 
-    ``poles`` in rad/s with positive imaginary part, already free of any decay that a window added. ``letter`` is one
-    of ``o f d v s`` (new, stable in frequency, also damping, also vector, all), by the tolerances in ``tolerances``.
-    ``participation`` (pole, in): right-hand vectors over the references ``references``, scaled to unit length.
-    ``values`` (pole,): the same poles read with the low-bias constraint, NaN where there is no counterpart.
+    Parameters
+    ----------
+    order : integer array of shape (pole,)
+        Model order of each pole.
+    poles : complex array of shape (pole,)
+        Poles [rad/s] with positive imaginary part, free of any decay that a window added.
+    letter : array
+        One of ``o f d v s`` (new, stable in frequency, also damping, also vector, all), by ``tolerances``.
+    participation : complex array of shape (pole, in)
+        Right-hand vectors over the references, scaled to unit length.
+    references : tuple of Dof
+        DOFs of the references.
+    band : tuple of (float, float)
+        Ends of the band that was fitted [Hz].
+    tolerances : tuple of (float, float, float), default (0.01, 0.05, 0.02)
+        Tolerances of the letters: frequency, damping and vector, relative.
+    values : complex array of shape (pole,), optional
+        The same poles, read with the low-bias constraint; NaN where there is no counterpart.
+
+    Examples
+    --------
+    >>> table = PoleTable(
+    ...     order=[2], poles=poles_from(np.array([40.0]), np.array([0.01])), letter=["o"], participation=[[1.0]],
+    ...     references=(Dof(1, "+Z"),), band=(20.0, 60.0),
+    ... )
+    >>> table
+    PoleTable(1 pole, orders 2, band 20 to 60 Hz, 1 reference)
     """
 
     order: Int[np.ndarray, "pole"]
@@ -71,6 +145,7 @@ class PoleTable(Container):
             participation=np.complex128,
             values=np.complex128,
         )
+        check_axes(self)
 
     @property
     def natural_frequencies(self) -> Float[np.ndarray, "pole"]:
@@ -96,8 +171,21 @@ class PoleTable(Container):
 class Residuals(Container):
     """What lies outside the modes of a model, as receptance: lower / (j w)^2 + upper + extra poles.
 
-    ``lower``, ``upper`` (dof, in); ``poles`` (extra,) rad/s with positive imaginary part and their ``residues``
-    (extra, dof, in), each standing for itself and its conjugate: out-of-band modes and computational poles.
+    Parameters
+    ----------
+    lower : complex array of shape (dof, in)
+        Lower residual terms [1/kg]: rigid-body modes and modes below the band.
+    upper : complex array of shape (dof, in)
+        Upper residual terms [m/N]: modes above the band.
+    poles : complex array of shape (extra,), optional
+        Out-of-band and computational poles [rad/s] with positive imaginary part.
+    residues : complex array of shape (extra, dof, in), optional
+        Their residues, each standing for itself and its conjugate.
+
+    Examples
+    --------
+    >>> Residuals(lower=np.zeros((4, 2)), upper=np.full((4, 2), 1e-8)).poles
+    array([], dtype=complex128)
     """
 
     lower: Complex[np.ndarray, "dof in"]
@@ -107,24 +195,46 @@ class Residuals(Container):
 
     def __post_init__(self) -> None:
         freeze(self, lower=np.complex128, upper=np.complex128, poles=np.complex128, residues=np.complex128)
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
 class ModalUncertainty(Container):
-    """Uncertainty of a modal model by the noise of the FRFs, by linearisation at the optimum (GUM, JCGM 100).
+    """Uncertainty of a modal model by the noise of the FRFs, by linearisation at the optimum.
 
     Variances of complex values are 2 x 2, of real and imaginary part; 95 % coverage intervals are 1.96 standard
     uncertainties wide on each side. What changes from one assembly or test to the next is not contained.
 
     Parameters
     ----------
-    values : covariance of natural frequency [Hz] and damping ratio of all modes (f1, zeta1, f2, zeta2, ...).
-    shapes : variances of the shape components.
-    common : errors of each shape that several DOFs share, one column per independent cause of unit variance.
-    participation, residues : variances of the participation and of the residue matrices.
-    modal_mass : relative standard uncertainty of the modal mass of each shape with largest component 1; NaN where the
-        model is unscaled.
-    basis : what the noise level rests on.
+    values : array of shape (value, value)
+        Covariance of natural frequency [Hz] and damping ratio of all modes (f1, zeta1, f2, zeta2, ...).
+    shapes : array of shape (mode, dof, 2, 2)
+        Variances of the shape components.
+    common : complex array of shape (mode, dof, cause)
+        Errors of each shape that several DOFs share, one column per independent cause of unit variance.
+    participation : array of shape (mode, in, 2, 2)
+        Variances of the participation factors.
+    residues : array of shape (mode, dof, in, 2, 2)
+        Variances of the residues.
+    modal_mass : array of shape (mode,)
+        Relative standard uncertainty of the modal mass of each shape with largest component 1; NaN where the model is
+        unscaled.
+    basis : str, optional
+        What the noise level rests on.
+
+    References
+    ----------
+    .. [1] Guide to the Expression of Uncertainty in Measurement, JCGM 100:2008.
+
+    Examples
+    --------
+    >>> uncertainty = ModalUncertainty(
+    ...     values=np.diag([1e-6, 1e-10]), shapes=np.zeros((1, 4, 2, 2)), common=np.zeros((1, 4, 0)),
+    ...     participation=np.zeros((1, 2, 2, 2)), residues=np.zeros((1, 4, 2, 2, 2)), modal_mass=[0.01],
+    ... )
+    >>> np.sqrt(np.diag(uncertainty.values))
+    array([1.e-03, 1.e-05])
     """
 
     values: Float[np.ndarray, "value value"]
@@ -145,6 +255,7 @@ class ModalUncertainty(Container):
             residues=np.float64,
             modal_mass=np.float64,
         )
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -153,10 +264,27 @@ class Candidate(Container):
 
     Parameters
     ----------
-    natural_frequency, frequency_std : Hz.
-    damping_ratio, damping_std : -.
-    confidence : how sure the selection is that it is a mode, 0 ... 1.
-    reason : the statement that it fails, part of a sentence.
+    natural_frequency : float
+        Natural frequency [Hz].
+    damping_ratio : float
+        Damping ratio [-].
+    frequency_std : float
+        Standard uncertainty of the frequency [Hz].
+    damping_std : float
+        Standard uncertainty of the damping ratio [-].
+    confidence : float
+        How sure the selection is that it is a mode, 0 ... 1.
+    reason : str
+        The statement that it fails, part of a sentence.
+
+    Examples
+    --------
+    >>> candidate = Candidate(
+    ...     natural_frequency=47.0, damping_ratio=0.03, frequency_std=0.2, damping_std=0.004, confidence=0.4,
+    ...     reason="its shape is not that of one mode",
+    ... )
+    >>> candidate.confidence
+    0.4
     """
 
     natural_frequency: float
@@ -177,18 +305,52 @@ class ModalModel(Container):
 
     Parameters
     ----------
-    poles : rad/s, positive imaginary part, ascending natural frequency, shape (mode,).
-    shapes : shape (dof, mode), complex; real modes have zero imaginary part.
-    dofs : the DOFs of ``shapes``.
-    participation : shape (in, mode).
-    inputs : the reference DOFs (the forces of a shaker test; the accelerometers of a roving-hammer test, by
-        reciprocity).
-    covariance : of (natural frequency [Hz], damping ratio) of each mode, shape (mode, 2, 2).
-    confidence : how sure the selection is that the mode is one, 0 ... 1, shape (mode,).
-    uncertainty : of everything in the model, where known.
-    groups : positions of modes that the data do not tell apart, a tuple for each group of two and more.
-    candidates : poles of the same fit that were not accepted as modes, by ascending frequency.
-    set_ups : how far the modes of the set-ups of a test lie apart; ``None`` where there was one set-up.
+    poles : complex array of shape (mode,)
+        Poles [rad/s], positive imaginary part, ascending natural frequency.
+    shapes : complex array of shape (dof, mode)
+        Mode shapes; real modes have zero imaginary part.
+    dofs : tuple of Dof
+        DOFs of the shapes.
+    participation : complex array of shape (in, mode)
+        Participation factors of the inputs.
+    inputs : tuple of Dof
+        Reference DOFs: the forces of a shaker test; the accelerometers of a roving-hammer test, by reciprocity.
+    residuals : Residuals, optional
+        What lies outside the modes, where known.
+    scaling : {"unit modal mass", "unscaled"}, default "unscaled"
+        How the shapes are scaled.
+    covariance : array of shape (mode, 2, 2), optional
+        Covariance of natural frequency [Hz] and damping ratio of each mode.
+    confidence : array of shape (mode,), optional
+        How sure the selection is that the mode is one, 0 ... 1.
+    condition : Condition, optional
+        Excitation and normal forces of the measurement.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the model.
+    findings : tuple of Finding, optional
+        What a reader of the modes has to know.
+    name : str, optional
+        What the model is called in messages.
+    uncertainty : ModalUncertainty, optional
+        Uncertainty of everything in the model, where known.
+    groups : tuple of tuple of int, optional
+        Positions of modes that the data do not tell apart, a tuple for each group of two and more.
+    candidates : tuple of Candidate, optional
+        Poles of the same fit that were not accepted as modes, by ascending frequency.
+    set_ups : SetUpShifts, optional
+        How far the modes of the set-ups of a test lie apart; ``None`` where there was one set-up.
+
+    Raises
+    ------
+    InputError
+        If the numbers of poles, shapes, participation factors and DOFs disagree.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> model = modal_model()
+    >>> model.natural_frequencies.round(3), model.damping_ratios.round(4)
+    (array([40., 60., 90.]), array([0.01 , 0.008, 0.005]))
     """
 
     poles: Complex[np.ndarray, "mode"]
@@ -218,6 +380,7 @@ class ModalModel(Container):
             covariance=np.float64,
             confidence=np.float64,
         )
+        check_axes(self)
         modes = {"poles": len(self.poles), "shapes": self.shapes.shape[1], "participation": self.participation.shape[1]}
         if len(set(modes.values())) > 1:
             raise InputError(
@@ -247,12 +410,35 @@ class ModalModel(Container):
         return damping_ratios(self.poles)
 
     def residues(self) -> Complex[np.ndarray, "mode dof in"]:
-        """Residue matrices of the receptance, shape (mode, dof, in)."""
+        """Return the residue matrices of the receptance.
+
+        Returns
+        -------
+        complex array of shape (mode, dof, in)
+            ``shapes[k, r] * participation[i, r]`` for mode r, DOF k and input i.
+
+        Examples
+        --------
+        >>> from ema.examples import modal_model
+        >>> modal_model().residues().shape
+        (3, 4, 2)
+        """
         return np.einsum("kr,ir->rki", self.shapes, self.participation)
 
     def table(self) -> "pd.DataFrame":
-        """One row per mode: f [Hz], zeta [%], standard uncertainties and half 95 % intervals (+-) where known, F_N [N]
-        where there are joints.
+        """Return the modes as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per mode, from 1: f [Hz], zeta [%], standard uncertainties and half 95 % intervals (+-) where known,
+            confidence, and F_N [N] where there are joints.
+
+        Examples
+        --------
+        >>> from ema.examples import modal_model
+        >>> modal_model().table()["zeta [%]"].round(3).tolist()
+        [1.0, 0.8, 0.5]
         """
         import pandas as pd
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 from ema.data.beam import FrictionLaw
 from ema.data.findings import Finding
@@ -24,13 +24,35 @@ class FrictionBeam(Container):
 
     Parameters
     ----------
-    spacing : m between the first and the last joint; ``overhang`` m beyond either.
-    width, height : m; ``young_modulus`` Pa; ``density`` kg/m^3.
-    joints : number of joints, two or more.
-    rotary : whether its sections have rotary inertia (Rayleigh), as short thick beams do; the beams of the simulator
-        have none.
-    shear : whether its sections shear (Timoshenko), which a beam four times as long as high feels by a tenth.
-    loss : loss factor of its material, with its relative standard uncertainty ``loss_std``.
+    spacing : float
+        Distance [m] between the first and the last joint.
+    width, height : float
+        Section [m].
+    young_modulus : float, default 210000000000.0
+        Young's modulus [Pa].
+    density : float, default 7850.0
+        Density [kg/m^3].
+    overhang : float, default 0.0
+        Length [m] beyond the first and the last joint.
+    joints : int, default 2
+        Number of joints, two or more.
+    name : str, optional
+        What the beam is called.
+    rotary : bool, default False
+        Whether its sections have rotary inertia (Rayleigh), as short thick beams do; the beams of the simulator have
+        none.
+    loss : float, default 0.0
+        Loss factor of its material.
+    loss_std : float, default 0.0
+        Relative standard uncertainty of the loss factor.
+    shear : bool, default False
+        Whether its sections shear (Timoshenko), which a beam four times as long as high feels by a tenth.
+
+    Examples
+    --------
+    >>> beam = FrictionBeam(spacing=0.2, width=0.02, height=0.01, overhang=0.02, joints=3)
+    >>> round(beam.length, 3), round(beam.mass, 4), beam.places
+    (0.24, 0.3768, array([-0.1,  0. ,  0.1]))
     """
 
     spacing: float
@@ -53,12 +75,12 @@ class FrictionBeam(Container):
 
     @property
     def mass(self) -> float:
-        """Kg."""
+        """Mass in kg."""
         return self.length * self.width * self.height * self.density
 
     @property
     def places(self) -> Float[np.ndarray, "joint"]:
-        """Places of the joints along the beam from its middle, in m."""
+        """Positions of the joints along the beam from its middle, in m."""
         return np.linspace(-0.5, 0.5, self.joints) * self.spacing
 
 
@@ -68,20 +90,46 @@ class BoltedJoint(Container):
 
     Parameters
     ----------
-    law : friction law with mu and k_T(F_N) of one joint.
-    normal_stiffness : N/m at ``law.reference_force``; k_N(F_N) grows with ``normal_exponent``.
-    surface_height : m from the neutral plane of the structure to the interface.
-    tangential_loss, normal_loss : loss factors of the sticking contact.
-    friction_std, stiffness_std : relative standard uncertainties of mu and of k_T, alike in all joints.
-    scatter : relative standard deviation of mu and of k_T from joint to joint.
-    contact_length : m of contact along the beam over which k_N is spread: it resists rocking with k_N l^2 / 12.
-    normal_std, length_std, force_std : relative standard uncertainties of k_N, of the contact length and of F_N, alike
-        in all joints; ``height_std`` in m that of the height of the surface, ``exponent_std`` that of the exponent of
-        k_T(F_N).
-    form : ``given`` where the law is known to be that of ``law``; ``open`` where only mu and k_T are known: bands then
+    law : FrictionLaw
+        Friction law with mu and k_T(F_N) of one joint.
+    normal_stiffness : float
+        k_N [N/m] at ``law.reference_force``.
+    surface_height : float
+        Distance [m] from the neutral plane of the structure to the interface.
+    normal_exponent : float, default 0.0
+        Exponent of k_N(F_N).
+    tangential_loss, normal_loss : float, default 0.0
+        Loss factors of the sticking contact.
+    friction_std : float, default 0.0
+        Relative standard uncertainty of mu, alike in all joints.
+    stiffness_std : float, default 0.0
+        Relative standard uncertainty of k_T, alike in all joints.
+    scatter : float, default 0.0
+        Relative standard deviation of mu and of k_T from joint to joint.
+    contact_length : float, default 0.0
+        Length [m] of contact along the beam over which k_N is spread: it resists rocking with k_N l^2 / 12.
+    normal_std : float, default 0.0
+        Relative standard uncertainty of k_N, alike in all joints.
+    length_std : float, default 0.0
+        Relative standard uncertainty of the contact length, alike in all joints.
+    force_std : float, default 0.0
+        Relative standard uncertainty of F_N, alike in all joints.
+    height_std : float, default 0.0
+        Standard uncertainty of the height of the surface [m].
+    exponent_std : float, default 0.0
+        Standard uncertainty of the exponent of k_T(F_N).
+    form : {"given", "open"}, default "given"
+        ``given`` where the law is known to be that of ``law``; ``open`` where only mu and k_T are known: bands then
         hold Iwan laws of every share of microslip, the sharp corner of one Masing spring among them.
-    normal_contact : ``linear`` where the joint also pulls, ``unilateral`` where it can part: no bands are given for
-        conditions in which it does.
+    normal_contact : {"linear", "unilateral"}, default "linear"
+        ``linear`` where the joint also pulls, ``unilateral`` where it can part: no bands are given for conditions in
+        which it does.
+
+    Examples
+    --------
+    >>> law = FrictionLaw("masing", friction_coefficient=0.4, contact_stiffness=2e7)
+    >>> BoltedJoint(law, normal_stiffness=1e8, surface_height=0.005, friction_std=0.1).form
+    'given'
     """
 
     law: FrictionLaw
@@ -105,10 +153,24 @@ class BoltedJoint(Container):
 
 @dataclass(frozen=True, repr=False)
 class Candidates(Container):
-    """Places for a beam on a plane surface.
+    """Locations for a beam on a plane surface.
 
-    ``centres`` (candidate, 2) m in the coordinates of the surface, ``angles`` (candidate,) rad from its first axis,
-    ``beams`` (candidate,) the row in ``catalogue``.
+    Parameters
+    ----------
+    centres : array of shape (candidate, 2)
+        Centres of the beams [m] in the coordinates of the surface.
+    angles : array of shape (candidate,)
+        Angles [rad] from the first axis of the surface.
+    beams : integer array of shape (candidate,)
+        Row of each beam in ``catalogue``.
+    catalogue : tuple of FrictionBeam
+        Beams to choose from.
+
+    Examples
+    --------
+    >>> beam = FrictionBeam(spacing=0.2, width=0.02, height=0.01)
+    >>> len(Candidates(np.zeros((3, 2)), np.zeros(3), np.zeros(3), (beam,)))
+    3
     """
 
     centres: Float[np.ndarray, "candidate 2"]
@@ -118,12 +180,31 @@ class Candidates(Container):
 
     def __post_init__(self) -> None:
         freeze(self, centres=np.float64, angles=np.float64, beams=np.int64)
+        check_axes(self)
 
     def __len__(self) -> int:
         return len(self.angles)
 
     def joints(self, candidate: int) -> Float[np.ndarray, "joint 2"]:
-        """Places of the joints of one candidate in the surface, in m."""
+        """Return the locations of the joints of one candidate.
+
+        Parameters
+        ----------
+        candidate : int
+            Row of the candidate.
+
+        Returns
+        -------
+        array of shape (joint, 2)
+            Coordinates [m] in the surface.
+
+        Examples
+        --------
+        >>> beam = FrictionBeam(spacing=0.2, width=0.02, height=0.01)
+        >>> Candidates([[0.1, 0.3]], [0.0], [0], (beam,)).joints(0)
+        array([[0. , 0.3],
+               [0.2, 0.3]])
+        """
         along = self.catalogue[int(self.beams[candidate])].places
         angle = self.angles[candidate]
         return np.asarray(self.centres[candidate] + along[:, None] * np.array([np.cos(angle), np.sin(angle)]))
@@ -131,14 +212,47 @@ class Candidates(Container):
 
 @dataclass(frozen=True, repr=False)
 class Prediction(Container):
-    """Modes with a friction beam at every candidate place, over excitation and normal force; holes are NaN.
+    """Modes with a friction beam at every candidate location, over excitation and normal force; holes are NaN.
 
-    ``bare_frequencies`` Hz and ``bare_damping`` of the target modes (mode,); ``force_levels`` (level,) and
-    ``normal_forces`` (force,) per joint in N; ``frequency`` Hz and ``damping`` (candidate, mode, level, force);
-    ``stiffness`` (candidate, mode, level, force): modal force over modal amplitude at the resonance, 1/s^2 (unit modal
-    mass); ``slip`` (candidate, mode, level, force): largest relative displacement over that at which sliding begins,
-    above 1 where a joint slides (NaN where nobody asked). ``driver``, ``output`` (mode,): mass-normalised shapes at the
-    excited DOF and at that whose response counts. ``method``: ``one mode`` at a time, or ``all modes`` together.
+    Parameters
+    ----------
+    candidates : Candidates
+        Locations of the beam.
+    modes : tuple of int
+        Target modes, rows of the modal model from 0.
+    bare_frequencies : array of shape (mode,)
+        Natural frequencies [Hz] without the beam.
+    bare_damping : array of shape (mode,)
+        Damping ratios [-] without the beam.
+    force_levels : array of shape (level,)
+        F_E [N].
+    normal_forces : array of shape (force,)
+        F_N per joint [N].
+    frequency : array of shape (candidate, mode, level, force)
+        Natural frequencies with the beam [Hz].
+    damping : array of shape (candidate, mode, level, force)
+        Damping ratios with the beam [-].
+    stiffness : array of shape (candidate, mode, level, force)
+        Modal force over modal amplitude at the resonance [1/s^2] for unit modal mass.
+    slip : array of shape (candidate, mode, level, force)
+        Largest relative displacement over that at which sliding begins, above 1 where a joint slides; NaN where it was
+        not requested.
+    driver : array of shape (mode,)
+        Mass-normalised shapes at the excited DOF [1/sqrt(kg)].
+    output : array of shape (mode,)
+        Mass-normalised shapes at the DOF whose response counts [1/sqrt(kg)].
+    method : str, default "one mode"
+        ``one mode`` at a time, or ``all modes`` together.
+    findings : tuple of Finding, optional
+        What a reader of the prediction has to know.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the prediction.
+
+    Examples
+    --------
+    >>> from ema.examples import ranking
+    >>> ranking().prediction.damping.shape
+    (2, 1, 2, 3)
     """
 
     candidates: Candidates
@@ -171,24 +285,51 @@ class Prediction(Container):
             "output",
         )
         freeze(self, **dict.fromkeys(names, np.float64))
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
 class Place(Container):
-    """One place of the ranking.
+    """One location of the ranking.
 
     Parameters
     ----------
-    candidate : row in the candidates; ``centre`` m and ``angle`` rad in the surface; ``beam`` its name or number.
-    score : value of the objective, with its 95 % interval (``nan`` where none was asked for).
-    normal_force : F_N per joint in N that serves all force levels best; ``normal_forces`` (level,) the best at each.
-    frequency, damping : (mode, level) at ``normal_force``, Hz and ratio; ``damping_low``, ``damping_high`` the 95 %
-        interval of the damping.
-    mass_shift, stiffness_shift : parts of the frequency shift of each mode with all joints stuck at ``normal_force``,
-        Hz, shape (mode,).
-    findings : what speaks against the place.
-    method : ``one mode`` at a time, or ``all modes`` together; ``one_mode_damping`` (mode, level) at ``normal_force``
-        is kept beside the latter.
+    candidate : int
+        Row in the candidates.
+    centre : tuple of (float, float)
+        Centre of the beam [m] in the surface.
+    angle : float
+        Angle of the beam [rad] in the surface.
+    beam : str
+        Name or number of the beam.
+    score : float
+        Value of the objective.
+    score_low, score_high : float
+        95 % interval of the score; NaN where none was requested.
+    normal_force : float
+        F_N per joint [N] that serves all force levels best.
+    normal_forces : array of shape (level,)
+        F_N per joint [N] that is best at each level.
+    frequency : array of shape (mode, level)
+        Natural frequencies at ``normal_force`` [Hz].
+    damping : array of shape (mode, level)
+        Damping ratios at ``normal_force`` [-].
+    damping_low, damping_high : array of shape (mode, level)
+        95 % interval of the damping.
+    mass_shift, stiffness_shift : array of shape (mode,)
+        Parts of the frequency shift of each mode with all joints stuck at ``normal_force`` [Hz].
+    findings : tuple of Finding, optional
+        What speaks against the location.
+    method : str, default "one mode"
+        ``one mode`` at a time, or ``all modes`` together.
+    one_mode_damping : array of shape (mode, level), optional
+        Damping ratios at ``normal_force`` by one mode at a time, kept beside those of all modes.
+
+    Examples
+    --------
+    >>> from ema.examples import ranking
+    >>> ranking().best.normal_force
+    500.0
     """
 
     candidate: int
@@ -222,14 +363,35 @@ class Place(Container):
             "one_mode_damping",
         )
         freeze(self, **dict.fromkeys(names, np.float64))
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
 class Ranking(Container):
-    """Places in the order of an objective.
+    """Locations in the order of an objective.
 
-    ``scores`` (candidate,) of all by the one-mode predictor, ``places`` the best. ``checked`` holds the shortlist with
-    all modes together, its places in the order of ``shortlist``, rows of the candidates of ``prediction``.
+    Parameters
+    ----------
+    objective : str
+        The objective in words.
+    prediction : Prediction
+        Modes at every candidate, by the one-mode predictor.
+    scores : array of shape (candidate,)
+        Scores of all candidates by the one-mode predictor.
+    places : tuple of Place
+        The best locations, best first.
+    findings : tuple of Finding, optional
+        What a reader of the ranking has to know.
+    shortlist : tuple of int, optional
+        Rows of the candidates that were computed again with all modes together.
+    checked : Prediction, optional
+        Prediction for the shortlist with all modes together, in its order.
+
+    Examples
+    --------
+    >>> from ema.examples import ranking
+    >>> [place.centre for place in ranking().places]
+    [(0.15, 0.0), (0.1, 0.0)]
     """
 
     objective: str
@@ -242,6 +404,7 @@ class Ranking(Container):
 
     def __post_init__(self) -> None:
         freeze(self, scores=np.float64)
+        check_axes(self)
 
     @property
     def best(self) -> Place:
@@ -249,7 +412,20 @@ class Ranking(Container):
         return self.places[0]
 
     def table(self) -> "pd.DataFrame":
-        """One row per place: where, F_N, and every mode's damping at the levels."""
+        """Return the ranking as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per location, from 1: coordinates, F_N, and for each mode frequency, damping ratio and its bounds at
+            the level at which its damping is least.
+
+        Examples
+        --------
+        >>> from ema.examples import ranking
+        >>> ranking().table()["mode 1 zeta [%]"].tolist()
+        [1.6, 0.8]
+        """
         import pandas as pd
 
         rows = []
@@ -275,10 +451,27 @@ class Ranking(Container):
 
 @dataclass(frozen=True, repr=False)
 class ControlLine(Container):
-    """One law of the normal force after a release: ``energy`` s, the integral of E/E0 over time.
+    """The ring-down after a release under one law of the normal force.
 
-    ``to_five``, ``to_two`` s until the amplitude stays below 5 % and 2 % of that at the start; ``nan`` where it does
-    not within the run. ``force`` N, that of the law; ``times`` s and ``energies`` E/E0 for the picture.
+    Parameters
+    ----------
+    law : str
+        Name of the law.
+    force : float
+        Normal force of the law [N].
+    energy : float
+        Integral of E/E0 over time [s].
+    to_five, to_two : float
+        Time [s] until the amplitude stays below 5 % and 2 % of that at the start; NaN where it does not within the run.
+    times : array of shape (sample,)
+        Times [s].
+    energies : array of shape (sample,)
+        E/E0.
+
+    Examples
+    --------
+    >>> ControlLine("constant", 500.0, 0.08, 0.3, 0.4, times=[0.0, 0.1], energies=[1.0, 0.3]).to_five
+    0.3
     """
 
     law: str
@@ -291,15 +484,38 @@ class ControlLine(Container):
 
     def __post_init__(self) -> None:
         freeze(self, times=np.float64, energies=np.float64)
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
 class ControlStudy(Container):
-    """What a controlled normal force adds to the best constant one, for one place.
+    """What a controlled normal force adds to the best constant one, for one location.
 
-    ``lines`` of the ring-downs: the best constant force first, then the best of every law. ``force_levels``,
-    ``constant_damping`` and ``scheduled_damping`` (level,): the steady damping under one normal force for all levels,
-    and under that recommended for each. ``verdict``: in sentences.
+    Parameters
+    ----------
+    place : int
+        Row of the location in the candidates.
+    mode : int
+        Row of the modes without the beam that sets the time scale.
+    load : float
+        Static load [N] that is released.
+    lines : tuple of ControlLine
+        Ring-downs: the best constant force first, then the best of every law.
+    force_levels : array of shape (level,)
+        F_E [N].
+    constant_damping : array of shape (level,)
+        Steady damping ratio under one normal force for all levels.
+    scheduled_damping : array of shape (level,)
+        Steady damping ratio under the normal force recommended for each level.
+    verdict : str
+        What the control adds, in sentences.
+
+    Examples
+    --------
+    >>> line = ControlLine("constant", 500.0, 0.08, 0.3, 0.4, times=[0.0, 0.1], energies=[1.0, 0.3])
+    >>> study = ControlStudy(0, 0, 100.0, (line,), [5.0], [0.02], [0.02], verdict="Control adds nothing.")
+    >>> study.verdict
+    'Control adds nothing.'
     """
 
     place: int
@@ -313,9 +529,22 @@ class ControlStudy(Container):
 
     def __post_init__(self) -> None:
         freeze(self, force_levels=np.float64, constant_damping=np.float64, scheduled_damping=np.float64)
+        check_axes(self)
 
     def table(self) -> "pd.DataFrame":
-        """One row per law: force [N], energy integral [ms], times to 5 % and 2 % of the amplitude [ms]."""
+        """Return the ring-downs as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per law: force [N], energy integral [ms], times to 5 % and 2 % of the amplitude [ms].
+
+        Examples
+        --------
+        >>> line = ControlLine("constant", 500.0, 0.08, 0.3, 0.4, times=[0.0, 0.1], energies=[1.0, 0.3])
+        >>> ControlStudy(0, 0, 100.0, (line,), [5.0], [0.02], [0.02], verdict="").table()["J [ms]"].tolist()
+        [80.0]
+        """
         import pandas as pd
 
         return pd.DataFrame(
@@ -333,9 +562,41 @@ class ControlStudy(Container):
 class Placement(Container):
     """The answer to a placement task: the ranking, where the plane of its coordinates lies, and how far to trust it.
 
-    ``origin`` (3,) m and ``axes`` (3, 3) of the plane, ``extent`` (2, 2) m of the measured rectangle, ``keep_out``
-    polygons (corner, 2) m; ``warning`` is the first line of every report, empty where the model agrees. ``geometry`` is
-    that of the structure; ``forecast`` tells what the beam will do at the best place.
+    Parameters
+    ----------
+    title : str
+        What the placement is called.
+    ranking : Ranking
+        Locations, best first.
+    origin : array of shape (3,)
+        Origin of the plane [m].
+    axes : array of shape (3, 3)
+        Axes of the plane, one per row.
+    extent : array of shape (2, 2)
+        Measured rectangle in the plane [m]: (low, high) of the first and of the second coordinate.
+    points : array of shape (point, 2)
+        Measured points [m] in the plane.
+    keep_out : tuple of array, optional
+        Polygons (corner, 2) [m] in which no beam may lie.
+    warning : str, optional
+        First line of every report; empty where the model agrees with the measurement.
+    control : ControlStudy, optional
+        What a controlled normal force adds, where requested.
+    findings : tuple of Finding, optional
+        What a reader of the placement has to know.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the placement.
+    geometry : Geometry, optional
+        Geometry of the structure.
+    forecast : Forecast, optional
+        Frequency and damping predicted at the best location.
+
+    Examples
+    --------
+    >>> from ema.examples import placement
+    >>> result = placement()
+    >>> result.ranking.best.score, result.forecast.draws
+    (0.016, 100)
     """
 
     title: str
@@ -354,3 +615,4 @@ class Placement(Container):
 
     def __post_init__(self) -> None:
         freeze(self, origin=np.float64, axes=np.float64, extent=np.float64, points=np.float64)
+        check_axes(self)

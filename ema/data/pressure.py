@@ -5,25 +5,46 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 from ema.data.findings import Finding
 
 
 @dataclass(frozen=True, repr=False)
 class ContactPressure(Container):
-    """Normal forces of all node pairs.
+    """Normal forces of all node pairs of the joints, at rest and while the structure moves.
 
     Parameters
     ----------
-    joints, pairs : name of the joint and ``(host node, beam node)`` of every pair.
-    forces : N at rest, under the preload alone, shape (pair,).
-    preloads : N with which the joint presses each pair from outside, shape (pair,).
-    areas : m^2, NaN where unknown, shape (pair,).
-    least, greatest : normal forces over the motion in N, shape (pair,); negative: a linear spring in tension.
-    open_time : fraction of the motion without pressure, shape (pair,).
-    first_opening : s, NaN where the pair stays closed, shape (pair,).
-    widest_gap : largest opening in m, shape (pair,).
+    joints : tuple of str
+        Name of the joint of every pair.
+    pairs : tuple of tuple of (int, int)
+        ``(host node, beam node)`` of every pair.
+    forces : array of shape (pair,)
+        Normal forces [N] at rest, under the preload alone.
+    preloads : array of shape (pair,)
+        Forces [N] with which the joint presses each pair from outside.
+    areas : array of shape (pair,)
+        Contact areas [m^2], NaN where unknown.
+    least, greatest : array of shape (pair,)
+        Extremes of the normal forces over the motion [N]; negative: a linear spring in tension.
+    open_time : array of shape (pair,)
+        Fraction of the motion without pressure.
+    first_opening : array of shape (pair,)
+        Time [s] at which the pair first opens, NaN where it stays closed.
+    widest_gap : array of shape (pair,)
+        Largest opening [m].
+    findings : tuple of Finding, optional
+        What a reader of the forces has to know.
+
+    Examples
+    --------
+    >>> pressure = ContactPressure(
+    ...     joints=("joint",), pairs=((1, 1),), forces=[100.0], preloads=[100.0], areas=[1e-4], least=[80.0],
+    ...     greatest=[120.0], open_time=[0.0], first_opening=[np.nan], widest_gap=[0.0],
+    ... )
+    >>> pressure.pressures
+    array([1000000.])
     """
 
     joints: tuple[str, ...]
@@ -41,6 +62,7 @@ class ContactPressure(Container):
     def __post_init__(self) -> None:
         names = ("forces", "preloads", "areas", "least", "greatest", "open_time", "first_opening", "widest_gap")
         freeze(self, **dict.fromkeys(names, np.float64))
+        check_axes(self)
 
     @property
     def pressures(self) -> Float[np.ndarray, "pair"]:

@@ -10,8 +10,23 @@ from ema.data._summary import Container
 class Provenance(Container):
     """Inputs with their hashes, versions and options behind a result.
 
-    ``inputs`` holds ``(name, sha256)``; ``versions`` holds ``(package, version)``; ``options`` holds ``(name, value as
-    text)`` of every setting used, defaults included; ``steps`` the verbs applied, oldest first.
+    Parameters
+    ----------
+    inputs : tuple of tuple of (str, str), optional
+        ``(name, sha256)`` of what was read.
+    versions : tuple of tuple of (str, str), optional
+        ``(package, version)``.
+    options : tuple of tuple of (str, str), optional
+        ``(name, value as text)`` of every setting used, defaults included.
+    steps : tuple of str, optional
+        Functions applied, oldest first.
+    created : datetime, optional
+        When the result was made.
+
+    Examples
+    --------
+    >>> Provenance(steps=("fit.modes",))
+    Provenance(steps=('fit.modes',))
     """
 
     inputs: tuple[tuple[str, str], ...] = ()

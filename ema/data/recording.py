@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase
 from ema.dof import Dof
 from ema.errors import InputError
@@ -24,9 +24,33 @@ Role = Literal["reference", "response", "normal force", "trigger", "other"]
 class Channel(Container):
     """One line of the channel table.
 
-    ``unit`` is the SI unit of the signal, or ``"unstated"``: then the signal holds the bare numbers of the file.
-    ``sensitivity`` is in V per SI unit; ``range`` is the full scale in the signal's unit, ``None`` where unknown.
-    ``joint`` names the joint whose normal force the channel measures.
+    Parameters
+    ----------
+    name : str
+        What the channel is called.
+    dof : Dof, optional
+        Where and in which direction it measures, where known.
+    quantity : Quantity, default "unstated"
+        What it measures.
+    role : {"reference", "response", "normal force", "trigger", "other"}, default "response"
+        What its signal is used for.
+    unit : str, optional
+        SI unit of the signal, or ``"unstated"``: the signal then holds the bare numbers of the file.
+    sensitivity : float, optional
+        V per SI unit, where known.
+    serial : str, optional
+        Serial number of the sensor.
+    calibrated_on : str, optional
+        Date of its calibration, as written in the channel table.
+    range : float, optional
+        Full scale in the unit of the signal; ``None`` where unknown.
+    joint : str, optional
+        Name of the joint whose normal force the channel measures.
+
+    Examples
+    --------
+    >>> Channel("hammer", Dof(5, "-Z"), quantity="force", role="reference", unit="N").scaled
+    True
     """
 
     name: str
@@ -48,11 +72,29 @@ class Channel(Container):
 
 @dataclass(frozen=True, repr=False)
 class TakeIdentity(Container):
-    """Which take a record is, written into its file by the recorder; names of files are not asked.
+    """Which take a record is, written into its file by the recorder.
 
-    ``run`` and ``point`` are what was measured, ``number`` counts the takes of a run at a point, rejected ones
-    included, and is never given twice; ``key`` is drawn for each take, so that a copy is known as one. ``reasons`` say
-    why the take was rejected, ``remarks`` what else was found.
+    The identity counts, not the name of the file.
+
+    Parameters
+    ----------
+    run : str
+        Run that was measured.
+    point : int
+        Point of the run that was measured.
+    number : int
+        Counts the takes of a run at a point, rejected ones included; never given twice.
+    key : str, optional
+        Drawn anew for each take, so that a copy is recognised.
+    reasons : tuple of str, optional
+        Why the take was rejected; empty where it was accepted.
+    remarks : tuple of str, optional
+        What else was noticed.
+
+    Examples
+    --------
+    >>> TakeIdentity(run="bare", point=12, number=3)
+    TakeIdentity(run='bare', point=12, number=3)
     """
 
     run: str
@@ -69,15 +111,31 @@ class Recording(Container):
 
     Parameters
     ----------
-    signals : shape (channel, sample), SI (bare numbers where the channel's unit is unstated).
-    sampling_rate : Hz.
-    channels : one per row of ``signals``.
-    start : UTC time of the first sample.
-    overloads : shape (channel,), true where the front end reported an overload; ``None`` where it says nothing.
-    name : what the record is called in messages, e.g. the file and set it came from.
-    setup : label of the sensor set-up the record belongs to (roving accelerometers).
-    excluded_hits : numbers (from 0, in order of time) of blows that a repair excludes, with the reason of each.
-    identity : which take of a recorded run this is; ``None`` where it was not recorded by this project.
+    signals : array of shape (channel, sample)
+        SI, or bare numbers where the unit of the channel is unstated; kept as float32 where they come so.
+    sampling_rate : float
+        Samples per second [Hz].
+    channels : tuple of Channel
+        One per row of ``signals``.
+    start : datetime, optional
+        UTC time of the first sample.
+    overloads : boolean array of shape (channel,), optional
+        True where the front end reported an overload; ``None`` where it says nothing.
+    name : str, optional
+        What the record is called in messages, such as the file and set it came from.
+    setup : str, optional
+        Label of the sensor set-up that the record belongs to (roving accelerometers).
+    excluded_hits : tuple of tuple of (int, str), optional
+        Numbers (from 0, in order of time) of impacts that a repair excludes, with the reason of each.
+    identity : TakeIdentity, optional
+        Which take of a recorded run this is; ``None`` where it was not recorded by this project.
+
+    Examples
+    --------
+    >>> from ema.examples import recording
+    >>> record = recording()
+    >>> record.duration, float(record.signal("hammer").max().round())
+    (2.0, 100.0)
     """
 
     signals: Float[np.ndarray, "channel sample"]
@@ -95,6 +153,7 @@ class Recording(Container):
         freeze(
             self, signals=signals.dtype if signals.dtype in (np.float32, np.float64) else np.float64, overloads=np.bool_
         )
+        check_axes(self)
 
     @classmethod
     def from_arrays(
@@ -154,8 +213,14 @@ class Recording(Container):
 
         Returns
         -------
-        DataFrame
+        pandas.DataFrame
             One column per channel, named with its unit, over the time in s.
+
+        Examples
+        --------
+        >>> from ema.examples import recording
+        >>> list(recording().to_dataframe().columns)
+        ['hammer [N]', 'acc 1 [m/s^2]']
         """
         import pandas as pd
 
@@ -173,15 +238,49 @@ class Recording(Container):
         return np.arange(self.signals.shape[1]) / self.sampling_rate
 
     def with_role(self, role: Role) -> tuple[int, ...]:
-        """Rows of the channels that play ``role``."""
+        """Return the rows of the channels that play a role.
+
+        Parameters
+        ----------
+        role : {"reference", "response", "normal force", "trigger", "other"}
+            Role to look for.
+
+        Returns
+        -------
+        tuple of int
+            Rows of ``signals``, from 0.
+
+        Examples
+        --------
+        >>> from ema.examples import recording
+        >>> recording().with_role("response")
+        (1,)
+        """
         return tuple(row for row, channel in enumerate(self.channels) if channel.role == role)
 
     def signal(self, name: str) -> Float[np.ndarray, "sample"]:
-        """The signal of the channel called ``name``.
+        """Return the signal of a channel.
+
+        Parameters
+        ----------
+        name : str
+            Name of the channel.
+
+        Returns
+        -------
+        array of shape (sample,)
+            The signal in the unit of its channel.
 
         Raises
         ------
-        InputError : there is no such channel.
+        InputError
+            If there is no such channel.
+
+        Examples
+        --------
+        >>> from ema.examples import recording
+        >>> recording().signal("acc 1").shape
+        (2048,)
         """
         for channel, row in zip(self.channels, self.signals, strict=True):
             if channel.name == name:

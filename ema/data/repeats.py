@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 from ema.data.condition import Condition
 from ema.data.findings import Finding
@@ -21,12 +21,35 @@ NOISE_ONLY = "noise only; assembly scatter unknown"
 
 @dataclass(frozen=True, repr=False)
 class VarianceComponents(Container):
-    """One quantity of every mode over the repeats of a condition; NaN where it cannot be told.
+    """One quantity of every mode over the repeats of a condition; NaN where it cannot be determined.
 
-    ``mean`` over the assemblies. Standard deviations: ``noise`` within one take (stated by the fit), ``takes`` between
-    takes of one assembly (noise included), ``between`` assemblies (noise and takes taken off) with the 95 % interval
-    ``between_interval``. ``std`` of the mean and its degrees of freedom ``assemblies`` - 1; ``half`` is half the 95 %
-    interval of the mean from the repeats, ``noise_half`` from the noise alone.
+    Parameters
+    ----------
+    mean : array of shape (mode,)
+        Mean over the assemblies.
+    noise : array of shape (mode,)
+        Standard deviation within one take, stated by the fit.
+    takes : array of shape (mode,)
+        Standard deviation between takes of one assembly, noise included.
+    between : array of shape (mode,)
+        Standard deviation between assemblies, noise and takes taken off.
+    between_interval : array of shape (mode, 2)
+        95 % interval of ``between``.
+    std : array of shape (mode,)
+        Standard uncertainty of the mean.
+    half : array of shape (mode,)
+        Half the 95 % interval of the mean, from the repeats.
+    noise_half : array of shape (mode,)
+        Half the 95 % interval of the mean, from the noise alone.
+    assemblies : integer array of shape (mode,)
+        Number of assemblies; the degrees of freedom of ``std`` are one fewer.
+
+    Examples
+    --------
+    >>> from ema.compare import variance_components
+    >>> spread = variance_components(np.array([[40.0], [40.2], [39.8]]), np.full((3, 1), 0.01))
+    >>> spread.mean.round(2), spread.between.round(2), spread.assemblies
+    (array([40.]), array([0.2]), array([3]))
     """
 
     mean: Float[np.ndarray, "mode"]
@@ -42,15 +65,41 @@ class VarianceComponents(Container):
     def __post_init__(self) -> None:
         names = ("mean", "noise", "takes", "between", "between_interval", "std", "half", "noise_half")
         freeze(self, **dict.fromkeys(names, np.float64), assemblies=np.int64)
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
 class RepeatGroup(Container):
     """The runs that repeat one condition, with their modes paired.
 
-    ``assemblies`` (one text per run): runs with the same text were taken without anything being loosened in between.
-    ``reference`` is the run with the most modes, whose modes are the columns; ``places`` (run, mode) tells the mode of
-    each run, from 0, or -1 where it has none. ``frequency`` in Hz, ``damping`` as fraction.
+    Parameters
+    ----------
+    label : str
+        Name of the condition.
+    runs : tuple of str
+        Names of the runs.
+    assemblies : tuple of str
+        One text per run: runs with the same text were taken without anything being loosened in between.
+    reference : ModalModel
+        Modes of the run with the most modes; they are the columns.
+    places : integer array of shape (run, mode)
+        Mode of each run, from 0, or -1 where it has none.
+    frequency : VarianceComponents
+        Natural frequencies [Hz] over the repeats.
+    damping : VarianceComponents
+        Damping ratios [-] over the repeats.
+    condition : Condition, optional
+        Excitation and normal forces.
+    findings : tuple of Finding, optional
+        What a reader of the repeats has to know.
+
+    Examples
+    --------
+    >>> from ema.compare import repeats
+    >>> from ema.examples import modal_model
+    >>> group = repeats([modal_model(), modal_model()], label="bare", names=["run 1", "run 2"])
+    >>> group.count, group.basis
+    (2, '2 repeats')
     """
 
     label: str
@@ -65,6 +114,7 @@ class RepeatGroup(Container):
 
     def __post_init__(self) -> None:
         freeze(self, places=np.int64)
+        check_axes(self)
 
     @property
     def count(self) -> int:
@@ -77,7 +127,21 @@ class RepeatGroup(Container):
         return f"{self.count} repeats" if self.count > 1 else NOISE_ONLY
 
     def table(self) -> "pd.DataFrame":
-        """One row per mode: mean, half 95 % interval, and standard deviations within and between, in Hz and %."""
+        """Return the repeats as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per mode, from 1: mean, half 95 % interval, and standard deviations within and between assemblies,
+            in Hz and %.
+
+        Examples
+        --------
+        >>> from ema.compare import repeats
+        >>> from ema.examples import modal_model
+        >>> repeats([modal_model(), modal_model()]).table()["f [Hz]"].round(3).tolist()
+        [40.0, 60.0, 90.0]
+        """
         import pandas as pd
 
         columns: dict[str, object] = {"repeats": self.frequency.assemblies}
@@ -98,10 +162,36 @@ class RepeatGroup(Container):
 class ConditionDifference(Container):
     """What changed from one condition to another, mode by mode.
 
-    ``pairs`` (mode of the first, mode of the second), from 0; ``frequency`` (pair, 2) Hz and ``damping`` (pair, 2) are
-    the means of both. ``frequency_half``, ``damping_half`` (pair,): half the 95 % interval of the difference, from the
-    repeats of both conditions, NaN where one of them has none; ``frequency_noise``, ``damping_noise`` (pair,): the same
-    from the noise alone. ``frequency_differs``, ``damping_differs`` (pair,): significant; false where unknown.
+    Parameters
+    ----------
+    first, second : str
+        Names of the conditions.
+    pairs : tuple of tuple of (int, int)
+        (mode of the first, mode of the second), from 0.
+    frequency : array of shape (pair, 2)
+        Mean natural frequencies [Hz] of both.
+    damping : array of shape (pair, 2)
+        Mean damping ratios [-] of both.
+    frequency_half, damping_half : array of shape (pair,)
+        Half the 95 % interval of the difference, from the repeats of both conditions; NaN where one of them has none.
+    frequency_noise, damping_noise : array of shape (pair,)
+        The same from the noise alone.
+    frequency_differs, damping_differs : boolean array of shape (pair,)
+        Whether the difference is significant; false where unknown.
+    mac : array of shape (pair,)
+        MAC of each pair.
+    sentences : tuple of str
+        What changed, in words.
+    findings : tuple of Finding, optional
+        What a reader of the difference has to know.
+
+    Examples
+    --------
+    >>> from ema.compare import difference, repeats
+    >>> from ema.examples import modal_model
+    >>> group = repeats([modal_model(), modal_model()], label="bare")
+    >>> difference(group, group).pairs
+    ((0, 0), (1, 1), (2, 2))
     """
 
     first: str
@@ -130,6 +220,7 @@ class ConditionDifference(Container):
             "mac",
         )
         freeze(self, **dict.fromkeys(names, np.float64), frequency_differs=np.bool_, damping_differs=np.bool_)
+        check_axes(self)
 
     @property
     def known(self) -> Bool[np.ndarray, "pair"]:
@@ -137,7 +228,26 @@ class ConditionDifference(Container):
         return np.isfinite(self.damping_half)
 
     def words(self, what: str) -> tuple[str, ...]:
-        """For each pair what is known of the change of ``frequency`` or ``damping``."""
+        """Return what is known of the change of every pair, in words.
+
+        Parameters
+        ----------
+        what : str
+            ``"frequency"``; anything else stands for the damping.
+
+        Returns
+        -------
+        tuple of str
+            ``"significant"``, ``"not significant"``, or that the scatter of assemblies is unknown.
+
+        Examples
+        --------
+        >>> from ema.compare import difference, repeats
+        >>> from ema.examples import modal_model
+        >>> group = repeats([modal_model()], label="bare")
+        >>> difference(group, group).words("frequency")[0]
+        'noise only; assembly scatter unknown'
+        """
         differs = self.frequency_differs if what == "frequency" else self.damping_differs
         return tuple(
             ("significant" if one else "not significant") if known else NOISE_ONLY
@@ -145,7 +255,21 @@ class ConditionDifference(Container):
         )
 
     def table(self) -> "pd.DataFrame":
-        """One row per pair: values, change, half 95 % interval and what it means, in Hz and %."""
+        """Return the difference as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per pair: values, change, half 95 % intervals and what the change means, in Hz and %.
+
+        Examples
+        --------
+        >>> from ema.compare import difference, repeats
+        >>> from ema.examples import modal_model
+        >>> group = repeats([modal_model()], label="bare")
+        >>> difference(group, group).table()["change of f [Hz]"].tolist()
+        [0.0, 0.0, 0.0]
+        """
         import pandas as pd
 
         columns: dict[str, object] = {

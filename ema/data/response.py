@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 from ema.data.findings import Finding
 from ema.data.pressure import ContactPressure
@@ -15,11 +15,28 @@ from ema.dof import Dof
 
 @dataclass(frozen=True, repr=False)
 class EnergyBalance(Container):
-    """Energies in J over time, shape (sample,): the sum of all but ``supplied`` minus ``supplied`` stays constant.
+    """Energies over time: the sum of all but ``supplied`` minus ``supplied`` stays constant.
 
-    ``mechanical`` is kinetic and elastic energy of the structure, ``contact`` what the contact springs hold;
-    ``friction``, ``damping`` and ``projection`` have been dissipated so far (projection: contact energy lost because
-    the slip force fell below the friction force); ``supplied`` is the work of external forces.
+    Parameters
+    ----------
+    mechanical : array of shape (sample,)
+        Kinetic and elastic energy of the structure [J].
+    contact : array of shape (sample,)
+        Energy in the contact springs [J].
+    friction : array of shape (sample,)
+        Energy dissipated by friction so far [J].
+    damping : array of shape (sample,)
+        Energy dissipated by the other damping so far [J].
+    projection : array of shape (sample,)
+        Contact energy lost so far because the slip force fell below the friction force [J].
+    supplied : array of shape (sample,)
+        Work of external forces so far [J].
+
+    Examples
+    --------
+    >>> balance = EnergyBalance([1.0, 0.6], [0.0, 0.1], [0.0, 0.2], [0.0, 0.1], [0.0, 0.0], supplied=[0.0, 0.0])
+    >>> balance.total, round(balance.error, 12)
+    (array([1. , 0.7]), 0.0)
     """
 
     mechanical: Float[np.ndarray, "sample"]
@@ -32,6 +49,7 @@ class EnergyBalance(Container):
     def __post_init__(self) -> None:
         names = ("mechanical", "contact", "friction", "damping", "projection", "supplied")
         freeze(self, **dict.fromkeys(names, np.float64))
+        check_axes(self)
 
     @property
     def total(self) -> Float[np.ndarray, "sample"]:
@@ -52,14 +70,51 @@ class Response(Container):
 
     Parameters
     ----------
-    times : s, shape (sample,).
-    displacements, velocities : of ``dofs`` in m and m/s (rad for rotations), shape (dof, sample).
-    slips, forces : relative displacement in m and friction force in N of every contact, shape (contact, sample).
-    dissipated : friction energy of every contact over the run in J, shape (contact,).
-    slip_time : fraction of the run during which a contact dissipates, shape (contact,).
-    error_estimate : estimated error of the displacements over the largest one; ``nan`` where none was made.
-    step : s, of the finest integration; 0 where there is none.
-    pressure : normal forces of the node pairs, at rest and over the motion, where they were followed.
+    times : array of shape (sample,)
+        Times [s].
+    displacements : array of shape (dof, sample)
+        Displacements of ``dofs`` [m, rad].
+    velocities : array of shape (dof, sample)
+        Velocities of ``dofs`` [m/s, rad/s].
+    dofs : tuple of Dof
+        DOFs of the motion.
+    slips : array of shape (contact, sample)
+        Relative displacement of every contact [m].
+    forces : array of shape (contact, sample)
+        Friction force of every contact [N].
+    dissipated : array of shape (contact,)
+        Friction energy of every contact over the run [J].
+    slip_time : array of shape (contact,)
+        Fraction of the run during which a contact dissipates.
+    energy : EnergyBalance
+        Energy balance over the run.
+    normal_forces : array of shape (joint, sample), optional
+        Normal forces of the joints [N], where they vary.
+    error_estimate : float, optional
+        Estimated error of the displacements over the largest one; NaN where none was made.
+    step : float, default 0.0
+        Step of the finest integration [s]; 0 where there is none.
+    method : str, optional
+        How the motion was computed.
+    findings : tuple of Finding, optional
+        What a reader of the motion has to know.
+    name : str, optional
+        What the motion is called in messages.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the motion.
+    pressure : ContactPressure, optional
+        Normal forces of the node pairs, at rest and over the motion, where they were followed.
+
+    Examples
+    --------
+    >>> zero = np.zeros(2)
+    >>> motion = Response(
+    ...     times=[0.0, 0.1], displacements=[[1.0, 0.5]], velocities=[[0.0, -3.0]], dofs=(Dof(1, "+X"),),
+    ...     slips=np.zeros((0, 2)), forces=np.zeros((0, 2)), dissipated=[], slip_time=[],
+    ...     energy=EnergyBalance([1.0, 1.0], zero, zero, zero, zero, zero),
+    ... )
+    >>> motion.energy.error
+    0.0
     """
 
     times: Float[np.ndarray, "sample"]
@@ -83,6 +138,7 @@ class Response(Container):
     def __post_init__(self) -> None:
         names = ("times", "displacements", "velocities", "slips", "forces", "dissipated", "slip_time", "normal_forces")
         freeze(self, **dict.fromkeys(names, np.float64))
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
@@ -91,14 +147,42 @@ class HarmonicResponse(Container):
 
     Parameters
     ----------
-    frequencies : Hz, shape (freq,).
-    orders : the harmonics k kept, shape (harmonic,).
-    values : complex amplitudes of ``dofs`` in m, shape (freq, dof, harmonic); NaN where no solution was found.
-    slips : the same of the relative displacements of the contacts, shape (freq, contact, harmonic).
-    force : amplitude of the exciting force in N; ``driven`` its DOF.
-    input_power, friction_power, damping_power : means over a period in W, shape (freq,).
-    error_estimate : of the amplitude of the first harmonic, relative, shape (freq,).
-    converged : shape (freq,).
+    frequencies : array of shape (freq,)
+        Frequencies of the force [Hz].
+    orders : integer array of shape (harmonic,)
+        Harmonics k that were kept.
+    values : complex array of shape (freq, dof, harmonic)
+        Complex amplitudes of ``dofs`` [m]; NaN where no solution was found.
+    dofs : tuple of Dof
+        DOFs of the values.
+    slips : complex array of shape (freq, contact, harmonic)
+        Complex amplitudes of the relative displacements of the contacts [m].
+    force : float
+        Amplitude of the exciting force [N].
+    driven : Dof
+        DOF of the exciting force.
+    input_power, friction_power, damping_power : array of shape (freq,)
+        Means over a period [W].
+    error_estimate : array of shape (freq,)
+        Estimated error of the amplitude of the first harmonic, relative.
+    converged : boolean array of shape (freq,)
+        Whether a solution was found.
+    findings : tuple of Finding, optional
+        What a reader of the response has to know.
+    name : str, optional
+        What the response is called in messages.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the response.
+
+    Examples
+    --------
+    >>> response = HarmonicResponse(
+    ...     frequencies=[40.0], orders=[1], values=[[[1e-4 - 1e-3j]]], dofs=(Dof(1, "+X"),), slips=np.zeros((1, 0, 1)),
+    ...     force=1.0, driven=Dof(1, "+X"), input_power=[0.12], friction_power=[0.07], damping_power=[0.05],
+    ...     error_estimate=[1e-6], converged=[True],
+    ... )
+    >>> response.power_error < 1e-12
+    True
     """
 
     frequencies: Float[np.ndarray, "freq"]
@@ -121,6 +205,7 @@ class HarmonicResponse(Container):
         floats = ("frequencies", "input_power", "friction_power", "damping_power", "error_estimate")
         freeze(self, **dict.fromkeys(floats, np.float64))
         freeze(self, orders=np.int64, values=np.complex128, slips=np.complex128, converged=np.bool_)
+        check_axes(self)
 
     @property
     def power_error(self) -> float:
@@ -132,9 +217,33 @@ class HarmonicResponse(Container):
 
 @dataclass(frozen=True, repr=False)
 class Loop(Container):
-    """Hysteresis: relative displacement in m and force in N over time, shape (sample,), and the energy per cycle.
+    """A hysteresis loop and the energy that it dissipates per cycle.
 
-    ``area`` in J per cycle (mean over the whole cycles in the record); ``normal_force`` in N, NaN where unknown.
+    Parameters
+    ----------
+    displacements : array of shape (sample,)
+        Relative displacement [m].
+    forces : array of shape (sample,)
+        Tangential force [N].
+    area : float
+        Energy per cycle [J], mean over the whole cycles in the record.
+    amplitude : float
+        Amplitude of the relative displacement [m].
+    cycles : int, default 1
+        Whole cycles in the record.
+    normal_force : float, optional
+        Normal force [N], NaN where unknown.
+    times : array of shape (sample,), optional
+        Times [s], where known.
+    findings : tuple of Finding, optional
+        What a reader of the loop has to know.
+    name : str, optional
+        What the loop is called in messages.
+
+    Examples
+    --------
+    >>> Loop(displacements=[1e-6, -1e-6], forces=[5.0, -5.0], area=2e-5, amplitude=1e-6).area
+    2e-05
     """
 
     displacements: Float[np.ndarray, "sample"]
@@ -149,15 +258,40 @@ class Loop(Container):
 
     def __post_init__(self) -> None:
         freeze(self, displacements=np.float64, forces=np.float64, times=np.float64)
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
 class Decay(Container):
-    """Ring-down of one mode: instantaneous frequency in Hz and damping ratio over the amplitude, shape (sample,).
+    """Ring-down of one mode: instantaneous frequency and damping ratio over the amplitude.
 
-    ``knee`` is the time in s at which sliding gives way to sticking, NaN where there is none. ``frequency_reach`` in Hz
-    and ``damping_reach``, shape (sample,), are half widths of 95 % intervals by what scatters about the straight lines
-    (noise, beats, curvature; not a constant share of another mode); ``None`` where they are not known.
+    Parameters
+    ----------
+    times : array of shape (sample,)
+        Times [s].
+    amplitudes : array of shape (sample,)
+        Amplitude of the signal, in its unit.
+    frequencies : array of shape (sample,)
+        Instantaneous frequency [Hz].
+    damping_ratios : array of shape (sample,)
+        Instantaneous damping ratio [-].
+    knee : float, optional
+        Time [s] at which sliding gives way to sticking, NaN where there is none.
+    name : str, optional
+        What the ring-down is called in messages.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the ring-down.
+    frequency_reach, damping_reach : array of shape (sample,), optional
+        Half widths of 95 % intervals [Hz, -] by what scatters about the straight lines (noise, beats, curvature; not a
+        constant share of another mode); ``None`` where they are not known.
+    findings : tuple of Finding, optional
+        What a reader of the ring-down has to know.
+
+    Examples
+    --------
+    >>> from ema.examples import decay
+    >>> decay().damping_ratios[[0, -1]]
+    array([0.02, 0.01])
     """
 
     times: Float[np.ndarray, "sample"]
@@ -174,3 +308,4 @@ class Decay(Container):
     def __post_init__(self) -> None:
         names = ("times", "amplitudes", "frequencies", "damping_ratios", "frequency_reach", "damping_reach")
         freeze(self, **dict.fromkeys(names, np.float64))
+        check_axes(self)

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase
 from ema.data.amplitude import AmplitudeDependentMode
 from ema.data.campaign import Campaign, Repair, Run
@@ -25,7 +25,24 @@ from ema.data.single import SingleMode
 
 @dataclass(frozen=True, repr=False)
 class ModeQuality(Container):
-    """Indicators of each mode: MPC (0 ... 1), MPD and mean phase in degrees, all of shape (mode,)."""
+    """Indicators of how real the shape of each mode is.
+
+    Parameters
+    ----------
+    modal_phase_collinearity : array of shape (mode,)
+        MPC, 0 ... 1.
+    mean_phase : array of shape (mode,)
+        Mean phase [deg].
+    mean_phase_deviation : array of shape (mode,)
+        Mean phase deviation [deg].
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> from ema.shapes import quality
+    >>> quality(modal_model().shapes).modal_phase_collinearity.round(3)
+    array([1., 1., 1.])
+    """
 
     modal_phase_collinearity: Float[np.ndarray, "mode"]
     mean_phase: Float[np.ndarray, "mode"]
@@ -33,14 +50,26 @@ class ModeQuality(Container):
 
     def __post_init__(self) -> None:
         freeze(self, modal_phase_collinearity=float, mean_phase=float, mean_phase_deviation=float)
+        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
 class LevelEffect(Container):
-    """How far what a linear structure keeps follows the level of the impacts of one hammer test.
+    """How far what a linear structure keeps constant follows the level of the impacts of one hammer test.
 
-    ``value`` with its 95 % interval: relative change of the modal constants for a force twice as large. ``weakest`` and
-    ``strongest`` are the impacts in N between which it was seen.
+    Parameters
+    ----------
+    value : float
+        Relative change of the modal constants for a force twice as large.
+    lower, upper : float
+        95 % interval of ``value``.
+    weakest, strongest : float
+        Impacts [N] between which it was observed.
+
+    Examples
+    --------
+    >>> LevelEffect(value=0.002, lower=-0.004, upper=0.008, weakest=80.0, strongest=240.0).upper
+    0.008
     """
 
     value: float
@@ -54,10 +83,40 @@ class LevelEffect(Container):
 class RunResult(Container):
     """Everything computed from one run.
 
-    ``reconstruction`` is the FRF set of the model on the lines of ``frfs``; ``reconstruction_error`` (out, in) its
-    norm-wise relative error for each FRF over the band of the fit. ``level_effect`` is what a hammer test says of
-    linearity; where the structure is not linear, ``equivalent`` holds what one linear mode fitted to the FRFs about
-    every mode reads at the level of the test.
+    Parameters
+    ----------
+    run : Run
+        The run.
+    frfs : FrfSet
+        Its FRFs.
+    poles : PoleTable or None
+        Poles of all model orders, where there is a stabilisation diagram.
+    modes : ModalModel
+        Its modes.
+    quality : ModeQuality, optional
+        Indicators of its mode shapes.
+    reconstruction : FrfSet, optional
+        FRFs of the model on the lines of ``frfs``.
+    reconstruction_error : array of shape (out, in), optional
+        Norm-wise relative error of the reconstruction of each FRF over the band of the fit.
+    auto_mac : array of shape (mode, mode), optional
+        MAC between the modes.
+    hits : HitGallery, optional
+        Impacts of a hammer test.
+    findings : tuple of Finding, optional
+        What a reader of the run has to know.
+    level_effect : LevelEffect, optional
+        What a hammer test says of linearity.
+    equivalent : tuple of SingleMode, optional
+        Where the structure is not linear, what one linear mode fitted to the FRFs about every mode reads at the level
+        of the test.
+
+    Examples
+    --------
+    >>> from ema.examples import campaign, frf_set, modal_model
+    >>> result = RunResult(campaign()["bare"], frf_set(), poles=None, modes=modal_model())
+    >>> len(result.modes.poles)
+    3
     """
 
     run: Run
@@ -75,6 +134,7 @@ class RunResult(Container):
 
     def __post_init__(self) -> None:
         freeze(self, reconstruction_error=np.float64, auto_mac=np.float64)
+        check_axes(self)
 
     def _headline(self) -> str:
         return phrase(brief(self.run.id), repr(self.modes), count(len(self.findings), "finding"))
@@ -82,7 +142,26 @@ class RunResult(Container):
 
 @dataclass(frozen=True, repr=False)
 class Expectation(Container):
-    """A number the recipe expects, what was found, and whether it is within the tolerance (all in the same unit)."""
+    """A number that the recipe expects, and what was measured.
+
+    Parameters
+    ----------
+    what : str
+        What the number is.
+    expected : float
+        Expected value.
+    tolerance : float
+        Largest difference that is accepted, in the unit of the value.
+    found : float
+        Measured value.
+    met : bool
+        Whether it is within the tolerance.
+
+    Examples
+    --------
+    >>> Expectation("f of mode 1", expected=40.0, tolerance=0.5, found=40.2, met=True).met
+    True
+    """
 
     what: str
     expected: float
@@ -95,10 +174,30 @@ class Expectation(Container):
 class MapResult(Container):
     """A map of one mode measured over (F_E, F_N), and whether one linear model holds between its levels.
 
-    ``pairs`` (pair, 3): normal force and the lower and the higher force level in N that were compared;
-    ``homogeneity`` (pair,) the change of the FRFs from one to the other, relative, and ``peak_ratio`` (pair,) that of
-    their peaks: above 1 the joint slips, below 1 it sticks. ``dropout`` (level, force): force at resonance over that
-    beside it. ``name`` tells maps of one study apart; ``runs`` are the runs it was made from.
+    Parameters
+    ----------
+    name : str
+        Distinguishes the maps of one study.
+    chart : ModalMap
+        The map.
+    pairs : array of shape (pair, 3)
+        Normal force and the lower and the higher force level [N] that were compared.
+    homogeneity : array of shape (pair,)
+        Relative change of the FRFs from the lower to the higher level.
+    peak_ratio : array of shape (pair,)
+        Change of their peaks: above 1 the joint slips, below 1 it sticks.
+    dropout : array of shape (level, force)
+        Force at resonance over the force beside it.
+    runs : tuple of str, optional
+        Runs that the map was made from.
+    findings : tuple of Finding, optional
+        What a reader of the map has to know.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_map
+    >>> MapResult("mode 1", modal_map(), np.zeros((0, 3)), [], [], dropout=np.ones((2, 3))).chart.name
+    'mode 1'
     """
 
     name: str
@@ -112,6 +211,7 @@ class MapResult(Container):
 
     def __post_init__(self) -> None:
         freeze(self, pairs=np.float64, homogeneity=np.float64, peak_ratio=np.float64, dropout=np.float64)
+        check_axes(self)
 
 
 Verdict = Literal[
@@ -126,12 +226,39 @@ Verdict = Literal[
 
 @dataclass(frozen=True, repr=False)
 class Statement(Container):
-    """A statement of a publication, or a reading of ours, and whether the measurement bears it out.
+    """A statement of a publication, or a reading of ours, and whether the measurement confirms it.
 
-    ``sentence`` is the publication's, word for word; without it the statement is a reading of ours. ``text`` says what
-    was judged, ``source`` where it stands, ``quantity`` what measures it; ``low`` and ``high`` bound the values with
-    which it holds. ``value`` with its 95 % interval ``lower`` to ``upper`` includes what the grid of a map leaves open;
-    ``reason`` says why the verdict is what it is. ``stated`` is the verdict that the recipe expects.
+    Parameters
+    ----------
+    text : str
+        What was judged.
+    source : str
+        Where the statement stands.
+    quantity : str
+        What measures it.
+    low, high : float
+        Bounds of the values with which it holds.
+    value : float
+        Measured value.
+    verdict : Verdict
+        Whether the measurement confirms it.
+    stated : Verdict
+        Verdict that the recipe expects.
+    reason : str, optional
+        Why the verdict is what it is.
+    sentence : str, optional
+        The publication's own words; empty where the statement is a reading of ours.
+    lower, upper : float, optional
+        95 % interval of the value, which includes what the grid of a map leaves open.
+
+    Examples
+    --------
+    >>> statement = Statement(
+    ...     "damping rises with the force level", "Fig. 8", "ratio of damping", low=1.0, high=10.0, value=1.5,
+    ...     verdict="matched", stated="matched",
+    ... )
+    >>> statement.met, statement.quoted
+    (True, False)
     """
 
     text: str
@@ -162,10 +289,46 @@ class Statement(Container):
 class StudyResult(Container):
     """A finished study: the campaign, the result of each run, repairs, findings and provenance.
 
-    ``conditions`` gathers the runs by what they repeat; ``differences`` holds each of them against the first one.
-    ``maps`` follow a mode over force level and normal force; ``statements`` are those of a publication. ``decays`` are
-    ring-downs, ``loops`` hysteresis loops; ``placement`` says where a friction beam goes, ``forecast_check`` how its
-    forecast was met. ``amplitude_modes`` are modes over their amplitude, from runs of stepped levels.
+    Parameters
+    ----------
+    campaign : Campaign
+        What was measured.
+    runs : tuple of RunResult
+        Result of each run.
+    repairs : tuple of Repair, optional
+        Corrections that were applied.
+    findings : tuple of Finding, optional
+        What a reader of the study has to know.
+    expectations : tuple of Expectation, optional
+        Numbers that the recipe expects.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the study.
+    title : str, optional
+        Title of the study.
+    conditions : tuple of RepeatGroup, optional
+        Runs grouped by the condition that they repeat.
+    differences : tuple of ConditionDifference, optional
+        Each condition compared with the first one.
+    maps : tuple of MapResult, optional
+        Modes over force level and normal force.
+    statements : tuple of Statement, optional
+        Statements of a publication, and whether they are confirmed.
+    decays : tuple of Decay, optional
+        Ring-downs.
+    loops : tuple of Loop, optional
+        Hysteresis loops.
+    placement : Placement, optional
+        Where a friction beam goes.
+    forecast_check : ForecastCheck, optional
+        How the forecast of the placement compares with the measurement.
+    amplitude_modes : tuple of AmplitudeDependentMode, optional
+        Modes over their amplitude, from runs of stepped levels.
+
+    Examples
+    --------
+    >>> from ema.examples import campaign
+    >>> StudyResult(campaign(), runs=(), title="bare and beam")
+    StudyResult('bare and beam', 0 runs, 0 findings)
     """
 
     campaign: Campaign

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex
 
-from ema.data._arrays import freeze
+from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
 from ema.data.condition import Condition
 from ema.data.findings import Finding
@@ -19,18 +19,46 @@ SingleModeMethod = Literal["peak picking", "circle fit", "local fit"]
 
 @dataclass(frozen=True, repr=False)
 class SingleMode(Container):
-    """A mode as one peak shows it; NaN stands for what the method could not tell.
+    """One mode as the neighbourhood of its peak shows it; NaN stands for what the method cannot determine.
 
     Parameters
     ----------
-    natural_frequency, damping_ratio : Hz and fraction of critical damping, free of the decay that a window added.
-    residues : of the receptance, shape (out, in); NaN where the method gives none.
-    outputs, inputs : the DOFs of ``residues``.
-    band : first and last line used in Hz; ``lines`` how many there are.
-    natural_frequency_std, damping_ratio_std : one standard deviation; of a circle fit the scatter over pairs of lines.
-    residual : what the method leaves unexplained over ``lines``, norm over norm of the data (of a circle fit: rms
-        distance from the circle over its radius).
-    quadrature_damping : damping ratio from the height of the peak and a modal constant known from elsewhere.
+    method : {"peak picking", "circle fit", "local fit"}
+        How it was read.
+    natural_frequency : float
+        Natural frequency [Hz].
+    damping_ratio : float
+        Damping ratio [-], free of the decay that a window added.
+    residues : complex array of shape (out, in)
+        Residues of the receptance; NaN where the method gives none.
+    outputs, inputs : tuple of Dof
+        DOFs of ``residues``.
+    band : tuple of (float, float)
+        First and last line used [Hz].
+    lines : int
+        Number of lines used.
+    natural_frequency_std, damping_ratio_std : float, optional
+        One standard deviation; of a circle fit the scatter over pairs of lines.
+    residual : float, optional
+        What the method leaves unexplained over the lines, norm over norm of the data; of a circle fit the rms distance
+        from the circle over its radius.
+    quadrature_damping : float, optional
+        Damping ratio from the height of the peak and a modal constant known from elsewhere.
+    condition : Condition, optional
+        Excitation and normal forces of the measurement.
+    findings : tuple of Finding, optional
+        What a reader of the mode has to know.
+    name : str, optional
+        What the mode is called in messages.
+    provenance : Provenance, optional
+        Inputs, versions and options behind the mode.
+
+    Examples
+    --------
+    >>> dofs = (Dof(1, "+Z"),)
+    >>> mode = SingleMode("peak picking", 40.0, 0.01, [[0.1 - 0.2j]], dofs, dofs, band=(38.0, 42.0), lines=9)
+    >>> round(mode.pole.real, 3)
+    -2.513
     """
 
     method: SingleModeMethod
@@ -52,6 +80,7 @@ class SingleMode(Container):
 
     def __post_init__(self) -> None:
         freeze(self, residues=np.complex128)
+        check_axes(self)
 
     @property
     def pole(self) -> complex:

@@ -33,6 +33,7 @@ def bending(
     """Mass and stiffness of an element a x b (m) for w, dw/dx, dw/dy at its corners."""
     corners = [(a * i, b * j) for i, j in _CORNERS]
     nodal = np.array([_derivative(x, y, *order) for x, y in corners for order in ((0, 0), (1, 0), (0, 1))])
+    # w = p(x, y) c with c = nodal^-1 (w, dw/dx, dw/dy at the corners)
     shape = np.linalg.inv(nodal)
     rigidity = youngs_modulus * height**3 / (12 * (1 - poisson**2))
     law = rigidity * np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
@@ -40,6 +41,7 @@ def bending(
     points, weights = np.polynomial.legendre.leggauss(4)
     for x, wx in zip((points + 1) * a / 2, weights * a / 2, strict=True):
         for y, wy in zip((points + 1) * b / 2, weights * b / 2, strict=True):
+            # (w_xx, w_yy, 2 w_xy): strain energy 1/2 curvature^T D curvature with D of a Kirchhoff plate
             curvature = np.array([_derivative(x, y, 2, 0), _derivative(x, y, 0, 2), 2 * _derivative(x, y, 1, 1)])
             deflection = _derivative(x, y, 0, 0)
             stiffness += wx * wy * curvature.T @ law @ curvature
@@ -80,17 +82,44 @@ def plate_matrices(
     clamped: bool = True,
     part: str = "",
 ) -> Matrices:
-    """A rectangular plate along +X and +Y; node ``i * (ny + 1) + j`` is the i-th in x and the j-th in y.
+    """Return the matrices of a rectangular Kirchhoff plate along +X and +Y.
+
+    Node ``i * (ny + 1) + j`` is the i-th in x and the j-th in y. Bending and membrane motion are uncoupled: the nodes
+    lie in the middle layer.
 
     Parameters
     ----------
-    length, width, height : m.
-    elements : number of elements in x and y.
-    clamped : whether the edge x = 0 is fixed; its DOFs are left out.
+    length, width, height : float
+        Dimensions [m].
+    youngs_modulus : float, default 210000000000.0
+        Young's modulus [Pa].
+    poisson : float, default 0.3
+        Poisson's ratio, above -1 and below 0.5.
+    density : float, default 7850.0
+        Density [kg/m^3].
+    elements : tuple of (int, int), default (10, 2)
+        Number of elements in x and y.
+    clamped : bool, default True
+        Whether the edge x = 0 is fixed; its DOFs are left out.
+    part : str, optional
+        Name of the part that the DOFs carry.
+
+    Returns
+    -------
+    Matrices
+        Mass and stiffness matrix with the DOFs ``+X +Y +Z -RY +RX`` of every node.
 
     Raises
     ------
-    InputError : a dimension or material constant is not physical, there is no element.
+    InputError
+        If a dimension or material constant is not physical, or there is no element.
+
+    Examples
+    --------
+    >>> plate = plate_matrices(0.3, 0.2, 0.004, elements=(3, 2), clamped=False)
+    >>> across = np.array([dof.direction == "+Z" for dof in plate.dofs], dtype=float)
+    >>> round(float(across @ plate.mass @ across), 6)  # 0.3 x 0.2 x 0.004 m of steel
+    1.884
     """
     for name, value in (
         ("length", length),

@@ -1,4 +1,4 @@
-"""Recording -> FrfSet."""
+"""From recordings to frequency response functions."""
 
 from ema.lazy import attach
 

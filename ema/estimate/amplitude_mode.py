@@ -3,7 +3,7 @@
 About one resonance the force over the displacement is F / x = m (w_r^2 - w^2) + j 2 zeta m w_r w, plus what the other
 modes add, which is smooth: both parts are fitted by second-order polynomials in w^2 over the lines of a level. The real
 part crosses zero at w_r, its slope there is the modal mass, the imaginary part the power: zeta = P / (w^3 q^2) with
-P = w |F| |x| sin(phase) / 2 (Scheel et al. 2018, MSSP 113:1). At constant response amplitude these polynomials hold for
+P = w |F| |x| sin(phase) / 2 (Scheel et al. 2018, JSV 435:56). At constant response amplitude these polynomials hold for
 all lines (Arslan, Aykan and Ozguven 2011); at constant force only for those about the resonance.
 """
 
@@ -52,26 +52,36 @@ def amplitude_dependent_mode(
     name: str = "",
     condition: Condition | None = None,
 ) -> AmplitudeDependentMode:
-    """Read a mode over its amplitude from stepped levels, each of which holds one resonance.
+    """Estimate a mode over its amplitude from stepped levels, each of which holds one resonance.
 
     Parameters
     ----------
-    levels : stepped sines about the same resonance, of one quantity, in any order.
-    modal_mass : kg, for a shape of 1 at the response, where it is known from elsewhere (levels at constant response, a
-        low-level test); by default the median over the levels, which is uncertain where the force was controlled.
+    levels : sequence of SteppedLevel
+        Stepped sines about the same resonance, of one quantity, in any order.
+    modal_mass : float, optional
+        Modal mass [kg] for a shape of 1 at the response, where it is known from elsewhere (levels at constant response,
+        a low-level test); by default the median over the levels, which is uncertain where the force was controlled.
+    name : str, optional
+        What the mode is called.
+    condition : Condition, optional
+        Excitation and normal forces of the measurement.
 
     Returns
     -------
     AmplitudeDependentMode
         One point for each level. The intervals contain the scatter of the lines about the polynomials and, for the
         damping, the uncertainty of the modal mass: its scatter between the levels, or from the lines where that is
-        larger. A level without a resonance, or with several, is left out
-        with a finding.
+        larger. A level without a resonance, or with several, is left out with a finding.
 
     Raises
     ------
     InputError
-        No levels, unlike quantities, or no level that holds a resonance.
+        If there are no levels, their quantities differ, or none holds a resonance.
+
+    References
+    ----------
+    .. [1] Damping by power: Scheel, Peter, Leine and Krack (2018), Journal of Sound and Vibration 435:56.
+    .. [2] Control of the response: Arslan, Aykan and Ozguven (2011).
 
     Examples
     --------
@@ -215,6 +225,7 @@ def _resonance(level: SteppedLevel) -> _Resonance | Finding:
             float(_FEWEST),
             f"Step {_FEWEST} frequencies or more about the resonance.",
         )
+    # F / x = m (w_r^2 - w^2) + j 2 zeta m w_r w + what the other modes add; its real part falls with w^2 by m
     stiffness = level.force / level.displacement
     squared = (2 * np.pi * level.frequencies) ** 2
     turned = bool(np.polyfit(squared, stiffness.real, 1)[0] > 0)
@@ -256,6 +267,7 @@ def _resonance(level: SteppedLevel) -> _Resonance | Finding:
         )
     along = np.array([0.0, 1.0, 2.0 * root])
     root_std = float(np.sqrt(row @ real_covariance @ row)) / -slope
+    # d w = (d w^2) / (2 w) at the root; mass and loss are the slope and the imaginary part there
     return _Resonance(
         frequency=frequency,
         frequency_std=root_std * scale / (2 * angular) / (2 * np.pi),

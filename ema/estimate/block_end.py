@@ -21,7 +21,7 @@ PARTS = 20
 
 @dataclass(frozen=True)
 class RingDown:
-    """``left_over``: rms at the end of the block over rms behind the blow; ``structural`` decay rate in 1/s that is
+    """``left_over``: rms at the end of the block over rms behind the impact; ``structural`` decay rate in 1/s that is
     seen in it (a lower bound where the response has vanished in noise)."""
 
     left_over: float

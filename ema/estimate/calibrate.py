@@ -8,15 +8,30 @@ from ema.data import Finding, FrfSet
 from ema.errors import InputError
 
 SCATTER = 0.03
-"""Relative scatter over the band above which the body is not rigid or the blow not central."""
+"""Relative scatter over the band above which the body is not rigid or the impact not central."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """``factor`` multiplies FRFs (or the sensitivity ratio of response over force) to make them right.
+    """What makes FRFs right: a factor from a measurement on a known mass.
 
-    ``std`` is its relative standard deviation over the lines, ``phase`` the mean phase in rad (0, or pi for a reversed
-    sensor), ``band`` the lines used in Hz.
+    Parameters
+    ----------
+    factor : float
+        Multiplies FRFs, or the sensitivity ratio of response over force.
+    std : float
+        Relative standard deviation over the lines.
+    phase : float
+        Mean phase [rad]: 0, or pi for a reversed sensor.
+    band : tuple of (float, float)
+        Lines used [Hz].
+    findings : tuple of Finding, optional
+        What a reader of the factor has to know.
+
+    Examples
+    --------
+    >>> Calibration(factor=1.02, std=0.004, phase=0.0, band=(50.0, 400.0)).factor
+    1.02
     """
 
     factor: float
@@ -27,17 +42,40 @@ class Calibration:
 
 
 def known_mass(frfs: FrfSet, mass: float, band: tuple[float, float], output: int = 0, input_: int = 0) -> Calibration:
-    """Compare the accelerance of a freely hung rigid body with 1 / mass (ISO 7626-1, operational calibration).
+    """Compare the accelerance of a freely suspended rigid body with 1 / mass (operational calibration).
 
     Parameters
     ----------
-    frfs : accelerance; struck and measured on one line through the centre of mass.
-    mass : kg, sensor included.
-    band : Hz; well above the suspension and below the first resonance of the body.
+    frfs : FrfSet
+        Accelerance, excited and measured on one line through the centre of mass.
+    mass : float
+        Mass [kg], sensor included.
+    band : tuple of (float, float)
+        Ends of the band [Hz]: well above the suspension and below the first resonance of the body.
+    output, input_ : int, default 0
+        Position of the FRF in the set, from 0.
+
+    Returns
+    -------
+    Calibration
+        Factor from the median over the lines, its scatter and its phase.
 
     Raises
     ------
-    InputError : the FRFs are no accelerance, or the mass is not positive.
+    InputError
+        If the FRFs are no accelerance, the mass is not positive, or the band holds no line.
+
+    References
+    ----------
+    .. [1] ISO 7626-1, operational calibration.
+
+    Examples
+    --------
+    >>> from ema.data import FrfSet
+    >>> f = np.arange(10.0, 100.0)
+    >>> body = FrfSet.from_arrays(f, np.full(90, 0.51), outputs=["1:+Z"], inputs=["1:+Z"], quantity="accelerance")
+    >>> round(known_mass(body, mass=2.0, band=(20.0, 80.0)).factor, 4)  # reads 2 % too high
+    0.9804
     """
     if frfs.quantity != "accelerance":
         raise InputError("known-mass calibration needs accelerance", where=frfs.name, got=frfs.quantity)

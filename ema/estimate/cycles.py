@@ -7,25 +7,44 @@ from ema.data import Channel, Loop, Recording
 from ema.errors import InputError
 
 _FEWEST = 2
+"""Whole cycles below which there is no loop: a period is the distance of two of them."""
 
 
 def measured_loop(record: Recording, displacement: str = "", force: str = "") -> Loop:
-    """Force over relative displacement of a joint in periodic motion, and the energy it dissipates in a cycle.
+    """Compute the hysteresis loop of a joint in periodic motion, and the energy that it dissipates per cycle.
 
     The loop holds the whole cycles of the record, both signals about their mean; their enclosed area over their number
     is the energy per cycle. The normal force is the mean of the record's normal-force channel, where there is one.
 
     Parameters
     ----------
-    displacement, force : names of the channels; by default the first displacement, and the first force that is neither
-        the excitation nor a normal force.
+    record : Recording
+        Relative displacement and tangential force of the joint.
+    displacement, force : str, optional
+        Names of the channels; by default the first displacement, and the first force that is neither the excitation nor
+        a normal force.
+
+    Returns
+    -------
+    Loop
+        The loop.
 
     Raises
     ------
-    InputError : no such channel, a channel without unit, NaN in it, or less than two cycles of a motion.
+    InputError
+        If there is no such channel, a channel has no unit or holds NaN, or there are less than two cycles of a motion.
+
+    Examples
+    --------
+    >>> from ema.data import Channel
+    >>> angle = 2 * np.pi * 10.0 * np.arange(1024) / 1024.0
+    >>> channels = (Channel("x", quantity="displacement", unit="m"), Channel("f", quantity="force", unit="N"))
+    >>> record = Recording(np.array([1e-6 * np.cos(angle), 5.0 * np.cos(angle + np.pi / 6)]), 1024.0, channels)
+    >>> round(1e6 * measured_loop(record).area, 2)  # pi * 1e-6 m * 5 N * sin(30 deg)
+    7.85
     """
     where = record.name or "record"
-    x, f = (_channel(record, *told) for told in ((displacement, "displacement"), (force, "force")))
+    x, f = (_channel(record, *choice) for choice in ((displacement, "displacement"), (force, "force")))
     period = _period(x, where)
     cycles = int((len(x) - 1) / period)
     if cycles < _FEWEST:
@@ -37,6 +56,7 @@ def measured_loop(record: Recording, displacement: str = "", force: str = "") ->
         )
     whole = slice(0, round(cycles * period))
     x, f = x[whole] - x[whole].mean(), f[whole] - f[whole].mean()
+    # the closed polygon of all samples, by the shoelace formula
     area = 0.5 * abs(float(np.sum(x * np.roll(f, -1) - np.roll(x, -1) * f))) / cycles
     pressed = [row for row, one in enumerate(record.channels) if one.role == "normal force"]
     normal = float(np.mean(record.signals[pressed[0]])) if len(pressed) == 1 else float("nan")

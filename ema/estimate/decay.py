@@ -16,13 +16,28 @@ from ema.dof import Dof, match
 from ema.errors import InputError
 
 _ORDER = 4
-_LONGEST, _SHORTEST = 8.0, 1.0
+"""Order of the band-pass, a Butterworth gain 1 / (1 + x^8) of x = (f^2 - f1 f2) / (f (f2 - f1)), without phase."""
+_LONGEST = 8.0
+"""Cycles of the longest half stretch over which slopes are read."""
+_SHORTEST = 1.0
+"""Cycles of the shortest half stretch."""
 _FALL = 0.25
-_STEP, _EXPLAINED = 1.03, 0.7
+"""Change of the logarithm of the amplitude over half a stretch that its length aims at."""
+_STEP = 1.03
+"""Frequency after a knee over that before it, below which there is no knee: sticking stiffens."""
+_EXPLAINED = 0.7
+"""Share of the scatter of the frequency that two levels have to explain for a knee."""
 _KNEE_CYCLES = 1.0
+"""Cycles over which the frequency is read when a knee is searched."""
 _SCATTER = 0.25
+"""Standard deviation of the logarithm of the envelope about a line above which the end of a record is noise alone.
+
+The envelope of Gaussian noise has 0.64 (Rayleigh distribution, pi / sqrt(24)), that of a decay next to none.
+"""
 _ENDS = 2.0
+"""Filter lengths (one over the width of the band) that are left out at either end."""
 _FEWEST = 2.0
+"""Cycles below which a phase of a ring-down is left out."""
 _MOST_IMPOSSIBLE = 0.5
 """Share of a ring-down in which the amplitude grows or the frequency leaves the band, above which it is no ring-down of
 one mode: more of it contradicts than agrees. In 120 records of one mode with noise of 0.1 to 5 % it is at most 0.17, so
@@ -33,11 +48,30 @@ _FEW_IMPOSSIBLE = 0.01
 
 @dataclass(frozen=True)
 class Phase:
-    """One stretch of a ring-down: ``kind`` is ``sliding``, ``sticking``, or ``one mode`` where there is no knee.
+    """One stretch of a ring-down.
 
-    ``start``, ``stop`` s; medians of the frequency in Hz and of the damping ratio; ``cycles`` in it; ``slope`` of the
-    amplitude per second from a straight line; ``misfit_ratio`` is the misfit of an exponential envelope over that of
-    the straight line: above one where friction, below one where viscous damping makes the decay.
+    Parameters
+    ----------
+    kind : str
+        ``sliding``, ``sticking``, or ``one mode`` where there is no knee.
+    start, stop : float
+        Times of its ends [s].
+    frequency : float
+        Median frequency [Hz].
+    damping : float
+        Median damping ratio [-].
+    cycles : float
+        Number of cycles in it.
+    slope : float
+        Slope of the amplitude from a straight line [unit of the amplitude per s].
+    misfit_ratio : float
+        Misfit of an exponential envelope over that of the straight line: above 1 where friction, below 1 where viscous
+        damping makes the decay.
+
+    Examples
+    --------
+    >>> Phase("sticking", 0.5, 1.5, 40.0, 0.01, cycles=40.0, slope=-0.1, misfit_ratio=0.2).kind
+    'sticking'
     """
 
     kind: str
@@ -59,26 +93,48 @@ def ring_down(
     floor: float | None = None,
     cycles: float | None = None,
 ) -> Decay:
-    """Frequency and damping of a freely decaying mode over its amplitude.
+    """Compute frequency and damping of a freely decaying mode over its amplitude, by the analytic signal.
 
     Parameters
     ----------
-    signal : a record (amplitudes come in the unit of its channel) or a response in time (displacement in m).
-    band : Hz; holds the mode in all its phases and no other mode.
-    channel : name of the channel, or the DOF; the first response by default.
-    start, stop : s; by default two filter lengths behind the largest amplitude, and two before the end.
-    floor : the decay ends where the amplitude has fallen to this part of its first value; by default where it reaches
-        four times the noise at the end of the record, if there is nothing but noise.
-    cycles : half length of the stretch over which the slopes are read; by default as many cycles as the amplitude
-        needs to change by a quarter, between 1 and 8.
+    signal : Recording or Response
+        A record (amplitudes come in the unit of its channel) or a response in time (displacement in m).
+    band : tuple of (float, float)
+        Ends of the band [Hz]; it holds the mode in all its phases and no other mode.
+    channel : str or Dof, optional
+        Name of the channel, or the DOF; the first response by default.
+    start, stop : float, optional
+        Times [s]; by default two filter lengths after the largest amplitude, and two before the end.
+    floor : float, optional
+        The decay ends where the amplitude has fallen to this part of its first value; by default where it reaches four
+        times the noise at the end of the record, if there is nothing but noise.
+    cycles : float, optional
+        Half length of the stretch over which the slopes are read; by default as many cycles as the amplitude needs to
+        change by a quarter, between 1 and 8.
+
+    Returns
+    -------
+    Decay
+        Frequency and damping over the amplitude; a part that grows or vibrates outside the band is a finding
+        ``not-one-mode``, a warning where noise does not explain it.
 
     Raises
     ------
-    InputError : no such channel, a band outside the sampling, a signal that does not decay in it, or one that for more
-        than half of the time grows or vibrates outside the band. A smaller part is a finding ``not-one-mode``, a
-        warning where noise does not explain it.
+    InputError
+        If there is no such channel, the band is outside the sampling, the signal does not decay in it, or it grows or
+        vibrates outside the band for more than half of the time.
 
-    Source: Feldman, Non-linear free vibration identification via the Hilbert transform, JSV 208 (1997) 475-489.
+    References
+    ----------
+    .. [1] Feldman (1997), Non-linear free vibration identification via the Hilbert transform, Journal of Sound and
+       Vibration 208:475.
+
+    Examples
+    --------
+    >>> from ema.examples import recording
+    >>> decay = ring_down(recording(), band=(25.0, 55.0))
+    >>> round(float(np.median(decay.damping_ratios)), 3)
+    0.01
     """
     values, rate, what = _samples(signal, channel)
     _check(values, rate, band, what)
@@ -152,25 +208,41 @@ def _judged(
 
 
 def phases(decay: Decay) -> tuple[Phase, ...]:
-    """The sliding and the sticking phase of a ring-down, or the whole of it where it has no knee.
+    """Return the sliding and the sticking phase of a ring-down, or the whole of it where it has no knee.
 
     A period on either side of the knee belongs to neither: it is as long as the filter. A phase of less than two cycles
     is left out; five are needed for a damping ratio to rely on.
+
+    Parameters
+    ----------
+    decay : Decay
+        Ring-down of a mode.
+
+    Returns
+    -------
+    tuple of Phase
+        The phases in order of time.
+
+    Examples
+    --------
+    >>> from ema.examples import decay
+    >>> [(phase.kind, round(phase.damping, 3)) for phase in phases(decay())]
+    [('one mode', 0.015)]
     """
     if not np.isfinite(decay.knee):
         return (_phase(decay, "one mode", float(decay.times[0]), float(decay.times[-1])),)
-    place = int(np.searchsorted(decay.times, decay.knee))
-    before, after = (1 / float(decay.frequencies[np.clip(place + step, 0, len(decay.times) - 1)]) for step in (-1, 1))
+    knee = int(np.searchsorted(decay.times, decay.knee))
+    before, after = (1 / float(decay.frequencies[np.clip(knee + step, 0, len(decay.times) - 1)]) for step in (-1, 1))
     spans = (
         ("sliding", decay.times[0], decay.knee - before),
         ("sticking", decay.knee + after, decay.times[-1]),
     )
-    found = [
+    parts = [
         _phase(decay, kind, float(a), float(b))
         for kind, a, b in spans
         if np.count_nonzero((decay.times >= a) & (decay.times <= b)) > _FEWEST_SAMPLES
     ]
-    return tuple(phase for phase in found if phase.cycles >= _FEWEST)
+    return tuple(phase for phase in parts if phase.cycles >= _FEWEST)
 
 
 _FEWEST_SAMPLES = 2
@@ -218,15 +290,15 @@ def _samples(signal: Recording | Response, channel: str | Dof | None) -> tuple[n
             raise InputError("the response has no length", where=signal.name, got=f"{len(signal.times)} samples")
         rate = 1 / float(signal.times[1] - signal.times[0])
         wanted = signal.dofs[0] if channel is None else Dof.parse(channel)
-        found = match([wanted], signal.dofs)
-        if not found:
+        matches = match([wanted], signal.dofs)
+        if not matches:
             raise InputError(
                 "the response has no such DOF",
                 where=signal.name,
                 got=str(wanted),
                 expected="one of " + ", ".join(map(str, signal.dofs)),
             )
-        return found[0][2] * np.asarray(signal.displacements[found[0][1]]), rate, f"{signal.name} {wanted}".strip()
+        return matches[0][2] * np.asarray(signal.displacements[matches[0][1]]), rate, f"{signal.name} {wanted}".strip()
     for row, one in enumerate(signal.channels):
         chosen = one.role == "response" if channel is None else channel in (one.name, one.dof, str(one.dof))
         if chosen:
@@ -314,8 +386,8 @@ def _noise(amplitude: np.ndarray, ends: int) -> float:
     tail = np.log(np.maximum(amplitude[-ends - count : -ends], 1e-300))
     if len(tail) < count:
         return 0.0
-    place = np.arange(count)
-    scatter = float(np.std(tail - np.polyval(np.polyfit(place, tail, 1), place)))
+    sample = np.arange(count)
+    scatter = float(np.std(tail - np.polyval(np.polyfit(sample, tail, 1), sample)))
     early, late = (float(np.sqrt(np.mean(np.exp(2 * half)))) for half in np.array_split(tail, 2))
     return 4 * float(np.hypot(early, late) / np.sqrt(2)) if scatter > _SCATTER and early < 2 * late else 0.0
 
@@ -332,6 +404,7 @@ def _knee(phase: np.ndarray, rate: float, band: tuple[float, float]) -> int:
     count = np.arange(1, len(rates))
     sums = np.cumsum(rates)[:-1]
     left, right = sums / count, (rates.sum() - sums) / (len(rates) - count)
+    # variance between two levels split at every sample, n1 n2 / n^2 (m2 - m1)^2 (Otsu 1979, there for grey levels)
     explained = count * (len(rates) - count) / len(rates) ** 2 * (right - left) ** 2
     best = int(np.argmax(explained))
     spread = float(np.var(rates))
@@ -368,6 +441,7 @@ def _read(
     reach = np.maximum(np.round(half).astype(int), 1)
     independent = (band[1] - band[0]) / rate
     (turn, turn_reach), (fall, fall_reach) = (_lines(values, reach, independent) for values in (phase, log))
+    # a exp(-d t) cos(w t): the phase turns with w, the logarithm of the envelope falls with d
     omega, decay = turn * rate, -fall * rate
     size = np.hypot(decay, omega)
     # zeta = d / sqrt(d^2 + w^2):  d zeta = w (w dd - d dw) / (d^2 + w^2)^(3/2)

@@ -26,15 +26,30 @@ WRONG_PHASE = 0.1
 
 
 def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | None = None) -> tuple[Finding, ...]:
-    """Everything a reader has to know about FRFs before believing what is fitted to them.
+    """Check FRFs for everything that a reader has to know before trusting what is fitted to them.
 
     Dead or undefined FRFs, coherence over the band and at the resonances, noise, sign and phase of drive points,
     reciprocity, averages, and the band that the force reaches.
 
     Parameters
     ----------
-    modes : where the resonances are; by default the strongest peaks of the sum of the FRFs.
-    hits : the blows, for the usable band.
+    frfs : FrfSet
+        FRFs.
+    modes : ModalModel, optional
+        Where the resonances are; by default the strongest peaks of the sum of the FRFs.
+    hits : HitGallery, optional
+        The impacts, for the usable band.
+
+    Returns
+    -------
+    tuple of Finding
+        What was noticed; empty where nothing is wrong.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> quality(frf_set())
+    ()
     """
     dead, findings = _dead(frfs)
     alive = frfs if not dead.any() else _without(frfs, dead)
@@ -51,11 +66,28 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
 
 
 def without_dead(frfs: FrfSet) -> FrfSet:
-    """The FRFs without the outputs and inputs that are dead or not measured, so that a model can be fitted.
+    """Remove the outputs and inputs that are dead or not measured, so that a model can be fitted.
+
+    Parameters
+    ----------
+    frfs : FrfSet
+        FRFs.
+
+    Returns
+    -------
+    FrfSet
+        The set without them; the same one where there are none.
 
     Raises
     ------
-    InputError : none is left.
+    InputError
+        If none is left.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> len(without_dead(frf_set()).outputs)
+    4
     """
     dead, findings = _dead(frfs)
     if not dead.any():
@@ -252,12 +284,12 @@ def _reciprocity(frfs: FrfSet) -> list[Finding]:
     findings = []
     for place, (row, column, sign) in enumerate(pairs):
         for other_row, other_column, other_sign in pairs[:place]:
-            one = sign * other_sign * frfs.values[1:, row, other_column]
-            other = frfs.values[1:, other_row, column]
-            size = np.sqrt(np.sum(np.abs(one) ** 2) * np.sum(np.abs(other) ** 2))
-            difference = float(np.sqrt(np.sum(np.abs(one - other) ** 2) / size)) if size > 0 else 0.0
+            forward = sign * other_sign * frfs.values[1:, row, other_column]
+            backward = frfs.values[1:, other_row, column]
+            size = np.sqrt(np.sum(np.abs(forward) ** 2) * np.sum(np.abs(backward) ** 2))
+            difference = float(np.sqrt(np.sum(np.abs(forward - backward) ** 2) / size)) if size > 0 else 0.0
             if difference > RECIPROCITY:
-                reversed_ = np.sum(one * other.conj()).real < 0
+                reversed_ = np.sum(forward * backward.conj()).real < 0
                 findings.append(
                     Finding(
                         "warning",
@@ -276,7 +308,7 @@ def _reciprocity(frfs: FrfSet) -> list[Finding]:
 
 
 def _beyond_force(frfs: FrfSet, hits: HitGallery, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
-    """Resonances that the blows hardly excite."""
+    """Resonances that the impacts hardly excite."""
     beyond = peaks[peaks > hits.usable_band[1]]
     if len(beyond) == 0:
         return []
@@ -301,5 +333,5 @@ def _list(labels: Sequence[str]) -> str:
     return ", ".join(labels[:4]) + (f" and {len(labels) - 4} more" if len(labels) > 4 else "")
 
 
-def _count(labels: Sequence[str], noun: str) -> str:
-    return f"one {noun}" if len(labels) == 1 else f"each of {len(labels)} {noun}s"
+def _count(labels: Sequence[str], what: str) -> str:
+    return f"one {what}" if len(labels) == 1 else f"each of {len(labels)} {what}s"

@@ -80,7 +80,45 @@ def hammer(
     keep: Sequence[str] = (),
     reject: Sequence[str] = (),
 ) -> FrfSet:
-    """FRFs of a hammer test; parameters and errors as in :func:`hammer_test`."""
+    """Estimate the FRFs of a hammer test.
+
+    Parameters
+    ----------
+    run : Run
+        A hammer test.
+    estimator : {"H1", "H2", "Hv"}, default "H1"
+        ``H1``, ``H2`` or ``Hv``.
+    block : int, optional
+        Samples per block.
+    trigger : float, optional
+        Force [N] that counts as an impact.
+    level : tuple of (float, float), optional
+        Peak forces [N] to use.
+    decay : float, optional
+        Decay rate [1/s] of an exponential window.
+    window_force : bool, default True
+        Replace the force outside its contacts by zero.
+    progress : Progress, optional
+        Called as the records are read.
+    keep, reject : sequence of str, optional
+        Impacts to use and not to use; these and the defaults of the others are those of :func:`hammer_test`.
+
+    Returns
+    -------
+    FrfSet
+        The FRFs, without the impacts.
+
+    Raises
+    ------
+    InputError
+        As :func:`hammer_test`.
+
+    Examples
+    --------
+    >>> from ema.examples import campaign
+    >>> hammer(campaign()["bare"]).quantity
+    'accelerance'
+    """
     return hammer_test(run, estimator, block, trigger, level, decay, window_force, progress, keep=keep, reject=reject)[
         0
     ]
@@ -99,32 +137,55 @@ def hammer_test(
     keep: Sequence[str] = (),
     reject: Sequence[str] = (),
 ) -> tuple[FrfSet, HitGallery]:
-    """FRFs of a hammer test, with all its impacts.
+    """Estimate the FRFs of a hammer test, with all its impacts.
 
     An impact is left out by the error that it causes in the processed FRF (see :mod:`ema.estimate.impact_choice`); a
     point whose impacts all have faults gets the best estimate they allow, with a finding ``best-effort``.
 
     Parameters
     ----------
-    run : every recording has one reference channel (the hammer), whose DOF says where it struck, one or more responses,
-        and one impact or many. Impacts on the same DOF are averaged, over recordings too.
-    estimator : ``H1`` (noise on the responses), ``H2`` (noise on the force) or ``Hv``.
-    block : samples per block; by default from impact to impact, or to the end of the record.
-    trigger : force in N above its offset that counts as an impact; by default found from the noise and the strongest
-        impact.
-    level : peak forces in N to use, ``(lowest, highest)``; by default all.
-    decay : decay rate in 1/s of an exponential window; by default none unless the response still rings at the end of
-        the block. It is applied to force and response, and passed on in ``FrfSet.added_decay``.
-    window_force : replace the force outside its contacts by zero.
-    keep : impacts to use whatever is wrong with them, by ``"all"``, by fault (``"double-hit"``, ``"overload"``,
+    run : Run
+        Every record has one reference channel (the hammer), whose DOF says where it struck, one or more responses, and
+        one impact or many. Impacts on the same DOF are averaged, over records too.
+    estimator : {"H1", "H2", "Hv"}, default "H1"
+        ``H1`` (noise on the responses), ``H2`` (noise on the force) or ``Hv``.
+    block : int, optional
+        Samples per block; by default from impact to impact, or to the end of the record.
+    trigger : float, optional
+        Force [N] above its offset that counts as an impact; by default from the noise and the strongest impact.
+    level : tuple of (float, float), optional
+        Peak forces [N] to use, ``(lowest, highest)``; by default all.
+    decay : float, optional
+        Decay rate [1/s] of an exponential window; by default none unless the response still rings at the end of the
+        block. It is applied to force and response, and passed on in ``FrfSet.added_decay``.
+    window_force : bool, default True
+        Replace the force outside its contacts by zero.
+    progress : Progress, optional
+        Called as the records are read.
+    keep : sequence of str, optional
+        Impacts to use whatever is wrong with them, by ``"all"``, by fault (``"double-hit"``, ``"overload"``,
         ``"pre-trigger"``, ``"next-impact"``, ``"early-impact"``), by record or point (``"12:+Z"``), or by their number
         from 0 in one of these (``"12:+Z#3"``). What ``reject``, ``level`` and the campaign leave out stays out.
-    reject : impacts not to use, named in the same way.
+    reject : sequence of str, optional
+        Impacts not to use, named in the same way.
+
+    Returns
+    -------
+    tuple of (FrfSet, HitGallery)
+        The FRFs, and every impact with what became of it.
 
     Raises
     ------
-    InputError : a record cannot be used (no force, no response, not a number, too short), the force never triggers, or
-        every impact is excluded by the settings or the campaign.
+    InputError
+        If a record cannot be used (no force, no response, not a number, too short), the force never triggers, or every
+        impact is excluded by the settings or the campaign.
+
+    Examples
+    --------
+    >>> from ema.examples import campaign
+    >>> frfs, gallery = hammer_test(campaign()["bare"])
+    >>> len(gallery.accepted), frfs.unit
+    (1, '(m/s^2)/N')
     """
     options = Options(estimator, block, trigger, level, decay, window_force, tuple(keep), tuple(reject))
     where = channels.describe(run)
@@ -464,9 +525,9 @@ def usable_band(frequencies: Float[np.ndarray, "freq"], spectrum: Float[np.ndarr
     """Frequencies in Hz at which the force spectrum has fallen by 10 and by 20 dB below its low-frequency level."""
     smooth = single_input.pooled(spectrum[None, :])[0]
     level = smooth[: max(len(smooth) // 2, 1)].max()
-    found = []
+    edges = []
     for fall in (0.1, 0.01):
         below = np.flatnonzero(smooth < fall * level)
         below = below[below > np.argmax(smooth)]
-        found.append(float(frequencies[below[0]]) if len(below) else float(frequencies[-1]))
-    return found[0], found[1]
+        edges.append(float(frequencies[below[0]]) if len(below) else float(frequencies[-1]))
+    return edges[0], edges[1]

@@ -23,21 +23,21 @@ def with_room(
 ) -> list[Judged]:
     """The impacts judged by the block: too little room, response left of an earlier one, level, contacts behind it."""
     verdicts: list[Judged] = []
-    for number, one in enumerate(judged):
-        earlier = judged[number - 1] if number and judged[number - 1].place == one.place else None
-        inside = tuple(c for c in one.contacts if c.first < one.start - min(one.before, before) + length)
-        one = with_contacts(one, inside, rate)  # what follows the block has no effect in it
-        if room_of(one, before) < length:
-            one = one.because(
-                "next-impact", f"the next impact or the end of the record comes after {one.after} samples"
+    for number, impact in enumerate(judged):
+        earlier = judged[number - 1] if number and judged[number - 1].place == impact.place else None
+        inside = tuple(c for c in impact.contacts if c.first < impact.start - min(impact.before, before) + length)
+        impact = with_contacts(impact, inside, rate)  # what follows the block has no effect in it
+        if room_of(impact, before) < length:
+            impact = impact.because(
+                "next-impact", f"the next impact or the end of the record comes after {impact.after} samples"
             )
-        if earlier is not None and one.start - earlier.start < 0.5 * length:
-            gap = one.start - earlier.start
-            one = one.because("early-impact", f"it follows the impact before within {gap} of {length} samples")
-        if level is not None and not level[0] <= abs(one.pulse.peak) <= level[1]:
-            text = f"its peak of {abs(one.pulse.peak):.4g} is not in {level[0]:g} ... {level[1]:g}"
-            one = one.because("level", text)
-        verdicts.append(one)
+        if earlier is not None and impact.start - earlier.start < 0.5 * length:
+            gap = impact.start - earlier.start
+            impact = impact.because("early-impact", f"it follows the impact before within {gap} of {length} samples")
+        if level is not None and not level[0] <= abs(impact.pulse.peak) <= level[1]:
+            text = f"its peak of {abs(impact.pulse.peak):.4g} is not in {level[0]:g} ... {level[1]:g}"
+            impact = impact.because("level", text)
+        verdicts.append(impact)
     return verdicts
 
 

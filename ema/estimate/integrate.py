@@ -20,22 +20,41 @@ def integrated(
     high_pass: float = 1.0,
     rest: int | None = None,
 ) -> Float[np.ndarray, "*channel sample"]:
-    """Integrate a signal ``times`` times by division by ``(j w)**times`` above a high-pass without phase.
+    """Integrate a signal by division by (j w)^times above a high-pass without phase.
 
-    The high-pass ``(f/fc)^4 / (1 + (f/fc)^4)`` keeps offset and drift out; the signal is padded by its own
-    length so that nothing wraps round. Errors grow with fc: stay below a fifteenth of the lowest frequency of interest,
-    and have 0.3 s of rest before the event.
+    The high-pass (f/fc)^4 / (1 + (f/fc)^4) keeps offset and drift out; the signal is padded by its own length so that
+    nothing wraps round. Errors grow with fc: stay below a fifteenth of the lowest frequency of interest, and have 0.3 s
+    of rest before the event.
 
     Parameters
     ----------
-    signal : shape (..., sample).
-    sampling_rate : Hz.
-    high_pass : fc in Hz.
-    rest : samples at rest at the beginning, whose mean is taken off; by default the mean of the whole signal is.
+    signal : array of shape (..., sample)
+        Signals, one per row.
+    sampling_rate : float
+        Sampling rate [Hz].
+    times : int, default 1
+        How often to integrate, 1 or more.
+    high_pass : float, default 1.0
+        Corner frequency fc [Hz].
+    rest : int, optional
+        Samples at rest at the beginning, whose mean is taken off; by default the mean of the whole signal is.
+
+    Returns
+    -------
+    array of shape (..., sample)
+        The integrals.
 
     Raises
     ------
-    InputError : ``high_pass`` is not positive, ``times`` is no positive whole number, or ``rest`` is out of the signal.
+    InputError
+        If ``high_pass`` is not positive, ``times`` is below 1, or ``rest`` is out of the signal.
+
+    Examples
+    --------
+    >>> t = np.arange(4096) / 1024.0
+    >>> velocity = integrated(np.cos(2 * np.pi * 50.0 * t), 1024.0)
+    >>> round(float(velocity[1024:3072].max() * 2 * np.pi * 50.0), 2)
+    1.0
     """
     samples = signal.shape[-1]
     if not high_pass > 0:
@@ -55,11 +74,34 @@ def integrated(
 
 
 def to_quantity(recording: Recording, quantity: Quantity, high_pass: float = 1.0, rest: int | None = None) -> Recording:
-    """The record with all its motion channels as ``quantity`` (velocity or displacement), integrated where necessary.
+    """Convert all motion channels of a record to one quantity, integrated where necessary.
+
+    Parameters
+    ----------
+    recording : Recording
+        The record.
+    quantity : Quantity
+        ``displacement``, ``velocity`` or ``acceleration``.
+    high_pass : float, default 1.0
+        Corner frequency of the high-pass [Hz]; see :func:`integrated`.
+    rest : int, optional
+        Samples at rest at the beginning; see :func:`integrated`.
+
+    Returns
+    -------
+    Recording
+        The record with its motion channels in that quantity; sensitivity and range of integrated channels are dropped.
 
     Raises
     ------
-    InputError : the quantity is no motion, or a channel would have to be differentiated.
+    InputError
+        If the quantity is no motion, or a channel would have to be differentiated.
+
+    Examples
+    --------
+    >>> from ema.examples import recording
+    >>> to_quantity(recording(), "velocity").channels[1].unit
+    'm/s'
     """
     if quantity not in _ORDER:
         raise InputError("not a motion", got=quantity, expected=", ".join(_ORDER))

@@ -199,20 +199,20 @@ def _quiet(
     return part.mean(axis=1, dtype=np.float64), part.std(axis=1, dtype=np.float64)
 
 
-def _judge(one: Judged, record: Recording, layout: Layout) -> Judged:
+def _judge(impact: Judged, record: Recording, layout: Layout) -> Judged:
     """Reasons and remarks that need the signals of one impact."""
-    if one.start == 0:
-        begun = min(abs(float(record.signals[layout.references[0], 0]) - one.offset) / abs(one.pulse.peak), 1.0)
+    if impact.start == 0:
+        begun = min(abs(float(record.signals[layout.references[0], 0]) - impact.offset) / abs(impact.pulse.peak), 1.0)
         # a half sine that is cut off at this height has lost (1 - cos(arcsin(height))) / 2 of its impulse
         lost = 0.5 * (1 - np.sqrt(1 - begun**2))
         if lost > TOLERATED:
             text = f"the record begins in the middle of the impact, at {100 * begun:.0f} % of its peak"
-            one = one.because("pre-trigger", text, float(lost))
-    one = with_contacts(one, one.contacts, record.sampling_rate)
+            impact = impact.because("pre-trigger", text, float(lost))
+    impact = with_contacts(impact, impact.contacts, record.sampling_rate)
     rows = [*layout.references, *layout.responses]
     # A view, not a copy, in the usual order of channels.
     signals = record.signals[: len(rows)] if rows == list(range(len(rows))) else record.signals[rows]
-    part = signals[:, one.start : one.start + one.after]
+    part = signals[:, impact.start : impact.start + impact.after]
     tops, bottoms = part.argmax(axis=1), part.argmin(axis=1)
     every = np.arange(len(rows))
     high, low = part[every, tops], part[every, bottoms]
@@ -222,8 +222,8 @@ def _judge(one: Judged, record: Recording, layout: Layout) -> Judged:
             share = float(np.mean(np.abs(part[number]) >= FULL_SCALE * abs(clipped)))
             text = f"channel {record.channels[row].name} is overloaded at {clipped:.4g}"
             # what is cut off is unknown: of several overloads the one that lasts shortest is the least
-            one = one.because("overload", text, 1.0 + share)
-    rest = np.concatenate([[one.offset], one.rest])
+            impact = impact.because("overload", text, 1.0 + share)
+    rest = np.concatenate([[impact.offset], impact.rest])
     peaks = np.maximum(high - rest, rest - low)
     remarks = []
     for row, peak in zip(rows, peaks):
@@ -231,8 +231,8 @@ def _judge(one: Judged, record: Recording, layout: Layout) -> Judged:
         if channel.range and peak < UNDER_RANGE * channel.range:
             remarks.append(Remark("under-range", channel.name, float(peak / channel.range), UNDER_RANGE))
     names = [record.channels[row].name for row in layout.responses]
-    steadiness, unrest = _steadiness(part[1:], names, one, peaks[1:])
-    return replace(one, remarks=(*remarks, *steadiness), unrest=unrest)
+    steadiness, unrest = _steadiness(part[1:], names, impact, peaks[1:])
+    return replace(impact, remarks=(*remarks, *steadiness), unrest=unrest)
 
 
 def _steadiness(

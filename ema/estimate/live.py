@@ -10,17 +10,31 @@ from ema.estimate.judge import judge_record
 
 
 def check_impact(recording: Recording, trigger: float | None = None) -> tuple[Finding, ...]:
-    """What is wrong with the impacts of a take; an error among it means that the take should be repeated.
+    """Check the impacts of a take; an error among the findings means that the take should be repeated.
 
     Parameters
     ----------
-    recording : one force channel and one or more responses, with one impact or many.
-    trigger : force in N above its offset that counts as an impact; by default found from the noise and the strongest
-        impact.
+    recording : Recording
+        One force channel and one or more responses, with one impact or many.
+    trigger : float, optional
+        Force [N] above its offset that counts as an impact; by default from the noise and the strongest impact.
+
+    Returns
+    -------
+    tuple of Finding
+        What is wrong with the impacts.
 
     Raises
     ------
-    InputError : the take cannot be judged: no force or response channel, too short, or not a number.
+    InputError
+        If the take cannot be judged: no force or response channel, too short, or not a number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ema.examples import recording
+    >>> [finding.code for finding in check_impact(recording(np.zeros(2048)))]
+    ['no-trigger']
     """
     where = "take" if not recording.name else f"take {recording.name}"
     layout = channels.layout(recording, where)
@@ -41,6 +55,28 @@ def check_impact(recording: Recording, trigger: float | None = None) -> tuple[Fi
 
 
 def check_hit(recording: Recording, trigger: float | None = None) -> tuple[Finding, ...]:
-    """The former name of :func:`check_impact`."""
+    """Check the impacts of a take; the former name of :func:`check_impact`.
+
+    Parameters
+    ----------
+    recording : Recording
+        As :func:`check_impact`.
+    trigger : float, optional
+        As :func:`check_impact`.
+
+    Returns
+    -------
+    tuple of Finding
+        As :func:`check_impact`.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from ema.examples import recording
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", DeprecationWarning)
+    ...     check_hit(recording()) == check_impact(recording())
+    True
+    """
     warnings.warn("ema.estimate.check_hit is called check_impact", DeprecationWarning, stacklevel=2)
     return check_impact(recording, trigger)

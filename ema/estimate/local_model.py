@@ -86,9 +86,11 @@ def _weighted(
     regressors, targets = regressors * lines[:, :, None], targets * lines[:, None, :, None]
     scale = np.sqrt(np.mean(np.abs(regressors) ** 2, axis=1, keepdims=True))
     scale = np.where(scale > 0, scale, 1)
+    # B and C of every response by projection; what is left of Y times the powers determines A alone
     q, r = np.linalg.qr(regressors / scale)
     projected = q.conj().transpose(0, 2, 1)[:, None] @ targets
     rest = targets - q[:, None] @ projected
+    # degrees of freedom of the noise; A costs each response its share of what all determine together
     spare = regressors.shape[1] - regressors.shape[2] - DEGREE / targets.shape[3]
     gram = np.einsum("kalo,kblo,ko->kab", rest[:, 1:].conj(), rest[:, 1:], responses, optimize=True)
     right = np.einsum("kalo,klo,ko->ka", rest[:, 1:].conj(), rest[:, 0], responses, optimize=True)
@@ -96,6 +98,7 @@ def _weighted(
     denominator = -np.linalg.solve(gram, right[:, :, None])[:, :, 0]
     error = rest[:, 0] + np.einsum("ka,kalo->klo", denominator, rest[:, 1:])
     noise = np.sum(np.abs(error) ** 2, axis=1) / spare
+    # at the line itself the distance is 0: A is 1, and H is the numerator of order 0
     inverse = np.linalg.inv(r)[:, :inputs] / scale[:, 0, :inputs, None]
     parts = inverse[:, None] @ projected
     values = parts[:, 0] + np.einsum("ka,kaio->kio", denominator, parts[:, 1:])

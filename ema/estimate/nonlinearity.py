@@ -10,13 +10,17 @@ from ema.data import Finding, FrfSet
 from ema.errors import InputError
 
 NONLINEAR = 0.05
+"""Homogeneity index above which a structure counts as nonlinear."""
 INVALID = 0.3
-"""Homogeneity index above which a structure counts as nonlinear, and above which a linear fit has no meaning."""
+"""Homogeneity index above which a linear fit has no meaning."""
 NEITHER = 0.02
 """Change of the peak over a doubling of the force below which no side is told."""
 _BANDWIDTHS = 10.0
+"""Half-power bandwidths on either side of the peak that are compared."""
 _SIGNIFICANT = 3.0
+"""Homogeneity index over what noise alone gives on average, below which it is set to 0."""
 _SMEAR = 16
+"""Samples before time zero that count on neither side: the taper of the band smears the start of a response there."""
 _SAME_LINE = 0.02
 """Distance of two lines over the step of the lines, up to which they count as one: steps are read from a force."""
 
@@ -29,13 +33,26 @@ class Homogeneity:
 
     Parameters
     ----------
-    index : norm of the difference over the norm of the FRF at the lower level, noise taken off; 0 where linear.
-    noise : the part of the raw index that noise alone explains.
-    peak_ratio : height of the peak at the higher level over that at the lower one.
-    side : ``slip`` where the peak grows with the force (damping falls: press more), ``stick`` where it shrinks
-        (damping rises: press less), ``undecided`` where it hardly changes.
-    band : Hz, what was compared.
-    levels : force levels in N (NaN where unknown).
+    index : float
+        Norm of the difference over the norm of the FRF at the lower level, noise taken off; 0 where linear.
+    noise : float
+        The part of the raw index that noise alone explains.
+    peak_ratio : float
+        Height of the peak at the higher level over that at the lower one.
+    side : {"slip", "stick", "undecided"}
+        ``slip`` where the peak grows with the force (damping falls: press more), ``stick`` where it shrinks (damping
+        rises: press less), ``undecided`` where it hardly changes.
+    band : tuple of (float, float)
+        What was compared [Hz].
+    levels : tuple of (float, float)
+        Force levels [N]; NaN where unknown.
+    findings : tuple of Finding, optional
+        What a reader of the index has to know.
+
+    Examples
+    --------
+    >>> Homogeneity(0.2, 0.01, peak_ratio=0.8, side="stick", band=(38.0, 42.0), levels=(5.0, 10.0)).side
+    'stick'
     """
 
     index: float
@@ -55,14 +72,31 @@ def homogeneity(low: FrfSet, high: FrfSet, near: float | None = None) -> Homogen
 
     Parameters
     ----------
-    near : frequency in Hz near the resonance of interest; by default the highest peak.
+    low, high : FrfSet
+        FRFs at the lower and at the higher force level, on the same lines.
+    near : float, optional
+        Frequency [Hz] near the resonance of interest; by default the highest peak.
+
+    Returns
+    -------
+    Homogeneity
+        Change of the FRFs and of their peak.
 
     Raises
     ------
-    InputError : other lines, DOFs or quantities; NaN in the FRFs; no peak.
+    InputError
+        If lines, DOFs or quantities differ, a value is not finite, or there is no peak.
 
-    Source: homogeneity test of ISO 7626-2 and of Worden and Tomlinson (2001), here over a doubling of the force or
-    whatever the levels are.
+    References
+    ----------
+    .. [1] Homogeneity test: ISO 7626-2; Worden and Tomlinson (2001), Nonlinearity in Structural Dynamics. There the
+       force is doubled; here the levels are those of the sets.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> homogeneity(frf_set(), frf_set()).index
+    0.0
     """
     where = f"{low.name or 'low level'} and {high.name or 'high level'}"
     _same(low, high, where)
@@ -86,14 +120,34 @@ def homogeneity(low: FrfSet, high: FrfSet, near: float | None = None) -> Homogen
 
 
 def causality(frfs: FrfSet, near: float | None = None) -> Float[np.ndarray, "out in"]:
-    """Share of the energy of each FRF's impulse response that lies before time zero: a second test for nonlinearity.
+    """Compute the share of the energy of each impulse response that lies before time zero: a second linearity test.
 
     The band about the peak is tapered and transformed; a linear FRF without noise has a share of about 1e-7, by the
-    cut. A few parts in ten thousand tell friction; less sensitive than ``homogeneity``, but one level will do.
+    cut. A few parts in ten thousand indicate friction; less sensitive than :func:`homogeneity`, but one level is
+    enough.
+
+    Parameters
+    ----------
+    frfs : FrfSet
+        FRFs.
+    near : float, optional
+        Frequency [Hz] near the resonance of interest; by default the highest peak.
+
+    Returns
+    -------
+    array of shape (out, in)
+        Share of the energy; NaN for an FRF of zeros.
 
     Raises
     ------
-    InputError : NaN in the FRFs; no peak; fewer than 16 lines about it.
+    InputError
+        If a value is not finite, there is no peak, or there are fewer than 16 lines about it.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> causality(frf_set(), near=60.0).shape
+    (4, 2)
     """
     where = frfs.name or "FRFs"
     if not np.all(np.isfinite(frfs.values)):

@@ -88,11 +88,11 @@ def find_pulses(
         return [], offset, noise
     # Samples above the level belong to one pulse until the force has stayed below it for 10 ms: rebounds, ringing.
     breaks = np.flatnonzero(np.diff(above) > max(0.01 * sampling_rate, 4)) + 1
-    found = []
+    contacts = []
     for first, last in zip(above[np.r_[0, breaks]], above[np.r_[breaks - 1, len(above) - 1]]):
         top = int(first) + int(np.argmax(sign * force[first : last + 1]))
-        found.append(_foot_to_foot(force, int(top), offset, noise, sign))
-    return found, offset, noise
+        contacts.append(_foot_to_foot(force, int(top), offset, noise, sign))
+    return contacts, offset, noise
 
 
 def _foot_to_foot(force: Float[np.ndarray, "sample"], top: int, offset: float, noise: float, sign: float) -> Pulse:

@@ -46,7 +46,7 @@ def shaker(
     overlap: float = 0.75,
     progress: Progress = silent,
 ) -> FrfSet:
-    """FRFs from random (or any other) excitation by one or several shakers.
+    """Estimate FRFs from random (or any other) excitation by one or several shakers.
 
     ``local`` models system and leakage together on the few lines around each line (:mod:`ema.estimate.local_model`):
     resonances are not smeared, the damping is not biased, and the resolution is that of the whole record. ``welch`` is
@@ -54,16 +54,39 @@ def shaker(
 
     Parameters
     ----------
-    run : its recordings hold all shaker forces as references; several recordings are averaged.
-    estimator : ``H1`` (noise on the responses); ``H2`` (one force only) and ``Hv`` for ``welch``.
-    block : samples per block; by default for ``local`` the longest power of two of which a record holds
-        two, and for ``welch`` the longest power of two that leaves
-        enough independent averages for ``welch``.
-    overlap : fraction by which blocks of ``welch`` overlap.
+    run : Run
+        Its records hold all shaker forces as references; several records are averaged.
+    estimator : {"H1", "H2", "Hv"}, default "H1"
+        ``H1`` (noise on the responses); ``H2`` (one force only) and ``Hv`` for ``welch``.
+    method : {"local", "welch"}, default "local"
+        ``local`` or ``welch``.
+    block : int, optional
+        Samples per block; by default for ``local`` the longest power of two of which a record holds two, and for
+        ``welch`` the longest power of two that leaves enough independent averages.
+    overlap : float, default 0.75
+        Fraction by which blocks of ``welch`` overlap.
+    progress : Progress, optional
+        Called as the records are read.
+
+    Returns
+    -------
+    FrfSet
+        FRFs with coherence and variance.
 
     Raises
     ------
-    InputError : a record cannot be used, the records differ in channels or rate, or the inputs are dependent.
+    InputError
+        If a record cannot be used, the records differ in channels or rate, or the inputs are dependent.
+
+    Examples
+    --------
+    >>> from ema.data import Condition, Excitation
+    >>> from ema.examples import recording
+    >>> record = recording(np.random.default_rng(1).standard_normal(16384))
+    >>> frfs = shaker(Run("random", Condition(Excitation("random")), (record,)))
+    >>> peak = frfs.frequencies[np.argmax(np.abs(frfs.values[:, 0, 0]))]
+    >>> bool(abs(peak - 40.0) < 0.3)
+    True
     """
     if method not in ("local", "welch"):
         raise InputError("unknown method", got=repr(method), expected="local or welch")
@@ -151,12 +174,12 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
             rows = [*this.references, *this.responses]
             lines = scipy.fft.rfft(record.signals[rows, start : start + length].astype(np.float64), axis=1)[:, 1:-1].T
             split = len(this.references)
-            found = local_model.local_model(lines[:, :split], lines[:, split:])
-            weight = 1 / np.maximum(found.variance, 1e-300)
-            size += found.values.nbytes + weight.nbytes
-            single = [*single, (found.values, weight)] if size <= KEPT else []
-            weighted, weights = weighted + weight * found.values, weights + weight
-            noise, power, count = noise + found.noise, power + found.power, count + 1
+            estimate = local_model.local_model(lines[:, :split], lines[:, split:])
+            weight = 1 / np.maximum(estimate.variance, 1e-300)
+            size += estimate.values.nbytes + weight.nbytes
+            single = [*single, (estimate.values, weight)] if size <= KEPT else []
+            weighted, weights = weighted + weight * estimate.values, weights + weight
+            noise, power, count = noise + estimate.noise, power + estimate.power, count + 1
         advance(progress, "modelling records", place + 1, len(records))
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
     values = weighted / weights
@@ -179,13 +202,13 @@ def _deviations(
     if len(blocks) < 2:
         return None
     groups = np.array_split(np.arange(len(blocks)), min(len(blocks), MOST))
-    found = np.empty((len(groups), *values.shape), np.complex64)
+    changes = np.empty((len(groups), *values.shape), np.complex64)
     for place, group in enumerate(groups):
         share = sum(blocks[k][1] for k in group) / weights
         change = sum(blocks[k][1] * (blocks[k][0] - values) for k in group) / weights
-        found[place] = change / np.sqrt(1 - np.minimum(share, 1 - 1e-9))
+        changes[place] = change / np.sqrt(1 - np.minimum(share, 1 - 1e-9))
     numbers = np.broadcast_to(np.arange(len(groups))[:, None, None], (len(groups), *values.shape[1:]))
-    return Deviations(found, numbers)
+    return Deviations(changes, numbers)
 
 
 def automatic_block(samples: int, inputs: int) -> int:

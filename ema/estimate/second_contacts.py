@@ -70,7 +70,7 @@ def second_contacts(
     doublings = 4 if 3 * width <= 16 * cell else 5
     z = smoothed(force, offset, cell)
     clear = CLEAR_OF_NOISE * noise * np.sqrt(0.273 / cell)
-    found: list[tuple[SecondContact, ...]] = []
+    of_pulses: list[tuple[SecondContact, ...]] = []
     for pulse, (before, after) in zip(pulses, rooms):
         sign = np.float32(np.sign(pulse.peak))
         first = max(pulse.top // cell - 2, 0)
@@ -90,8 +90,8 @@ def second_contacts(
                     middle, *ends = ((top + direction * (start + int(one))) * cell for one in (best, own[0], own[-1]))
                     first, last = max(min(ends) - int(width), 0), max(ends) + cell + int(width)
                     contacts.append(SecondContact(middle, float(rise[best]) / height, first, last))
-        found.append(tuple(sorted(contacts, key=lambda contact: contact.sample)))
-    return found
+        of_pulses.append(tuple(sorted(contacts, key=lambda contact: contact.sample)))
+    return of_pulses
 
 
 def _rise(

@@ -16,15 +16,30 @@ from ema.synthesis import convert
 DROPOUT = 0.9
 """Force at resonance over that beside it, below which a finding tells the drop-out."""
 _BANDWIDTHS = 3.0
+"""Half-power bandwidths on either side of a resonance over which the scatter of the force is read."""
 _BESIDE = 8.0
+"""Half-power bandwidths from a resonance, up to three times as many, at which the force beside it is read."""
 
 
 @dataclass(frozen=True)
 class ForceLevel:
     """Amplitude of the exciting force while a sine passes a resonance.
 
-    ``level`` N, its standard deviation ``std`` over the passage (within three half-power bandwidths to either side),
-    and ``dropout``: the level over that beside the resonance, 1 where the force did not drop.
+    Parameters
+    ----------
+    level : float
+        Force level [N].
+    std : float
+        Its standard deviation over the passage [N], within three half-power bandwidths to either side.
+    dropout : float
+        The level over that beside the resonance; 1 where the force did not drop.
+    findings : tuple of Finding, optional
+        What a reader of the level has to know.
+
+    Examples
+    --------
+    >>> ForceLevel(level=4.8, std=0.1, dropout=0.96).dropout
+    0.96
     """
 
     level: float
@@ -34,16 +49,37 @@ class ForceLevel:
 
 
 def force_at_resonance(recording: Recording, frequency: float, damping: float, discard: float = 0.0) -> ForceLevel:
-    """Force level of a swept or stepped sine at a resonance: the label of a point of a damping map.
+    """Compute the force level of a swept or stepped sine at a resonance: the label of a point of a damping map.
 
     Parameters
     ----------
-    frequency, damping : Hz and ratio of the mode.
-    discard : s at the start of the record that are left out (the first period of a periodic sweep, the start-up).
+    recording : Recording
+        A sine that passes the mode, with one force channel.
+    frequency : float
+        Natural frequency of the mode [Hz].
+    damping : float
+        Damping ratio of the mode [-].
+    discard : float, default 0.0
+        Time [s] at the start of the record that is left out: the first period of a periodic sweep, the start-up.
+
+    Returns
+    -------
+    ForceLevel
+        Level, its scatter and the drop of the force at the resonance.
 
     Raises
     ------
-    InputError : no force channel or several, a mode that was not passed, a mode or time that is no positive number.
+    InputError
+        If there is no force channel or several, the sine does not pass the mode, or the mode or the time is no positive
+        number.
+
+    Examples
+    --------
+    >>> from ema.examples import recording
+    >>> t = np.arange(20480) / 1024.0
+    >>> record = recording(5.0 * np.sin(2 * np.pi * (30.0 * t + 0.5 * t**2)))  # 30 to 50 Hz in 20 s
+    >>> round(force_at_resonance(record, frequency=40.0, damping=0.01).level, 1)
+    5.0
     """
     where = recording.name or "recording"
     rows = recording.with_role("reference")
@@ -91,8 +127,24 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
 
 @dataclass(frozen=True)
 class PhaseResonance:
-    """Where a response lags its force by a quarter of a period: ``frequency`` Hz, ``ratio`` of the amplitudes of
-    response and force there, and ``force`` N there (NaN where unknown)."""
+    """Where a response lags its force by a quarter of a period.
+
+    Parameters
+    ----------
+    frequency : float
+        Frequency [Hz].
+    ratio : float
+        Amplitude of the response over that of the force.
+    force : float
+        Amplitude of the force [N]; NaN where unknown.
+    findings : tuple of Finding, optional
+        What a reader of the frequency has to know.
+
+    Examples
+    --------
+    >>> PhaseResonance(frequency=40.0, ratio=1e-3, force=5.0).frequency
+    40.0
+    """
 
     frequency: float
     ratio: float
@@ -106,19 +158,40 @@ def phase_resonance(
     force: Float[np.ndarray, "freq"] | None = None,
     where: str = "stepped sine",
 ) -> PhaseResonance:
-    """Phase resonance of one displacement or acceleration over force: the zero of its real part nearest to its top.
+    """Find the phase resonance of a response: the zero of the real part nearest to the peak.
 
     Parameters
     ----------
-    frequencies : Hz, ascending.
-    values : response over force; a phase of either sign.
-    force : amplitude in N at every frequency; a finding tells where it was not constant.
+    frequencies : array of shape (freq,)
+        Frequencies [Hz], ascending.
+    values : complex array of shape (freq,)
+        Displacement or acceleration over force; a phase of either sign.
+    force : array of shape (freq,), optional
+        Amplitude of the force [N] at every frequency; a finding says where it was not constant.
+    where : str, default "stepped sine"
+        What the measurement is called in messages.
+
+    Returns
+    -------
+    PhaseResonance
+        Frequency, ratio of the amplitudes and force there, interpolated in the phase between two lines.
 
     Raises
     ------
-    InputError : lengths that differ, NaN, no quadrature within the lines.
+    InputError
+        If the lengths differ, there are fewer than 3 lines, a value is not finite, or no quadrature lies within the
+        lines.
 
-    Source: Scheel, Peter, Leine, Krack (2018), phase-resonant testing of amplitude-dependent modes.
+    References
+    ----------
+    .. [1] Scheel, Peter, Leine and Krack (2018), Journal of Sound and Vibration 435:56.
+
+    Examples
+    --------
+    >>> f = np.arange(38.0, 42.05, 0.1)
+    >>> receptance = 1 / (40.0**2 - f**2 + 2j * 0.01 * 40.0 * f)
+    >>> round(phase_resonance(f, receptance).frequency, 3)
+    40.0
     """
     frequencies, values = np.asarray(frequencies, dtype=np.float64), np.asarray(values, dtype=np.complex128)
     if len(frequencies) != len(values) or len(values) < 3 or not np.all(np.isfinite(values)):
@@ -146,8 +219,8 @@ def phase_resonance(
     ratio, frequency = (float(pair[0] + share * (pair[1] - pair[0])) for pair in (sizes, frequencies[k : k + 2]))
     if force is None:
         return PhaseResonance(frequency, ratio, float("nan"))
-    held = np.asarray(force, dtype=np.float64)
-    spread = float(held.max() / held.min() - 1)
+    amplitudes = np.asarray(force, dtype=np.float64)
+    spread = float(amplitudes.max() / amplitudes.min() - 1)
     findings: tuple[Finding, ...] = ()
     if spread > 1 / DROPOUT - 1:
         findings = (
@@ -155,20 +228,20 @@ def phase_resonance(
                 "warning",
                 "force-not-constant",
                 where,
-                f"the force runs from {held.min():.3g} to {held.max():.3g} N over "
+                f"the force runs from {amplitudes.min():.3g} to {amplitudes.max():.3g} N over "
                 "the lines: the FRF belongs to no one level.",
                 spread,
                 1 / DROPOUT - 1,
                 "Label it with the force at resonance, or control the force.",
             ),
         )
-    return PhaseResonance(frequency, ratio, float(np.interp(frequency, frequencies, held)), findings)
+    return PhaseResonance(frequency, ratio, float(np.interp(frequency, frequencies, amplitudes)), findings)
 
 
 def sweep_rate(
     recording: Recording, frequency: float, damping: float, friction: bool, periodic: bool = False
 ) -> tuple[float, float, tuple[Finding, ...]]:
-    """How fast a sweep passes a resonance, in Hz/s, and the fastest that keeps its response steady.
+    """Compute how fast a sweep passes a resonance, and the fastest rate that keeps its response steady.
 
     A linear structure whose decay is recorded, or that is swept periodically, has no bias by the rate in its FRF; a
     response that is tracked has. A friction joint never reaches a steady amplitude in a fast sweep, whatever the
@@ -176,15 +249,39 @@ def sweep_rate(
 
     Parameters
     ----------
-    frequency, damping : Hz and ratio of the mode.
-    friction : whether there is a joint that may slip.
-    periodic : whether the sweep repeats without a pause.
+    recording : Recording
+        A sine that passes the mode, with one force channel.
+    frequency : float
+        Natural frequency of the mode [Hz].
+    damping : float
+        Damping ratio of the mode [-].
+    friction : bool
+        Whether there is a joint that may slip.
+    periodic : bool, default False
+        Whether the sweep repeats without a pause.
+
+    Returns
+    -------
+    tuple of (float, float, tuple of Finding)
+        Rate [Hz/s], its limit [Hz/s], and what follows for the damping.
 
     Raises
     ------
-    InputError : no force channel or several, a mode that was not passed.
+    InputError
+        If there is no force channel or several, or the sine does not pass the mode.
 
-    Source: limit of 216 f^2 zeta^2 Hz/min for linear sweeps (Ewins 2000, after ISO 7626-2).
+    References
+    ----------
+    .. [1] Limit of 216 f^2 zeta^2 Hz/min for linear sweeps: Ewins (2000), Modal Testing, after ISO 7626-2.
+
+    Examples
+    --------
+    >>> from ema.examples import recording
+    >>> t = np.arange(20480) / 1024.0
+    >>> record = recording(5.0 * np.sin(2 * np.pi * (30.0 * t + 0.5 * t**2)))  # 1 Hz/s
+    >>> rate, limit, _ = sweep_rate(record, frequency=40.0, damping=0.01, friction=False)
+    >>> round(rate, 2), round(limit, 3)
+    (1.0, 0.576)
     """
     where = recording.name or "recording"
     rows = recording.with_role("reference")
@@ -192,6 +289,7 @@ def sweep_rate(
         raise InputError("a sine test has one force channel", where=where, got=f"{len(rows)}", expected="1")
     force = np.asarray(recording.signals[rows[0]], dtype=np.float64)
     at, _ = _passage(force - force.mean(), recording.sampling_rate)
+    # 216 f^2 zeta^2 Hz/min (Ewins 2000, after ISO 7626-2), here in Hz/s
     limit = 216 * (frequency * damping) ** 2 / 60
     reach = 2 * damping * frequency
     inside = np.flatnonzero(np.abs(at - frequency) <= reach)
@@ -209,7 +307,7 @@ def sweep_rate(
     if rate <= limit:
         return rate, limit, ()
     if friction:
-        found = Finding(
+        finding = Finding(
             "warning",
             "sweep-rate",
             where,
@@ -220,7 +318,7 @@ def sweep_rate(
             "Sweep slower, or step the sine.",
         )
     elif periodic:
-        found = Finding(
+        finding = Finding(
             "info",
             "sweep-rate",
             where,
@@ -230,7 +328,7 @@ def sweep_rate(
             limit,
         )
     else:
-        found = Finding(
+        finding = Finding(
             "info",
             "sweep-rate",
             where,
@@ -239,7 +337,7 @@ def sweep_rate(
             rate,
             limit,
         )
-    return rate, limit, (found,)
+    return rate, limit, (finding,)
 
 
 def _passage(force: Float[np.ndarray, "sample"], rate: float) -> tuple[np.ndarray, np.ndarray]:
@@ -257,21 +355,42 @@ def _passage(force: Float[np.ndarray, "sample"], rate: float) -> tuple[np.ndarra
 
 
 def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str) -> FrfSet:
-    """FRFs without the mass between load cell and structure (cell, stud, pad), which takes a part of the force.
+    """Remove from FRFs the mass between load cell and structure (cell, stud, pad), which takes a part of the force.
 
-    The structure gets F - m a: every FRF of the force at ``drive`` is divided by 1 - m A with the measured accelerance
-    A of the drive point.
+    The structure receives F - m a: every FRF of the force at ``drive`` is divided by 1 - m A with the measured
+    accelerance A of the drive point.
 
     Parameters
     ----------
-    mass : kg below the sensing element.
-    drive : DOF of the force; its own response must have been measured.
+    frfs : FrfSet
+        FRFs; the response at the drive point is among them.
+    mass : float
+        Mass below the sensing element [kg].
+    drive : Dof or str
+        DOF of the force.
+
+    Returns
+    -------
+    FrfSet
+        The corrected FRFs, with their variance; without the deviations of single blocks.
 
     Raises
     ------
-    InputError : a negative mass, no such force, no response at the drive point.
+    InputError
+        If the mass is negative, or there is no such force or no response at the drive point.
 
-    Source: Ewins (2000), mass cancellation of drive-point measurements.
+    References
+    ----------
+    .. [1] Mass cancellation of drive-point measurements: Ewins (2000), Modal Testing.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> frfs = frf_set().pick(inputs=[0])
+    >>> corrected = without_mount_mass(frfs, mass=0.01, drive="1:+Z")
+    >>> share = 1 - 0.01 * frfs.values[:, 0, 0]
+    >>> bool(np.allclose(corrected.values[:, 0, 0] * share, frfs.values[:, 0, 0]))
+    True
     """
     where = frfs.name or "FRFs"
     if not (np.isfinite(mass) and mass >= 0):
@@ -288,6 +407,7 @@ def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str) -> FrfSet:
         )
     column, row, sign = columns[0][1], rows[0][1], columns[0][2] * rows[0][2]
     accelerance = convert(frfs, "accelerance").values
+    # F_structure = F - m a = F (1 - m A): all FRFs of this force are too small by that factor
     share = 1 - mass * sign * accelerance[:, row, column]
     values = frfs.values.copy()
     values[:, :, column] /= share[:, None]
@@ -307,20 +427,37 @@ def control_level(
     most: int = 6,
     progress: Progress = silent,
 ) -> tuple[float, tuple[float, ...]]:
-    """Find the command that gives a force level at resonance, by at most ``most`` measurements.
+    """Find the command that gives a force level at resonance, by few measurements.
 
     Parameters
     ----------
-    measure : takes a command (N, or V of the amplifier) and returns the force at resonance it led to, in N.
-    target : N; ``tolerance`` relative.
+    measure : callable
+        Takes a command (N, or V of the amplifier) and returns the force at resonance [N] that it led to.
+    target : float
+        Force at resonance [N].
+    tolerance : float, default 0.05
+        Accepted relative difference of the level.
+    most : int, default 6
+        Largest number of measurements.
+    progress : Progress, optional
+        Called after each measurement.
 
     Returns
     -------
-    The command, and the levels measured on the way.
+    tuple of (float, tuple of float)
+        The command, and the levels measured on the way.
 
     Raises
     ------
-    InputError : a target that is no positive number, a level that is none, or no success within the measurements.
+    InputError
+        If the target or a measured level is no positive number, or the level is not reached within ``most``
+        measurements.
+
+    Examples
+    --------
+    >>> command, levels = control_level(lambda command: 0.8 * command, target=5.0)
+    >>> round(0.8 * command, 2), len(levels)
+    (5.0, 2)
     """
     if not (np.isfinite(target) and target > 0):
         raise InputError("not a force level", where="level control", got=f"{target} N", expected="above 0")

@@ -44,10 +44,12 @@ def estimate(
     InputError : an unknown estimator.
     """
     inverse = reciprocal(sums.force)
+    # of sums instead of means the number of averages cancels in H1 and in the coherence |S_yf|^2 / (S_ff S_yy)
     h1 = sums.cross * inverse
     power = sums.cross.real**2 + sums.cross.imag**2
     coherence = np.minimum(power * inverse * reciprocal(sums.response), 1.0)
     if sums.averages > 1:
+        # S_nn = n / (n - 1) (1 - coherence) S_yy and var H1 = S_nn / (n S_ff), for n averages (Bendat and Piersol 2010)
         noise = pooled(sums.response * (1 - coherence)) / (sums.averages - 1)
         variance = noise * inverse
     else:
@@ -67,6 +69,7 @@ def over_h1(coherence: Float[np.ndarray, "*shape"], estimator: Estimator) -> Flo
         return None
     if estimator not in ("H2", "Hv"):
         raise InputError("unknown estimator", got=repr(estimator), expected="H1, H2 or Hv")
+    # H2 = S_yy / S_fy = H1 / coherence, and |Hv| = sqrt(|H1 H2|) = |H1| / sqrt(coherence)
     return reciprocal(coherence if estimator == "H2" else np.sqrt(coherence))
 
 

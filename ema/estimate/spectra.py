@@ -71,6 +71,7 @@ def multiple_coherence(
 ) -> Float[np.ndarray, "freq out"]:
     """Part of each response's power that all inputs together explain; the ordinary coherence for one input."""
     h1 = _solve(spectra) if h1 is None else h1
+    # H1 S_uu H1^H = S_yu H1^H: the power of the response that is linear in the inputs
     explained = np.einsum("foi,foi->fo", h1, spectra.cross.conj()).real
     ratio = np.divide(explained, spectra.outputs, out=np.zeros_like(explained), where=spectra.outputs > 0)
     return np.clip(ratio, 0.0, 1.0)
@@ -79,16 +80,16 @@ def multiple_coherence(
 def ordinary_coherence(spectra: Spectra) -> Float[np.ndarray, "freq out in"]:
     """``|S_yu|^2 / (S_yy S_uu)`` of every response with every input."""
     power = spectra.outputs[:, :, None] * input_power(spectra)[:, None, :]
-    found = np.abs(spectra.cross) ** 2
-    return np.clip(np.divide(found, power, out=np.zeros_like(found), where=power > 0), 0.0, 1.0)
+    shared = np.abs(spectra.cross) ** 2
+    return np.clip(np.divide(shared, power, out=np.zeros_like(shared), where=power > 0), 0.0, 1.0)
 
 
 def input_coherence(spectra: Spectra) -> Float[np.ndarray, "freq in in"]:
     """Ordinary coherence between the inputs."""
     power = input_power(spectra)
     both = power[:, :, None] * power[:, None, :]
-    found = np.abs(spectra.inputs) ** 2
-    return np.divide(found, both, out=np.zeros_like(found), where=both > 0)
+    shared = np.abs(spectra.inputs) ** 2
+    return np.divide(shared, both, out=np.zeros_like(shared), where=both > 0)
 
 
 def input_power(spectra: Spectra) -> Float[np.ndarray, "freq in"]:
@@ -113,6 +114,7 @@ def variance(
         power = spectra.inputs.real
         inverse = np.divide(1, power, out=np.full_like(power, np.inf), where=power > 0)[:, :, 0]
     else:
+        # the variance of a regression coefficient: that of the noise times the diagonal of (sum u u^H)^-1
         inverse = np.einsum("fii->fi", np.linalg.inv(spectra.inputs)).real
     return noise[:, :, None] * inverse[:, None, :]
 
@@ -136,6 +138,7 @@ def _solve(spectra: Spectra) -> Complex[np.ndarray, "freq out in"]:
         return np.divide(
             spectra.cross, power[:, None, :], out=np.zeros_like(spectra.cross), where=power[:, None, :] > 0
         )
+    # with unit diagonal, so that the units and levels of the forces do not decide whether the matrix is singular
     scale = np.sqrt(power)
     scale = np.where(scale > 0, scale, 1.0)
     normalised = spectra.inputs / (scale[:, :, None] * scale[:, None, :])

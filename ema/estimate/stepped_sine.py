@@ -15,16 +15,30 @@ HARMONICS = 5
 """Highest harmonic that is told apart from noise."""
 UNSTEADY = 0.02
 """Change of a response between the halves of a record above which it was not settled."""
-_FEWEST_CYCLES, _CLEAR = 4.0, 5.0
+_FEWEST_CYCLES = 4.0
+"""Cycles of the force below which its frequency and harmonics are not read."""
+_CLEAR = 5.0
+"""Standard deviations of noise that a change between the halves of a record has to exceed."""
 
 
 @dataclass(frozen=True)
 class Steps:
-    """What a stepped sine showed beside its FRFs.
+    """What a stepped sine shows beside its FRFs.
 
-    ``frequencies`` (freq,) Hz; ``force`` (freq,) N, amplitude of the force's first harmonic; ``responses`` (freq, out,
-    order) amplitudes of the orders 1, 2, ... of every response in SI; ``distortion`` (freq, out) rms of the higher
-    orders over the first.
+    Parameters
+    ----------
+    frequencies : array of shape (freq,)
+        Frequencies [Hz].
+    force : array of shape (freq,)
+        Amplitude of the first harmonic of the force [N].
+    responses : complex array of shape (freq, out, order)
+        Amplitudes of the orders 1, 2, ... of every response, in SI.
+
+    Examples
+    --------
+    >>> steps = Steps(np.array([39.0, 41.0]), np.array([5.0, 4.0]), np.ones((2, 1, 3), dtype=complex))
+    >>> steps.force_at(40.0)
+    4.5
     """
 
     frequencies: Float[np.ndarray, "freq"]
@@ -38,31 +52,98 @@ class Steps:
         return np.asarray(np.sqrt(power) / np.maximum(np.abs(self.responses[..., 0]), 1e-300))
 
     def force_at(self, frequency: float) -> float:
-        """Force amplitude in N at a frequency in Hz, between its lines."""
+        """Return the amplitude of the force at a frequency, interpolated between the lines.
+
+        Parameters
+        ----------
+        frequency : float
+            Frequency [Hz].
+
+        Returns
+        -------
+        float
+            Amplitude [N]; outside the lines that of the nearest one.
+
+        Examples
+        --------
+        >>> Steps(np.array([39.0, 41.0]), np.array([5.0, 4.0]), np.ones((2, 1, 1), dtype=complex)).force_at(45.0)
+        4.0
+        """
         return float(np.interp(frequency, self.frequencies, self.force))
 
 
 def stepped(run: Run, discard: float = 0.0, progress: Progress = silent) -> FrfSet:
-    """FRFs of a stepped sine at its own frequencies; see :func:`stepped_test`."""
+    """Estimate the FRFs of a stepped sine at its own frequencies.
+
+    Parameters
+    ----------
+    run : Run
+        As :func:`stepped_test`.
+    discard : float, default 0.0
+        Time [s] at the start of every frequency that is left out, while the structure settles.
+    progress : Progress, optional
+        Called after each record.
+
+    Returns
+    -------
+    FrfSet
+        FRFs on the frequencies that were measured.
+
+    Raises
+    ------
+    InputError
+        As :func:`stepped_test`.
+
+    Examples
+    --------
+    >>> from ema.data import Condition, Excitation
+    >>> from ema.examples import recording
+    >>> t = np.arange(8192) / 1024.0
+    >>> records = tuple(recording(5.0 * np.sin(2 * np.pi * f * t)) for f in (30.0, 50.0))
+    >>> frfs = stepped(Run("steps", Condition(Excitation("stepped sine")), records), discard=6.0)
+    >>> frfs.frequencies.round(3)
+    array([30., 50.])
+    """
     return stepped_test(run, discard, progress)[0]
 
 
 def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) -> tuple[FrfSet, Steps]:
-    """FRFs of a stepped sine, its force at every frequency and the harmonics of the responses.
+    """Estimate the FRFs of a stepped sine, its force at every frequency and the harmonics of the responses.
 
-    Each record holds one frequency, or one after the other where the condition states the ``period`` it stays at each;
-    it is read from the force. What was measured twice at one frequency is averaged.
+    Each record holds one frequency, or one after the other where the condition states the ``period`` that it stays at
+    each; the frequency is read from the force. What was measured twice at one frequency is averaged.
 
     Parameters
     ----------
-    discard : s at the start of every frequency that are left out, while the structure settles.
+    run : Run
+        Records with one force and the same responses.
+    discard : float, default 0.0
+        Time [s] at the start of every frequency that is left out, while the structure settles.
+    progress : Progress, optional
+        Called after each record.
+
+    Returns
+    -------
+    tuple of (FrfSet, Steps)
+        FRFs on the frequencies that were measured, and force and harmonics there.
 
     Raises
     ------
-    InputError : a record without a sine, too short, with other responses, or with several forces.
+    InputError
+        If a record has no sine, is too short, has other responses, or several forces.
+
+    Examples
+    --------
+    >>> from ema.data import Condition, Excitation
+    >>> from ema.examples import recording
+    >>> t = np.arange(8192) / 1024.0
+    >>> records = tuple(recording(5.0 * np.sin(2 * np.pi * f * t)) for f in (30.0, 50.0))
+    >>> _, steps = stepped_test(Run("steps", Condition(Excitation("stepped sine")), records), discard=6.0)
+    >>> steps.force.round(3)
+    array([5., 5.])
     """
     records = channels.recordings_of(run)
-    found: list[tuple[float, np.ndarray, np.ndarray]] = []
+    steps: list[tuple[float, np.ndarray, np.ndarray]] = []
     layout, first, unsteady = None, None, 0.0
     for place, record in enumerate(records):
         where = channels.describe(run, record)
@@ -83,10 +164,10 @@ def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) ->
             frequency = _frequency(signals[0], rate, where)
             amplitudes, noise = _orders(signals, frequency, rate)
             unsteady = max(unsteady, _change(signals, frequency, rate))
-            found.append((frequency, amplitudes, noise))
+            steps.append((frequency, amplitudes, noise))
         advance(progress, "reading steps", place + 1, len(records))
     assert layout is not None and first is not None
-    return _joined(run, first, layout, found, unsteady)
+    return _joined(run, first, layout, steps, unsteady)
 
 
 def _stays(record: Recording, rows: list[int], period: float, where: str) -> list[Float[np.ndarray, "channel sample"]]:
@@ -130,15 +211,16 @@ def _frequency(force: Float[np.ndarray, "sample"], rate: float, where: str) -> f
     top = int(spectrum[1:].argmax()) + 1
     frequency = top * rate / size
     time = (np.arange(len(force)) - 0.5 * len(force)) / rate
-    one = np.ones(len(force))
+    constant = np.ones(len(force))
     for _ in range(4):
         angle = 2 * np.pi * frequency * time
         cosine, sine = np.cos(angle), np.sin(angle)
-        basis = np.stack([cosine, sine, -time * sine, time * cosine, one], axis=1)
+        # Gauss-Newton on F = a cos wt + b sin wt: dF/dw = -a t sin wt + b t cos wt, so c = a dw and d = b dw
+        basis = np.stack([cosine, sine, -time * sine, time * cosine, constant], axis=1)
         a, b, c, d, _ = np.linalg.solve(basis.T @ basis, basis.T @ force)
         frequency += float((a * c + b * d) / (a**2 + b**2)) / (2 * np.pi)
     angle = 2 * np.pi * frequency * time
-    basis = np.stack([np.cos(angle), np.sin(angle), one], axis=1)
+    basis = np.stack([np.cos(angle), np.sin(angle), constant], axis=1)
     rest = force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]
     if not 0 < frequency < rate / 2 or rest @ rest > 0.25 * force @ force:
         raise InputError(
@@ -190,14 +272,14 @@ def _joined(
     run: Run,
     first: Recording,
     layout: channels.Layout,
-    found: list[tuple[float, np.ndarray, np.ndarray]],
+    steps: list[tuple[float, np.ndarray, np.ndarray]],
     unsteady: float,
 ) -> tuple[FrfSet, Steps]:
     """All steps in the order of their frequencies; those at one frequency averaged over the force."""
     where = channels.describe(run)
-    found = sorted(found, key=lambda step: step[0])
+    steps = sorted(steps, key=lambda step: step[0])
     groups: list[list[tuple[float, np.ndarray, np.ndarray]]] = []
-    for step in found:
+    for step in steps:
         if groups and abs(step[0] / groups[-1][0][0] - 1) < 1e-5:
             groups[-1].append(step)
         else:

@@ -25,22 +25,46 @@ def sweep(
     block: int | None = None,
     progress: Progress = silent,
 ) -> FrfSet:
-    """FRFs of swept-sine takes: one whole sweep per block, averaged over the takes.
+    """Estimate FRFs from swept-sine takes: one whole sweep per block, averaged over the takes.
 
     No window: a sweep that begins and ends at rest within its record has no leakage. Of a periodic sweep, whose
     ``period`` the condition states, the first is dropped while the structure settles, and the others are averaged.
 
     Parameters
     ----------
-    run : each recording holds one sweep: one force (reference) and one or more responses.
-    band : lines in Hz to return; by default those that the sweep excited (force power within 20 dB of its median in
-        the band that holds 98 % of it).
-    block : samples of each record to use; by default all of the shortest one.
+    run : Run
+        Each record holds one sweep: one force (reference) and one or more responses.
+    estimator : {"H1", "H2", "Hv"}, default "H1"
+        ``H1`` (noise on the responses), ``H2`` (noise on the force) or ``Hv``.
+    band : tuple of (float, float), optional
+        Lines to return [Hz]; by default those that the sweep excited (force power within 20 dB of its median in the
+        band that holds 98 % of it).
+    block : int, optional
+        Samples of each record to use; by default all of the shortest one.
+    progress : Progress, optional
+        Called after each record.
+
+    Returns
+    -------
+    FrfSet
+        FRFs on the excited lines.
 
     Raises
     ------
-    InputError : a record cannot be used, the records differ in rate or responses, the force is zero, or a periodic
-        record does not hold two periods.
+    InputError
+        If a record cannot be used, the records differ in rate or responses, the force is zero, or a periodic record
+        does not hold two periods.
+
+    Examples
+    --------
+    >>> from ema.data import Condition, Excitation
+    >>> from ema.examples import recording
+    >>> t = np.arange(8192) / 1024.0
+    >>> force = np.append(5.0 * np.sin(2 * np.pi * (20.0 * t + 2.5 * t**2)), np.zeros(4096))  # 20 to 60 Hz, then rest
+    >>> frfs = sweep(Run("sweep", Condition(Excitation("sweep")), (recording(force),)))
+    >>> peak = frfs.frequencies[np.argmax(np.abs(frfs.values[:, 0, 0]))]
+    >>> bool(abs(peak - 40.0) < 0.2)
+    True
     """
     records = channels.recordings_of(run)
     length = block or min(record.signals.shape[1] for record in records)

@@ -21,8 +21,8 @@ def exponential_window(samples: int, start: int, sampling_rate: float, decay: fl
 
 def force_window(samples: int, start: int, stop: int, taper: int) -> Float[np.ndarray, "sample"]:
     """1 from ``start`` to ``stop``, half a cosine of ``taper`` samples outside both ends, 0 elsewhere."""
-    place = np.arange(samples, dtype=np.float64)
-    outside = np.maximum(np.maximum(start - place, place - (stop - 1)), 0.0)
+    sample = np.arange(samples, dtype=np.float64)
+    outside = np.maximum(np.maximum(start - sample, sample - (stop - 1)), 0.0)
     return np.where(outside < taper + 1, np.cos(0.5 * np.pi * np.minimum(outside / (taper + 1), 1.0)) ** 2, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""FrfSet -> PoleTable -> ModalModel."""
+"""From FRFs to poles and modes, with their intervals."""
 
 from ema.lazy import attach
 

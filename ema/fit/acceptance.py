@@ -67,8 +67,10 @@ def judge(
     # Half-power bandwidths in lines.
     unit = 2 * np.abs(fit.poles) / max(optimum.data.line, 1e-300)
     narrow = (damping * unit < policy.unresolved) & (std_z * unit < policy.unresolved)
-    narrow_at = natural_frequencies(fit.poles), possible & (damping * unit < policy.unresolved)
-    tones = _tones(*narrow_at, dropped, policy, 1.5 * optimum.data.line / (2 * np.pi))
+    # A steady tone leaks into its neighbour lines as an undamped pole does: what is told to decay is none.
+    undamped = possible & (damping * unit < policy.unresolved) & (std_z > limit * damping)
+    reach = 1.5 * optimum.data.line / (2 * np.pi)
+    tones = _tones(natural_frequencies(fit.poles), undamped, dropped, policy=policy, reach=reach)
     unresolved = narrow & visible & (std_z > limit * damping) & ~tones
     # In a misfit, poles explain what is no noise: the search has judged them there.
     explained = np.full(len(fit.poles), np.inf) if optimum.misfit else evidence(optimum.data, fit)
@@ -80,7 +82,7 @@ def judge(
     for pole in np.flatnonzero(possible):
         reason = ""
         if tones[pole]:
-            reason = "it is narrower than a frequency line and at a multiple of the mains frequency"
+            reason = "its damping is not told from zero, at a multiple of the mains frequency"
         elif explained[pole] < 1:
             reason = f"it explains {explained[pole]:.2g} times what noise may"
         elif not resonant[pole]:
@@ -103,12 +105,13 @@ def judge(
 
 def _tones(
     frequencies: Float[np.ndarray, "pole"],
-    narrow: Bool[np.ndarray, "pole"],
+    undamped: Bool[np.ndarray, "pole"],
     dropped: Float[np.ndarray, "dropped"],
+    *,
     policy: SelectionPolicy,
     reach: float,
 ) -> Bool[np.ndarray, "pole"]:
-    """``narrow`` poles at multiples of a mains frequency [Hz]: one may be a mode by chance, two are not. Poles
+    """``undamped`` poles at multiples of a mains frequency [Hz]: one may be a mode by chance, two are not. Poles
     ``dropped`` within ``reach`` [Hz] of a multiple count too.
     """
 
@@ -117,7 +120,7 @@ def _tones(
 
     result = np.zeros(len(frequencies), bool)
     for base in policy.mains:
-        near = narrow & (apart(frequencies, base) < policy.mains_deviation * frequencies)
+        near = undamped & (apart(frequencies, base) < policy.mains_deviation * frequencies)
         others = np.count_nonzero(apart(dropped, base) < np.maximum(policy.mains_deviation * dropped, reach))
         result |= near & (np.count_nonzero(near) + others > 1)
     return result

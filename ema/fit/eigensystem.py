@@ -29,10 +29,17 @@ from ema.fit.scaling import scale_to_unit_modal_mass
 from ema.progress import Progress, advance, silent
 
 HEAVIEST = 0.25
+"""Damping ratio from which on a pole is no mode's but computational."""
 _SKIP = 4
-_ORDER, _HIGHEST = 60, 240
+"""Samples at the start of the impulse responses that are left out: the error by the ends of the band lives there."""
+_ORDER = 60
+"""Model order that is tried first; it is doubled while its smallest singular value stands clear of the noise."""
+_HIGHEST = 240
+"""Model order beyond which it is not doubled."""
 _COHERENT = 0.8
+"""Extended modal amplitude coherence (Pappa, Elliott and Schenk 1993) below which a pole is noise."""
 _SUPPORT = 0.5
+"""Share of the lower orders, five between half and all of the order, in which a pole has to come back."""
 _CLEAR = 3.0
 """Smallest singular value over that of noise above which the order is raised."""
 _UNSURE = 0.2
@@ -40,8 +47,11 @@ _UNSURE = 0.2
 _ALIKE = 0.8
 """MAC of the shape in the realisation and of the residue in the FRFs."""
 _PASSES = 6
+"""Passes over the residual at most."""
 _SETTLED = 1e-5
+"""Relative progress of the cost by a pass below which it is the last one."""
 _MEMORY = 20000
+"""Rows of the Hankel matrix, and eight times its columns, at which it ends; but not below 120 samples each way."""
 
 
 @dataclass(frozen=True)
@@ -84,17 +94,38 @@ class _State:
 
 
 def era(frfs: FrfSet, progress: Progress = silent) -> ModalModel:
-    """Modal model of FRFs by the eigensystem realisation algorithm, told nothing.
+    """Fit a modal model to FRFs by the eigensystem realisation algorithm, without any setting.
 
-    The intervals hold the noise of the FRFs and the scatter over the passes of the method.
+    The intervals contain the noise of the FRFs and the scatter over the passes of the method.
 
     Parameters
     ----------
-    frfs : the FRFs, already cut to the band. Of an axis with holes the longest even part is used, with a finding.
+    frfs : FrfSet
+        FRFs, already cut to the band. Of an axis with holes the longest even part is used, with a finding.
+    progress : Progress, optional
+        Called after each pass.
+
+    Returns
+    -------
+    ModalModel
+        The modes.
 
     Raises
     ------
-    InputError : the FRFs cannot be fitted.
+    InputError
+        If the FRFs cannot be fitted.
+
+    References
+    ----------
+    .. [1] Juang and Pappa (1985), An eigensystem realization algorithm for modal parameter identification and model
+       reduction, Journal of Guidance, Control, and Dynamics 8:620.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> model = era(frf_set(0.001))
+    >>> model.natural_frequencies.round(1)
+    array([40., 60., 90.])
     """
     frfs, findings = _even(frfs)
     data = prepare(frfs)

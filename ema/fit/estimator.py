@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from ema.fit import model
 from ema.fit.model import Background, Functions
@@ -29,7 +29,13 @@ FEWEST = 24
 NARROWEST = 0.3
 """Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping."""
 SPIKE = 0.01
-"""The same for poles that are narrower than that from the start: of lines without noise even these are told."""
+"""The same for poles that are narrower than that from the start, and for those that the lines do tell (`NARROWER`): of
+lines without noise even these are told.
+"""
+NARROWER = 25.0
+"""What a pole at `NARROWEST` has to take off the cost by a smaller decay rate, in units of the noise, to be followed
+beyond: five standard deviations, which noise exceeds once in 3 million poles.
+"""
 PRIOR = 1.0
 """Information that every shared unknown has before the data are looked at, in units of the noise: a pole is known to
 its own decay rate, an entry of a participation vector to its largest one.
@@ -54,10 +60,13 @@ determined, and it stands still.
 DOUBT = 2.0
 """Standard deviations above the mean of what noise gives to as many unknowns, within which these are left out."""
 FARTHEST = 0.7
-"""Step of a pole, over its decay rate, beyond which the linearisation says nothing."""
+"""Step of a pole, over its decay rate or its distance from the lines, beyond which the linearisation says nothing."""
 SLOWEST = 0.1
 """Imaginary part of a pole over its modulus below which none is followed: on the real axis the functions of a pole and
 of its conjugate are one. Damping ratios end at 0.995."""
+NEARBY = 0.02
+"""Step of a pole over its natural unit, or of an entry of the participation, up to which the matrices of the fit before
+serve for the one after. The error that a step leaves is then the fiftieth part of the one before it."""
 _ROUNDED = 1e-12
 """Rounding of the cost, over its value."""
 _CANCELLED = 1e-6
@@ -150,8 +159,10 @@ class Fit:
 
     Elimination, in real parts, then imaginary parts: ``local`` (row, 2 mode, 2 mode) inverts the information of the
     shapes, ``slope`` (row, 2 mode, 2 unknown) is minus their change with the functions of the shared unknowns,
-    ``lean`` (row, in, column, 2 (mode + unknown)) minus that of the residual terms with all of these. ``share`` (mode,)
-    is the part of the energy of each mode's function that neither the others nor the residual terms can describe.
+    ``of_rest`` (row, in, column, column) inverts the information of the residual terms and ``lean``
+    (row, in, column, 2 (mode + unknown)) is minus their change with all of these. ``share`` (mode,) is the part of the
+    energy of each mode's function that neither the others nor the residual terms can describe. ``borrowed``: these are
+    of a fit nearby (`_Evaluation.nearby`).
     """
 
     poles: Complex[np.ndarray, "mode"]
@@ -167,7 +178,9 @@ class Fit:
     local: Float[np.ndarray, "row l l"]
     slope: Float[np.ndarray, "row l unknown"]
     lean: Float[np.ndarray, "row in column shared"]
+    of_rest: Float[np.ndarray, "row in column column"]
     share: Float[np.ndarray, "mode"]
+    borrowed: bool = False
 
     @property
     def owners(self) -> Int[np.ndarray, "complex_unknown"]:
@@ -221,6 +234,34 @@ def evaluate(
     return _Evaluation(data, poles, participation, terms, found).at(*start)
 
 
+@dataclass(frozen=True)
+class _Elimination:
+    """What eliminates the linear unknowns, as in a `Fit`."""
+
+    local: Float[np.ndarray, "row l l"]
+    slope: Float[np.ndarray, "row l unknown"]
+    lean: Float[np.ndarray, "row in column shared"]
+    of_rest: Float[np.ndarray, "row in column column"]
+
+
+@dataclass
+class _Linear:
+    """Linear unknowns on the way to their optimum: weighted energy of the residual before, what the step takes off it,
+    and the gradient of the shared unknowns.
+    """
+
+    shapes: Complex[np.ndarray, "row member mode"]
+    rest: Float[np.ndarray, "row member in column"]
+    gradient: Complex[np.ndarray, "unknown"]
+    energy: float = 0.0
+    gain: float = 0.0
+
+    @classmethod
+    def at_start(cls, shapes: np.ndarray, rest: np.ndarray, unknowns: int) -> "_Linear":
+        """Before the first step."""
+        return cls(shapes.astype(complex), rest.copy(), np.zeros(unknowns, complex))
+
+
 class _Evaluation:
     """Normal equations of a model at given poles and participation."""
 
@@ -243,81 +284,112 @@ class _Evaluation:
         self.of_shapes = np.concatenate([half, self.shared + half])
         rest = np.arange(self.modes, self.shared)
         self.of_unknowns = np.concatenate([rest, self.shared + rest])
+        self.owners = np.concatenate([half, self.free % max(self.modes, 1)])
 
     def at(self, shapes: np.ndarray, rest: np.ndarray, again: bool = False) -> Fit:
         """The fit whose linear unknowns are best, reached from a start; ``again`` where that was such a fit itself."""
         data, modes, unknowns = self.data, self.modes, self.shared - self.modes
-        rows, members, columns = data.signals.shape[0], data.signals.shape[1], rest.shape[-1]
-        owners = np.concatenate([np.arange(modes), self.free % max(modes, 1)])
+        rows, columns = len(data.signals), rest.shape[-1]
         hermitian, symmetric = (np.zeros((unknowns, unknowns), complex) for _ in range(2))
-        gradient, before, lost = np.zeros(unknowns, complex), np.zeros(unknowns), np.zeros(2 * unknowns)
+        before, lost = np.zeros(unknowns), np.zeros(2 * unknowns)
         share = np.ones(modes)
-        local = np.empty((rows, 2 * modes, 2 * modes))
-        slope = np.empty((rows, 2 * modes, 2 * unknowns))
-        lean = np.empty((rows, self.references, columns, 2 * self.shared))
-        new_shapes, new_rest, energy, gain = np.empty((rows, members, modes), complex), np.empty(rest.shape), 0.0, 0.0
+        by = _Elimination(
+            local=np.empty((rows, 2 * modes, 2 * modes)),
+            slope=np.empty((rows, 2 * modes, 2 * unknowns)),
+            lean=np.empty((rows, self.references, columns, 2 * self.shared)),
+            of_rest=np.empty((rows, self.references, columns, columns)),
+        )
+        optimum = _Linear.at_start(shapes, rest, unknowns)
         size = self.references * (2 * modes + len(self.terms.poles) + 2) ** 2 + 4 * self.shared**2
         for some in data.row_blocks(max(size, data.signals[0].size), _BLOCK):
-            weights = data.weights[some]
-            residual = data.signals[some] - self.synthesised(shapes[some], rest[some])
-            energy += float(np.sum(weights[:, None] * _power(residual)))
-            equations, bare, own_lean, of_rest = self.equations(weights)
-            of_shapes, right, of_terms = self.reduced(weights, residual, own_lean)
-            normal = equations[:, self.of_shapes[:, None], self.of_shapes]
+            equations, bare, by.lean[some], by.of_rest[some] = self.equations(data.weights[some])
             coupling = equations[:, self.of_shapes[:, None], self.of_unknowns]
-            local[some] = inverse(normal, 0.1 * ROUNDING * bare)
-            left_over = 1 / np.maximum(np.diagonal(local[some], axis1=1, axis2=2) * bare, 1.0)
-            share = np.minimum(share, left_over.reshape(len(weights), 2, modes).min(axis=(0, 1), initial=1.0))
-            slope[some] = local[some] @ coupling
-            step = np.einsum("rab,rmb->rma", local[some], of_shapes)
             inner = equations[:, self.of_unknowns[:, None], self.of_unknowns]
-            before += np.sum(
-                np.diagonal(inner, axis1=1, axis2=2).reshape(len(inner), 2, -1).mean(axis=1)
-                * np.sum(np.abs(shapes[some][..., owners]) ** 2, axis=1),
-                axis=0,
-            )
-            size_of_shapes = np.tile(np.sum(np.abs(shapes[some][..., owners]) ** 2, axis=1), 2)
-            lost += np.sum(np.einsum("rlu,rl->ru", slope[some] ** 2, bare) * size_of_shapes, axis=0)
-            p, q = model.complex_form(inner - coupling.transpose(0, 2, 1) @ slope[some])
-            new_shapes[some] = shapes[some] + step[..., :modes] + 1j * step[..., modes:]
-            free_step = np.einsum("ritu,rmit->rmiu", of_rest, of_terms)
-            moved = np.einsum("rits,rms->rmit", own_lean[..., self.of_shapes], step)
-            new_rest[some] = rest[some] + free_step - moved
-            gain += float(np.sum(of_shapes * step) + np.sum(of_terms * free_step))
-            psi = new_shapes[some][..., owners]
-            left = right - np.einsum("rab,rma->rmb", slope[some], of_shapes)
-            gradient += np.sum(psi.conj() * (left[..., :unknowns] + 1j * left[..., unknowns:]), axis=(0, 1))
+            by.local[some] = inverse(equations[:, self.of_shapes[:, None], self.of_shapes], 0.1 * ROUNDING * bare)
+            left_over = 1 / np.maximum(np.diagonal(by.local[some], axis1=1, axis2=2) * bare, 1.0)
+            share = np.minimum(share, left_over.reshape(len(bare), 2, modes).min(axis=(0, 1), initial=1.0))
+            by.slope[some] = by.local[some] @ coupling
+            size_of_shapes = np.sum(np.abs(shapes[some][..., self.owners]) ** 2, axis=1)
+            own = np.diagonal(inner, axis1=1, axis2=2).reshape(len(inner), 2, -1).mean(axis=1)
+            before += np.sum(own * size_of_shapes, axis=0)
+            lost += np.einsum("rlu,rl,ru->u", by.slope[some] ** 2, bare, np.tile(size_of_shapes, 2), optimize=True)
+            self.adapt(optimum, by, some)
+            p, q = model.complex_form(inner - coupling.transpose(0, 2, 1) @ by.slope[some])
+            psi = optimum.shapes[some][..., self.owners]
             turned = psi.transpose(0, 2, 1)
             hermitian += np.sum(p * (turned.conj() @ psi), axis=0)
             symmetric += np.sum(q * (turned @ psi), axis=0)
-            lean[some] = own_lean
-        cancelled = energy - gain < _CANCELLED * energy
+        cancelled = optimum.energy - optimum.gain < _CANCELLED * optimum.energy
         if cancelled and not again:
-            return self.at(new_shapes, new_rest, again=True)
+            return self.at(optimum.shapes, optimum.rest, again=True)
         information = model.real_form(hermitian, symmetric)
         # An error of the eliminated shapes' matrix M returns as slope^T dM slope in the information.
         rounding = 0.1 * ROUNDING * (np.tile(before, 2) + lost)
-        idle = np.tile(share[owners] < ROUNDING, 2) | (np.diag(information) <= rounding)
+        idle = np.tile(share[self.owners] < ROUNDING, 2) | (np.diag(information) <= rounding)
         information[idle], information[:, idle] = 0, 0
-        gradient.real[idle[:unknowns]] = 0
-        gradient.imag[idle[unknowns:]] = 0
         return Fit(
             poles=self.poles,
             participation=self.participation,
             terms=self.terms,
-            shapes=new_shapes,
-            rest=new_rest,
+            shapes=optimum.shapes,
+            rest=optimum.rest,
             # At an optimum there is nothing left to gain: what still cancels there has no digits.
-            cost=energy if cancelled else energy - gain,
+            cost=optimum.energy if cancelled else optimum.energy - optimum.gain,
             information=0.5 * (information + information.T),
-            gradient=np.concatenate([gradient.real, gradient.imag]),
+            gradient=np.where(idle, 0, np.concatenate([optimum.gradient.real, optimum.gradient.imag])),
             before=np.tile(before, 2),
             free=self.free,
-            local=local,
-            slope=slope,
-            lean=lean,
+            local=by.local,
+            slope=by.slope,
+            lean=by.lean,
+            of_rest=by.of_rest,
             share=share,
         )
+
+    def nearby(self, fit: Fit, shapes: np.ndarray, rest: np.ndarray) -> Fit:
+        """The fit with the elimination and the information of one nearby: the optimum is where its gradient vanishes,
+        whatever matrix led there, and the matrices are most of the work where every output has weights of its own.
+        """
+        by = _Elimination(fit.local, fit.slope, fit.lean, fit.of_rest)
+        optimum = _Linear.at_start(shapes, rest, self.shared - self.modes)
+        # Once would leave in the gradient the share of the linear step that these matrices have wrong.
+        for _ in range(2):
+            optimum = _Linear.at_start(optimum.shapes, optimum.rest, self.shared - self.modes)
+            for some in self.data.row_blocks(self.data.signals[0].size, VALUES):
+                self.adapt(optimum, by, some)
+        gradient = np.concatenate([optimum.gradient.real, optimum.gradient.imag])
+        return replace(
+            fit,
+            poles=self.poles,
+            participation=self.participation,
+            shapes=optimum.shapes,
+            rest=optimum.rest,
+            # What the matrices of another place promise is not counted.
+            cost=optimum.energy,
+            gradient=np.where(np.diag(fit.information) > 0, gradient, 0),
+            borrowed=True,
+        )
+
+    def adapt(self, optimum: "_Linear", by: "_Elimination", some: slice) -> None:
+        """A Newton step of the linear unknowns of some rows, what it gains, and the gradient of the shared unknowns."""
+        weights, local, slope, lean = self.data.weights[some], by.local[some], by.slope[some], by.lean[some]
+        modes, half = self.modes, self.shared - self.modes
+        members = self.data.signals.shape[1]
+        count = max(1, VALUES // max(self.data.signals[some, :1].size, 1))
+        for part in (slice(first, first + count) for first in range(0, members, count)):
+            shapes, rest = optimum.shapes[some, part], optimum.rest[some, part]
+            residual = self.data.signals[some, part] - self.synthesised(shapes, rest)
+            of_shapes, right, of_terms = self.reduced(weights, residual, lean)
+            step = np.einsum("rab,rmb->rma", local, of_shapes)
+            free_step = np.einsum("ritu,rmit->rmiu", by.of_rest[some], of_terms)
+            optimum.shapes[some, part] = shapes + step[..., :modes] + 1j * step[..., modes:]
+            moved = np.einsum("rits,rms->rmit", lean[..., self.of_shapes], step)
+            optimum.rest[some, part] = rest + free_step - moved
+            optimum.energy += float(np.sum(weights[:, None] * _power(residual)))
+            optimum.gain += float(np.sum(of_shapes * step) + np.sum(of_terms * free_step))
+            left = right - np.einsum("rab,rma->rmb", slope, of_shapes)
+            psi = optimum.shapes[some, part][..., self.owners]
+            optimum.gradient += np.sum(psi.conj() * (left[..., :half] + 1j * left[..., half:]), axis=(0, 1))
 
     def synthesised(
         self, shapes: Complex[np.ndarray, "r m mode"], rest: Float[np.ndarray, "r m in column"]
@@ -334,8 +406,8 @@ class _Evaluation:
         terms follow (r, in, column, s); and the inverse of their own normal matrices (r, in, column, column).
         """
         modes, references = self.modes, self.references
-        sums = model.sums_over_lines(self.found, weights).reshape(-1, len(self.found.sums))
-        both = model.products(self.every, modes, sums)
+        sums = model.sums_over_lines(self.found, weights)
+        both = model.products(self.every, modes, sums.reshape(-1, sums.shape[-1]))
         p, q = ([a.reshape(len(weights), references, *a.shape[1:]) for a in form] for form in both)
         total = model.real_form(self._shared(p, hermitian=True), self._shared(q, hermitian=False))
         bare = np.diagonal(total, axis1=1, axis2=2)[:, self.of_shapes].copy()
@@ -479,9 +551,12 @@ def _root_of_inverse(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n c
     return np.asarray(own[:, None] * back.T)
 
 
-def _step(data: Observations, fit: Fit, damping: float, prior: float) -> Float[np.ndarray, "unknown"]:
-    """Gauss-Newton step, damped in the natural units; poles move by no more than `FARTHEST` of their decay rate, get no
-    narrower than the lines can tell, and keep oscillating (`SLOWEST`). The others follow where one is held.
+def _step(
+    data: Observations, fit: Fit, damping: float, prior: float, free_outside: bool
+) -> Float[np.ndarray, "unknown"]:
+    """Gauss-Newton step, damped in the natural units; poles move by no more than `FARTHEST` of their decay rate (or, if
+    ``free_outside``, of their distance from the band where that is more), get no narrower than the lines can tell, and
+    keep oscillating (`SLOWEST`). The others follow where one is held.
     """
     scale, modes, half = fit.scale, len(fit.poles), len(fit.gradient) // 2
     matrix = fit.information * np.outer(scale, scale)
@@ -492,6 +567,8 @@ def _step(data: Observations, fit: Fit, damping: float, prior: float) -> Float[n
     step, held = np.zeros(2 * half), np.zeros(2 * half, bool)
     # What is narrower from the start has a bound of its own: pushed away, it would raise the cost of every step.
     room = np.maximum(-narrowest(data, fit.poles) - fit.poles.real, 0) / scale[:modes]
+    outside = np.maximum(np.maximum(data.s[0].imag - fit.poles.imag, fit.poles.imag - data.s[-1].imag), 0)
+    reach = np.hypot(scale[:modes], outside if free_outside else 0)
     fall = np.maximum(fit.poles.imag - SLOWEST * np.abs(fit.poles), 0) / scale[:modes]
     for _ in range(3 * modes + 1):
         pull = gradient[~held] - matrix[np.ix_(~held, held)] @ step[held]
@@ -503,7 +580,7 @@ def _step(data: Observations, fit: Fit, damping: float, prior: float) -> Float[n
         step[half + slow], held[half + slow] = -fall[slow], True
         if len(narrow) or len(slow):
             continue
-        move = np.hypot(step[:modes], step[half : half + modes])
+        move = np.hypot(step[:modes], step[half : half + modes]) * scale[:modes] / reach
         far = np.flatnonzero((move > FARTHEST) & ~(held[:modes] & held[half : half + modes]))
         if not len(far):
             break
@@ -520,7 +597,13 @@ def narrowest(data: Observations, poles: Complex[np.ndarray, "mode"]) -> Float[n
 
 
 def refine(
-    data: Observations, start: Fit, iterations: int = 12, *, tolerance: float = 1e-3, prior: float = PRIOR
+    data: Observations,
+    start: Fit,
+    iterations: int = 12,
+    *,
+    tolerance: float = 1e-3,
+    prior: float = PRIOR,
+    free_outside: bool = False,
 ) -> Fit:
     """Gauss-Newton steps with Levenberg-Marquardt damping; never returns a larger cost than that of ``start``.
 
@@ -530,29 +613,68 @@ def refine(
         unknown: 1e-3 is a thirtieth of a standard deviation.
     prior : information that holds each unknown in its place for a step, in its natural unit. What the data tell with as
         much information converges by half in each step.
+    free_outside : poles outside the band may go as far as their distance from it allows. In steps of their decay rate
+        they creep; a search that is not near an optimum is steadier so.
     """
     fit, damping = start, 0.0
     for _ in range(iterations if len(start.poles) else 0):
-        step = _step(data, fit, damping, prior)
+        step = _step(data, fit, damping, prior, free_outside)
         promised = float(step @ (2 * fit.gradient - fit.information @ step))
-        if damping == 0 and promised < tolerance * len(step) * fit.variance_factor(data):
+        ends = damping == 0 and promised < tolerance * len(step) * fit.variance_factor(data)
+        if not ends:
+            trial = _moved(data, fit, step, True)
+            if trial.borrowed and not fit.borrowed and not trial.cost <= fit.cost:
+                trial = _moved(data, fit, step, False)
+            if trial.cost <= (1 + _ROUNDED) * fit.cost:
+                damping = damping / 10 if damping > 1e-2 else 0.0
+                ends = fit.cost - trial.cost < 1e-6 * tolerance * trial.cost
+                fit = trial
+            elif not fit.borrowed:
+                damping = max(10 * damping, 1e-2)
+                ends = damping > 1e6
+            else:
+                fit = _with_own_matrices(data, fit)
+        # That there is nothing left to gain is said by the matrices of the place itself.
+        if ends and not fit.borrowed:
             break
-        trial = _moved(data, fit, step)
-        if not trial.cost <= (1 + _ROUNDED) * fit.cost:
-            damping = max(10 * damping, 1e-2)
-            if damping > 1e6:
-                break
-            continue
-        damping = damping / 10 if damping > 1e-2 else 0.0
-        gained = fit.cost - trial.cost
-        fit = trial
-        if gained < 1e-6 * tolerance * fit.cost:
-            break
-    return fit
+        if ends:
+            fit = _with_own_matrices(data, fit)
+    fit = _with_own_matrices(data, fit)
+    narrower = _told_to_be_narrower(data, fit)
+    if not np.any(narrower):
+        return fit
+    released = np.where(narrower, fit.poles + 0.1 * data.narrowest_decay, fit.poles)
+    trial = evaluate(data, released, fit.participation, fit.terms, (fit.shapes, fit.rest))
+    trial = refine(data, trial, iterations, tolerance=tolerance, prior=prior, free_outside=free_outside)
+    return trial if trial.cost < fit.cost else fit
 
 
-def _moved(data: Observations, fit: Fit, step: Float[np.ndarray, "unknown"]) -> Fit:
-    """The fit after a step of the shared unknowns; the linear ones start where the linearisation says."""
+def _told_to_be_narrower(data: Observations, fit: Fit) -> Bool[np.ndarray, "mode"]:
+    """Which poles at the bound `NARROWEST` would take `NARROWER` off the cost beyond it."""
+    modes = len(fit.poles)
+    bounded = (
+        np.abs(-fit.poles.real / data.narrowest_decay - 1) < 1e-6 if modes and data.line else np.zeros(modes, bool)
+    )
+    if not np.any(bounded):
+        return np.asarray(bounded)
+    root = _root_of_inverse(fit.information + np.diag(1 / fit.scale**2 + ROUNDING * fit.before))
+    variance = np.sum(root[:modes] ** 2, axis=1)
+    pull = (root @ (root.T @ fit.gradient))[:modes]
+    gain = np.maximum(pull, 0) ** 2 / variance
+    return np.asarray(bounded & (gain > NARROWER * fit.variance_factor(data)))
+
+
+def _with_own_matrices(data: Observations, fit: Fit) -> Fit:
+    """The fit with its own matrices."""
+    if not fit.borrowed:
+        return fit
+    return evaluate(data, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
+
+
+def _moved(data: Observations, fit: Fit, step: Float[np.ndarray, "unknown"], borrow: bool) -> Fit:
+    """The fit after a step of the shared unknowns; the linear ones start where the linearisation says. A small step may
+    ``borrow`` the matrices that there are.
+    """
     modes, half = len(fit.poles), len(step) // 2
     change = step[:half] + 1j * step[half:]
     participation = fit.participation.copy()
@@ -561,9 +683,14 @@ def _moved(data: Observations, fit: Fit, step: Float[np.ndarray, "unknown"]) -> 
     poles = fit.poles + change[:modes]
     functions = fit.shapes[..., fit.owners] * change
     real = np.concatenate([functions.real, functions.imag], axis=-1)
-    follow = np.einsum("rls,rms->rml", fit.slope, real)
-    shapes = fit.shapes - follow[..., :modes] - 1j * follow[..., modes:]
-    return evaluate(data, poles, participation / largest, fit.terms, (shapes * largest, fit.rest))
+    adapted = np.einsum("rls,rms->rml", fit.slope, real)
+    shapes = fit.shapes - adapted[..., :modes] - 1j * adapted[..., modes:]
+    participation, start = participation / largest, (shapes * largest, fit.rest)
+    small = np.max(np.abs(step) / fit.scale, initial=0.0) < NEARBY
+    if not (borrow and small and len(data.signals) > 1 and np.array_equal(free_entries(participation), fit.free)):
+        return evaluate(data, poles, participation, fit.terms, start)
+    found = model.functions(data.s, poles, fit.terms.poles)
+    return _Evaluation(data, poles, participation, fit.terms, found).nearby(fit, *start)
 
 
 def pulls(
@@ -656,6 +783,39 @@ def with_terms(data: Observations, fit: Fit, columns: int) -> Fit:
     return evaluate(data, fit.poles, fit.participation, terms, (fit.shapes, fit.rest[..., :columns]))
 
 
+def cost_of_fewer_terms(fit: Fit, columns: int) -> float:
+    """Increase of the cost when the first residual terms only are kept and everything else adapts, linearised.
+
+    With the values c of the others at the optimum and their covariance C it is ``c^T C^-1 c``. They belong to one
+    output each, but for the shared unknowns: ``C = D + J S J^T`` with D the covariance (by output) while these are
+    held, S that of these, and J how the terms follow them; inverted by Woodbury's identity.
+    """
+    modes, outer = len(fit.poles), fit.lean.shape[-1] // 2
+    of_shapes = np.r_[:modes, outer : outer + modes]
+    lean = fit.lean[:, :, columns:]
+    rows, references, count = lean.shape[:3]
+    flat = lean.reshape(rows, references * count, -1)
+    by_shape = flat[..., of_shapes]
+    held = by_shape @ fit.local @ by_shape.transpose(0, 2, 1)
+    for i in range(references):
+        own = slice(i * count, (i + 1) * count)
+        held[:, own, own] += fit.of_rest[:, i, columns:, columns:]
+    follow = by_shape @ fit.slope - np.delete(flat, of_shapes, axis=-1)
+    real, imaginary = (part[:, None] for part in np.split(follow, 2, axis=-1))
+    psi = fit.shapes[:, :, None, fit.owners]
+    jacobian = np.concatenate([real * psi.real + imaginary * psi.imag, imaginary * psi.real - real * psi.imag], axis=-1)
+    by_cause = root(fit)
+    values = fit.rest[..., columns:].reshape(*fit.shapes.shape[:2], -1)
+    values = values + jacobian @ (by_cause @ (by_cause.T @ fit.gradient))
+    inverted = inverse(held)[:, None]
+    weighted = (inverted @ values[..., None])[..., 0]
+    along = jacobian.reshape(values.size, jacobian.shape[-1])
+    information = along.T @ (inverted @ jacobian).reshape(along.shape)
+    pulled = by_cause.T @ (along.T @ weighted.reshape(-1))
+    inner = by_cause.T @ information @ by_cause + np.eye(len(pulled))
+    return float(np.sum(values * weighted) - pulled @ np.linalg.solve(inner, pulled))
+
+
 def covariance(fit: Fit, factor: float) -> Float[np.ndarray, "mode 2 2"]:
     """Covariance of natural frequency (Hz) and damping ratio of each mode."""
     by_cause = root(fit, factor)
@@ -717,15 +877,14 @@ def trial_equations(
     """
     references, modes, count = data.references, len(fit.poles), len(trials)
     weights, every = data.weights[0], np.concatenate([fit.poles, fit.terms.poles])
-    direct, opposite = 1 / (data.s - trials[:, None]), -1 / (data.s + trials[:, None])
-    of_trials = (weights + 0j) @ (direct + opposite).T
+    trial = model.functions(data.s, trials[:0], trials)
+    of_trials = model.sums_over_lines(trial, weights)[..., :count]
     found = model.functions(data.s, fit.poles, fit.terms.poles)
     sums = model.sums_over_lines(found, weights)
     own_p, own_q, p, q = model.trial_products(trials, of_trials, every, modes, sums)
     mixing, width = fit.terms.mixing, fit.lean.shape[-1] // 2
     block, overlap = np.zeros((count, 2 * references, 2 * references)), np.zeros((count, 2 * references, 2 * modes))
-    trial = model.Functions(direct, opposite.conj(), direct)
-    h = model.projections(trial, (weights[None] * residual(data, fit)[0]))
+    h = model.projections(trial, weights[None] * residual(data, fit)[0])[..., :count]
     remaining = np.concatenate([h.real, h.imag], axis=1).transpose(2, 1, 0)
     of_shapes = np.concatenate([np.arange(modes), width + np.arange(modes)])
     for i, entries in enumerate(fit.participation):

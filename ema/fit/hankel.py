@@ -13,7 +13,7 @@ import scipy.linalg
 from jaxtyping import Complex, Float
 
 _PROBES = 12
-"""Random vectors beyond the highest order."""
+"""Random vectors beyond the highest order; Halko, Martinsson and Tropp (2011) recommend five to ten."""
 
 
 @dataclass(frozen=True)

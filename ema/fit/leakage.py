@@ -29,7 +29,7 @@ SETTLED = 0.04
 """Energy, in units of the noise, by which the correction of two turns may differ: no value moves by more than 0.2
 standard deviations."""
 RESOLVED = 1.5
-"""Lines within which two peaks are one under a Hann window, whose half-power bandwidth is 1.44 lines."""
+"""Lines within which two peaks are one under a Hann window, whose half-power bandwidth is 1.44 lines (Harris 1978)."""
 ALIKE = 0.9
 """MAC of residues from which on poles that close are taken as one peak, for the initial guess alone."""
 SEEN = 2.0

@@ -37,6 +37,7 @@ _LEAST, _MOST = 1e-14, 1e-6
 """Bounds of that weight over the energy of the FRFs: rounding, and what data that are nothing but noise may ask for."""
 
 _BLOCK = 2048
+"""Columns (lines times references) of the FRFs that are correlated at a time: memory alone, no value depends on it."""
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def modes(
     shapes: Literal["complex", "real"] = "complex",
     progress: Progress = silent,
 ) -> ModalModel:
-    """Modal model of FRFs: natural frequencies, damping, shapes, participation, residual terms and intervals.
+    """Fit a modal model to FRFs: natural frequencies, damping, shapes, participation, residual terms and intervals.
 
     All poles of the band are fitted together by maximum likelihood, with what lies outside it. A pole is accepted as a
     mode when noise cannot explain it and its values and shape are certain enough; otherwise it is listed among the
@@ -51,14 +51,16 @@ def modes(
     frfs : FrfSet
         The FRFs; the band is that of ``poles``.
     poles : PoleTable
-        Poles of all model orders (`ema.fit.stabilise`).
+        Poles of all model orders (:func:`stabilise`).
     near : sequence of float, optional
-        Frequencies in Hz: the modes next to these are reported, accepted or not. A frequency named twice asks for both
+        Frequencies [Hz]: the modes next to these are reported, accepted or not. A frequency named twice asks for both
         modes of a repeated root.
     index : sequence of int, optional
         Rows of ``poles``: the modes that these poles belong to are reported.
-    shapes : {"complex", "real"}
+    shapes : {"complex", "real"}, default "complex"
         Complex shapes, or real ones (each mode rotated to its mean phase).
+    progress : Progress, optional
+        Called during the fit.
 
     Returns
     -------
@@ -68,7 +70,15 @@ def modes(
     Raises
     ------
     InputError
-        The FRFs cannot be fitted, or there is no pole near a wanted frequency.
+        If the FRFs cannot be fitted, or there is no pole near a named frequency.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> from ema.fit import stabilise
+    >>> frfs = frf_set(0.001)
+    >>> modes(frfs, stabilise(frfs)).natural_frequencies.round(1)
+    array([40., 60., 90.])
     """
     if shapes not in ("complex", "real"):
         raise InputError("unknown kind of shapes", got=repr(shapes), expected="complex or real")
@@ -621,9 +631,28 @@ def _multiplicity(
 
 
 def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, Float[np.ndarray, "out in"]]:
-    """FRFs of the model on the lines of ``measured`` and their relative error, norm over norm, for each FRF.
+    """Synthesise the FRFs of a model on the lines of measured ones, and compute their relative error.
 
-    What the window and the end of the record do is put back, so that both hold the same.
+    What the window and the end of the record do is put back, so that both contain the same. A line at 0 Hz is left out.
+
+    Parameters
+    ----------
+    measured : FrfSet
+        Measured FRFs.
+    model : ModalModel
+        Modes that were fitted to them.
+
+    Returns
+    -------
+    tuple of (FrfSet, array of shape (out, in))
+        Synthesised FRFs, and the norm of the difference over the norm of the measurement for each FRF.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set, modal_model
+    >>> _, error = reconstruction_error(frf_set(), modal_model())
+    >>> bool(error.max() < 1e-12)
+    True
     """
     from ema import synthesis
 

@@ -28,6 +28,9 @@ below 1e-9 of their information. What is left out differs from the other terms b
 The six terms of an ordinary band are all kept, at half the value and at twice.
 """
 
+_IN_CACHE = 16_000
+"""Values that are worked on at a time."""
+
 
 @dataclass(frozen=True)
 class Background:
@@ -89,30 +92,77 @@ def background(
 
 @dataclass(frozen=True)
 class Functions:
-    """Pair functions on the lines: ``direct`` and ``mirrored`` (function, line) of all poles, fixed poles of the
-    background, lower and upper residual; then the squares that belong to the poles. ``sums`` (sum, line) are the
-    summands ``a(p)``, ``da(p)/dp``, 1, s^-2, s^-4 behind their products.
+    """Pair functions on the lines: those of all poles, the fixed poles of the background, the lower and the upper
+    residual are the first ``count``; the squares that belong to the poles follow.
+
+    ``values`` (2 * function, 2 * line) are real and imaginary parts on each line of ``D + M``, what the real part of a
+    coefficient multiplies, and of ``j (D - M)``, for its imaginary part: both of the first functions, then both of the
+    squares. ``sums`` (2 * sum - 3, line) are the real, then the imaginary parts of the summands ``a(p)``, ``da(p)/dp``,
+    1, s^-2, s^-4 behind their products; the last three are real.
     """
 
-    direct: Complex[np.ndarray, "function line"]
-    mirrored: Complex[np.ndarray, "function line"]
-    sums: Complex[np.ndarray, "sum line"]
+    count: int
+    values: Float[np.ndarray, "part line_part"]
+    sums: Float[np.ndarray, "sum line"]
 
 
 def functions(
     s: Complex[np.ndarray, "line"], poles: Complex[np.ndarray, "mode"], fixed: Complex[np.ndarray, "term"]
 ) -> Functions:
     """All pair functions of a model."""
-    modes, every = len(poles), np.concatenate([poles, fixed])
-    direct, mirrored = 1 / (s - every[:, None]), 1 / (s - every.conj()[:, None])
-    # 1 / (s - conj(p)) is -conj(1 / (s + p)).
-    opposite = mirrored.conj()
-    squares = direct[:modes] ** 2, mirrored[:modes] ** 2
-    powers = np.stack([np.ones(len(s)), s**-2, s**-4])
-    sums = np.concatenate([direct + opposite, squares[0] + squares[1].conj(), powers])
+    modes, every, lines = len(poles), np.concatenate([poles, fixed]), len(s)
+    count = len(every) + 2
+    values = np.empty((2 * (count + modes), lines), complex)
+    sums = np.empty((2 * (len(every) + modes) + 3, lines))
+    of_sums = len(every) + modes
+    powers = np.stack([np.ones(lines), (s**-2).real, (s**-4).real])
+    sums[of_sums : of_sums + 3] = powers
     # A real coefficient of half the function, counted twice as every pair is, is the coefficient of the function.
-    static = np.stack([0.5 / s**2, np.full(len(s), 0.5 + 0j)])
-    return Functions(np.concatenate([direct, static, squares[0]]), np.concatenate([mirrored, static, squares[1]]), sums)
+    values[count - 2 : count], values[2 * count - 2 : 2 * count] = powers[1::-1], 0
+    step = max(1, _IN_CACHE // lines)
+    for first in range(0, len(every), step):
+        some = np.arange(first, min(first + step, len(every)))
+        direct, mirrored = _reciprocal(s.imag, every[some]), _reciprocal(s.imag, every[some].conj())
+        _place(values[some[0] :], count, sums[some[0] :], of_sums + 3, direct, mirrored)
+        if first < modes:
+            some = some[some < modes]
+            own = values[2 * count + first :], modes, sums[len(every) + first :], of_sums + 3
+            _place(*own, direct[: len(some)] ** 2, mirrored[: len(some)] ** 2)
+    return Functions(count, values.view(float), sums)
+
+
+def _place(
+    values: Complex[np.ndarray, "part line"],
+    to_imaginary: int,
+    sums: Float[np.ndarray, "sum line"],
+    to_imaginary_sums: int,
+    direct: Complex[np.ndarray, "function line"],
+    mirrored: Complex[np.ndarray, "function line"],
+) -> None:
+    """Write some functions, and their summands, into the arrays of `Functions`."""
+    count = len(direct)
+    values[:count], values[to_imaginary : to_imaginary + count] = _both(direct, mirrored)
+    # 1 / (s - conj(p)) is -conj(1 / (s + p)).
+    sums[:count] = values[:count].real
+    sums[to_imaginary_sums : to_imaginary_sums + count] = direct.imag - mirrored.imag
+
+
+def _reciprocal(
+    omega: Float[np.ndarray, "line"], poles: Complex[np.ndarray, "pole"]
+) -> Complex[np.ndarray, "pole line"]:
+    """``1 / (j omega - p)``."""
+    result = np.empty((len(poles), len(omega)), complex)
+    distance, decay = omega - poles.imag[:, None], -poles.real[:, None]
+    energy = distance**2 + decay**2
+    result.real, result.imag = decay / energy, -distance / energy
+    return result
+
+
+def _both(
+    direct: Complex[np.ndarray, "function line"], mirrored: Complex[np.ndarray, "function line"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What the real and what the imaginary part of a coefficient multiply."""
+    return direct + mirrored, 1j * (direct - mirrored)
 
 
 def bin_excess(
@@ -125,9 +175,9 @@ def bin_excess(
 
     The mean of ``f = 1 / (s - p)`` over lines at ``s + j d`` is ``f - v f^3`` to third order, v the mean of d^2.
     """
-    direct, mirrored = 1 / (s - poles[:, None]), 1 / (s - poles.conj()[:, None])
-    cubes = Functions(-spread * direct**3, -spread * mirrored**3, direct)
-    return synthesise(cubes, coefficients)
+    direct, mirrored = _reciprocal(s.imag, poles), _reciprocal(s.imag, poles.conj())
+    cubes = np.concatenate(_both(-spread * direct**3, -spread * mirrored**3)).view(float)
+    return synthesise(Functions(len(poles), cubes, np.zeros((0, len(s)))), coefficients)
 
 
 def synthesise(
@@ -135,37 +185,34 @@ def synthesise(
 ) -> Complex[np.ndarray, "*frf line"]:
     """FRFs from the coefficients of the first pair functions."""
     count = coefficients.shape[-1]
-    plus = (found.direct[:count] + found.mirrored[:count]).view(float)
-    minus = (1j * (found.direct[:count] - found.mirrored[:count])).view(float)
     flat = coefficients.reshape(-1, count)
-    values = np.ascontiguousarray(flat.real) @ plus
-    values += np.ascontiguousarray(flat.imag) @ minus
-    return values.view(complex).reshape(*coefficients.shape[:-1], -1)
+    values = found.values[: 2 * found.count]
+    if count < found.count:
+        values = values[np.r_[:count, found.count : found.count + count]]
+    result: np.ndarray = np.concatenate([flat.real, flat.imag], axis=-1) @ values
+    return result.view(complex).reshape(*coefficients.shape[:-1], -1)
 
 
 def projections(found: Functions, signals: Complex[np.ndarray, "*frf line"]) -> Complex[np.ndarray, "*frf function"]:
     """Products of weighted signals with all pair functions: half the gradient of their energy with respect to the real
     and imaginary part of each coefficient.
     """
-    flat = signals.reshape(-1, signals.shape[-1])
-    direct, mirrored = found.direct.conj(), found.mirrored
-    result = _times(flat.real, direct + mirrored) + _times(flat.imag, 1j * (direct - mirrored))
+    flat = np.ascontiguousarray(signals).reshape(-1, signals.shape[-1]).view(float)
+    parts = flat @ found.values.T
+    first, squares = parts[:, : 2 * found.count], parts[:, 2 * found.count :]
+    real, imaginary = (
+        np.concatenate(both, axis=-1) for both in zip(np.split(first, 2, axis=-1), np.split(squares, 2, axis=-1))
+    )
+    result: np.ndarray = real + 1j * imaginary
     return result.reshape(*signals.shape[:-1], -1)
-
-
-def _times(
-    values: Float[np.ndarray, "frf line"], columns: Complex[np.ndarray, "function line"]
-) -> Complex[np.ndarray, "frf function"]:
-    """Sums over lines of real values times complex functions, as one real matrix product."""
-    count, lines = columns.shape
-    real = np.ascontiguousarray(columns).view(float).reshape(count, lines, 2)
-    result: np.ndarray = np.ascontiguousarray(values) @ real.transpose(1, 0, 2).reshape(lines, 2 * count)
-    return result.view(complex)
 
 
 def sums_over_lines(found: Functions, weights: Float[np.ndarray, "*row line"]) -> Complex[np.ndarray, "*row sum"]:
     """The sums behind all products."""
-    result = _times(weights.reshape(-1, weights.shape[-1]), found.sums)
+    parts = weights.reshape(-1, weights.shape[-1]) @ found.sums.T
+    count = (parts.shape[-1] + 3) // 2
+    result = parts[:, :count] + 0j
+    result[:, : count - 3].imag = parts[:, count:]
     return result.reshape(*weights.shape[:-1], -1)
 
 

@@ -26,6 +26,9 @@ _NARROW, _CAUTION = 3.0, 2.0
 _FEW, _REACH = 10.0, 3.0
 """Lines within the bandwidth of a peak that are few, and decay rates from its pole that are on it: with noise in
 proportion to the FRF, four fifths of what the peak makes of noise lie there (2/pi arctan 3)."""
+_SAME = 0.9
+"""MAC of two shapes, and of two participation vectors, from which on both poles may be of one mode, as elsewhere in the
+search."""
 _FLANK = 4.0
 """Evidence, in standard deviations, that the flanks of a narrow peak have to give for a resonance. Of tones 1 in 30,000
 gives as much (normal distribution, one-sided)."""
@@ -131,7 +134,8 @@ def on_narrow_peak(
 def tones(data: Observations, fit: Fit, narrow: np.ndarray) -> list[int]:
     """Which of the ``narrow`` poles are tones: nothing beside the three lines of their peaks speaks for a resonance.
 
-    So is the weaker of two within a line of each other: it makes up for a peak that is narrower than a pole may be.
+    So is the weaker of two within a line of each other with the same shape and participation: it makes up for what one
+    pole does not describe.
 
     The other lines alone give a shape psi with the information M, all else adapted; the peak alone gives, from the
     information that is missing then, a shape q that does not know of these lines. Where there is nothing but a peak,
@@ -140,7 +144,8 @@ def tones(data: Observations, fit: Fit, narrow: np.ndarray) -> list[int]:
     factor = max(fit.variance_factor(data), np.finfo(float).tiny)
     gain, found = estimator.gains(fit) if len(narrow) else np.zeros(0), []
     for pole in map(int, narrow):
-        if np.any((np.abs(fit.poles - fit.poles[pole]) < data.line) & (gain > gain[pole])):
+        stronger = np.flatnonzero((np.abs(fit.poles - fit.poles[pole]) < data.line) & (gain > gain[pole]))
+        if any(_alike(fit, pole, int(other)) for other in stronger):
             found.append(pole)
             continue
         masked = data.without_lines(float(fit.poles[pole].imag))
@@ -154,6 +159,13 @@ def tones(data: Observations, fit: Fit, narrow: np.ndarray) -> list[int]:
         if evidence <= _FLANK * np.sqrt(factor * max(energy, 0.0)):
             found.append(pole)
     return found
+
+
+def _alike(fit: Fit, one: int, other: int) -> bool:
+    """Whether two poles have the same shape and the same participation."""
+    pairs = ((fit.psi[one], fit.psi[other]), (fit.participation[:, one], fit.participation[:, other]))
+    size = [float(np.vdot(a, a).real * np.vdot(b, b).real) for a, b in pairs]
+    return all(abs(np.vdot(a, b)) ** 2 >= _SAME * total for (a, b), total in zip(pairs, size, strict=True))
 
 
 def _shape(fit: Fit, pole: int) -> tuple[Float[np.ndarray, "row 2 2"], Float[np.ndarray, "row 2 member"]]:

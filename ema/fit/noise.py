@@ -127,6 +127,7 @@ def structure(
 
 
 _CELLS = 120
+"""Cells of the size of an FRF over its mean, a quarter of an octave each, from 20 octaves below to 10 above it."""
 
 
 def _cells(model: Float[np.ndarray, "out in freq"]) -> Int[np.ndarray, "out in freq"]:
@@ -147,6 +148,7 @@ def pooled(
 
 
 _POOLED = 25
+"""Lines over which measured variances are pooled."""
 
 
 def measured(frfs: FrfSet) -> Float[np.ndarray, "freq out in"] | None:

@@ -17,20 +17,42 @@ _SCATTER = 0.1
 
 
 def circle_fit(frfs: FrfSet, near: float, output: int = 0, input_: int = 0, bandwidths: float = 1.5) -> SingleMode:
-    """One mode from the Nyquist circle of one FRF.
+    """Fit one mode to the Nyquist circle of one FRF.
 
     The natural frequency is where the angle sweeps fastest, read from the arctangent through all angles; the damping is
     the mean over all pairs of a line below and a line above it, weighted by what an error of the angles does to each.
 
     Parameters
     ----------
-    near : Hz; the nearest peak within 5 % is taken.
-    output, input_ : positions of the FRF in the set.
-    bandwidths : lines within this many half-power bandwidths on each side are used, five at least.
+    frfs : FrfSet
+        FRFs.
+    near : float
+        Frequency [Hz]; the nearest peak within 5 % is used.
+    output, input_ : int, default 0
+        Position of the FRF in the set, from 0.
+    bandwidths : float, default 1.5
+        Lines within this many half-power bandwidths on each side are used, five at least.
+
+    Returns
+    -------
+    SingleMode
+        The mode.
 
     Raises
     ------
-    InputError : the FRF cannot be used, or there is no peak near the wanted frequency.
+    InputError
+        If the FRF cannot be used, or there is no peak near the frequency.
+
+    References
+    ----------
+    .. [1] Ewins (2000), Modal Testing, 2nd edition, section 4.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> mode = circle_fit(frf_set(), near=40.0)
+    >>> round(mode.natural_frequency, 1)
+    40.0
     """
     _check_position(frfs, output, input_)
     frfs, values = receptance(frfs.pick([output], [input_]))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 CONFIDENCE = 0.95
 """Probability with which no mode is called different when two sound estimators see the same noise."""
 _ALIKE = 0.5
+"""MAC below which modes of the two estimators are not paired."""
 _NEAR = 2.0
 """Distance of poles over the sum of their decay rates beyond which they are not the same mode."""
 
@@ -78,19 +79,37 @@ def _values(model: ModalModel, mode: int) -> tuple[float, float]:
 
 
 def second_opinion(modes: ModalModel, frfs: FrfSet, progress: Progress = silent) -> SecondOpinion:
-    """Compare the modes of a fit with those that the eigensystem realisation finds in the same FRFs.
+    """Compare the modes of a fit with those of the eigensystem realisation algorithm on the same FRFs.
 
-    Both see the same noise, so the combined interval, sqrt(s1^2 + s2^2), is a little wide: what lies beyond it is a
+    Both contain the same noise, so the combined interval, sqrt(s1^2 + s2^2), is a little wide: what lies beyond it is a
     disagreement of methods. The limit holds for all modes at once (Bonferroni).
 
     Parameters
     ----------
-    modes : what was fitted to ``frfs``.
-    frfs : the FRFs, cut to the band of the fit.
+    modes : ModalModel
+        Modes that were fitted to ``frfs``.
+    frfs : FrfSet
+        The FRFs, cut to the band of the fit.
+    progress : Progress, optional
+        Called during the second fit.
+
+    Returns
+    -------
+    SecondOpinion
+        Both models, their pairs, and where they differ.
 
     Raises
     ------
-    InputError : the second estimator cannot use the FRFs.
+    InputError
+        If the second estimator cannot use the FRFs.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> from ema.fit import modes, stabilise
+    >>> frfs = frf_set(0.001)
+    >>> len(second_opinion(modes(frfs, stabilise(frfs)), frfs).pairs)
+    3
     """
     other = era(frfs, progress)
     mac = _mac(modes, other)

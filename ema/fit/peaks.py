@@ -67,21 +67,38 @@ def receptance(frfs: FrfSet) -> tuple[FrfSet, Complex[np.ndarray, "freq out in"]
 def peak_picking(
     frfs: FrfSet, near: Sequence[float], indicator: Literal["sum", "cmif"] = "sum"
 ) -> tuple[SingleMode, ...]:
-    """Natural frequencies and half-power damping of the peaks nearest to the wanted frequencies.
+    """Read natural frequencies and half-power damping from the peaks nearest to given frequencies.
+
+    The interpolation and the relation between width and damping are exact for one viscously damped mode.
 
     Parameters
     ----------
-    near : wanted frequencies in Hz; each takes the nearest peak within 5 %.
-    indicator : the sum of the squared receptances of all FRFs, or their largest squared singular value.
+    frfs : FrfSet
+        FRFs.
+    near : sequence of float
+        Frequencies [Hz]; each takes the nearest peak within 5 %.
+    indicator : {"sum", "cmif"}, default "sum"
+        The sum of the squared receptances of all FRFs, or their largest squared singular value.
+
+    Returns
+    -------
+    tuple of SingleMode
+        One mode per frequency.
 
     Raises
     ------
-    InputError : the FRFs cannot be used, or there is no peak near a wanted frequency.
+    InputError
+        If the FRFs cannot be used, or there is no peak near a frequency.
 
     References
     ----------
-    Ewins, Modal Testing, 2nd ed. 2000, section 4.2; the interpolation and the relation between width and damping are
-    exact for one viscously damped mode.
+    .. [1] Ewins (2000), Modal Testing, 2nd edition, section 4.2.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> [round(mode.natural_frequency) for mode in peak_picking(frf_set(), near=[40.0, 90.0])]
+    [40, 90]
     """
     frfs, values = receptance(frfs)
     if indicator == "cmif":

@@ -26,9 +26,11 @@ class SelectionPolicy:
     unresolved : half-power bandwidth, and its standard deviation, in frequency lines within which a resonance that is
         seen as a peak is a mode whatever the relative uncertainty of its damping: its frequency is determined,
         and its damping is bounded from above. With one line between the half-power points nothing tells more.
-    mains : Hz, frequencies of the mains, at whose multiples two poles or more narrower than a line are tones.
+    mains : Hz, frequencies of the mains, at whose multiples two poles or more are tones that are narrower than a line
+        and whose damping the data do not tell from zero. One narrow mode in seven is there by chance at 2 kHz, but
+        of these the data tell the damping.
     mains_deviation : relative deviation of the mains frequency within which that is so: grids keep theirs to 0.1 %
-        (EN 50160 allows 1 % for 99.5 % of a year). Two modes so narrow are there by chance once in 2500 cases.
+        (EN 50160 allows 1 % for 99.5 % of a year).
     frequency_uncertainty : standard deviation of the natural frequency over the distance to the nearest mode with the
         same participation beyond which the two cannot be told apart. Identifiable modes have 0.2 at most.
     shape_scatter : variance of a shape over its energy beyond which a MAC of 0.8 with the true shape is not expected:

@@ -54,29 +54,33 @@ class Refined:
 
 def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     """Refine selected poles, participation, shapes and residual terms with a weight for every line of every FRF."""
-    flat = _observations(data)
-    start = _start(flat, data, chosen)
+    # The noise of each FRF is known by its size, of lines nothing yet: all outputs share one elimination.
+    level = replace(data.noise, lines=np.ones(len(data.frequencies)))
+    observed = estimator.observe(data.frequencies, data.values, data.derivative, level, rotate=False)
+    flat = _by_output(observed, data)
+    fit = _start(observed, data, chosen)
     known, basis = _known(band, data)
-    misfit = _misfit(flat, start, data.derivative, known)
+    misfit = _misfit(flat, _by_row(fit, data), data.derivative, known)
     # What nothing needs is not free to go somewhere else, nor what the noise of single lines explains.
-    fit, kept = estimator.determined(flat, start)
+    fit, kept = estimator.determined(observed, fit)
     dropped: tuple[Dropped, ...] = ()
     if not misfit:
-        weighted = replace(flat, weights=_weights(flat, fit, data.derivative, known, misfit))
-        there = estimator.evaluate(weighted, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
-        _, left, dropped = _pruned(weighted, there, chosen, kept)
-        fit, kept = estimator.drop(flat, fit, np.isin(kept, left)), left
-    fit = _optimum(flat, fit)
+        _, left, dropped = _pruned(*_weighted(flat, _by_row(fit, data), data.derivative, known, misfit), chosen, kept)
+        if len(left) < len(kept):
+            fit, kept = estimator.drop(observed, fit, np.isin(kept, left)), left
+    fit, left = estimator.determined(observed, _optimum(observed, fit))
+    fit, kept = _by_row(fit, data), kept[left]
+    terms = fit.terms
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
     # Few values: what the start was still off by shows in their noise.
     again = 2 if known is None and not misfit and flat.signals.size <= _ENOUGH else 1
     for turn in range(_ROUNDS):
-        fit, left = estimator.determined(flat, fit)
-        kept = kept[left]
+        if turn:
+            fit, left = estimator.determined(flat, fit)
+            kept = kept[left]
         if turn < again:
-            flat = replace(flat, weights=_weights(flat, fit, data.derivative, known, misfit))
-            fit = estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
+            flat, fit = _weighted(flat, fit, data.derivative, known, misfit)
         before = len(fit.poles)
         # What is fitted badly asks for poles that noise would not: then all of them stay.
         if not misfit:
@@ -97,37 +101,60 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     # At its lower bound a decay rate may as well be anything below: it is known to itself, which is the prior.
     bounded = -fit.poles.real <= (1 + 1e-6) * estimator.narrowest(flat, fit.poles)
     inflation[:modes][bounded] = _UNKNOWN
+    fit = _with_all_residual_terms(flat, fit, terms)
     return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis, misfit)
 
 
 def _optimum(flat: Observations, start: Fit) -> Fit:
     """The optimum next to a start: where the search came from does not show in it, nor in the weights made from it."""
-    return estimator.refine(flat, start, _ITERATIONS, tolerance=_CONVERGED, prior=_LOOSE)
+    return estimator.refine(flat, start, _ITERATIONS, tolerance=_CONVERGED, prior=_LOOSE, free_outside=True)
 
 
-def _observations(data: Prepared) -> Observations:
-    """All lines of all FRFs, each output a row; the noise of each FRF is known by its size, of lines nothing yet."""
-    s = 2j * np.pi * data.frequencies
-    signals = np.ascontiguousarray((data.values * (s**-data.derivative)[:, None, None]).transpose(1, 2, 0))[:, None]
-    scale = np.multiply.outer(data.noise.outputs, data.noise.references)
-    weights = np.abs(s) ** (2 * data.derivative) / scale[:, :, None] ** 2
-    return Observations(s, signals, weights)
-
-
-def _start(flat: Observations, data: Prepared, chosen: Selection) -> Fit:
-    """The selection with shapes and residual terms on all outputs."""
-    fit = chosen.fit
-    observed = estimator.observe(
-        data.frequencies, data.values, data.derivative, chosen.noise, chosen.starts, rotate=False
+def _by_output(observed: Observations, data: Prepared) -> Observations:
+    """The same with each output as a row of its own."""
+    outputs = data.noise.outputs[:, None, None]
+    return replace(
+        observed,
+        signals=observed.signals.transpose(1, 0, 2, 3) * outputs[:, None],
+        weights=observed.weights / outputs**2,
+        spread=None,
+        means=None,
     )
-    # Those of the selection follow its bins and weights, which depend on how it got there.
-    weight = np.abs(flat.s) ** (2 * data.derivative) / data.noise.lines**2
-    terms = model.background(flat.s, weight, fit.terms.poles)
-    everywhere = estimator.evaluate(observed, fit.poles, fit.participation, terms)
-    outputs = chosen.noise.outputs[:, None]
-    shapes = everywhere.shapes[0] * outputs
-    rest = everywhere.rest[0] * outputs[:, :, None]
-    return estimator.evaluate(flat, fit.poles, fit.participation, terms, (shapes[:, None], rest[:, None]))
+
+
+def _by_row(fit: Fit, data: Prepared) -> Fit:
+    """A fit with all outputs in one row, as that of the same data with a row for each output."""
+    outputs = data.noise.outputs[:, None, None]
+
+    def for_each(matrices: np.ndarray) -> np.ndarray:
+        """What does not depend on the size of an output."""
+        return np.broadcast_to(matrices, (len(outputs), *matrices.shape[1:]))
+
+    return replace(
+        fit,
+        shapes=fit.shapes.transpose(1, 0, 2) * outputs,
+        rest=fit.rest.transpose(1, 0, 2, 3) * outputs[:, None],
+        local=fit.local * outputs**2,
+        of_rest=fit.of_rest * outputs[:, None] ** 2,
+        slope=for_each(fit.slope),
+        lean=for_each(fit.lean),
+    )
+
+
+def _start(observed: Observations, data: Prepared, chosen: Selection) -> Fit:
+    """The selection with shapes and residual terms on all outputs and lines."""
+    # The terms of the selection follow its bins and weights, which depend on how it got there.
+    weight = np.abs(observed.s) ** (2 * data.derivative) / data.noise.lines**2
+    terms = model.background(observed.s, weight, chosen.fit.terms.poles)
+    return estimator.evaluate(observed, chosen.fit.poles, chosen.fit.participation, terms)
+
+
+def _weighted(
+    flat: Observations, fit: Fit, derivative: int, known: Float[np.ndarray, "out in freq"] | None, misfit: bool
+) -> tuple[Observations, Fit]:
+    """The observations with the weights that a fit gives them, and the fit there."""
+    flat = replace(flat, weights=_weights(flat, fit, derivative, known, misfit))
+    return flat, estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
 
 
 def _between(
@@ -158,16 +185,41 @@ def _spared(flat: Observations, fit: Fit) -> Fit:
     A set of terms is left out when its gain, poles adapted, stays within two standard deviations of what noise gives to
     as many unknowns.
     """
-    noise = fit.variance_factor(flat)
-    gained = _promised(fit)
-    while fit.rest.shape[-1]:
-        fewer = estimator.with_terms(flat, fit, max(fit.rest.shape[-1] - 2, 0))
-        count = fit.rest.size - fewer.rest.size
-        lost = (fewer.cost - _promised(fewer)) - (fit.cost - gained)
-        if lost > noise * (count + estimator.DOUBT * np.sqrt(2 * count)):
+    per_column, columns = flat.outputs * flat.references, fit.rest.shape[-1]
+
+    def within_noise(lost: float, count: int) -> bool:
+        return bool(lost <= fit.variance_factor(flat) * (count + estimator.DOUBT * np.sqrt(2 * count)))
+
+    lost, all_columns = 0.0, columns
+    while columns:
+        fewer = max(columns - 2, 0)
+        without = estimator.cost_of_fewer_terms(fit, fewer)
+        if not within_noise(without - lost, per_column * (columns - fewer)):
             break
-        fit, gained = fewer, _promised(fewer)
+        lost, columns = without, fewer
+    # Far from the optimum the linearisation promises too much.
+    while columns < all_columns:
+        found = estimator.with_terms(flat, fit, columns)
+        lost = found.cost - _promised(found) - (fit.cost - _promised(fit))
+        if within_noise(lost, per_column * (all_columns - columns)):
+            return found
+        columns = min(columns + 2, all_columns)
     return fit
+
+
+def _with_all_residual_terms(flat: Observations, fit: Fit, terms: model.Background) -> Fit:
+    """The fit with what would be known of its unknowns if none of the residual terms had been left out.
+
+    Which of them noise explains is a choice made with the same data. Values without them have the smaller errors, but
+    intervals that take the choice for certain are too narrow (Leeb and Poetscher 2005), most for wide modes and at the
+    ends of the band, which resemble residual terms.
+    """
+    columns = fit.rest.shape[-1]
+    if columns == terms.mixing.shape[1]:
+        return fit
+    rest = np.concatenate([fit.rest, np.zeros((*fit.rest.shape[:-1], terms.mixing.shape[1] - columns))], axis=-1)
+    wide = estimator.evaluate(flat, fit.poles, fit.participation, terms, (fit.shapes, rest))
+    return replace(wide, shapes=fit.shapes, rest=rest, cost=fit.cost)
 
 
 def _promised(fit: Fit) -> float:

@@ -8,6 +8,8 @@ from ema.data import Finding, ModalModel
 from ema.dof import match
 
 _DISAGREEMENT = 0.1
+"""Largest relative difference of the modal masses by several drive points, weighted by their part in the shape, above
+which a finding names them."""
 
 
 def scale_to_unit_modal_mass(model: ModalModel) -> ModalModel:

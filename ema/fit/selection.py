@@ -23,6 +23,7 @@ from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prune, search, weak
 
 _ROUNDS = 100
+"""Poles that are taken out one after the other at most: a bound on the work."""
 _SPREAD = 2.0
 """Factor by which a misfit may raise or lower the noise of a bin."""
 _TELLING = 6

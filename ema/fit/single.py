@@ -39,22 +39,40 @@ def local_fit(
     bandwidths: float = 1.5,
     modal_constants: Inexact[np.ndarray, "out in"] | None = None,
 ) -> SingleMode:
-    """One mode with linear residual terms, least squares over a few half-power bandwidths of all FRFs at once.
+    """Fit one mode with linear residual terms, by least squares over a few half-power bandwidths of all FRFs at once.
 
     ``H = s^q [R / (s - p) + conj(R) / (s - conj(p))] + a + b w`` with one pole, and R, a and b for each FRF. FRFs with
     a known variance are weighted by it.
 
     Parameters
     ----------
-    near : Hz; the nearest peak within 5 % is taken.
-    bandwidths : half width of the fitted band in half-power bandwidths; it is widened to seven lines where it holds
-        fewer, and a finding says so.
-    modal_constants : ``2j w_d R`` in 1/kg of each FRF, from a test at low level or of the bare structure
-        (`SingleMode.modal_constants`): gives ``quadrature_damping``, ``A / (2 w_r^2 |X/F|)`` at the top of the peak.
+    frfs : FrfSet
+        FRFs.
+    near : float
+        Frequency [Hz]; the nearest peak within 5 % is used.
+    bandwidths : float, default 1.5
+        Half width of the fitted band in half-power bandwidths; it is widened to seven lines where it holds fewer, and a
+        finding says so.
+    modal_constants : Inexact, optional
+        ``2j w_d R`` [1/kg] of each FRF, from a test at low level or of the structure without a beam
+        (``SingleMode.modal_constants``): gives ``quadrature_damping``, ``A / (2 w_r^2 |X/F|)`` at the top of the peak.
+
+    Returns
+    -------
+    SingleMode
+        The mode.
 
     Raises
     ------
-    InputError : the FRFs cannot be used, there is no peak near the wanted frequency, or the modal constants do not fit.
+    InputError
+        If the FRFs cannot be used, there is no peak near the frequency, or the modal constants do not fit.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> mode = local_fit(frf_set(), near=60.0)
+    >>> round(mode.natural_frequency, 2), round(mode.damping_ratio, 4)
+    (60.0, 0.008)
     """
     if not bandwidths > 0:
         raise InputError("no band to fit", where=frfs.name, got=f"{bandwidths} bandwidths", expected="more than 0")

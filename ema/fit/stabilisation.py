@@ -21,24 +21,41 @@ def stabilise(
     tolerances: tuple[float, float, float] = TOLERANCES,
     progress: Progress = silent,
 ) -> PoleTable:
-    """Poles of the poly-reference least-squares complex frequency estimator for a range of model orders.
+    """Compute the poles of the poly-reference least-squares complex frequency estimator for a range of model orders.
 
     Parameters
     ----------
-    frfs : the FRFs of the band to be analysed (``frfs.band(200, 1350)``); the shorter side serves as references.
-    orders : model orders, counted as usual: an order gives half as many modes per reference. Odd orders count as the
-        next even one. Default: thirty orders up to 60 (up to 200 for a single reference), fewer where
-        there are few lines.
-    tolerances : of frequency, damping and vector, for the letters.
+    frfs : FrfSet
+        FRFs of the band to be analysed (``frfs.band(200, 1350)``); the shorter side serves as references.
+    orders : iterable of int, optional
+        Model orders, counted as usual: an order gives half as many modes per reference. Odd orders count as the next
+        even one. Default: thirty orders up to 60 (up to 200 for a single reference), fewer where there are few lines.
+    tolerances : tuple of (float, float, float), optional
+        Tolerances of the letters: frequency, damping and vector, relative.
+    progress : Progress, optional
+        Called after each order.
+
+    Returns
+    -------
+    PoleTable
+        Poles of all orders with their letters.
 
     Raises
     ------
-    InputError : the FRFs cannot be fitted, or an order is out of range.
+    InputError
+        If the FRFs cannot be fitted, or an order is out of range.
 
     References
     ----------
-    Guillaume et al., A poly-reference implementation of the least-squares complex frequency-domain estimator, IMAC
-    2003.
+    .. [1] Guillaume, Verboven, Vanlanduit, Van der Auweraer and Peeters (2003), A poly-reference implementation of the
+       least-squares complex frequency-domain estimator, IMAC XXI.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> poles = stabilise(frf_set(0.001), orders=[4, 6, 8])
+    >>> sorted(set(poles.order.tolist()))
+    [4, 6, 8]
     """
     data = prepare(frfs)
     return stabilise_prepared(data, frfs, orders, tolerances, progress)

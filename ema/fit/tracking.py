@@ -28,21 +28,45 @@ def track(
     """Follow one mode through FRFs measured at several force levels and normal forces.
 
     Every set is fitted on its own with one mode about its peak, since one linear model does not hold over levels. The
-    damping told by the height of the peak stands beside that of the fit, because a linear fit of a friction peak is
-    biased. What could not be found, or was not measured, is NaN.
+    damping by the height of the peak stands beside that of the fit, because a linear fit of a friction peak is biased.
+    What could not be identified, or was not measured, is NaN.
 
     Parameters
     ----------
-    frfs : each with the force level at resonance and the normal force of its joints in ``condition``.
-    near : frequency of the mode in Hz; the peak is searched within 5 % of it, then of the neighbouring condition.
-    reference : modes of the bare structure, or of a test at a low level, scaled to unit modal mass: gives the damping
-        by height and the modal amplitude.
-    force_levels, normal_forces : nominal axes in N; by default the measured values, those within 10 % taken as one.
-    bandwidths : half width of the fitted band (see ``ema.fit.local_fit``).
+    frfs : sequence of FrfSet
+        FRF sets, each with the force level at resonance and the normal force of its joints in ``condition``.
+    near : float
+        Frequency of the mode [Hz]; the peak is searched within 5 % of it, then of that of the neighbouring condition.
+    reference : ModalModel, optional
+        Modes of the structure without a beam, or of a test at a low level, of unit modal mass: gives the damping by
+        height and the modal amplitude.
+    force_levels, normal_forces : sequence of float, optional
+        Nominal axes [N]; by default the measured values, those within 10 % taken as one.
+    bandwidths : float, default 1.5
+        Half width of the fitted band; see :func:`local_fit`.
+    progress : Progress, optional
+        Called after each set.
+
+    Returns
+    -------
+    ModalMap
+        The map.
 
     Raises
     ------
-    InputError : no FRFs, an unknown level or normal force, a set with other joints, a reference without scale or DOFs.
+    InputError
+        If there are no FRFs, a level or normal force is unknown, a set has other joints, or the reference has no scale
+        or lacks DOFs.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from ema.data import Condition, Excitation, JointForce
+    >>> from ema.examples import frf_set
+    >>> condition = Condition(Excitation("sweep", level=5.0), (JointForce("joint", mean=500.0),))
+    >>> result = track([replace(frf_set(), condition=condition)], near=40.0)
+    >>> result.damping.round(4)
+    array([[0.01]])
     """
     if not len(frfs):
         raise InputError("no FRFs to follow a mode through", where="track", got="0 sets", expected="one or more")

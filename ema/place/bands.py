@@ -39,26 +39,62 @@ def forecast(
     executor: Executor | None = None,
     progress: Progress = silent,
 ) -> Forecast:
-    """Frequency and damping of the target modes with the beam at one place, all modes together, with 95 % bands.
+    """Predict frequency and damping of the target modes with the beam at one location, with 95 % bands.
 
-    The values are those of the full model with all harmonics. Every draw of what is uncertain (smoothed shapes, shape
-    at the exciter, all that ``BoltedJoint`` and ``FrictionBeam`` state an uncertainty of, scatter from joint to joint,
-    the form of the law where it is open) is computed with all modes and the first harmonic of the friction; the bands
-    are the 2.5 and 97.5 % quantiles of the draws over the nominal case of the same kind. Laws that are no Iwan law, and
-    what a new assembly changes beyond the stated scatter, are not contained.
+    The values are those of the full model with all modes and all harmonics. Every draw of what is uncertain (smoothed
+    shapes, shape at the exciter, all that ``BoltedJoint`` and ``FrictionBeam`` state an uncertainty of, scatter from
+    joint to joint, the form of the law where it is open) is computed with all modes and the first harmonic of the
+    friction; the bands are the 2.5 and 97.5 % quantiles of the draws over the nominal case of the same kind. Laws that
+    are no Iwan law, and what a new assembly changes beyond the stated scatter, are not contained.
 
     Parameters
     ----------
-    place : row in ``candidates``.
-    force_levels, normal_forces : conditions in N; F_N per joint.
-    draws : samples for the bands, at least 10.
-    method : "measured" tells what a one-mode fit of a stepped sine about the resonance will read, which at a friction
-        peak differs from "frozen", the equivalent damping of the steady state at resonance.
-    executor : where they are computed; here and now by default.
+    task : Task
+        Structure, joint and target modes.
+    candidates : Candidates
+        Locations of the beam.
+    place : int
+        Row in ``candidates``.
+    force_levels : sequence of float or array of shape (level,)
+        F_E [N].
+    normal_forces : sequence of float or array of shape (force,)
+        F_N per joint [N].
+    draws : int, default 400
+        Samples for the bands, at least 10.
+    seed : int, default 0
+        Seed of the draws.
+    method : {"measured", "frozen"}, default "measured"
+        ``measured`` predicts what a one-mode fit of a stepped sine about the resonance will read, which at a friction
+        peak differs from ``frozen``, the equivalent damping of the steady state at resonance.
+    executor : Executor, optional
+        Where the cases are computed; in this process by default.
+    progress : Progress, optional
+        Called after each draw.
+
+    Returns
+    -------
+    Forecast
+        Values and bands; NaN where there is none, with a finding.
 
     Raises
     ------
-    InputError : fewer than 10 draws, no such place, and what ``ema.place.predict`` raises.
+    InputError
+        If there are fewer than 10 draws or no such location; and as :func:`predict`.
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.place import Task, grid
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003, friction_std=0.1)
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
+    >>> result = forecast(task, spots, 0, [10.0], [50.0], draws=10, method="frozen")
+    >>> bool(result.damping_low[0, 0, 0] <= result.damping[0, 0, 0] <= result.damping_high[0, 0, 0])
+    True
     """
     if draws < 10:
         raise InputError("too few draws for a band", where=f"place {place}", got=draws, expected="10 or more")
@@ -178,11 +214,31 @@ def _uneven(asked: Question, scatter: float, rng: np.random.Generator) -> Questi
 
 
 def check(told: Forecast, charts: Sequence[ModalMap]) -> ForecastCheck:
-    """Hold a forecast against measured maps: each goes to the mode whose bare frequency is nearest.
+    """Compare a forecast with measured maps; each map belongs to the mode whose frequency without the beam is nearest.
+
+    Parameters
+    ----------
+    told : Forecast
+        The forecast.
+    charts : sequence of ModalMap
+        Measured maps, one per mode.
+
+    Returns
+    -------
+    ForecastCheck
+        Measured values on the grid of the forecast; NaN for conditions that no map contains.
 
     Raises
     ------
-    InputError : a map of no target mode, two maps of one mode, or none of the conditions of the forecast in a map.
+    InputError
+        If a map belongs to no target mode, two maps to one mode, or a map has no condition of the forecast.
+
+    Examples
+    --------
+    >>> from ema.examples import forecast, modal_map
+    >>> comparison = check(forecast(), [modal_map()])
+    >>> comparison.inside, comparison.values
+    (12, 12)
     """
     measured = np.full((2, *told.damping.shape), np.nan)
     used: dict[int, str] = {}

@@ -21,18 +21,41 @@ def grid(
     keep_out: Sequence[Float[np.ndarray, "corner 2"]] = (),
     margin: float = 0.0,
 ) -> Candidates:
-    """Places on a grid over the measured rectangle where the whole beam lies on it.
+    """Lay candidate locations on a grid over the measured rectangle, where the whole beam lies on it.
 
     Parameters
     ----------
-    step : m between neighbouring centres.
-    angles : directions of the beam in rad from the first axis of the surface.
-    keep_out : polygons in the coordinates of the surface in m that no part of the beam's axis may touch.
-    margin : m that the joints stay away from the edge of the measured rectangle.
+    surface : Surface
+        Smooth shapes of the structure.
+    catalogue : sequence of FrictionBeam
+        Beams to choose from.
+    step : float
+        Least distance between neighbouring centres [m]; they are spread evenly, from edge to edge.
+    angles : sequence of float, optional
+        Directions of the beam [rad] from the first axis of the surface.
+    keep_out : sequence of array of shape (corner, 2), optional
+        Polygons (corner, 2) [m] in the surface that no part of the beam's axis may touch.
+    margin : float, default 0.0
+        Distance [m] that the joints keep from the edge of the measured rectangle.
+
+    Returns
+    -------
+    Candidates
+        The locations.
 
     Raises
     ------
-    InputError : no beam, no step, or no place is left.
+    InputError
+        If there is no beam, no step, or no location is left.
+
+    Examples
+    --------
+    >>> from ema.data import FrictionBeam
+    >>> from ema.examples import plate
+    >>> from ema.shapes import smooth
+    >>> surface = smooth(*plate())
+    >>> len(grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.1, angles=[0.0]))
+    20
     """
     if not catalogue or not step > 0:
         raise InputError(

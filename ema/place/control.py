@@ -1,6 +1,7 @@
 """What a controlled normal force adds to the best constant one, for one placed beam."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -35,24 +36,68 @@ def control_study(
     objective: Objective | None = None,
     progress: Progress = silent,
 ) -> ControlStudy:
-    """Ring-downs of one place under constant, scheduled and pulsed normal force, and steady states under either.
+    """Simulate ring-downs at one location under constant, scheduled and pulsed normal force, and steady states under
+    either.
 
-    The structure is bent by ``load`` N at the excited DOF and let go. Every law is tried at six forces about
+    The structure is bent by ``load`` at the excited DOF and released. Every law is tried at six forces about
     ``normal_force`` and shown with the one whose energy is gone first (least integral of E/E0). The scheduled force
     follows the amplitude at the last turning point; the pulse releases the joints for a twelfth of a period there.
 
     Parameters
     ----------
-    place : row in ``candidates``; ``normal_force`` N per joint about which forces are tried.
-    mode : row of the bare modes that sets the time scale; the first target mode by default.
-    lag : s from measuring to acting; a twentieth of the period by default.
+    task : Task
+        Structure, joint and target modes.
+    candidates : Candidates
+        Locations of the beam.
+    place : int
+        Row in ``candidates``.
+    normal_force : float
+        F_N per joint [N] about which forces are tried.
+    load : float
+        Static load at the excited DOF [N].
+    mode : int, optional
+        Row of the bare modes that sets the time scale; the first target mode by default.
+    lag : float, optional
+        Time [s] from measuring to acting; a twentieth of the period by default.
+    objective : Objective, optional
+        How the steady states are judged.
+    progress : Progress, optional
+        Called before each ring-down.
+
+    Returns
+    -------
+    ControlStudy
+        The best ring-down of every law, and the steady damping with one and with scheduled normal forces.
 
     Raises
     ------
-    InputError : a load, force or lag that is not positive.
+    InputError
+        If the load, the force or the lag is not positive.
 
-    Source: amplitude schedule "just below sticking" after Gaul, Roseira and Becker (2008); release pulse after Dupont,
-    Kasturi and Stokes, J. Sound Vib. 202 (1997).
+    References
+    ----------
+    .. [1] Schedule "just below sticking" over the amplitude: after Gaul, Roseira and Becker (2008).
+    .. [2] Release pulse: Dupont, Kasturi and Stokes (1997), Journal of Sound and Vibration 202:203.
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.errors import InputError
+    >>> from ema.examples import plate
+    >>> from ema.place import Task, grid
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
+    >>> control_study(task, spots, 0, normal_force=50.0, load=100.0).lines[0].law  # doctest: +SKIP
+    'constant'
+    >>> try:
+    ...     control_study(task, spots, 0, normal_force=50.0, load=0.0)
+    ... except InputError as error:
+    ...     print(error)
+    place 0: not a load; got 0.0 N, expected above 0 N
     """
     for name, value in (("load", load), ("normal force", normal_force)):
         if not (np.isfinite(value) and value > 0):
@@ -63,7 +108,8 @@ def control_study(
     # the energy of a structure that sways on its suspension says nothing about the joints
     held, at = without_suspension(task), Dof.parse(task.at)
     model = model_at(held.bare, held.surface, candidates, place, task.joint, normal_force)
-    start = _amplitude(model, load, at, period, actuator)
+    release = _Release(load, at, period, actuator)
+    start = release.amplitude(model)
     kinds: dict[str, Callable[[float], ControlLaw]] = {
         "constant": constant,
         "scheduled with the amplitude": lambda force: AmplitudeScheduled(force, start, shortest=period / 4),
@@ -75,7 +121,7 @@ def control_study(
         for count, factor in enumerate(FACTORS):
             advance(progress, "control study", number * len(FACTORS) + count, len(kinds) * len(FACTORS))
             force = factor * normal_force
-            run = _released(model, law(force), load, at, period, actuator, normal_force)
+            run = release.ring_down(model, law(force), start_force=normal_force)
             found.append(_line(name, force, run, period))
         lines.append(min(found, key=lambda line: line.energy))
     levels, steady, scheduled = _steady(task, candidates, place, objective or Objective())
@@ -84,34 +130,37 @@ def control_study(
     )
 
 
-def _released(
-    model: BeamModel,
-    law: ControlLaw,
-    load: float,
-    at: Dof,
-    period: float,
-    actuator: Actuator,
-    force: float,
-    periods: float = PERIODS,
-) -> Response:
-    return controlled_snapback(
-        model,
-        law,
-        load,
-        at,
-        periods * period,
-        actuator,
-        step=period / _STEPS_PER_PERIOD,
-        start_force=force,
-        check=False,
-    )
+@dataclass(frozen=True)
+class _Release:
+    """A snap-back test: a static load [N] at a DOF is let go, while an actuator sets the normal force.
 
+    ``period`` is that of the mode [s].
+    """
 
-def _amplitude(model: BeamModel, load: float, at: Dof, period: float, actuator: Actuator) -> float:
-    """Displacement of the excited DOF half a period after the release: the static part of other modes is gone."""
-    force = model.joints[0].normal_force
-    run = _released(model, constant(force), load, at, period, actuator, force, 2.0)
-    return float(np.abs(run.displacements[0, SAMPLES_PER_PERIOD // 4 :]).max())
+    load: float
+    at: Dof
+    period: float
+    actuator: Actuator
+
+    def ring_down(self, model: BeamModel, law: ControlLaw, *, start_force: float, periods: float = PERIODS) -> Response:
+        """The motion after the release under a control law, from ``start_force`` [N] per joint."""
+        return controlled_snapback(
+            model,
+            law,
+            self.load,
+            self.at,
+            periods * self.period,
+            self.actuator,
+            step=self.period / _STEPS_PER_PERIOD,
+            start_force=start_force,
+            check=False,
+        )
+
+    def amplitude(self, model: BeamModel) -> float:
+        """Displacement of the excited DOF half a period after the release: the static part of other modes is gone."""
+        force = model.joints[0].normal_force
+        run = self.ring_down(model, constant(force), start_force=force, periods=2.0)
+        return float(np.abs(run.displacements[0, SAMPLES_PER_PERIOD // 4 :]).max())
 
 
 def _line(name: str, force: float, run: Response, period: float) -> ControlLine:

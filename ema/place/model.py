@@ -24,10 +24,43 @@ def model_at(
     joint: BoltedJoint,
     normal_force: float | Sequence[float] | Float[np.ndarray, "joint"],
 ) -> BeamModel:
-    """A measured host with the beam of one candidate, pressed with ``normal_force`` N (of every joint, or of each).
+    """Return the model of a measured host with the beam of one candidate.
 
     The host keeps its measured DOFs; the joints are nodes 900001, 900002, ... with axes along the beam, whose shapes
     come from the surface. Residual terms of the host are left out: they are not known at the joints.
+
+    Parameters
+    ----------
+    bare : ModalModel
+        Modes of the structure without the beam, of unit modal mass.
+    surface : Surface
+        Their smooth shapes.
+    candidates : Candidates
+        Locations of the beam.
+    place : int
+        Row in ``candidates``.
+    joint : BoltedJoint
+        Joint of the beam.
+    normal_force : float or sequence of float or array of shape (joint,)
+        F_N [N] of every joint, or of each.
+
+    Returns
+    -------
+    BeamModel
+        Host, beam and joints.
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.place import grid
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
+    >>> [part.normal_force for part in model_at(bare, surface, spots, 0, joint, 50.0).joints]
+    [50.0, 50.0]
     """
     beam = candidates.catalogue[int(candidates.beams[place])]
     points, angle = candidates.joints(place), float(candidates.angles[place])

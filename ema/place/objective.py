@@ -14,16 +14,24 @@ AIMS = ("damping", "least damping", "geometric mean", "peak reduction", "chatter
 
 @dataclass(frozen=True)
 class Objective:
-    """How places are judged, at the normal force common to all force levels and modes that serves them best.
+    """How locations are judged, at the normal force common to all force levels and modes that serves them best.
 
     Parameters
     ----------
-    aim : ``damping`` (weighted mean over the target modes), ``least damping`` (the worst of the modes), ``geometric
+    aim : str, default "damping"
+        ``damping`` (weighted mean over the target modes), ``least damping`` (the worst of the modes), ``geometric
         mean`` (over the modes), ``peak reduction`` (dB by which the highest of the target modes' peaks of the response
         comes down) or ``chatter`` (dB by which the most negative real part of the receptance at the excited point, a
         tool, comes up: it sets the stable depth of cut).
-    over_levels : ``least`` (the worst force level: robust) or ``mean`` of the levels.
-    mode_weights : of ``damping``, one per target mode; equal by default.
+    over_levels : str, default "least"
+        ``least`` (the worst force level: robust) or ``mean`` of the levels.
+    mode_weights : tuple of float, optional
+        Of ``damping``, one per target mode; equal by default.
+
+    Examples
+    --------
+    >>> Objective(aim="least damping").over_levels
+    'least'
     """
 
     aim: str = "damping"
@@ -99,10 +107,30 @@ def at_level(prediction: Prediction, row: int) -> Prediction:
 
 
 def recommended_forces(prediction: Prediction, objective: Objective, candidate: int) -> Float[np.ndarray, "level"]:
-    """For every force level the normal force in N that serves the modes best there.
+    """Return the normal force that serves the modes best at every force level.
 
-    Between the normal forces of the prediction by a parabola in their logarithm; an end of their range where the best
-    is there, NaN where nothing was found.
+    Between the normal forces of the prediction by a parabola in their logarithm.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Modes with a beam at every candidate.
+    objective : Objective
+        How the modes are judged.
+    candidate : int
+        Row of the candidate.
+
+    Returns
+    -------
+    array of shape (level,)
+        Normal force per joint [N]; an end of the range of the prediction where the best is there, NaN where there is no
+        value.
+
+    Examples
+    --------
+    >>> from ema.examples import ranking
+    >>> recommended_forces(ranking().prediction, Objective(), candidate=0).round(0)
+    array([403., 400.])
     """
     one = of_rows(prediction, [candidate])
     forces = np.log(prediction.normal_forces)

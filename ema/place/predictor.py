@@ -31,27 +31,60 @@ def predict(
     modes: Sequence[int],
     output: Dof | str | None = None,
 ) -> Prediction:
-    """Frequency and damping of chosen modes with the beam at every candidate place, over (F_E, F_N).
+    """Predict frequency and damping of chosen modes with the beam at every candidate location, over (F_E, F_N).
 
     Each mode is taken alone (its neighbours neither yield nor interact), with the beam's own modes on its normal
-    springs and the first harmonic of the friction force: fast enough for thousands of places. Check the best few with
-    all modes together (``ema.place.verify``).
+    springs and the first harmonic of the friction force: fast enough for thousands of locations. Check the best few
+    with all modes together (``ema.place.verify``).
 
     Parameters
     ----------
-    bare : modes of the structure without the beam, scaled to unit modal mass.
-    surface : its shapes as a smooth surface (``ema.shapes.smooth``), with the same modes.
-    at : DOF that is excited, one of those of ``bare``.
-    force_levels, normal_forces : F_E, and F_N per joint, in N.
-    modes : rows of ``bare``, from 0.
-    output : DOF whose response counts in the objectives on responses; the excited one by default.
+    bare : ModalModel
+        Modes of the structure without the beam, of unit modal mass.
+    surface : Surface
+        Their smooth shapes (``ema.shapes.smooth``), with the same modes.
+    candidates : Candidates
+        Locations of the beam.
+    joint : BoltedJoint
+        Joint of the beam.
+    at : Dof or str
+        DOF that is excited, one of those of ``bare``.
+    force_levels : sequence of float or array of shape (level,)
+        F_E [N].
+    normal_forces : sequence of float or array of shape (force,)
+        F_N per joint [N].
+    modes : sequence of int
+        Rows of ``bare``, from 0.
+    output : Dof or str, optional
+        DOF whose response counts in the objectives on responses; the excited one by default.
+
+    Returns
+    -------
+    Prediction
+        Frequency and damping of every candidate; holes are NaN.
 
     Raises
     ------
-    InputError : shapes without scale, another number of modes, no such mode or DOF, levels that are not positive, a
-        catalogue of beams with different numbers of joints, a law that depends on velocity.
+    InputError
+        If shapes have no scale, the surface has another number of modes, a mode or DOF does not exist, levels are not
+        positive, beams differ in their number of joints, or the law depends on velocity.
 
-    Source: friction beams as in Gaul, Roseira and Becker (2008); first harmonic of each law by its describing function.
+    References
+    ----------
+    .. [1] Friction beams: Gaul, Roseira and Becker (2008).
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.place import grid
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
+    >>> predict(bare, surface, spots, joint, "1:+Z", [10.0], [20.0, 50.0], modes=[0, 1]).damping.shape[1:]
+    (2, 1, 2)
     """
     levels, forces = np.asarray(force_levels, dtype=np.float64), np.asarray(normal_forces, dtype=np.float64)
     chosen = _check(bare, surface, candidates, levels, forces, modes)

@@ -1,6 +1,7 @@
 """Ranking of places: all by the predictor, a shortlist with all modes together, the best with intervals and flags."""
 
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from ema.place.intervals import samples
 from ema.place.objective import Objective, of_rows, recommended_forces, scores
 from ema.place.predictor import motions
 from ema.place.shortlist import verify
-from ema.place.task import Task, only, predicted
+from ema.place.task import Task, predicted
 from ema.progress import Progress, advance, silent
 
 
@@ -25,26 +26,59 @@ def rank(
     seed: int = 0,
     progress: Progress = silent,
 ) -> Ranking:
-    """The best places for a friction beam by the one-mode predictor, with normal forces and 95 % intervals.
+    """Rank the candidate locations by the one-mode predictor, with normal forces and 95 % intervals.
 
-    The intervals carry the uncertainty of the smoothed shapes and of mu and k_T (``BoltedJoint``); they do not carry
-    what the one-mode predictor leaves out: that is what ``search`` checks.
+    The intervals contain the uncertainty of the smoothed shapes and of mu and k_T (``BoltedJoint``); they do not
+    contain what the one-mode predictor leaves out: that is what :func:`search` checks.
 
     Parameters
     ----------
-    keep : number of places to return.
-    draws : samples for the intervals; 0 for none.
+    task : Task
+        Structure, joint, forces and target modes.
+    candidates : Candidates
+        Locations of the beam.
+    objective : Objective, optional
+        How locations are judged.
+    keep : int, default 10
+        Number of locations to return.
+    draws : int, default 200
+        Samples for the intervals; 0 for none.
+    seed : int, default 0
+        Seed of the draws.
+    progress : Progress, optional
+        Called during the computation.
+
+    Returns
+    -------
+    Ranking
+        The best locations, best first.
 
     Raises
     ------
-    InputError : see ``ema.place.predict``.
+    InputError
+        As ``ema.place.predict``.
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.place import Task, grid
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([20.0, 50.0]), modes=(0,))
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.1)
+    >>> len(rank(task, spots, keep=3, draws=0).places)
+    3
     """
     wanted = Objective() if objective is None else objective
     prediction = predicted(task, candidates)
     advance(progress, "places", len(candidates), len(candidates))
     total = scores(prediction, wanted).max(axis=1)
     order = _best(total, keep)
-    places = _described(task, prediction, wanted, order, None, draws, seed, progress)
+    few = of_rows(prediction, order)
+    places = _described(task, wanted, order, few, few, _drawn(task, few, draws, seed, progress))
     return Ranking(str(wanted), prediction, total, places, (*about_points(task), *about_holes(prediction)))
 
 
@@ -61,7 +95,7 @@ def search(
     resume: bool = False,
     progress: Progress = silent,
 ) -> Ranking:
-    """The best places in two stages: all candidates by the predictor, the shortlist with all modes together.
+    """Search the best locations in two stages: all candidates by the predictor, the shortlist with all modes together.
 
     The shortlist holds the best by the predictor, and half as many with the largest difference of the rotations of
     their joints: what the predictor misjudges most often bends most. The harmonic balance of the full model decides;
@@ -69,14 +103,54 @@ def search(
 
     Parameters
     ----------
-    shortlist : number of places by the predictor that are checked.
-    executor : where the checks run (threads, processes, a cluster's); here and now by default.
-    folder : where every finished check is kept; with ``resume`` those of the same question are taken from there.
+    task : Task
+        Structure, joint, forces and target modes.
+    candidates : Candidates
+        Locations of the beam.
+    objective : Objective, optional
+        How locations are judged.
+    shortlist : int, default 20
+        Number of locations by the predictor that are checked.
+    keep : int, default 10
+        Number of locations to return.
+    draws : int, default 200
+        Samples for the intervals; 0 for none.
+    seed : int, default 0
+        Seed of the draws.
+    executor : Executor, optional
+        Where the checks run (threads, processes, a cluster's); in this process by default.
+    folder : str or Path, optional
+        Where every finished check is kept.
+    resume : bool, default False
+        Take the checks of the same question from ``folder``.
+    progress : Progress, optional
+        Called during the computation.
+
+    Returns
+    -------
+    Ranking
+        The best locations, best first.
 
     Raises
     ------
-    InputError : see ``ema.place.predict``.
-    FailureError : a worker died; finished checks are kept.
+    InputError
+        As ``ema.place.predict``.
+    FailureError
+        If a worker died; finished checks are kept.
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.place import Task, grid
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
+    >>> search(task, spots, shortlist=1, keep=1, draws=0).places[0].method
+    'all modes'
     """
     wanted = Objective() if objective is None else objective
     prediction = predicted(task, candidates)
@@ -86,7 +160,9 @@ def search(
     rows = np.array(list(dict.fromkeys(ranked)), dtype=np.int64)
     checked = verify(task, prediction, rows, executor, folder, resume, progress)
     order = _best(scores(checked, wanted).max(axis=1), keep)
-    places = _described(task, prediction, wanted, rows[order], of_rows(checked, order), draws, seed, progress)
+    few = of_rows(prediction, rows[order])
+    drawn = _drawn(task, few, draws, seed, progress)
+    places = _described(task, wanted, rows[order], few, of_rows(checked, order), drawn)
     return Ranking(
         str(wanted),
         prediction,
@@ -113,41 +189,43 @@ def _bending(task: Task, candidates: Candidates) -> Float[np.ndarray, "candidate
 
 def _described(
     task: Task,
-    prediction: Prediction,
     objective: Objective,
     rows: np.ndarray,
-    checked: Prediction | None,
-    draws: int,
-    seed: int,
-    progress: Progress,
+    few: Prediction,
+    decisive: Prediction,
+    drawn: tuple[Prediction, ...],
 ) -> tuple[Place, ...]:
-    """The places of some rows of the prediction, with the numbers of ``checked`` where they were checked."""
-    few = of_rows(prediction, rows)
-    drawn = (
-        samples(task, only(prediction.candidates, rows), draws, np.random.default_rng(seed), progress)
-        if draws and len(rows)
-        else ()
-    )
-    decisive = few if checked is None else checked
-    by_force = scores(decisive, objective)
+    """The locations in ``rows`` of all candidates.
+
+    ``few`` is their prediction by the one-mode predictor and ``drawn`` its draws; ``decisive`` has the values that
+    count: those of ``few`` itself, or with all modes together.
+    """
     return tuple(
-        _place(task, objective, int(row), number, few, decisive, int(by_force[number].argmax()), drawn)
+        replace(_place(task, objective, number, few, decisive, drawn), candidate=int(row))
         for number, row in enumerate(rows)
     )
+
+
+def _drawn(task: Task, few: Prediction, draws: int, seed: int, progress: Progress) -> tuple[Prediction, ...]:
+    """Predictions of the same locations under drawn parameters; none where no draws are asked for."""
+    if not draws or not len(few.candidates):
+        return ()
+    return samples(task, few.candidates, draws, np.random.default_rng(seed), progress)
 
 
 def _place(
     task: Task,
     objective: Objective,
-    row: int,
     number: int,
     few: Prediction,
     decisive: Prediction,
-    force: int,
     drawn: tuple[Prediction, ...],
 ) -> Place:
+    """One location of ``few``, at the normal force that its objective prefers."""
+    by_force = scores(decisive, objective)
+    force = int(by_force[number].argmax())
     damping, alone = decisive.damping[number, :, :, force], few.damping[number, :, :, force]
-    score = float(scores(decisive, objective)[number, force])
+    score = float(by_force[number, force])
     low, high, score_low, score_high = np.full_like(damping, np.nan), np.full_like(damping, np.nan), np.nan, np.nan
     if drawn:
         ratio = damping / alone
@@ -156,15 +234,15 @@ def _place(
         offset = score - float(scores(few, objective)[number, force])
         if np.isfinite(judged).any() and np.isfinite(offset):
             score_low, score_high = offset + np.quantile(judged[np.isfinite(judged)], [0.025, 0.975])
-    held = few.candidates
-    kind = int(held.beams[number])
+    candidates = few.candidates
+    kind = int(candidates.beams[number])
     normal_force = float(few.normal_forces[force])
-    mass, stiffness = shifts(task, held, number, normal_force)
+    mass, stiffness = shifts(task, candidates, number, normal_force)
     return Place(
-        row,
-        (float(held.centres[number, 0]), float(held.centres[number, 1])),
-        float(held.angles[number]),
-        held.catalogue[kind].name or f"beam {kind + 1}",
+        number,
+        (float(candidates.centres[number, 0]), float(candidates.centres[number, 1])),
+        float(candidates.angles[number]),
+        candidates.catalogue[kind].name or f"beam {kind + 1}",
         score,
         float(score_low),
         float(score_high),

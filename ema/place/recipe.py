@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from acquisition import law_of
-from acquisition.model_file import LawTable, read_text
+from acquisition.model_file import LawTable
 from acquisition.quantities import (
     Density,
     Force,
@@ -23,9 +23,8 @@ from acquisition.quantities import (
     Stiffness,
 )
 from ema.data.placement import BoltedJoint, FrictionBeam
-from ema.errors import InputError
 from ema.place.objective import Objective
-from ema.tables import FormerNames, Table, validated
+from ema.tables import FormerNames, Table, read_text, validated
 
 Near = Annotated[
     list[Frequency], BeforeValidator(lambda value: value if isinstance(value, list) else [value]), Field(min_length=1)
@@ -248,8 +247,5 @@ def load(path: Path) -> PlaceRecipe:
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
-    if not path.is_file():
-        raise InputError(
-            "there is no such recipe", where=str(path), expected="a TOML file", advice="docs/placement.md shows one"
-        )
-    return validated(PlaceRecipe, read_text(path), str(path), TABLES, former=FORMER)
+    text = read_text(path, "there is no such recipe", expected="a TOML file", advice="docs/placement.md shows one")
+    return validated(PlaceRecipe, text, str(path), TABLES, former=FORMER)

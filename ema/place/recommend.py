@@ -26,19 +26,50 @@ class Distribution(NamedTuple):
 def distribute(
     task: Task, candidates: Candidates, place: int, total: float, mode: int | None = None, evaluations: int = 60
 ) -> Distribution:
-    """Share ``total`` N of normal force among the joints of a placed beam for the most damping of one mode.
+    """Share a sum of normal forces among the joints of a beam for the most damping of one mode.
 
     The least damping over the force levels of the task counts, with all modes together; the simplex search starts from
     equal forces. No joint gets less than 2 % of the sum.
 
     Parameters
     ----------
-    place : row in ``candidates``; ``mode`` row of the bare modes, by default the first target mode.
-    evaluations : of the full model at every force level.
+    task : Task
+        Structure, joint and target modes.
+    candidates : Candidates
+        Locations of the beam.
+    place : int
+        Row in ``candidates``.
+    total : float
+        Sum of the normal forces [N].
+    mode : int, optional
+        Row of the bare modes; the first target mode by default.
+    evaluations : int, default 60
+        Evaluations of the full model at every force level.
+
+    Returns
+    -------
+    Distribution
+        Normal forces of the joints [N], and the least damping with them and with equal forces.
 
     Raises
     ------
-    InputError : the sum is not positive, or the mode is no target of the task.
+    InputError
+        If the sum is not positive, or the mode is no target of the task.
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.place import grid
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
+    >>> shared = distribute(task, spots, 0, total=100.0, evaluations=4)
+    >>> round(float(shared.normal_forces.sum()), 9), shared.damping >= shared.equal_damping
+    (100.0, True)
     """
     from scipy.optimize import minimize
 

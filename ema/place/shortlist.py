@@ -117,18 +117,50 @@ def verify(
     resume: bool = False,
     progress: Progress = silent,
 ) -> Prediction:
-    """Some places of a prediction with all modes together, ``method`` "all modes", in the order of ``rows``.
+    """Compute some locations of a prediction again, with all modes together.
 
     Parameters
     ----------
-    executor : where the places are computed; here and now by default. Anything with ``submit`` of
-        ``concurrent.futures`` will do.
-    folder : where every finished place is kept under the fingerprints of its question and of the code; with ``resume``
-        such places are not computed again. A ``progress`` with a method ``note`` is given how many, and why not all.
+    task : Task
+        Structure, joint, forces and target modes.
+    prediction : Prediction
+        Prediction by the one-mode predictor.
+    rows : sequence of int or array
+        Candidates to compute, rows from 0.
+    executor : Executor, optional
+        Where they are computed; in this process by default. Anything with ``submit`` of ``concurrent.futures`` will do.
+    folder : str or Path, optional
+        Where every finished location is kept under the fingerprints of its question and of the code.
+    resume : bool, default False
+        Take finished locations from ``folder``. A ``progress`` with a method ``note`` is given how many, and why not
+        all.
+    progress : Progress, optional
+        Called after each location.
+
+    Returns
+    -------
+    Prediction
+        Prediction with the ``method`` "all modes", in the order of ``rows``.
 
     Raises
     ------
-    FailureError : a worker died, or the folder cannot be used; what is finished is kept.
+    FailureError
+        If a worker died, or the folder cannot be used; what is finished is kept.
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.place import Task, grid, predict
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
+    >>> rough = predict(bare, surface, spots, joint, "1:+Z", [10.0], [50.0], modes=[0])
+    >>> verify(task, rough, [0]).method
+    'all modes'
     """
     picked = np.asarray(rows, dtype=np.int64)
     questions = [question(task, prediction, int(row)) for row in picked]

@@ -18,10 +18,39 @@ _SWAY = 0.1
 
 
 class Task(NamedTuple):
-    """The measured structure, the joint, the range of forces, and the target modes (rows of ``bare``, from 0).
+    """The measured structure, the joint, the range of forces, and the target modes.
 
-    ``at`` is the excited DOF, ``output`` the one whose response counts (the excited one where ``None``). ``scale_std``
-    is the relative standard uncertainty of the scale common to all shapes, half that of the calibration of the test.
+    Parameters
+    ----------
+    bare : ModalModel
+        Modes of the structure without the beam, of unit modal mass.
+    surface : Surface
+        Their smooth shapes.
+    joint : BoltedJoint
+        Joint of the beam.
+    at : Dof or str
+        Excited DOF.
+    force_levels : array of shape (level,)
+        F_E [N].
+    normal_forces : array of shape (force,)
+        F_N per joint [N].
+    modes : tuple of int
+        Target modes, rows of ``bare`` from 0.
+    output : Dof or str, optional
+        DOF whose response counts; the excited one where ``None``.
+    scale_std : float, default 0.0
+        Relative standard uncertainty of the scale common to all shapes, half that of the calibration of the test.
+
+    Examples
+    --------
+    >>> from ema.data import FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), normal_stiffness=1e8, surface_height=0.003)
+    >>> task = Task(bare, smooth(bare, geometry), joint, "1:+Z", np.array([10.0]), np.array([100.0]), modes=(0,))
+    >>> len(task.bare.poles)
+    3
     """
 
     bare: ModalModel

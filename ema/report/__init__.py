@@ -1,4 +1,4 @@
-"""Results -> sections -> HTML, PDF, Word."""
+"""Results as reports in HTML, PDF and Word."""
 
 from ema.lazy import attach
 

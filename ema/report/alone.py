@@ -1,4 +1,4 @@
-"""Reports of what is no study: a placement, a comparison with its verdict, what was simulated."""
+"""Reports of single results without a study: a placement, a comparison with its verdict, what was simulated."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -18,36 +18,37 @@ from ema.data import (
     ModelUpdate,
     Placement,
     Response,
+    SignalComparison,
     StudyResult,
 )
 from ema.errors import InputError
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.document import Chapter, Document, compose
+from ema.report.findings import counted, finding_table, grouped
 from ema.report.friction import loops, ring_down_sentences, ring_downs
 from ema.report.maps import map_blocks, map_sentence
-from ema.report.numbers import fixed, plain
+from ema.report.numbers import fixed, plain, rounded
 from ema.report.placement import answers, place_blocks, placement_sections
-from ema.report.worries import counted, finding_table, grouped
 
 Group = tuple[list[str], list[Block]]
 """Sentences for the front page, and blocks."""
 
 
-def document_of(held: Any, book: Book) -> Document:
-    """The report of a study, a placement, or nouns of comparisons and simulations, one or several by name.
+def document_of(content: Any, book: Book) -> Document:
+    """The report of a study, a placement, or results of comparisons and simulations, one or several by name.
 
     Raises
     ------
     InputError : nothing of it can be reported.
     """
-    if isinstance(held, StudyResult):
-        return compose(held, book)
-    if isinstance(held, Placement):
-        return _of_placement(held, book)
-    nouns = dict(held) if isinstance(held, Mapping) else {"": held}
-    if len(nouns) == 1 and isinstance(only := next(iter(nouns.values())), StudyResult | Placement):
+    if isinstance(content, StudyResult):
+        return compose(content, book)
+    if isinstance(content, Placement):
+        return _of_placement(content, book)
+    results = dict(content) if isinstance(content, Mapping) else {"": content}
+    if len(results) == 1 and isinstance(only := next(iter(results.values())), StudyResult | Placement):
         return document_of(only, book)
-    return _of_nouns(nouns, book)
+    return _of_results(results, book)
 
 
 def _of_placement(placement: Placement, book: Book) -> Document:
@@ -59,33 +60,34 @@ def _of_placement(placement: Placement, book: Book) -> Document:
     ]
     blocks = place_blocks(placement, book)
     findings = list(dict.fromkeys([*placement.findings, *placement.ranking.best.findings]))
-    found = _worries(findings, book)
+    reported = _findings(findings, book)
     chapter = Chapter("The place in detail", "placement-detail", sections=placement_sections(placement, book))
     return _document(
         placement.title,
         facts,
         answers(placement),
         [Section("Where the beam goes", "placement", blocks)],
-        found,
+        reported,
         [chapter],
     )
 
 
-def _of_nouns(nouns: Mapping[str, Any], book: Book) -> Document:
-    model = next((str(noun.name) for noun in nouns.values() if type(noun).__name__ == "BeamModel" and noun.name), "")
+def _of_results(results: Mapping[str, Any], book: Book) -> Document:
+    models = (one for one in results.values() if type(one).__name__ == "BeamModel" and one.name)
+    model = next((str(one.name) for one in models), "")
     summary: list[str] = []
     sections: list[Section] = []
     findings: list[Finding] = []
     for kind, title, made in _KINDS:
-        found = {name: noun for name, noun in nouns.items() if isinstance(noun, kind)}
-        if not found:
+        of_kind = {name: result for name, result in results.items() if isinstance(result, kind)}
+        if not of_kind:
             continue
-        told, blocks = made(found, book)
-        summary += told
+        sentences, blocks = made(of_kind, book)
+        summary += sentences
         sections.append(Section(title, title.lower().replace(" ", "-"), blocks))
-        findings += [one for noun in found.values() for one in getattr(noun, "findings", ())]
+        findings += [one for result in of_kind.values() for one in getattr(result, "findings", ())]
     if not sections:
-        names = ", ".join(type(noun).__name__ for noun in nouns.values()) or "nothing"
+        names = ", ".join(type(result).__name__ for result in results.values()) or "nothing"
         raise InputError(
             "there is nothing to report",
             got=names,
@@ -93,10 +95,10 @@ def _of_nouns(nouns: Mapping[str, Any], book: Book) -> Document:
         )
     title = f"{model}: {sections[0].title}" if model else sections[0].title
     facts = [("Model", model)] if model else []
-    return _document(title, facts, summary, sections, _worries(list(dict.fromkeys(findings)), book), [])
+    return _document(title, facts, summary, sections, _findings(list(dict.fromkeys(findings)), book), [])
 
 
-def _worries(findings: list[Finding], book: Book) -> tuple[Any, Any]:
+def _findings(findings: list[Finding], book: Book) -> tuple[Any, Any]:
     groups = grouped(findings)
     return groups, finding_table(groups, book)
 
@@ -106,18 +108,18 @@ def _document(
     facts: list[tuple[str, str]],
     summary: list[str],
     sections: list[Section],
-    found: tuple[Any, Any],
+    findings: tuple[Any, Any],
     chapters: list[Chapter],
 ) -> Document:
-    worries, table = found
+    groups, table = findings
     return Document(
         title=title,
         facts=facts,
         comment="",
         photos=[],
-        summary=[*summary, counted(worries)],
+        summary=[*summary, counted(groups)],
         answers=sections,
-        worries=worries,
+        finding_groups=groups,
         findings=table,
         expectations=None,
         chapters=chapters,
@@ -164,6 +166,24 @@ def _map_comparisons(found: Mapping[str, MapComparison], book: Book) -> Group:
         blocks.append(book.table("ridge", "Normal force of most damping at each excitation.", columns, rows))
         blocks.append(_points(one, book))
     return summary, blocks
+
+
+def _releases(found: Mapping[str, SignalComparison], book: Book) -> Group:
+    rows: list[tuple[Cell, ...]] = [
+        (
+            name or "release",
+            fixed(one.peak_frequencies[0], 2),
+            fixed(one.peak_frequencies[1], 2),
+            fixed(100 * one.error, 1),
+            fixed(100 * one.envelope_error, 1),
+            rounded(100 * one.missing_damping, 100 * one.missing_std),
+        )
+        for name, one in found.items()
+    ]
+    columns = ("Release", "Peak measured [Hz]", "Peak of the model [Hz]", "Difference [%]", "Of the envelopes [%]")
+    caption = "A measured and a simulated release: velocities in the band of the mode, and the damping the model lacks."
+    table = book.table("releases", caption, (*columns, "Missing damping [%]"), rows)
+    return [str(one.verdict) for one in found.values()], [table]
 
 
 def _points(one: MapComparison, book: Book) -> Block:
@@ -240,7 +260,7 @@ def _loops(found: Mapping[str, Loop], book: Book) -> Group:
 
 
 def _with_names(found: Mapping[str, Any]) -> list[Any]:
-    """The nouns under the names of the file, which tell them apart."""
+    """The results under the names of the file, which tell them apart."""
     from dataclasses import replace
 
     return [replace(one, name=_short(name) or one.name) for name, one in found.items()]
@@ -314,6 +334,7 @@ def _word(cell: Any) -> str | int:
 _KINDS: tuple[tuple[type, str, Callable[[Mapping[str, Any], Book], Group]], ...] = (
     (ModeComparison, "Modes compared", _mode_comparisons),
     (MapComparison, "Model against measurement", _map_comparisons),
+    (SignalComparison, "Releases compared", _releases),
     (ModelUpdate, "Identified parameters", _updates),
     (MapResult, "Maps", _maps),
     (ModalMap, "Simulated maps", _charts),

@@ -2,29 +2,123 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ema import show
-from ema.data import AmplitudeDependentMode
-from ema.report.blocks import Block, Book, Cell
-from ema.report.numbers import fixed, plain
+from ema.data import AmplitudeDependentMode, Finding
+from ema.report.blocks import Block, Book, Cell, Table
+from ema.report.numbers import MISSING, fixed, plain
 from ema.units import SI_UNIT
+
+_SAME = 0.1
+"""Relative distance of frequencies up to which modes of several runs are drawn in one picture."""
 
 
 def amplitude_sentences(modes: Sequence[AmplitudeDependentMode]) -> list[str]:
-    """What each mode does from its lowest to its highest level."""
+    """What each mode does from its lowest to its highest level, or where a ring-down says that it begins to slip."""
+    stepped = [mode for mode in modes if not _small(mode)]
+    slipping = [(mode, one) for mode in modes if (one := _small(mode)) is not None and one.code == "slip-onset"]
     return [
-        f"Levels of {mode.name}: from {plain(float(mode.amplitude[0]), 3)} to {plain(float(mode.amplitude[-1]), 3)} "
-        f"{SI_UNIT[mode.quantity]} the frequency goes from {fixed(float(mode.frequency.value[0]), 2)} to "
-        f"{fixed(float(mode.frequency.value[-1]), 2)} Hz and the damping from "
-        f"{plain(100 * float(mode.damping.value[0]), 3)} to {plain(100 * float(mode.damping.value[-1]), 3)} %."
-        for mode in modes
+        *(
+            f"Levels of {mode.name}: from {plain(float(mode.amplitude[0]), 3)} to "
+            f"{plain(float(mode.amplitude[-1]), 3)} {SI_UNIT[mode.quantity]} the frequency goes from "
+            f"{fixed(float(mode.frequency.value[0]), 2)} to "
+            f"{fixed(float(mode.frequency.value[-1]), 2)} Hz and the damping from "
+            f"{plain(100 * float(mode.damping.value[0]), 3)} to {plain(100 * float(mode.damping.value[-1]), 3)} %."
+            for mode in stepped
+        ),
+        *(f"Ring-downs of {mode.name}: {one.message}" for mode, one in slipping),
     ]
 
 
 def amplitude_modes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
     """Frequency and damping over the amplitude, with what the intervals contain."""
-    names = ", ".join(mode.name for mode in modes)
+    stepped = [mode for mode in modes if not _small(mode)]
+    ringing = [mode for mode in modes if _small(mode)]
+    blocks: list[Block] = []
+    if ringing:
+        blocks += [_limits(ringing, book), *_pictures(ringing, book)]
+        blocks.append(_levels(ringing, book, "ring_down_modes", "Levels read from the ring-downs", shown=0))
+    if stepped:
+        names = ", ".join(mode.name for mode in stepped)
+        alt = f"Frequency and damping over the amplitude: {names}."
+        blocks.append(book.picture(show.amplitude_modes(stepped), alt, _caption(stepped)))
+        blocks.append(_levels(stepped, book, "amplitude_modes", _caption(stepped)))
+    return blocks
+
+
+def _small(mode: AmplitudeDependentMode) -> Finding | None:
+    """What the ring-downs of a hammer test say about small amplitudes; ``None`` for a mode of stepped levels."""
+    return _said(mode, "slip-onset") or _said(mode, "no-slip-seen")
+
+
+def _said(mode: AmplitudeDependentMode, code: str) -> Finding | None:
+    return next((finding for finding in mode.findings if finding.code == code), None)
+
+
+def _caption(modes: Sequence[AmplitudeDependentMode]) -> str:
     contains = "; ".join(dict.fromkeys(mode.damping.contains for mode in modes))
-    caption = f"Frequency and damping over the amplitude; 95 % intervals contain {contains}."
+    return f"Frequency and damping over the amplitude; 95 % intervals contain {contains}."
+
+
+def _pictures(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
+    """One picture for the modes of all runs that have about the same frequency and of which one is seen to slip."""
+    groups: list[list[AmplitudeDependentMode]] = []
+    for mode in modes:
+        middle = float(np.median(mode.frequency.value))
+        for group in groups:
+            if abs(float(np.median(group[0].frequency.value)) / middle - 1) < _SAME:
+                group.append(mode)
+                break
+        else:
+            groups.append([mode])
+    return [
+        book.picture(
+            show.amplitude_modes(group),
+            f"Frequency and damping over the amplitude, from ring-downs: {', '.join(mode.name for mode in group)}.",
+            f"{_caption(group)} Dashed: slip begins; dash-dotted: median amplitude behind the impacts.",
+        )
+        for group in groups
+        if any(_said(mode, "slip-onset") for mode in group)
+    ]
+
+
+def _limits(modes: Sequence[AmplitudeDependentMode], book: Book) -> Table:
+    """Small amplitudes, onset of slip, values behind the impacts, what a linear fit reads, and modal mass."""
+    rows: list[tuple[Cell, ...]] = []
+    for mode in modes:
+        small, behind, linear = (_small(mode), _said(mode, "impact-amplitude"), _said(mode, "linear-reading"))
+        mass = _said(mode, "modal-mass-withheld")
+        rows.append(
+            (
+                mode.name,
+                "" if small is None else small.message,
+                "" if behind is None else _at(mode, behind),
+                "" if linear is None else linear.message,
+                plain(mode.modal_mass, 4) if mass is None else mass.message,
+            )
+        )
+    columns = ("Mode", "Small amplitudes", "Behind the impacts, median", "FRFs", "Modal mass [kg]")
+    caption = (
+        "Modes over their amplitude, from the ring-downs of all impacts. Amplitudes are those of the response at which "
+        "the mode is largest, to whose shape of 1 the modal mass belongs."
+    )
+    return book.table("ring_down_limits", caption, columns, rows)
+
+
+def _at(mode: AmplitudeDependentMode, behind: Finding) -> str:
+    """Frequency and damping at the median amplitude behind the impacts, where it was reached by enough of them."""
+    level, unit = float(behind.value or 0.0), SI_UNIT[mode.quantity].replace("^2", "²")
+    if not mode.amplitude[0] <= level <= mode.amplitude[-1]:
+        return f"{MISSING} at {level:.3g} {unit}"
+    log, levels = np.log(level), np.log(mode.amplitude)
+    frequency, damping = (float(np.interp(log, levels, band.value)) for band in (mode.frequency, mode.damping))
+    return f"{frequency:.2f} Hz and {100 * damping:.3f} % at {level:.3g} {unit}"
+
+
+def _levels(
+    modes: Sequence[AmplitudeDependentMode], book: Book, name: str, caption: str, shown: int | None = None
+) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (
             mode.name,
@@ -37,7 +131,4 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list
         for n, amplitude in enumerate(mode.amplitude)
     ]
     columns = ("Run", "Controlled", "Amplitude", "f [Hz]", "f low", "f high", "ζ [%]", "ζ low", "ζ high")
-    return [
-        book.picture(show.amplitude_modes(modes), f"Frequency and damping over the amplitude: {names}.", caption),
-        book.table("amplitude_modes", f"{caption} Amplitudes in SI units of the response.", columns, rows),
-    ]
+    return book.table(name, f"{caption.rstrip('.')}. Amplitudes in SI units of the response.", columns, rows, shown)

@@ -32,16 +32,16 @@ def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
     if not (len(base.modes.poles) and len(other.modes.poles)):
         return []
     try:
-        found = compare(base.modes, other.modes)
+        comparison = compare(base.modes, other.modes)
     except InputError as error:
         return [Text(f"{base.run.id} against {other.run.id}: {error}.", missing=True)]
     names = [_labels(run) for run in (base, other)]
-    alike = [float(found.mac[pair]) for pair in found.pairs]
-    told = "no two modes are alike"
+    alike = [float(comparison.mac[pair]) for pair in comparison.pairs]
+    summary = "no two modes are alike"
     if alike:
-        told = f"{count(len(alike), 'pair')} with a MAC from {fixed(min(alike), 2)} to {fixed(max(alike), 2)}"
+        summary = f"{count(len(alike), 'pair')} with a MAC from {fixed(min(alike), 2)} to {fixed(max(alike), 2)}"
     figure = show.mac_matrix(
-        np.asarray(found.mac),
+        np.asarray(comparison.mac),
         names[0],
         [label.split(":")[0] for label in names[1]],
         row_label=f"Mode of {base.run.id}",
@@ -50,14 +50,15 @@ def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
     return [
         book.picture(
             figure,
-            f"MAC between modes of {base.run.id} and {other.run.id}: {told}.",
-            f"MAC of {base.run.id} (rows) against {other.run.id} (columns) over {len(found.dofs)} DOFs: {told}.",
+            f"MAC between modes of {base.run.id} and {other.run.id}: {summary}.",
+            f"MAC of {base.run.id} (rows) against {other.run.id} (columns) over {len(comparison.dofs)} DOFs: "
+            f"{summary}.",
         ),
         book.table(
             f"mac_{base.run.id}_{other.run.id}",
             f"MAC of {base.run.id} (rows) against {other.run.id} (columns).",
-            (f"Mode of {base.run.id}", *(str(mode + 1) for mode in range(found.mac.shape[1]))),
-            [(row + 1, *(plain(float(value), 4) for value in values)) for row, values in enumerate(found.mac)],
+            (f"Mode of {base.run.id}", *(str(mode + 1) for mode in range(comparison.mac.shape[1]))),
+            [(row + 1, *(plain(float(value), 4) for value in values)) for row, values in enumerate(comparison.mac)],
             0,
         ),
     ]
@@ -81,14 +82,14 @@ def _overlays(base: RunResult, others: list[RunResult], book: Book) -> list[Bloc
 
 def _overlay(runs: list[RunResult], book: Book) -> list[Block]:
     names = ", ".join(run.run.id for run in runs)
-    found = _common([run.frfs for run in runs])
-    if found is None:
+    common = _common([run.frfs for run in runs])
+    if common is None:
         return [Text(f"{names} have no FRF in common, so none can be shown before and after.", missing=True)]
     low = max(float(run.frfs.frequencies[0]) for run in runs)
     high = min(float(run.frfs.frequencies[-1]) for run in runs)
     if not low < high:
         return [Text(f"The FRFs of {names} have no frequency in common.", missing=True)]
-    driven, places = found
+    driven, places = common
     frfs = runs[0].frfs
     what = "drive point" if driven else "strongest FRF that all runs have, for want of a drive point"
     text = f"{frfs.outputs[places[0][0]].positive}/{frfs.inputs[places[0][1]].positive}, the {what}"

@@ -30,19 +30,19 @@ def comparisons(runs: list[RunResult], book: Book) -> tuple[list[str], list[Bloc
         if other is base:
             continue
         try:
-            found = compare(base.modes, other.modes)
+            comparison = compare(base.modes, other.modes)
         except InputError as error:
             blocks.append(Text(f"{base.run.id} against {other.run.id}: {error}.", missing=True))
             continue
         if labels.count(other.run.repeat) < 2:  # of repeats, the sentence on their condition says more
-            lines.append(_sentence(base, other, found))
-        blocks.append(_table(base, other, found, book))
+            lines.append(_sentence(base, other, comparison))
+        blocks.append(_table(base, other, comparison, book))
     return [*lines, *judged], blocks
 
 
-def _changes(base: RunResult, other: RunResult, found: Comparison) -> tuple[np.ndarray, np.ndarray]:
+def _changes(base: RunResult, other: RunResult, comparison: Comparison) -> tuple[np.ndarray, np.ndarray]:
     """Ratios of natural frequencies and of damping ratios of the pairs that are certain, other over base."""
-    certain = [pair for pair, rivals in zip(found.pairs, found.rivals, strict=True) if not rivals]
+    certain = [pair for pair, rivals in zip(comparison.pairs, comparison.rivals, strict=True) if not rivals]
     left, right = ([pair[k] for pair in certain] for k in (0, 1))
     frequency = other.modes.natural_frequencies[right] / base.modes.natural_frequencies[left]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -50,18 +50,18 @@ def _changes(base: RunResult, other: RunResult, found: Comparison) -> tuple[np.n
     return frequency, damping
 
 
-def _sentence(base: RunResult, other: RunResult, found: Comparison) -> str:
-    if not found.pairs:
+def _sentence(base: RunResult, other: RunResult, comparison: Comparison) -> str:
+    if not comparison.pairs:
         return f"{other.run.id} against {base.run.id}: no two modes have like shapes."
     small = " for small amplitudes" if base.equivalent or other.equivalent else ""
     head = f"{other.run.id} against {base.run.id}{small}"
     doubts = "".join(
         f" Mode {i + 1} ({base.modes.natural_frequencies[i]:.4g} Hz) resembles modes "
         f"{listed([str(k + 1) for k in sorted((j, *rivals))])} of {other.run.id}: not counted."
-        for (i, j), rivals in zip(found.pairs, found.rivals, strict=True)
+        for (i, j), rivals in zip(comparison.pairs, comparison.rivals, strict=True)
         if rivals
     )
-    frequency, damping = _changes(base, other, found)
+    frequency, damping = _changes(base, other, comparison)
     if not len(frequency):
         return f"{head}: no certain pair of modes.{doubts}"
     shifts = _each([_change(float(ratio)) for ratio in frequency])
@@ -89,7 +89,7 @@ def _each(texts: list[str]) -> str:
     return f"{ordered[0]} to {ordered[-1]}"
 
 
-def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> Block:
+def _table(base: RunResult, other: RunResult, comparison: Comparison, book: Book) -> Block:
     columns = [
         "Mode",
         f"Mode in {other.run.id}",
@@ -101,8 +101,8 @@ def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> 
         "ζ ratio [-]",
         "MAC [-]",
     ]
-    partners = dict(found.pairs)
-    rivals = dict(zip(partners, found.rivals, strict=True))
+    partners = dict(comparison.pairs)
+    rivals = dict(zip(partners, comparison.rivals, strict=True))
     deviations = [standard_deviations(run.modes) for run in (base, other)]
     rows: list[list[Cell]] = []
     for i in range(len(base.modes.poles)):
@@ -110,7 +110,7 @@ def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> 
         left = interval(f_i, deviations[0][0][i], 6), interval(z_i, deviations[0][1][i], 3)
         j = partners.get(i)
         if j is None:
-            best = float(np.nanmax(found.mac[i])) if np.isfinite(found.mac[i]).any() else float("nan")
+            best = float(np.nanmax(comparison.mac[i])) if np.isfinite(comparison.mac[i]).any() else float("nan")
             rows.append([i + 1, "none", left[0], MISSING, MISSING, left[1], MISSING, MISSING, fixed(best, 3)])
             continue
         f_j, z_j = float(other.modes.natural_frequencies[j]), 100 * float(other.modes.damping_ratios[j])
@@ -125,18 +125,18 @@ def _table(base: RunResult, other: RunResult, found: Comparison, book: Book) -> 
                 left[1],
                 interval(z_j, deviations[1][1][j], 3),
                 fixed(z_j / z_i if z_i else None, 2),
-                fixed(float(found.mac[i, j]), 3),
+                fixed(float(comparison.mac[i, j]), 3),
             ]
         )
     alone = sorted(set(range(len(other.modes.poles))) - set(partners.values()))
     rest = f" Modes of {other.run.id} without a partner: {', '.join(str(j + 1) for j in alone)}." if alone else ""
     doubt = (
         " Where several partners are named, shapes do not tell which it is: the values are those of the first."
-        if any(found.rivals)
+        if any(comparison.rivals)
         else ""
     )
     caption = (
         f"{base.run.id} ({condition_text(base)}) against {other.run.id} ({condition_text(other)}): modes paired by MAC "
-        f"over {len(found.dofs)} common DOFs; intervals: {NOISE_ONLY}.{rest}{doubt}"
+        f"over {len(comparison.dofs)} common DOFs; intervals: {NOISE_ONLY}.{rest}{doubt}"
     )
     return book.table(f"comparison_{base.run.id}_{other.run.id}", caption, columns, rows)

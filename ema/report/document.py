@@ -8,6 +8,7 @@ from ema.report.blocks import Block, Book, Section, Table
 from ema.report.change import change_sections
 from ema.report.comparison import comparisons
 from ema.report.expected import counted_expectations, expectation_table
+from ema.report.findings import Group, all_findings, counted, finding_table, grouped
 from ema.report.forecast import verdict
 from ema.report.friction import loops, ring_down_sentences, ring_downs
 from ema.report.maps import map_lines, map_sections, statement_lines, statements
@@ -16,7 +17,6 @@ from ema.report.photos import logo, photos
 from ema.report.placement import answers, place_blocks, placement_sections
 from ema.report.records import provenance, repairs
 from ema.report.runs import run_sections
-from ema.report.worries import Group, all_findings, counted, finding_table, grouped
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Document:
     photos: list[Block]
     summary: list[str]
     answers: list[Section]
-    worries: list[Group]
+    finding_groups: list[Group]
     findings: Table | None
     expectations: Table | None
     chapters: list[Chapter]
@@ -56,9 +56,10 @@ def compose(result: StudyResult, book: Book) -> Document:
         front.append(Section("Where the beam goes", "placement", place_blocks(placement, book)))
     tables = (mode_table, equivalent_table, set_up_table)
     modes = [block for run in runs for table in tables if (block := table(run, book)) is not None]
-    told, compared = comparisons(runs, book)
-    worries = grouped(all_findings(result))
-    front += [Section("Modes", "modes", modes)]
+    comparison_lines, compared = comparisons(runs, book)
+    groups = grouped(all_findings(result))
+    others = result.maps or result.amplitude_modes or result.decays or result.loops
+    front += [Section("Modes", "modes", modes)] if modes or not others else []
     front += [Section("Runs compared", "comparison", compared)] if compared else []
     front += statements(result, book) + map_sections(result, book)
     if result.amplitude_modes:
@@ -73,7 +74,7 @@ def compose(result: StudyResult, book: Book) -> Document:
         "Operator": campaign.operator,
         "Date": campaign.date,
     }
-    findings, expectations = finding_table(worries, book), expectation_table(result, book)
+    findings, expectations = finding_table(groups, book), expectation_table(result, book)
     return Document(
         title=result.title or campaign.name,
         facts=[(label, value or "not stated") for label, value in facts.items()],
@@ -82,17 +83,17 @@ def compose(result: StudyResult, book: Book) -> Document:
         summary=[
             *([] if placement is None else answers(placement)),
             *([] if result.forecast_check is None else [verdict(result.forecast_check)]),
-            *([run_sentence(run) for run in runs] or ([] if result.amplitude_modes else ["No run was analysed."])),
-            *told,
+            *([run_sentence(run) for run in runs] or ([] if others else ["No run was analysed."])),
+            *comparison_lines,
             *map_lines(result),
             *statement_lines(result),
             *amplitude_sentences(result.amplitude_modes),
             *ring_down_sentences(result.decays),
-            counted(worries),
+            counted(groups),
             *counted_expectations(result),
         ],
         answers=front,
-        worries=worries,
+        finding_groups=groups,
         findings=findings,
         expectations=expectations,
         chapters=_chapters(result, book),

@@ -22,10 +22,10 @@ def verdict(check: ForecastCheck) -> str:
     )
 
 
-def forecast_blocks(told: Forecast | ForecastCheck, book: Book) -> list[Block]:
+def forecast_blocks(prediction: Forecast | ForecastCheck, book: Book) -> list[Block]:
     """Bands as a picture and as a table; measured values beside them where there are some."""
-    check = told if isinstance(told, ForecastCheck) else None
-    forecast = told.forecast if isinstance(told, ForecastCheck) else told
+    check = prediction if isinstance(prediction, ForecastCheck) else None
+    forecast = prediction.forecast if isinstance(prediction, ForecastCheck) else prediction
     x, y = forecast.centre
     where = f"{forecast.beam or 'beam'} at ({x:.3f}, {y:.3f}) m"
     lead = [] if check is None else [Text(verdict(check))]
@@ -33,7 +33,7 @@ def forecast_blocks(told: Forecast | ForecastCheck, book: Book) -> list[Block]:
     return [
         *lead,
         book.picture(
-            show.forecast_bands(told),
+            show.forecast_bands(prediction),
             f"Predicted frequency and damping with {where}, with 95 % bands.{note}",
             f"Frequency and damping with {where}: prediction (dash) and 95 % band from {forecast.draws} draws of "
             f"shapes, friction and contact stiffness.{note}",

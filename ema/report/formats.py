@@ -12,7 +12,7 @@ _NEEDS = {"pdf": ("weasyprint", "report"), "docx": ("docx", "office")}
 
 
 def checked_formats(formats: Sequence[str]) -> tuple[str, ...]:
-    """Each format once; told before the work that a format cannot be written.
+    """Each format once; one that cannot be written is refused before the work.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Friction seen directly: ring-downs with their phases, and hysteresis loops."""
+"""Friction measured directly: ring-downs with their phases, and hysteresis loops."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -13,14 +13,15 @@ from ema.report.numbers import MISSING, count, fixed, plain, short
 
 _TOGETHER = 6
 """Series that one picture can tell apart."""
-_MOST_TOLD = 4
+_MOST_SENTENCES = 4
+"""Ring-downs that the front page describes; the others are counted and stand in the table."""
 
 
 def ring_down_sentences(decays: Sequence[Decay]) -> list[str]:
     """The answer of the first ring-downs: frequency and damping of each phase, and where the joint begins to stick."""
-    told = [_sentence(decay, number) for number, decay in enumerate(decays[:_MOST_TOLD], 1)]
-    more = len(decays) - len(told)
-    return [*told, f"{count(more, 'more ring-down')} in the table of phases."] if more else told
+    sentences = [_sentence(decay, number) for number, decay in enumerate(decays[:_MOST_SENTENCES], 1)]
+    more = len(decays) - len(sentences)
+    return [*sentences, f"{count(more, 'more ring-down')} in the table of phases."] if more else sentences
 
 
 def _named(decay: Decay, number: int) -> str:
@@ -56,11 +57,11 @@ def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
     ]
     blocks: list[Block] = []
     for start in range(0, len(decays), _TOGETHER):
-        held = decays[start : start + _TOGETHER]
-        names = [_named(decay, number) for number, decay in enumerate(held, start + 1)]
+        shown = decays[start : start + _TOGETHER]
+        names = [_named(decay, number) for number, decay in enumerate(shown, start + 1)]
         blocks.append(
             book.picture(
-                show.ring_down(held, names),
+                show.ring_down(shown, names),
                 f"Ring-down of {', '.join(names)}: amplitude over time, frequency and damping over amplitude.",
                 "Amplitude over time, and frequency and damping over the amplitude; what lies within a "
                 "period of the knee "
@@ -110,16 +111,16 @@ def _curve(decay: Decay, most: int = 500) -> np.ndarray:
     return np.column_stack([value[::step] for value in values])
 
 
-def loops(held: Sequence[Loop], book: Book) -> list[Block]:
+def loops(measured: Sequence[Loop], book: Book) -> list[Block]:
     """Force over relative displacement, and the energy of a cycle."""
-    names = [loop.name or f"loop {number}" for number, loop in enumerate(held, 1)]
+    names = [loop.name or f"loop {number}" for number, loop in enumerate(measured, 1)]
     blocks: list[Block] = []
-    for start in range(0, len(held), _TOGETHER):
-        few, told = held[start : start + _TOGETHER], names[start : start + _TOGETHER]
+    for start in range(0, len(measured), _TOGETHER):
+        shown, labels = measured[start : start + _TOGETHER], names[start : start + _TOGETHER]
         blocks.append(
             book.picture(
-                show.hysteresis(few, told),
-                f"Hysteresis loops of {', '.join(told)}: force over relative displacement.",
+                show.hysteresis(shown, labels),
+                f"Hysteresis loops of {', '.join(labels)}: force over relative displacement.",
                 "Force over relative displacement; the enclosed area is the energy that the joint "
                 "dissipates in a cycle.",
             )
@@ -143,7 +144,7 @@ def loops(held: Sequence[Loop], book: Book) -> list[Block]:
             plain(loop.area / (np.pi * loop.amplitude * top) if loop.amplitude * top > 0 else None, 3),
             loop.cycles,
         )
-        for name, loop in zip(names, held, strict=True)
+        for name, loop in zip(names, measured, strict=True)
     ]
     caption = "Hysteresis loops; the loss factor is the energy per cycle over π times amplitude times largest force."
     return [*blocks, book.table("loops", caption, columns, rows)]

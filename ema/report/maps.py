@@ -21,7 +21,7 @@ def statements(result: StudyResult, book: Book) -> list[Section]:
     if quoted:
         caption = (
             "Sentences of the publication, and whether these measurements bear them out. Intervals hold noise and what "
-            "the grid of a map leaves open, not what was assumed."
+            "the grid of a map leaves open, and of a phase of a decay what its halves read; not what was assumed."
         )
         sentences = [(one.source, one.sentence, one.text, *_judged(one)) for one in quoted]
         block = book.table("statements", caption, ("Where", "Sentence", "Judged as", *judged), sentences, 8)
@@ -95,13 +95,13 @@ def map_sentence(one: MapResult) -> str:
 def map_blocks(one: MapResult, book: Book) -> list[Block]:
     """The pictures of a map, whether its levels are one linear structure, and its table."""
     chart, name = one.chart, one.name
-    told = map_sentence(one)
+    sentence = map_sentence(one)
     blocks: list[Block] = [
-        Text(told),
+        Text(sentence),
         book.picture(
             show.damping_map(chart),
-            f"Damping of {name} over F_E and F_N. {told}",
-            f"Damping ratio of {name} by the linear fit of each condition; the line joins the best F_N.",
+            f"Damping of {name} over F_E and F_N. {sentence}",
+            f"Damping ratio of {name} {_how(one)}; the line joins the best F_N.",
         ),
         book.picture(
             show.frequency_map(chart), f"Natural frequency of {name} over F_E and F_N.", f"Natural frequency of {name}."
@@ -125,6 +125,12 @@ def map_blocks(one: MapResult, book: Book) -> list[Block]:
         )
         blocks.append(book.table(f"homogeneity_{name}", caption, columns, rows))
     return [*blocks, _table(one, book)]
+
+
+def _how(one: MapResult) -> str:
+    """How the points of a map were made."""
+    simulated = one.chart.method == "frozen"
+    return "from steady states of the model" if simulated else "by the linear fit of each condition"
 
 
 def _table(one: MapResult, book: Book) -> Block:
@@ -166,7 +172,9 @@ def _table(one: MapResult, book: Book) -> Block:
                     ),
                 ]
             )
-    caption = f"Every condition of {one.name}: frequency, damping by the fit and by the height of the peak."
+    simulated = one.chart.method == "frozen"
+    by = "damping from steady states of the model" if simulated else "damping by the fit and by the height of the peak"
+    caption = f"Every condition of {one.name}: frequency, {by}."
     return book.table(f"map_{one.name}", caption, columns, rows, 9)
 
 

@@ -1,4 +1,4 @@
-"""The measurement side of a run: condition, blows, FRFs and their coherence."""
+"""The measurement side of a run: condition, impacts, FRFs and their coherence."""
 
 from math import isfinite
 
@@ -33,7 +33,7 @@ def condition(run: RunResult, book: Book) -> list[Block]:
     elif run.hits is not None and run.hits.accepted:
         peaks = [hit.peak for hit in run.hits.accepted]
         middle, weakest, strongest = (str(plain(float(x), 3)) for x in (np.median(peaks), min(peaks), max(peaks)))
-        rows.insert(1, (f"Peak of the blows [{force_unit(run)}]", f"median {middle}, {weakest} to {strongest}"))
+        rows.insert(1, (f"Peak of the impacts [{force_unit(run)}]", f"median {middle}, {weakest} to {strongest}"))
     if state.temperature is not None:
         rows.append(("Temperature [°C]", fixed(state.temperature - 273.15, 1)))
     if run.run.comment:
@@ -61,27 +61,27 @@ def _normal_force(run: RunResult, book: Book) -> list[Block]:
         for j in joints
     ]
     caption = f"Normal force of run {name} (± one standard deviation over the run)."
-    told = ", ".join(f"{joint.joint} {joint_force(joint.mean, joint.std)} N" for joint in joints[:8])
+    forces = ", ".join(f"{joint.joint} {joint_force(joint.mean, joint.std)} N" for joint in joints[:8])
     figure = show.normal_force(run.run.condition)
     return [
         book.table(f"normal_force_{name}", caption, columns, rows),
-        book.picture(figure, f"Normal force of run {name}: {told}.", f"Normal force of each joint of run {name}."),
+        book.picture(figure, f"Normal force of run {name}: {forces}.", f"Normal force of each joint of run {name}."),
     ]
 
 
-def blows(run: RunResult, book: Book) -> list[Block]:
-    """The blows of a hammer test, which were rejected and why, and the band they excite."""
+def impacts(run: RunResult, book: Book) -> list[Block]:
+    """The impacts of a hammer test, which were rejected and why, and the band they excite."""
     gallery, name = run.hits, run.run.id
     if gallery is None:
-        text = "The blows cannot be shown: this run came as finished FRFs, without its time records."
+        text = "The impacts cannot be shown: this run came as finished FRFs, without its time records."
         return [Text(text, missing=True)] if run.run.kind == "hammer" else []
     rejected = [hit for hit in gallery.hits if not hit.accepted]
     accepted = len(gallery.hits) - len(rejected)
     unit = force_unit(run)
-    told = f"Blows of run {name}: {accepted} of {len(gallery.hits)} accepted"
+    counts = f"Impacts of run {name}: {accepted} of {len(gallery.hits)} accepted"
     reasons = sorted({hit.reason for hit in rejected})
-    alt = f"{told}; rejected for: {'; '.join(reasons[:5])}." if reasons else f"{told}."
-    blocks: list[Block] = [book.picture(show.hits(gallery, unit), alt, f"{told}.")]
+    alt = f"{counts}; rejected for: {'; '.join(reasons[:5])}." if reasons else f"{counts}."
+    blocks: list[Block] = [book.picture(show.hits(gallery, unit), alt, f"{counts}.")]
     if accepted:
         ten, twenty = (short(float(f"{frequency:.4g}")) for frequency in gallery.usable_band)
         text = f"the force autospectrum has fallen by 10 dB at {ten} Hz and by 20 dB at {twenty} Hz"
@@ -90,7 +90,7 @@ def blows(run: RunResult, book: Book) -> list[Block]:
         rows = [(hit.recording, hit.index, str(hit.dof or MISSING), plain(hit.peak, 4), hit.reason) for hit in rejected]
         columns = ("Record", "Hit (first: 0)", "Point", f"Peak [{unit}]", "Reason")
         shown = len(columns) if len(rows) <= _MOST_REJECTED else 0
-        blocks.append(book.table(f"rejected_blows_{name}", f"Rejected blows of run {name}.", columns, rows, shown))
+        blocks.append(book.table(f"rejected_impacts_{name}", f"Rejected impacts of run {name}.", columns, rows, shown))
     return blocks
 
 
@@ -109,12 +109,12 @@ def overview(run: RunResult, book: Book) -> list[Block]:
     if frfs.coherence is None:
         text = "No coherence came with these FRFs, so their noise cannot be judged from it."
         return [*blocks, Text(text, missing=True)]
-    told = f"median over all lines and FRFs {plain(float(np.median(np.nan_to_num(frfs.coherence))), 3)}"
+    median = f"median over all lines and FRFs {plain(float(np.median(np.nan_to_num(frfs.coherence))), 3)}"
     figure = show.coherence(frfs, run.modes)
-    blocks.append(book.picture(figure, f"Coherence of run {name}: {told}.", f"Coherence ({told})."))
+    blocks.append(book.picture(figure, f"Coherence of run {name}: {median}.", f"Coherence ({median})."))
     return blocks
 
 
 def force_unit(run: RunResult) -> str:
-    """The unit of the blows, or that nobody stated it."""
+    """The unit of the impacts, or that nobody stated it."""
     return "N" if run.frfs.scaled else "unit unstated"

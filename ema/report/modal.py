@@ -1,4 +1,4 @@
-"""The modal side of a run: stabilisation, rebuilt FRFs, AutoMAC, shapes, complexity."""
+"""The modal side of a run: stabilisation, synthesised FRFs, AutoMAC, shapes, complexity."""
 
 import numpy as np
 
@@ -43,14 +43,14 @@ def stabilisation(run: RunResult, book: Book) -> list[Block]:
     return [book.picture(figure, alt, caption)]
 
 
-def rebuilt(run: RunResult, book: Book) -> list[Block]:
+def reconstruction(run: RunResult, book: Book) -> list[Block]:
     """Measured FRFs against those of the modal model, and the error of each."""
     error = None if run.reconstruction_error is None else np.asarray(run.reconstruction_error)
     if run.reconstruction is None or error is None or not np.isfinite(error).any():
-        return _missing("The FRFs of the modal model were not computed, so they cannot be held against the measured.")
+        return _missing("No FRFs of the modal model were computed that could be compared with the measured ones.")
     name, frfs = run.run.id, run.frfs
     places, titles = _chosen_frfs(run, error)
-    told = f"median {short(_percent(np.nanmedian(error)))} %, largest {short(_percent(np.nanmax(error)))} %"
+    errors = f"median {short(_percent(np.nanmedian(error)))} %, largest {short(_percent(np.nanmax(error)))} %"
     drawn = ", ".join(f"{frfs.label(*place)} ({title})" for place, title in zip(places, titles))
     columns = ("Response", "Force", "Error [%]")
     rows = [
@@ -61,15 +61,15 @@ def rebuilt(run: RunResult, book: Book) -> list[Block]:
     return [
         book.picture(
             show.reconstruction(frfs, run.reconstruction, places, titles, run.modes),
-            f"Measured and rebuilt FRFs of run {name}: {drawn}.",
-            "Measured against rebuilt: best, median and worst by error, and drive points; dotted lines mark the modes.",
+            f"Measured and synthesised FRFs of run {name}: {drawn}.",
+            "Measured and synthesised: best, median and worst by error, and drive points; dotted lines mark the modes.",
         ),
         book.picture(
             show.error_map(error, frfs.outputs, frfs.inputs),
-            f"Error of each rebuilt FRF of run {name}: {told}.",
-            f"Error of each rebuilt FRF, norm of the difference over norm of the measured FRF ({told}).",
+            f"Error of each synthesised FRF of run {name}: {errors}.",
+            f"Error of each synthesised FRF, norm of the difference over norm of the measured FRF ({errors}).",
         ),
-        book.table(f"frf_errors_{name}", f"Error of each rebuilt FRF of run {name}.", columns, rows, shown=0),
+        book.table(f"frf_errors_{name}", f"Error of each synthesised FRF of run {name}.", columns, rows, shown=0),
     ]
 
 
@@ -98,10 +98,11 @@ def auto_mac(run: RunResult, book: Book) -> list[Block]:
     table = auto_mac_of(modes.shapes) if run.auto_mac is None else np.asarray(run.auto_mac)
     off = np.where(np.tri(len(table), dtype=bool), -1.0, np.nan_to_num(table))
     row, column = np.unravel_index(np.argmax(off), off.shape)
-    told = f"largest off the diagonal {plain(float(off[row, column]), 2)}, modes {row + 1} and {column + 1}"
+    largest = f"largest off the diagonal {plain(float(off[row, column]), 2)}, modes {row + 1} and {column + 1}"
     labels = [f"{mode}: {short(float(f'{f:.4g}'))} Hz" for mode, f in enumerate(modes.natural_frequencies, 1)]
     figure = show.mac_matrix(table, labels, [str(mode) for mode in range(1, len(table) + 1)])
-    return [book.picture(figure, f"AutoMAC of run {name}: {told}.", f"AutoMAC over {len(modes.dofs)} DOFs ({told}).")]
+    caption = f"AutoMAC over {len(modes.dofs)} DOFs ({largest})."
+    return [book.picture(figure, f"AutoMAC of run {name}: {largest}.", caption)]
 
 
 def _pages(number: int, size: int) -> list[range]:

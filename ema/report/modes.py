@@ -45,14 +45,14 @@ def condition_text(run: RunResult) -> str:
 def run_sentence(run: RunResult) -> str:
     """One line: how many modes, where, under which condition, how damped."""
     frequencies, damping = run.modes.natural_frequencies, 100 * run.modes.damping_ratios
-    found = count(len(frequencies), "mode")
+    identified = count(len(frequencies), "mode")
     if len(frequencies) == 1:
-        found += f" at {short(frequencies[0])} Hz, damping {plain(damping[0], 2)} %"
+        identified += f" at {short(frequencies[0])} Hz, damping {plain(damping[0], 2)} %"
     elif len(frequencies):
         low, high = str(plain(damping.min(), 2)), str(plain(damping.max(), 2))
-        found += f" from {short(frequencies.min())} to {short(frequencies.max())} Hz, damping "
-        found += f"{low} %" if low == high else f"{low} to {high} %"
-    return f"Run {run.run.id} ({condition_text(run)}): {found}{_level_text(run)}."
+        identified += f" from {short(frequencies.min())} to {short(frequencies.max())} Hz, damping "
+        identified += f"{low} %" if low == high else f"{low} to {high} %"
+    return f"Run {run.run.id} ({condition_text(run)}): {identified}{_level_text(run)}."
 
 
 def _level_text(run: RunResult) -> str:
@@ -129,40 +129,46 @@ def mode_table(run: RunResult, book: Book) -> Block:
         note = (
             "of the decay after sticking, for small amplitudes; ± is two standard deviations, from noise and from when "
         )
-        note += "the decay begins"
+        note += (
+            "the decay begins. MPC and MPD belong to the decay over the force of the impact, whose phase the slip "
+            "before it shifts from point to point: low values are no sign of a complex mode"
+        )
     caption = f"Modes of run {name} ({note})."
     return book.table(f"modes_{name}", caption, [*columns, "std f [Hz]", "std ζ [%]"], rows, shown)
 
 
 def set_up_table(run: RunResult, book: Book) -> Block | None:
     """Natural frequencies of the set-ups of a run against their mean; ``None`` where there was one set-up."""
-    found = run.modes.set_ups
-    if found is None:
+    set_ups = run.modes.set_ups
+    if set_ups is None:
         return None
-    loaded = found.cause == "mass loading"
-    columns = ["Mode", "Mean f [Hz]", *(f"Set-up {name} [%]" for name in found.names)]
+    loaded = set_ups.cause == "mass loading"
+    columns = ["Mode", "Mean f [Hz]", *(f"Set-up {name} [%]" for name in set_ups.names)]
     columns += ["f without sensors [Hz]"] if loaded else []
     rows: list[list[Cell]] = []
-    for mode, frequency in enumerate(found.frequencies):
+    for mode, frequency in enumerate(set_ups.frequencies):
         row: list[Cell] = [mode + 1, fixed(float(frequency), 3)]
         row += [
-            _percent(float(one), float(std)) for one, std in zip(found.shifts[:, mode], found.std[:, mode], strict=True)
+            _percent(float(one), float(std))
+            for one, std in zip(set_ups.shifts[:, mode], set_ups.std[:, mode], strict=True)
         ]
-        row += [interval(float(found.unloaded[mode]), float(found.unloaded_std[mode]), 6)] if loaded else []
+        row += [interval(float(set_ups.unloaded[mode]), float(set_ups.unloaded_std[mode]), 6)] if loaded else []
         rows.append(row)
     everything: list[Cell] = ["all", ""]
-    everything += [_percent(float(one), float(std)) for one, std in zip(found.common, found.common_std, strict=True)]
+    everything += [
+        _percent(float(one), float(std)) for one, std in zip(set_ups.common, set_ups.common_std, strict=True)
+    ]
     rows.append([*everything, *([""] if loaded else [])])
     causes = {
         "none": "noise explains the differences",
         "common shift": "one shift for all modes of a set-up explains the differences",
-        "mass loading": f"sensors of {interval(1e3 * found.mass, 1e3 * found.mass_std, 4).text} g each explain the "
+        "mass loading": f"sensors of {interval(1e3 * set_ups.mass, 1e3 * set_ups.mass_std, 4).text} g each explain the "
         "differences",
         "unknown": "neither a common shift nor the mass of the sensors explains the differences",
     }
     caption = (
         f"Natural frequencies of the set-ups of run {run.run.id}, relative to their mean (± is two standard "
-        f"deviations; {causes[found.cause]})."
+        f"deviations; {causes[set_ups.cause]})."
     )
     return book.table(f"set_ups_{run.run.id}", caption, columns, rows, len(columns))
 

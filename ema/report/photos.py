@@ -33,8 +33,8 @@ def _image(folder: Path, name: str, what: str) -> Image | Text:
     if mime is None:
         return Text(f"The {what} {name} is not shown: it is neither JPEG, PNG nor GIF.", missing=True)
     if len(content) > _LARGEST:
-        told = f"The {what} {name} is not shown: {len(content) / 1e6:.1f} MB, limit {_LARGEST / 1e6:.0f} MB."
-        return Text(told, missing=True)
+        sentence = f"The {what} {name} is not shown: {len(content) / 1e6:.1f} MB, limit {_LARGEST / 1e6:.0f} MB."
+        return Text(sentence, missing=True)
     return Image(content, mime)
 
 

@@ -11,7 +11,7 @@ from ema.dof import Dof
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
 from ema.report.numbers import plain, short
-from ema.synthesis import frfs as synthesis
+from ema.synthesis import frfs as synthesised
 from ema.units import FRF_UNIT
 
 _LINES = 4000
@@ -21,9 +21,9 @@ _BESIDE = 0.12
 
 def answers(placement: Placement) -> list[str]:
     """For the front page: how far to trust it, the place with its normal force, what a controlled one would add."""
-    told = [placement.warning] if placement.warning else []
-    told.append(answer(placement))
-    return [*told, *([placement.control.verdict] if placement.control is not None else [])]
+    sentences = [placement.warning] if placement.warning else []
+    sentences.append(answer(placement))
+    return [*sentences, *([placement.control.verdict] if placement.control is not None else [])]
 
 
 def place_blocks(placement: Placement, book: Book) -> list[Block]:
@@ -42,14 +42,14 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
 
 
 def placement_sections(placement: Placement, book: Book, check: ForecastCheck | None = None) -> list[Section]:
-    """What stands behind the answer, and ``check`` what was measured afterwards."""
+    """Forecast, normal force, FRFs and control behind the answer; with ``check``, the comparison with measured maps."""
     sections = [
         Section("Recommended normal force", "placement-force", _force(placement, book)),
         Section("FRF before and after, predicted", "placement-frf", _predicted(placement, book)),
     ]
     if placement.forecast is not None:
-        told = forecast_blocks(placement.forecast if check is None else check, book)
-        sections.insert(0, Section("Forecast for the best place", "forecast", told))
+        blocks = forecast_blocks(placement.forecast if check is None else check, book)
+        sections.insert(0, Section("Forecast for the best place", "forecast", blocks))
     if placement.control is not None:
         sections.append(Section("A controlled normal force", "control", _control(placement, book)))
     return sections
@@ -98,8 +98,8 @@ def _predicted(placement: Placement, book: Book) -> list[Block]:
     return [
         book.picture(
             show.frf_overlay(sets, [(0, 0)] * len(sets), names),
-            f"Predicted FRF from the excited point to the one that counts: {', '.join(names)}.",
-            f"FRF from the excited point to the one that counts, of the target modes alone: {', '.join(names)}; "
+            f"Predicted FRF from the excited point to the observed one: {', '.join(names)}.",
+            f"FRF from the excited point to the observed one, of the target modes alone: {', '.join(names)}; "
             f"F_N {best.normal_force:.3g} N. Shapes are taken as those of the bare structure.",
         )
     ]
@@ -108,11 +108,11 @@ def _predicted(placement: Placement, book: Book) -> list[Block]:
 def _of_modes(placement: Placement, frequencies: np.ndarray, damping: np.ndarray, lines: np.ndarray) -> FrfSet:
     prediction = placement.ranking.prediction
     poles = poles_from(np.asarray(frequencies), np.asarray(damping))
-    excited, counted = Dof(1, "+Z"), Dof(2, "+Z")
+    excited, observed = Dof(1, "+Z"), Dof(2, "+Z")
     shapes = np.stack([prediction.driver, prediction.output]).astype(complex)
-    model = ModalModel(poles, shapes, (excited, counted), shapes[:1] / (2j * poles.imag), (excited,))
-    found = synthesis(model, lines, "receptance", outputs=[counted], inputs=[excited])
-    return replace(found, unit=FRF_UNIT["receptance"])
+    model = ModalModel(poles, shapes, (excited, observed), shapes[:1] / (2j * poles.imag), (excited,))
+    frfs = synthesised(model, lines, "receptance", outputs=[observed], inputs=[excited])
+    return replace(frfs, unit=FRF_UNIT["receptance"])
 
 
 def _control(placement: Placement, book: Book) -> list[Block]:
@@ -156,7 +156,7 @@ def answer(placement: Placement) -> str:
     ranking, best = placement.ranking, placement.ranking.best
     joints = ranking.prediction.candidates.joints(best.candidate)
     spots = " and ".join(f"({x:.3f}, {y:.3f}) m" for x, y in joints)
-    told = [f"Bolt {best.beam} at {spots} and press every joint with {best.normal_force:.3g} N."]
+    sentences = [f"Bolt {best.beam} at {spots} and press every joint with {best.normal_force:.3g} N."]
     for m, mode in enumerate(ranking.prediction.modes):
         row = int(np.nanargmin(best.damping[m]))
         bounds = (
@@ -164,7 +164,7 @@ def answer(placement: Placement) -> str:
             if np.isfinite(best.damping_low[m, row])
             else " %"
         )
-        told.append(
+        sentences.append(
             f"Mode {mode + 1}: {100 * ranking.prediction.bare_damping[m]:.2f} -> at least "
             f"{100 * best.damping[m, row]:.2f}{bounds} damping at {ranking.prediction.force_levels.min():g} to "
             f"{ranking.prediction.force_levels.max():g} N, "
@@ -175,7 +175,7 @@ def answer(placement: Placement) -> str:
                 float(best.stiffness_shift[m]),
             )
         )
-    return " ".join(told)
+    return " ".join(sentences)
 
 
 def _shifts(bare: float, loaded: float, mass: float, joints: float) -> str:

@@ -21,8 +21,8 @@ def scatter(runs: list[RunResult], book: Book) -> tuple[list[str], list[Block]]:
     lines = [sentence for one in differences for sentence in one.sentences]
     repeated = [group for group in groups if len(group.runs) > 1]
     if not repeated:
-        told = f"Intervals: {NOISE_ONLY}, because no condition was repeated. No difference is called significant here."
-        return lines, [Text(told)] if differences else []
+        text = f"Intervals: {NOISE_ONLY}, because no condition was repeated. No difference is called significant here."
+        return lines, [Text(text)] if differences else []
     blocks: list[Block] = [Text(_SEPARATED), *(_group(group, book) for group in repeated)]
     return lines, [*blocks, *(_difference(one, groups, book) for one in differences if one.pairs)]
 
@@ -43,14 +43,14 @@ def _cells(one: VarianceComponents, mode: int, scale: float, digits: int) -> lis
     """Mean with its interval, noise, takes, between with its interval."""
     half = scale * float(one.half[mode])
     between, (low, high) = scale * float(one.between[mode]), scale * one.between_interval[mode]
-    told = plain(between, 2)
+    between_text = plain(between, 2)
     if np.isfinite(between):
-        told = Value(between, f"{told} ({plain(float(low), 2)} to {plain(float(high), 2)})")
+        between_text = Value(between, f"{between_text} ({plain(float(low), 2)} to {plain(float(high), 2)})")
     return [
         with_uncertainty(scale * float(one.mean[mode]), half, digits),
         plain(scale * float(one.noise[mode]), 2),
         plain(scale * float(one.takes[mode]), 2),
-        told,
+        between_text,
     ]
 
 

@@ -2,8 +2,8 @@
 
 from ema.data import Geometry, RunResult
 from ema.report.blocks import Book, Section
-from ema.report.measured import blows, condition, overview
-from ema.report.modal import auto_mac, complexity, rebuilt, shapes, stabilisation
+from ema.report.measured import condition, impacts, overview
+from ema.report.modal import auto_mac, complexity, reconstruction, shapes, stabilisation
 
 
 def run_sections(run: RunResult, geometry: Geometry | None, number: int, book: Book) -> list[Section]:
@@ -11,10 +11,10 @@ def run_sections(run: RunResult, geometry: Geometry | None, number: int, book: B
     anchor = f"run-{number}"
     sections = [
         Section("Condition and normal force", f"{anchor}-condition", condition(run, book)),
-        Section("Blows and usable band", f"{anchor}-blows", blows(run, book)),
+        Section("Impacts and usable band", f"{anchor}-impacts", impacts(run, book)),
         Section("Frequency response functions", f"{anchor}-frfs", overview(run, book)),
         Section("Stabilisation diagram", f"{anchor}-stabilisation", stabilisation(run, book)),
-        Section("Measured against rebuilt", f"{anchor}-rebuilt", rebuilt(run, book)),
+        Section("Measured and synthesised FRFs", f"{anchor}-reconstruction", reconstruction(run, book)),
         Section("AutoMAC", f"{anchor}-automac", auto_mac(run, book)),
         Section("Mode shapes", f"{anchor}-shapes", shapes(run, geometry, book)),
         Section("Complexity", f"{anchor}-complexity", complexity(run, book)),

@@ -7,8 +7,8 @@ from typing import Any
 from ema.errors import require
 from ema.report.blocks import Animation, Block, Picture, Section, Table
 from ema.report.document import Document
+from ema.report.findings import Group
 from ema.report.html import printable
-from ema.report.worries import Group
 
 _TEXT_WIDTH = 17.0
 """Centimetres between the margins."""
@@ -80,7 +80,7 @@ class _Writer:
         return target.getvalue()
 
     def front(self, document: Document) -> None:
-        """The front page: title, answers, worries and expected numbers."""
+        """The front page: title, answers, findings and expected values."""
         if document.logo is not None:
             self._logo(document.logo)
         self.paragraph("EXPERIMENTAL MODAL ANALYSIS", size=8, colour=_ACCENT, bold=True)
@@ -94,11 +94,11 @@ class _Writer:
             self._file.add_paragraph(printable(line), style="List Bullet")
         for section in document.answers:
             self.section(section, 1)
-        self.heading("What to worry about", 1)
-        for group in document.worries:
-            self._worry(group)
-        if not document.worries:
-            self.paragraph("Nothing was noticed.")
+        self.heading("Findings", 1)
+        for group in document.finding_groups:
+            self._finding_group(group)
+        if not document.finding_groups:
+            self.paragraph("None.")
         if document.findings:
             self._table(document.findings)
         if document.expectations:
@@ -153,7 +153,7 @@ class _Writer:
             self._run(cells[1].paragraphs[0], value, bold=True)
         self._file.add_paragraph()
 
-    def _worry(self, group: Group) -> None:
+    def _finding_group(self, group: Group) -> None:
         paragraph = self.paragraph(f"{group.name.upper()}  ", bold=True, colour=_COLOURS[group.severity])
         times = f"  {len(group.findings)} times" if len(group.findings) > 1 else ""
         self._run(paragraph, group.code, bold=True)

@@ -13,28 +13,41 @@ from ema.report.formats import FORMATS, checked_formats
 
 
 def write(result: Any, path: str | Path, formats: Sequence[str] = ()) -> Path:
-    """Write the report of a study, a placement, or nouns of comparisons and simulations.
+    """Write the report of a study, a placement, or results of comparisons and simulations.
 
     All formats are made of the same sentences, tables and figures. The tables go to ``<report>_tables`` beside it, one
     CSV file each, with their numbers in full.
 
     Parameters
     ----------
-    result : a ``StudyResult``, a ``Placement``, or a mapping of names to such nouns as ``ema compare`` and
-        ``ema simulate`` store.
-    path : the file; its folder is made where it does not exist.
-    formats : ``html``, ``pdf``, ``docx``, one file each beside ``path``; by default the one that ``path`` ends with,
-        or HTML.
+    result : StudyResult, Placement or mapping
+        A study, a placement, or a mapping of names to such data types as ``ema compare`` and ``ema simulate`` store.
+    path : str or Path
+        The file; its folder is made where it does not exist.
+    formats : sequence of str, optional
+        ``html``, ``pdf``, ``docx``, one file each beside ``path``; by default the one that ``path`` ends with, or HTML.
 
     Returns
     -------
-    The path of the first format written.
+    Path
+        The first file written.
 
     Raises
     ------
-    InputError : there is no such format, or nothing of ``result`` can be reported.
-    MissingExtraError : a format needs an optional package.
-    FailureError : a file cannot be written.
+    InputError
+        If there is no such format, or nothing of ``result`` can be reported.
+    MissingExtraError
+        If a format needs an optional package.
+    FailureError
+        If a file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ema.examples import placement
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(placement(), f"{folder}/placement.html").name
+    'placement.html'
     """
     path = Path(path)
     wanted = checked_formats(formats or _of_suffix(path))

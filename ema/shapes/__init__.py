@@ -1,5 +1,6 @@
 """Mode shapes: how alike, how complex, and where in space."""
 
+from ema.shapes.alignment import Alignment, align, on_test_dofs
 from ema.shapes.certainty import MacUncertainty, mac_uncertainty
 from ema.shapes.complexity import (
     mean_phase,
@@ -15,10 +16,12 @@ from ema.shapes.rigid import with_rigid_body
 from ema.shapes.surface import Surface, smooth
 
 __all__ = [
+    "Alignment",
     "Comparison",
     "Expansion",
     "MacUncertainty",
     "Surface",
+    "align",
     "auto_mac",
     "co_mac",
     "compare",
@@ -29,6 +32,7 @@ __all__ = [
     "mean_phase",
     "mean_phase_deviation",
     "modal_phase_collinearity",
+    "on_test_dofs",
     "quality",
     "realise",
     "smooth",

@@ -29,18 +29,52 @@ def _principal(
 
 
 def mean_phase(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mode"]:
-    """Mean phase of each shape in degrees, -90 (excluded) to 90: the direction of its best straight line through 0.
+    """Compute the mean phase of each shape: the direction of its best straight line through 0 in the complex plane.
 
-    A shape of zeros gives NaN. Source: Reynders, Houbrechts and De Roeck (2012), section 4.
+    Parameters
+    ----------
+    shapes : Inexact
+        Mode shapes.
+
+    Returns
+    -------
+    array of shape (mode,)
+        Mean phase [deg], from -90 (excluded) to 90; NaN for a shape of zeros.
+
+    References
+    ----------
+    .. [1] Reynders, Houbrechts and De Roeck (2012), Mechanical Systems and Signal Processing 29:228, section 4.
+
+    Examples
+    --------
+    >>> mean_phase(np.array([[1.0 + 1.0j], [-2.0 - 2.0j]])).round(6)
+    array([45.])
     """
     line, _ = _principal(shapes)
     return np.degrees(np.arctan2(line[1], line[0]))
 
 
 def mean_phase_deviation(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mode"]:
-    """Mean deviation of the phases from the mean phase in degrees, weighted by amplitude: 0 for a real shape.
+    """Compute the mean deviation of the phases from the mean phase, weighted by amplitude.
 
-    A shape of zeros gives NaN. Source: Reynders, Houbrechts and De Roeck (2012), section 4.
+    Parameters
+    ----------
+    shapes : Inexact
+        Mode shapes.
+
+    Returns
+    -------
+    array of shape (mode,)
+        Mean phase deviation [deg], 0 for a real shape; NaN for a shape of zeros.
+
+    References
+    ----------
+    .. [1] Reynders, Houbrechts and De Roeck (2012), Mechanical Systems and Signal Processing 29:228, section 4.
+
+    Examples
+    --------
+    >>> mean_phase_deviation(np.array([[1.0], [-2.0]]))
+    array([0.])
     """
     line, _ = _principal(shapes)
     turned = np.asarray(shapes, complex) * (line[0] - 1j * line[1])
@@ -53,24 +87,71 @@ def mean_phase_deviation(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.nd
 
 
 def modal_phase_collinearity(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mode"]:
-    """Modal phase collinearity (MPC), 0 ... 1: 1 when all points move in phase or in opposite phase.
+    """Compute the modal phase collinearity (MPC): 1 when all points move in phase or in opposite phase.
 
-    A shape of zeros gives NaN. Source: Pappa, Elliott and Schenk (1993), written with the singular values s
-    of (real, imaginary): ((s1^2 - s2^2) / (s1^2 + s2^2))^2.
+    Parameters
+    ----------
+    shapes : Inexact
+        Mode shapes.
+
+    Returns
+    -------
+    array of shape (mode,)
+        ((s1^2 - s2^2) / (s1^2 + s2^2))^2 with the singular values s of (real, imaginary), 0 ... 1; NaN for a shape of
+        zeros.
+
+    References
+    ----------
+    .. [1] Pappa, Elliott and Schenk (1993), Journal of Guidance, Control, and Dynamics 16(5).
+
+    Examples
+    --------
+    >>> modal_phase_collinearity(np.array([[1.0, 1.0], [1.0, 1.0j]])).round(6)
+    array([1., 0.])
     """
     _, ratio = _principal(shapes)
     return ((1 - ratio**2) / (1 + ratio**2)) ** 2
 
 
 def quality(shapes: Inexact[np.ndarray, "dof mode"]) -> ModeQuality:
-    """MPC, mean phase and mean phase deviation of each shape."""
+    """Compute MPC, mean phase and mean phase deviation of each shape.
+
+    Parameters
+    ----------
+    shapes : Inexact
+        Mode shapes.
+
+    Returns
+    -------
+    ModeQuality
+        The three indicators, NaN for a shape of zeros.
+
+    Examples
+    --------
+    >>> quality(np.array([[1.0], [-2.0]])).modal_phase_collinearity
+    array([1.])
+    """
     return ModeQuality(modal_phase_collinearity(shapes), mean_phase(shapes), mean_phase_deviation(shapes))
 
 
 def realise(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "dof mode"]:
-    """The real shapes nearest to complex ones: turned by minus their mean phase, imaginary part dropped.
+    """Return the real shapes nearest to complex ones: turned by minus their mean phase, the imaginary part dropped.
 
-    A real shape comes back as it is; a shape of zeros stays zero.
+    Parameters
+    ----------
+    shapes : Inexact
+        Mode shapes.
+
+    Returns
+    -------
+    array of shape (dof, mode)
+        Real shapes; those that were real come back as they are, a shape of zeros stays zero.
+
+    Examples
+    --------
+    >>> realise(np.array([[1.0j], [-2.0j]]))
+    array([[ 1.],
+           [-2.]])
     """
     line, _ = _principal(shapes)
     turn = np.where(np.isfinite(line[0]), line[0] - 1j * line[1], 1.0)

@@ -30,25 +30,52 @@ class Plate(NamedTuple):
 def with_plate(
     model: ModalModel, surface: Surface, degree: int = 14
 ) -> tuple[ModalModel, Surface, tuple[Finding, ...]]:
-    """Continue the measured modes of a free plate-like structure by those of the plate they imply.
+    """Continue the measured modes of a free plate-like structure by those of the plate that they imply.
 
-    What is bolted to a structure also feels how it yields around the bolts. That lives in modes above the measured
-    band; leaving them out makes the structure too stiff there. Mass per area and the four bending stiffnesses of an
-    orthotropic plate follow from the measured shapes, their curvatures and frequencies by least squares; its modes
-    above the measured ones are appended, with shapes on the surface alone (zero at the measured DOFs). Where such a
-    plate does not have the measured frequencies within 15 %, nothing is appended and a finding says so.
+    What is mounted on a structure also feels how the structure yields around the joints. That lives in modes above the
+    measured band; leaving them out makes the structure too stiff there. Mass per area and the four bending stiffnesses
+    of an orthotropic plate follow from the measured shapes, their curvatures and frequencies by least squares
+    (Rayleigh's quotient of a Kirchhoff plate is linear in its stiffnesses); its modes above the measured ones are
+    appended, with shapes on the surface alone (zero at the measured DOFs). Where such a plate does not have the
+    measured frequencies within 15 %, nothing is appended and a finding says so.
 
     Parameters
     ----------
-    model, surface : the modes, rigid-body ones included, and their smooth shapes (``ema.shapes.smooth``).
-    degree : total degree of the polynomials; their shortest half wave is about the extent over two thirds of it.
+    model : ModalModel
+        Modes, rigid-body ones included.
+    surface : Surface
+        Their smooth shapes, by :func:`smooth`.
+    degree : int, default 14
+        Total degree of the polynomials; their shortest half wave is about the extent over two thirds of it.
+
+    Returns
+    -------
+    tuple of (ModalModel, Surface, tuple of Finding)
+        Model and surface with the modes of the plate appended, or as they were; and what was done.
 
     Raises
     ------
-    InputError : the surface has another number of modes, or a degree below that of the surface.
+    InputError
+        If the surface has another number of modes, or a degree above ``degree``.
 
-    Source: Rayleigh's quotient of an orthotropic Kirchhoff plate, linear in its stiffnesses; residual flexibility as
-    modes above the band as in Craig and Kurdila (2006), chapter 17.
+    References
+    ----------
+    .. [1] Residual flexibility as modes above the band: Craig and Kurdila (2006), Fundamentals of Structural Dynamics,
+       chapter 17.
+
+    Examples
+    --------
+    >>> from ema.data import Geometry, ModalModel, poles_from
+    >>> from ema.dof import Dof
+    >>> from ema.shapes import smooth
+    >>> x, y = (part.ravel() for part in np.meshgrid(np.linspace(0, 0.6, 7), np.linspace(0, 0.4, 5), indexing="ij"))
+    >>> shapes = np.column_stack([np.cos(np.pi * x / 0.6), np.cos(np.pi * y / 0.4)]).astype(complex)
+    >>> dofs = tuple(Dof(node, "+Z") for node in range(35))
+    >>> model = ModalModel(poles_from(np.array([40.0, 60.0]), np.full(2, 0.01)), shapes, dofs, shapes[:1], dofs[:1])
+    >>> grid = Geometry(np.arange(35), np.column_stack([x, y, np.zeros(35)]))
+    >>> longer, _, findings = with_plate(model, smooth(model, grid))
+    >>> len(longer.poles), findings[0].message
+    (2, 'nothing is known above the measured modes: 2 elastic modes are too few to tell a plate by.')
     """
     where = model.name or "modal model"
     if surface.coefficients.shape[1] != len(model.poles):
@@ -70,7 +97,7 @@ def with_plate(
     error = float(np.max(np.abs(expected / (np.sort(omega[elastic]) / (2 * np.pi)) - 1)))
     if error > _AGREES:
         return model, surface, (_without(where, f"the nearest plate misses a measured frequency by {error:.0%}."),)
-    told = Finding(
+    finding = Finding(
         "info",
         "plate",
         where,
@@ -79,7 +106,7 @@ def with_plate(
         error,
         _AGREES,
     )
-    return *_continued(model, surface, plate, 3 + len(elastic)), (told,)
+    return *_continued(model, surface, plate, 3 + len(elastic)), (finding,)
 
 
 def _plate(surface: Surface, omega: np.ndarray, elastic: np.ndarray, degree: int) -> Plate:
@@ -98,9 +125,11 @@ def _plate(surface: Surface, omega: np.ndarray, elastic: np.ndarray, degree: int
     )
     inertia, bending = _energies(fine, degree)
     measured = _embedded(surface, powers)[:, elastic]
+    # modes of unit modal mass: m S = 1 with S = shapes^T inertia shapes, in the least-squares sense m = tr S / sum S^2
     seen = measured.T @ inertia @ measured
     mass = float(np.sum(np.diag(seen)) / np.sum(seen**2))
     scale = np.outer(omega[elastic], omega[elastic])
+    # and sum_k D_k shapes^T bending_k shapes = omega^2, each entry over omega_i omega_j; no stiffness is negative
     columns = np.stack([(measured.T @ part @ measured / scale).ravel() for part in bending], axis=1)
     stiffness, _ = nnls(columns, np.eye(len(elastic)).ravel())
     total = np.einsum("k,kij->ij", stiffness, bending)

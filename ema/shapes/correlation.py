@@ -51,7 +51,7 @@ def mac(
     Examples
     --------
     >>> import numpy as np
-    >>> mac(np.array([[1.0], [1.0]]), np.array([[2.0, 1.0], [2.0, -1.0]]))
+    >>> mac(np.array([[1.0], [1.0]]), np.array([[2.0, 1.0], [2.0, -1.0]])).round(6)
     array([[1., 0.]])
     """
     if isinstance(a, ModalModel) and isinstance(b, ModalModel):
@@ -89,22 +89,65 @@ def _on_common_dofs(a: ModalModel, b: ModalModel) -> tuple[np.ndarray, np.ndarra
 
 
 def auto_mac(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mode mode"]:
-    """MAC of a set of shapes with itself: large off the diagonal where the points cannot tell two modes apart."""
+    """Compute the MAC of a set of shapes with itself.
+
+    Values off the diagonal are large where the points cannot distinguish two modes.
+
+    Parameters
+    ----------
+    shapes : Inexact
+        Mode shapes.
+
+    Returns
+    -------
+    array of shape (mode, mode)
+        MAC of every shape with every other one.
+
+    Raises
+    ------
+    InputError
+        If a value is not finite.
+
+    References
+    ----------
+    .. [1] Allemang and Brown (1982), A correlation coefficient for modal vector analysis, IMAC I.
+
+    Examples
+    --------
+    >>> auto_mac(np.array([[1.0, 1.0], [0.0, 1.0]])).round(3)
+    array([[1. , 0.5],
+           [0.5, 1. ]])
+    """
     return mac(shapes, shapes)
 
 
 def co_mac(a: Inexact[np.ndarray, "dof mode"], b: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "dof"]:
-    """Coordinate MAC of paired shapes: how well each DOF agrees over all modes.
+    """Compute the coordinate MAC of paired shapes: how well each DOF agrees over all modes.
 
     Parameters
     ----------
-    a, b : paired shapes, column r of ``a`` belonging to column r of ``b``; each is taken with unit length.
+    a, b : Inexact
+        Paired shapes, column r of ``a`` belonging to column r of ``b``; each is taken with unit length.
+
+    Returns
+    -------
+    array of shape (dof,)
+        Co-MAC of every DOF, 0 ... 1; NaN where all shapes of ``a`` or of ``b`` vanish.
 
     Raises
     ------
-    InputError : a value is not finite, or the arrays differ in shape.
+    InputError
+        If a value is not finite, or the arrays differ in shape.
 
-    Source: Lieven and Ewins (1988). A DOF at which all shapes vanish in ``a`` or ``b`` gives NaN.
+    References
+    ----------
+    .. [1] Lieven and Ewins (1988), Spatial correlation of mode shapes, the coordinate modal assurance criterion, IMAC
+       VI.
+
+    Examples
+    --------
+    >>> co_mac(np.array([[1.0], [1.0]]), np.array([[2.0], [-2.0]])).round(6)
+    array([1., 1.])
     """
     if a.shape != b.shape:
         raise InputError("shapes are not paired", got=f"{a.shape} and {b.shape}", expected="two arrays of one shape")
@@ -114,17 +157,31 @@ def co_mac(a: Inexact[np.ndarray, "dof mode"], b: Inexact[np.ndarray, "dof mode"
 
 
 def frac(a: Inexact[np.ndarray, "freq *frf"], b: Inexact[np.ndarray, "freq *frf"]) -> Float[np.ndarray, "*frf"]:
-    """Frequency response assurance criterion of each FRF over the lines of the first axis.
+    """Compute the frequency response assurance criterion of each FRF over the lines of the first axis.
 
     Parameters
     ----------
-    a, b : FRFs on the same lines, shape (freq, ...); an FRF of zeros gives NaN.
+    a, b : complex arrays of shape (freq, ...)
+        FRFs on the same lines.
+
+    Returns
+    -------
+    array of shape (...)
+        FRAC of every FRF, 0 ... 1; NaN for an FRF of zeros.
 
     Raises
     ------
-    InputError : a value is not finite, or the arrays differ in shape.
+    InputError
+        If a value is not finite, or the arrays differ in shape.
 
-    Source: Heylen and Lammens (1996).
+    References
+    ----------
+    .. [1] Heylen and Lammens (1996), FRAC: a consistent way of comparing frequency response functions.
+
+    Examples
+    --------
+    >>> frac(np.array([[1.0 + 1j], [2.0]]), np.array([[2.0 + 2j], [4.0]])).round(6)
+    array([1.])
     """
     if a.shape != b.shape:
         raise InputError("FRFs do not correspond", got=f"{a.shape} and {b.shape}", expected="two arrays of one shape")
@@ -140,10 +197,23 @@ _APART = 0.2
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two modal models over the DOFs they share.
+    """Two modal models over the DOFs that they share.
 
-    ``mac`` (mode_a, mode_b); ``dofs`` the shared DOFs in the sense of the first model; ``pairs`` the best one-to-one
-    pairing as (mode of a, mode of b), both from 0, in the order of a.
+    Parameters
+    ----------
+    mac : array of shape (mode_a, mode_b)
+        MAC of every mode of a with every mode of b.
+    dofs : tuple of Dof
+        Shared DOFs in the sense of the first model.
+    pairs : tuple of tuple of (int, int)
+        Best one-to-one pairing as (mode of a, mode of b), both from 0, in the order of a.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> comparison = compare(modal_model(), modal_model())
+    >>> comparison.pairs, comparison.rivals
+    (((0, 0), (1, 1), (2, 2)), ((), (), ()))
     """
 
     mac: Float[np.ndarray, "mode_a mode_b"]
@@ -158,24 +228,41 @@ class Comparison:
         with the mode that it is paired with.
         """
         own = {j: float(self.mac[i, j]) for i, j in self.pairs}
-        found = []
+        rivals = []
         for i, j in self.pairs:
             row = np.nan_to_num(self.mac[i])
             near = np.flatnonzero((row > row[j] - _APART) & (row[j] < _SURE))
-            found.append(tuple(int(k) for k in near if k != j and row[k] > own.get(int(k), 0.0)))
-        return tuple(found)
+            rivals.append(tuple(int(k) for k in near if k != j and row[k] > own.get(int(k), 0.0)))
+        return tuple(rivals)
 
 
 def compare(a: ModalModel, b: ModalModel, threshold: float = 0.5) -> Comparison:
     """Pair the modes of two models by MAC over the DOFs that both have, opposite senses turned.
 
+    The pairing is the one with the largest sum of MAC values.
+
     Parameters
     ----------
-    threshold : smallest MAC of a pair.
+    a, b : ModalModel
+        The models.
+    threshold : float, default 0.5
+        Smallest MAC of a pair.
+
+    Returns
+    -------
+    Comparison
+        MAC table, shared DOFs and pairs.
 
     Raises
     ------
-    InputError : the models have no DOF in common.
+    InputError
+        If the models have no DOF in common.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> compare(modal_model(), modal_model(), threshold=0.9).pairs
+    ((0, 0), (1, 1), (2, 2))
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -16,10 +16,20 @@ class Expansion:
 
     Parameters
     ----------
-    displacement : shape (n, 3, mode); zero in directions and at nodes that nobody measured or filled.
-    measured : nodes with at least one measured translation, shape (n,).
-    interpolated : nodes filled from their neighbours, shape (n,).
-    left_out : DOFs that cannot be placed: no such node, a scalar, or a rotation.
+    displacement : complex array of shape (n, 3, mode)
+        Displacements of the nodes; zero in directions and at nodes that were neither measured nor interpolated.
+    measured : boolean array of shape (n,)
+        Nodes with at least one measured translation.
+    interpolated : boolean array of shape (n,)
+        Nodes filled from their neighbours.
+    left_out : tuple of Dof, optional
+        DOFs without a location: no such node, a scalar, or a rotation.
+
+    Examples
+    --------
+    >>> from ema.examples import geometry, modal_model
+    >>> expand(modal_model(), geometry()).displacement.shape
+    (4, 3, 3)
     """
 
     displacement: Complex[np.ndarray, "n 3 mode"]
@@ -29,15 +39,32 @@ class Expansion:
 
 
 def expand(model: ModalModel, geometry: Geometry, interpolate: bool = False) -> Expansion:
-    """Displacements of all nodes of ``geometry`` in global axes, from the DOFs of ``model``.
+    """Compute the displacements of all nodes of a geometry in global axes.
 
     The directions measured at a node are solved together by least squares (least displacement where they leave a
     direction open), so skewed sensors, local axes and repeated directions need no special case.
 
     Parameters
     ----------
-    interpolate : fill nodes without a measurement from their neighbours along lines and face edges; they are marked
-        in ``Expansion.interpolated``.
+    model : ModalModel
+        Modes at DOFs.
+    geometry : Geometry
+        Where the nodes are.
+    interpolate : bool, default False
+        Fill nodes without a measurement from their neighbours along lines and face edges; they are marked in
+        ``Expansion.interpolated``.
+
+    Returns
+    -------
+    Expansion
+        Displacements and where they come from.
+
+    Examples
+    --------
+    >>> from ema.examples import geometry, modal_model
+    >>> shapes = expand(modal_model(), geometry())
+    >>> shapes.measured, shapes.left_out
+    (array([ True,  True,  True,  True]), ())
     """
     at_node: dict[int, list[int]] = {}
     left_out = []
@@ -48,10 +75,10 @@ def expand(model: ModalModel, geometry: Geometry, interpolate: bool = False) -> 
             left_out.append(dof)
     displacement = np.zeros((len(geometry.nodes), 3, model.shapes.shape[1]), complex)
     measured = np.zeros(len(geometry.nodes), bool)
-    for place, rows in at_node.items():
+    for node_row, rows in at_node.items():
         directions = np.array([geometry.direction(model.dofs[row]) for row in rows])
-        displacement[place] = np.linalg.pinv(directions) @ model.shapes[rows]
-        measured[place] = True
+        displacement[node_row] = np.linalg.pinv(directions) @ model.shapes[rows]
+        measured[node_row] = True
     interpolated = np.zeros(len(geometry.nodes), bool)
     if interpolate:
         interpolated = _fill(displacement, measured, geometry)

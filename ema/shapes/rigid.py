@@ -18,6 +18,7 @@ _GAP = 10.0
 _FLAT_SHARE = 0.9
 """Share of its shape that a plane then has to explain."""
 _DAMPING = 0.05
+"""Damping ratio of the added modes."""
 _EXPLAINED = 0.8
 """Share of the mass lines that rigid motion has to explain before it is believed."""
 _DOUBT = np.array([0.2, 0.2, 0.3, 0.3])
@@ -44,16 +45,47 @@ def with_rigid_body(
 
     What is attached to a free structure feels its rigid-body motion as well. A test that begins above the suspension
     frequencies leaves it in the lower residual terms ("mass lines"), known at the measured DOFs only; here they become
-    modes, known everywhere. With ``mass`` in kg the structure counts as a uniform plate over the measured extent.
-    Without it, mass, centre and radii of gyration come from the mass lines, where rigid motion explains them. A model
-    whose lowest mode is one of the suspension already keeps its modes.
+    modes, known everywhere. With ``mass`` the structure counts as a uniform plate over the measured extent. Without it,
+    mass, centre and radii of gyration come from the mass lines, where rigid motion explains them; the priors that fill
+    in what two references leave open are those of a uniform plate. A model whose lowest mode is one of the suspension
+    already keeps its modes.
+
+    Parameters
+    ----------
+    model : ModalModel
+        Modes of a freely suspended structure, of unit modal mass.
+    geometry : Geometry
+        Where the nodes are.
+    mass : float, optional
+        Mass of the structure [kg], where known.
+
+    Returns
+    -------
+    tuple of (ModalModel, tuple of Finding)
+        Model with the rigid-body modes after the measured ones, or as it was; and what was done.
 
     Raises
     ------
-    InputError : a mass that is not positive, shapes without scale, points that lie in no plane.
+    InputError
+        If the mass is not positive, the shapes have no scale, or the points lie in no plane.
 
-    Source: mass lines as in Ewins, Modal Testing (2000), chapter 4; the priors that fill in what two references leave
-    open are those of a uniform plate.
+    References
+    ----------
+    .. [1] Mass lines: Ewins (2000), Modal Testing, 2nd edition, chapter 4.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from ema.data import Geometry
+    >>> from ema.dof import Dof
+    >>> from ema.examples import modal_model
+    >>> nodes = np.arange(1, 7)
+    >>> xyz = np.column_stack([0.1 * nodes, np.zeros(6), np.zeros(6)])
+    >>> shapes = np.outer(np.cos(np.pi * np.arange(6) / 5), np.ones(3)).astype(complex)
+    >>> model = replace(modal_model(), shapes=shapes, dofs=tuple(Dof(int(node), "+Z") for node in nodes))
+    >>> longer, findings = with_rigid_body(model, Geometry(nodes, xyz), mass=2.0)
+    >>> len(longer.poles), findings[0].message
+    (5, 'rigid-body modes are those of a uniform plate of 2 kg.')
     """
     where = model.name or "modal model"
     if mass is not None and not (np.isfinite(mass) and mass > 0):
@@ -62,16 +94,18 @@ def with_rigid_body(
         raise InputError(
             "rigid-body modes need scaled shapes", where=where, got=model.scaling, expected="unit modal mass"
         )
-    place = plane(model, geometry)
-    low, high = place.points.min(axis=0), place.points.max(axis=0)
-    if _measured(model, place):
+    face = plane(model, geometry)
+    low, high = face.points.min(axis=0), face.points.max(axis=0)
+    if _measured(model, face):
         return model, (Finding("info", "rigid-body", where, "rigid-body modes are among the measured ones."),)
     if mass is not None:
         body = Body(mass, 0.5 * (low + high), _gyration(high - low))
-        told = Finding("info", "rigid-body", where, f"rigid-body modes are those of a uniform plate of {mass:.4g} kg.")
-        return _extended(model, geometry, place, body), (told,)
-    found = _from_mass_lines(model, geometry, place)
-    if found is None:
+        finding = Finding(
+            "info", "rigid-body", where, f"rigid-body modes are those of a uniform plate of {mass:.4g} kg."
+        )
+        return _extended(model, geometry, face, body), (finding,)
+    identified = _from_mass_lines(model, geometry, face)
+    if identified is None:
         return model, (
             Finding(
                 "warning",
@@ -84,8 +118,8 @@ def with_rigid_body(
                 "Name the mass, if the structure hangs freely; leave it if the structure is fixed.",
             ),
         )
-    body, explained = found
-    told = Finding(
+    body, explained = identified
+    finding = Finding(
         "info",
         "rigid-body",
         where,
@@ -93,17 +127,17 @@ def with_rigid_body(
         explained,
         _EXPLAINED,
     )
-    return _extended(model, geometry, place, body), (told,)
+    return _extended(model, geometry, face, body), (finding,)
 
 
-def _measured(model: ModalModel, place: Plane) -> bool:
+def _measured(model: ModalModel, face: Plane) -> bool:
     """Whether the lowest mode lies far below others, beyond a gap, and moves the points as a plane."""
     omega = np.abs(model.poles)
     ordered, lowest = np.sort(omega), int(np.argmin(omega))
     if np.max(ordered[1:] / ordered[:-1], initial=1.0) < _GAP:
         return False
-    shape = np.real(model.shapes[place.rows[:, 0].astype(int), lowest]) * place.rows[:, 1]
-    flat = np.column_stack([np.ones(len(shape)), place.points])
+    shape = np.real(model.shapes[face.rows[:, 0].astype(int), lowest]) * face.rows[:, 1]
+    flat = np.column_stack([np.ones(len(shape)), face.points])
     left = shape - flat @ np.linalg.lstsq(flat, shape, rcond=None)[0]
     return bool(np.sum(left**2) <= (1 - _FLAT_SHARE) * np.sum(shape**2))
 
@@ -113,28 +147,28 @@ def _gyration(sides: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
     return np.asarray(np.where(sides < FLAT * sides.max(), np.inf, sides / np.sqrt(12)))
 
 
-def _motion(dofs: tuple[Dof, ...], geometry: Geometry, place: Plane, body: Body) -> Float[np.ndarray, "dof 3"]:
+def _motion(dofs: tuple[Dof, ...], geometry: Geometry, face: Plane, body: Body) -> Float[np.ndarray, "dof 3"]:
     """The three shapes at DOFs; zero where a DOF does not move with them or its place is unknown."""
     result = np.zeros((len(dofs), 3))
     for row, dof in enumerate(dofs):
         if dof.axis in ("X", "Y", "Z") and dof.node in geometry:
-            at = place.axes[:2] @ (geometry.xyz[geometry.place(dof.node)] - place.origin)
-            result[row] = float(geometry.direction(dof) @ place.axes[2]) * body.shapes(at[None])[0]
+            at = face.axes[:2] @ (geometry.xyz[geometry.place(dof.node)] - face.origin)
+            result[row] = float(geometry.direction(dof) @ face.axes[2]) * body.shapes(at[None])[0]
     return result
 
 
-def _from_mass_lines(model: ModalModel, geometry: Geometry, place: Plane) -> tuple[Body, float] | None:
+def _from_mass_lines(model: ModalModel, geometry: Geometry, face: Plane) -> tuple[Body, float] | None:
     """The body whose mass lines are nearest to the measured ones, and the share of them that it explains."""
     from scipy.optimize import least_squares
 
     if model.residuals is None:
         return None
     lines = np.real(model.residuals.lower)
-    low, high = place.points.min(axis=0), place.points.max(axis=0)
+    low, high = face.points.min(axis=0), face.points.max(axis=0)
     plate = _gyration(high - low)
     usable = [dof.node in geometry and dof.axis in ("X", "Y", "Z") for dof in model.inputs]
     seen = np.flatnonzero(usable)
-    rows = place.rows[:, 0].astype(int)
+    rows = face.rows[:, 0].astype(int)
     if not len(seen) or not np.any(lines):
         return None
     measured = lines[np.ix_(rows, seen)]
@@ -142,32 +176,32 @@ def _from_mass_lines(model: ModalModel, geometry: Geometry, place: Plane) -> tup
     inputs = tuple(model.inputs[column] for column in seen)
     dofs = tuple(model.dofs[row] for row in rows)
 
-    def body(told: np.ndarray) -> Body:
-        centre = 0.5 * (low + high) + told[1:3] * (high - low)
-        return Body(float(np.exp(told[0])), centre, plate * np.exp(np.clip(told[3:], -3, 3)))
+    def body(parameters: np.ndarray) -> Body:
+        centre = 0.5 * (low + high) + parameters[1:3] * (high - low)
+        return Body(float(np.exp(parameters[0])), centre, plate * np.exp(np.clip(parameters[3:], -3, 3)))
 
-    def lacking(told: np.ndarray, scatter: float) -> np.ndarray:
+    def lacking(parameters: np.ndarray, scatter: float) -> np.ndarray:
         """What a body leaves of the mass lines, over their scatter, and how far it is from the expected one."""
-        one = body(told)
-        made = _motion(dofs, geometry, place, one) @ _motion(inputs, geometry, place, one).T
-        prior = scatter * np.sqrt(measured.size) * told[1:] / _DOUBT
+        candidate = body(parameters)
+        made = _motion(dofs, geometry, face, candidate) @ _motion(inputs, geometry, face, candidate).T
+        prior = scatter * np.sqrt(measured.size) * parameters[1:] / _DOUBT
         return np.concatenate([((made - measured) / size).ravel(), prior])
 
-    told, scatter = np.array([-np.log(max(size, 1e-300)), 0.0, 0.0, 0.0, 0.0]), 0.1
+    parameters, scatter = np.array([-np.log(max(size, 1e-300)), 0.0, 0.0, 0.0, 0.0]), 0.1
     for _ in range(3):  # errors of mass lines have common causes: all of them together weigh as much as the prior
-        told = least_squares(lacking, told, args=(scatter,)).x
-        left = lacking(told, scatter)[: measured.size]
+        parameters = least_squares(lacking, parameters, args=(scatter,)).x
+        left = lacking(parameters, scatter)[: measured.size]
         scatter = max(float(np.sqrt(np.mean(left**2))), 1e-6)
     explained = 1 - float(np.sum(left**2)) / measured.size
-    return (body(told), explained) if explained >= _EXPLAINED else None
+    return (body(parameters), explained) if explained >= _EXPLAINED else None
 
 
-def _extended(model: ModalModel, geometry: Geometry, place: Plane, body: Body) -> ModalModel:
+def _extended(model: ModalModel, geometry: Geometry, face: Plane, body: Body) -> ModalModel:
     """The model with three modes far below the others, which take the place of the mass lines.
 
     They come last: the measured modes keep their numbers.
     """
-    moved, driven = (_motion(dofs, geometry, place, body) for dofs in (model.dofs, model.inputs))
+    moved, driven = (_motion(dofs, geometry, face, body) for dofs in (model.dofs, model.inputs))
     keep = np.any(moved != 0, axis=0)
     moved, driven = moved[:, keep], driven[:, keep]
     omega = _BELOW * float(np.abs(model.poles).min()) * np.linspace(0.8, 1.0, int(keep.sum()))

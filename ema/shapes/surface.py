@@ -12,26 +12,49 @@ from ema.data._arrays import freeze
 from ema.errors import InputError
 
 _DEGREE = 10
+"""Total degree of the polynomials where there are points enough."""
 _PENALTY = 3
 """Order of the derivatives that are penalised: one above bending, so that curvatures are smooth as well."""
 _SHARE = 0.85
+"""Terms over points at most: the rest of the points tells the noise."""
 _STRENGTHS = 41
+"""Strengths of the penalty that are averaged over, evenly in the logarithm, 2e-15 to 7 times the largest squared
+singular value of the data."""
 FLAT = 0.02
 """Extent across a row of points, relative to the extent along it, below which they are taken as a line."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Deflection of every mode over a plane, a polynomial with the covariance of its coefficients.
+    """Deflection of every mode over a plane: polynomials with the covariance of their coefficients.
 
     Parameters
     ----------
-    origin : a point of the plane in m, shape (3,); ``axes`` (3, 3): rows are the two directions in the plane (the
-        first along global X where that is possible) and the normal.
-    extent : the measured rectangle in the plane, shape (2, 2): (low, high) of the first and second coordinate in m.
-    powers : degrees of every Legendre product in the two coordinates, shape (term, 2).
-    coefficients : shape (term, mode), in the unit of the shapes; ``covariance`` (mode, term, term).
-    noise : standard deviation of the measured values about the surface, shape (mode,).
+    origin : array of shape (3,)
+        A point of the plane [m].
+    axes : array of shape (3, 3)
+        Rows are the two directions in the plane (the first along global X where that is possible) and the normal.
+    extent : array of shape (2, 2)
+        Measured rectangle in the plane [m]: (low, high) of the first and of the second coordinate.
+    powers : integer array of shape (term, 2)
+        Degrees of every Legendre product in the two coordinates.
+    coefficients : array of shape (term, mode)
+        Coefficients of the products, in the unit of the shapes.
+    covariance : array of shape (mode, term, term)
+        Covariance of the coefficients of every mode.
+    noise : array of shape (mode,)
+        Standard deviation of the measured values about the surface.
+    points : array of shape (point, 2)
+        Measured points in the plane [m].
+
+    Examples
+    --------
+    >>> surface = Surface(
+    ...     origin=np.zeros(3), axes=np.eye(3), extent=[[0, 1], [0, 1]], powers=[[0, 0], [1, 0]],
+    ...     coefficients=[[0.5], [0.5]], covariance=np.zeros((1, 2, 2)), noise=[0.0], points=np.zeros((0, 2)),
+    ... )
+    >>> surface.values(np.array([[0.25, 0.5]]))
+    array([[0.25]])
     """
 
     origin: Float[np.ndarray, "3"]
@@ -50,10 +73,30 @@ class Surface:
     def rows(
         self, points: Float[np.ndarray, "p 2"], order: int = 0, angle: float | Float[np.ndarray, "p"] = 0.0
     ) -> Float[np.ndarray, "p term"]:
-        """What the coefficients are multiplied with to get a derivative at points of the plane.
+        """Return what the coefficients are multiplied by to get a derivative at points of the plane.
 
-        ``order`` 0 is the deflection, 1 the slope, 2 the curvature, along the direction ``angle`` in rad from the
-        first axis; points in m.
+        Parameters
+        ----------
+        points : array of shape (p, 2)
+            Points in the plane [m].
+        order : int, default 0
+            0 for the deflection, 1 for the slope, 2 for the curvature.
+        angle : float or array of shape (p,), default 0.0
+            Direction of the derivative [rad] from the first axis; one for all points, or one per point.
+
+        Returns
+        -------
+        array of shape (p, term)
+            Values of the (differentiated) polynomials.
+
+        Examples
+        --------
+        >>> surface = Surface(
+        ...     origin=np.zeros(3), axes=np.eye(3), extent=[[0, 1], [0, 1]], powers=[[0, 0], [1, 0]],
+        ...     coefficients=[[0.5], [0.5]], covariance=np.zeros((1, 2, 2)), noise=[0.0], points=np.zeros((0, 2)),
+        ... )
+        >>> surface.rows(np.array([[0.25, 0.5]]), order=1)
+        array([[0., 2.]])
         """
         scale = 2 / (self.extent[:, 1] - self.extent[:, 0])
         local = (points - self.extent[:, 0]) * scale - 1
@@ -69,13 +112,61 @@ class Surface:
     def values(
         self, points: Float[np.ndarray, "p 2"], order: int = 0, angle: float | Float[np.ndarray, "p"] = 0.0
     ) -> Float[np.ndarray, "p mode"]:
-        """Deflection, slope or curvature of every mode at points (see ``rows``)."""
+        """Return deflection, slope or curvature of every mode at points of the plane.
+
+        Parameters
+        ----------
+        points : array of shape (p, 2)
+            Points in the plane [m].
+        order : int, default 0
+            0 for the deflection, 1 for the slope, 2 for the curvature.
+        angle : float or array of shape (p,), default 0.0
+            Direction of the derivative [rad] from the first axis; one for all points, or one per point.
+
+        Returns
+        -------
+        array of shape (p, mode)
+            Values in the unit of the shapes, per m and per m^2.
+
+        Examples
+        --------
+        >>> surface = Surface(
+        ...     origin=np.zeros(3), axes=np.eye(3), extent=[[0, 1], [0, 1]], powers=[[0, 0], [1, 0]],
+        ...     coefficients=[[0.5], [0.5]], covariance=np.zeros((1, 2, 2)), noise=[0.0], points=np.zeros((0, 2)),
+        ... )
+        >>> surface.values(np.array([[0.25, 0.5]]), order=1)
+        array([[1.]])
+        """
         return self.rows(points, order, angle) @ self.coefficients
 
     def std(
         self, points: Float[np.ndarray, "p 2"], order: int = 0, angle: float | Float[np.ndarray, "p"] = 0.0
     ) -> Float[np.ndarray, "p mode"]:
-        """Standard uncertainty of ``values``."""
+        """Return the standard uncertainty of deflection, slope or curvature at points of the plane.
+
+        Parameters
+        ----------
+        points : array of shape (p, 2)
+            Points in the plane [m].
+        order : int, default 0
+            0 for the deflection, 1 for the slope, 2 for the curvature.
+        angle : float or array of shape (p,), default 0.0
+            Direction of the derivative [rad] from the first axis; one for all points, or one per point.
+
+        Returns
+        -------
+        array of shape (p, mode)
+            Standard uncertainty of :meth:`values`.
+
+        Examples
+        --------
+        >>> surface = Surface(
+        ...     origin=np.zeros(3), axes=np.eye(3), extent=[[0, 1], [0, 1]], powers=[[0, 0], [1, 0]],
+        ...     coefficients=[[0.5], [0.5]], covariance=[np.diag([0.04, 0.0])], noise=[0.0], points=np.zeros((0, 2)),
+        ... )
+        >>> surface.std(np.array([[0.25, 0.5]]))
+        array([[0.2]])
+        """
         rows = self.rows(points, order, angle)
         return np.sqrt(np.maximum(np.einsum("pt,mtu,pu->pm", rows, self.covariance, rows), 0))
 
@@ -95,22 +186,48 @@ def _products(
 
 
 def smooth(model: ModalModel, geometry: Geometry, degree: int | None = None) -> Surface:
-    """Every mode of ``model`` as a smooth surface over the plane of its measured points.
+    """Return every mode of a model as a smooth surface over the plane of its measured points.
 
     The penalty on third derivatives is weighed against the misfit by the restricted likelihood, averaged over all
-    strengths of the penalty instead of taking one: at high noise no strength is certain, and the bounds say so.
+    strengths of the penalty (a sum over a grid) instead of taking one: at high noise no strength is certain, and the
+    bounds say so.
 
     Parameters
     ----------
-    model : shapes with translations normal to the plane; their real part is used.
-    degree : total degree of the polynomials; by default 10, less where there are few points.
+    model : ModalModel
+        Shapes with translations normal to the plane; their real part is used.
+    geometry : Geometry
+        Where the nodes are.
+    degree : int, optional
+        Total degree of the polynomials; by default 10, less where there are few points.
+
+    Returns
+    -------
+    Surface
+        Smooth shapes with their covariance.
 
     Raises
     ------
-    InputError : fewer than 6 usable points, points that lie in no plane, shapes that are complex.
+    InputError
+        If there are fewer than 6 usable points, the points lie in no plane, or shapes are complex (more than half of
+        their norm out of phase).
 
-    Source: Wahba (1990), smoothing as estimation with a prior; the average over strengths is the plain sum over a
-    grid.
+    References
+    ----------
+    .. [1] Smoothing as estimation with a prior: Wahba (1990), Spline Models for Observational Data.
+
+    Examples
+    --------
+    >>> from ema.data import Geometry, ModalModel, poles_from
+    >>> from ema.dof import Dof
+    >>> x = np.linspace(0, 0.6, 13)
+    >>> shapes = np.cos(np.pi * x / 0.6)[:, None].astype(complex)
+    >>> dofs = tuple(Dof(node, "+Z") for node in range(13))
+    >>> model = ModalModel(poles_from(np.array([40.0]), np.array([0.01])), shapes, dofs, shapes[:1], dofs[:1])
+    >>> row = Geometry(np.arange(13), np.column_stack([x, np.zeros(13), np.zeros(13)]))
+    >>> surface = smooth(model, row)
+    >>> surface.values(np.array([[0.3, 0.0]]), order=1).round(2)  # slope of the cosine at 90 deg: -pi / 0.6
+    array([[-5.24]])
     """
     where = model.name or "modal model"
     origin, axes, rows, points = plane(model, geometry)
@@ -240,6 +357,7 @@ def _roughness(powers: Int[np.ndarray, "term 2"], extent: Float[np.ndarray, "2 2
     grid = np.stack([part.ravel() for part in np.meshgrid(points, points, indexing="ij")], axis=1)
     scale = 2 / (extent[:, 1] - extent[:, 0])
     total = np.zeros((len(powers), len(powers)))
+    # integral of sum_k binom(n, k) (d^n w / dx^k dy^(n-k))^2, the same in all directions of the plane (Wahba 1990)
     for along in range(order + 1):
         rows = _products(grid, powers, along, order - along) * scale[0] ** along * scale[1] ** (order - along)
         total += comb(order, along) * (rows.T * np.outer(weights, weights).ravel()) @ rows
@@ -254,6 +372,7 @@ def _fit(
     """Coefficients, their covariance and the noise of every mode."""
     size, turned = np.linalg.eigh(roughness)
     free = size < 1e-9 * size[-1] if size[-1] > 0 else np.ones(len(size), bool)
+    # coefficients in which the penalty is the identity on the rough ones and zero on the free ones
     basis = np.hstack([turned[:, free], turned[:, ~free] / np.sqrt(size[~free])])
     plain, rough = design @ basis[:, : free.sum()], design @ basis[:, free.sum() :]
     square, upper = np.linalg.qr(plain, mode="complete")
@@ -289,9 +408,12 @@ def _posterior(parts: _Parts, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
     rest = max(float(data @ data - seen @ seen), 0.0)
     top = float(stretch.max(initial=0)) ** 2
     strengths = top * np.exp(np.linspace(-34.0, 2.0, _STRENGTHS)) if top > 0 else np.ones(1)
+    # values = free + rough r + e with r ~ N(0, v / strength), e ~ N(0, v): in the directions that no free column
+    # reaches their covariance is v (1 + s^2 / strength) with the singular values s
     power = 1 + stretch[:, None] ** 2 / strengths
     variances = (np.sum(seen[:, None] ** 2 / power, axis=0) + rest) / count
     variances = np.maximum(variances, 1e-30 * max(float(np.max(values**2, initial=0)), 1e-300))
+    # restricted log-likelihood of each strength, with the variance v that maximises it
     score = -0.5 * (count * np.log(variances) + np.log(power).sum(axis=0))
     weights = np.exp(score - score.max()) / np.exp(score - score.max()).sum()
     terms = len(solve) + rough.shape[1]
@@ -308,4 +430,5 @@ def _posterior(parts: _Parts, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
         covariance = np.block([[corner, -carried], [-carried.T, prior]])
         mean, square = mean + weight * part, square + weight * (covariance + np.outer(part, part))
         noise += weight * variance
+    # law of total variance over the strengths: E(C + m m^T) - E(m) E(m)^T
     return mean, square - np.outer(mean, mean), float(np.sqrt(noise))

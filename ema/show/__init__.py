@@ -1,4 +1,4 @@
-"""Nouns -> pictures; figures are returned, never shown or saved."""
+"""Pictures of every data type; figures are returned, never shown or saved."""
 
 from ema.lazy import attach
 
@@ -11,13 +11,14 @@ _HOMES = {
     "damping_curves": "ema.show.maps",
     "damping_map": "ema.show.maps",
     "error_map": "ema.show.matrices",
-    "force_spectrum": "ema.show.blows",
-    "forecast_bands": "ema.show.foretold",
+    "force_spectrum": "ema.show.impacts",
+    "forecast_bands": "ema.show.forecast",
     "free_vibration": "ema.show.vibration",
     "frequency_map": "ema.show.maps",
     "frf_overlay": "ema.show.overlaid",
     "frf_overview": "ema.show.frf",
-    "hits": "ema.show.blows",
+    "geometry": "ema.show.points",
+    "hits": "ema.show.impacts",
     "hysteresis": "ema.show.simulated",
     "indicator": "ema.show.frf",
     "mac_matrix": "ema.show.matrices",

@@ -1,12 +1,12 @@
 from ema.show.amplitude import amplitude_modes as amplitude_modes
-from ema.show.blows import force_spectrum as force_spectrum
-from ema.show.blows import hits as hits
 from ema.show.compared import map_comparison as map_comparison
-from ema.show.foretold import forecast_bands as forecast_bands
+from ema.show.forecast import forecast_bands as forecast_bands
 from ema.show.frf import coherence as coherence
 from ema.show.frf import frf_overview as frf_overview
 from ema.show.frf import indicator as indicator
 from ema.show.frf import reconstruction as reconstruction
+from ema.show.impacts import force_spectrum as force_spectrum
+from ema.show.impacts import hits as hits
 from ema.show.joints import normal_force as normal_force
 from ema.show.maps import damping_curves as damping_curves
 from ema.show.maps import damping_map as damping_map
@@ -17,6 +17,7 @@ from ema.show.overlaid import frf_overlay as frf_overlay
 from ema.show.placement import control_gain as control_gain
 from ema.show.placement import placement_map as placement_map
 from ema.show.placement import recommended_force as recommended_force
+from ema.show.points import geometry as geometry
 from ema.show.polar import complexity as complexity
 from ema.show.renderer import rendered_shape as rendered_shape
 from ema.show.renderer import renderer_works as renderer_works

@@ -2,18 +2,46 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from ema.data import AmplitudeDependentMode, AmplitudePrediction
 from ema.show.style import SERIES, empty_note, new_figure
 from ema.units import SI_UNIT
 
+_MARKS = (("slip-onset", "--", "slip begins"), ("impact-amplitude", "-.", "behind the impacts"))
+"""Findings of a mode whose value is an amplitude, and how they are drawn."""
+_DECADE = 10.0
+
 
 def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequence[AmplitudePrediction] = ()) -> Figure:
-    """Frequency [Hz] and damping ratio [%] over the amplitude; bars and shaded bands are 95 % intervals.
+    """Draw frequency and damping ratio of modes over their amplitude, with 95 % intervals.
 
-    Predictions are drawn as bands with their medians, measured levels as points; a dotted line marks the highest level
-    that a prediction was fitted to.
+    Predictions are drawn as bands with their medians, measured levels as points with bars; a dotted line marks the
+    highest level that a prediction was fitted to. Where the findings of a mode state it, a dashed line marks the onset
+    of slip and a dash-dotted one the median amplitude behind the impacts. Amplitudes that span more than a decade are
+    on a logarithmic axis.
+
+    Parameters
+    ----------
+    modes : sequence of AmplitudeDependentMode
+        Measured modes; frequency [Hz], damping drawn in percent.
+    predictions : sequence of AmplitudePrediction, optional
+        Predictions at amplitudes that were not measured.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is nothing to draw.
+
+    Examples
+    --------
+    >>> from ema.data import AmplitudeDependentMode, Band
+    >>> band = Band(low=[0.009, 0.011], value=[0.010, 0.012], high=[0.011, 0.013])
+    >>> frequency = Band(low=[39.9, 39.7], value=[40.0, 39.8], high=[40.1, 39.9])
+    >>> figure = amplitude_modes([AmplitudeDependentMode([1.0, 5.0], frequency, band)])
+    >>> len(figure.axes)
+    2
     """
     figure = new_figure(4.2)
     if not modes and not predictions:
@@ -26,6 +54,10 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
         for axes, band, factor in ((frequency, mode.frequency, 1.0), (damping, mode.damping, 100.0)):
             off = [factor * (band.value - band.low), factor * (band.high - band.value)]
             axes.errorbar(mode.amplitude, factor * band.value, off, **look)
+            for code, style, what in _MARKS:
+                for finding in mode.findings:
+                    if finding.code == code and finding.value is not None:
+                        axes.axvline(finding.value, color=colour, ls=style, lw=0.9, label=what)
     for number, prediction in enumerate(predictions):
         colour, style, _ = SERIES[(number + len(modes)) % len(SERIES)]
         for axes, band, factor in ((frequency, prediction.frequency, 1.0), (damping, prediction.damping, 100.0)):
@@ -36,9 +68,16 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
             axes.plot(prediction.amplitude, factor * band.value, color=colour, ls=style, label=label)
             fitted = float(prediction.amplitude[0] / prediction.beyond[0])
             axes.axvline(fitted, color=colour, ls=":", lw=0.9, label="highest level fitted")
+    measured = np.concatenate([mode.amplitude for mode in modes]) if modes else np.ones(1)
+    if measured.max() > _DECADE * measured.min():
+        damping.set_xscale("log")
     quantity = modes[0].quantity if modes else predictions[0].quantity
     damping.set_xlabel(f"Amplitude of the {quantity} [{SI_UNIT[quantity].replace('^2', '²')}]")
     frequency.set_ylabel("Frequency [Hz]")
     damping.set_ylabel("Damping ratio [%]")
-    frequency.legend(loc="best")
+    if any(finding.code == code for mode in modes for finding in mode.findings for code, *_ in _MARKS):
+        named = dict(zip(*reversed(frequency.get_legend_handles_labels()), strict=True))
+        figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=3)
+    else:
+        frequency.legend(loc="best")
     return figure

@@ -10,7 +10,25 @@ from ema.show.style import COLOUR_MAP, SERIES, new_figure, styled
 
 @styled
 def map_comparison(found: MapComparison) -> Figure:
-    """Damping ratio and frequency over the normal force: markers with 95 % bars are measured, lines are the model."""
+    """Draw damping ratio and frequency over the normal force: markers with 95 % bars are measured, lines are the model.
+
+    Parameters
+    ----------
+    found : MapComparison
+        A simulated map, compared with a measured one.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.compare import maps
+    >>> from ema.examples import modal_map
+    >>> len(map_comparison(maps(modal_map(), modal_map())).axes)
+    2
+    """
     measured, simulated = found.measured, found.simulated
     figure = new_figure(3.9)
     panels = figure.subplots(1, 2)

@@ -1,4 +1,4 @@
-"""Pictures of FRFs: overview, coherence, indicator functions, measured against rebuilt."""
+"""Pictures of FRFs: overview, coherence, indicator functions, measured against synthesised."""
 
 from collections.abc import Sequence
 
@@ -25,6 +25,7 @@ from ema.show.style import (
 )
 
 _MOST_COLUMNS = 1500
+"""Points of a curve that is drawn; every peak is among them."""
 
 
 def _peaks(
@@ -43,7 +44,26 @@ def _positive(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"
 
 @styled
 def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
-    """Magnitude of all FRFs with their quadratic mean, and the natural frequencies of ``modes``."""
+    """Draw the magnitude of all FRFs with their quadratic mean, and the natural frequencies of modes.
+
+    Parameters
+    ----------
+    frfs : FrfSet
+        FRFs.
+    modes : ModalModel, optional
+        Modes whose natural frequencies are marked.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set, modal_model
+    >>> len(frf_overview(frf_set(), modal_model()).axes)
+    1
+    """
     figure = new_figure(3.6)
     axes = figure.subplots()
     magnitudes = np.abs(frfs.values).reshape(len(frfs.frequencies), -1)
@@ -66,10 +86,28 @@ def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
 
 @styled
 def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
-    """Median coherence over all FRFs with the band of the middle 80 %, and below it every FRF as a row of colours.
+    """Draw the median coherence over all FRFs with the band of the middle 80 %, and every FRF as a row of colours.
 
     A line at which the coherence is undefined (no signal) is drawn as 0; FRFs without a coherence give a figure that
     says so.
+
+    Parameters
+    ----------
+    frfs : FrfSet
+        FRFs with their coherence.
+    modes : ModalModel, optional
+        Modes whose natural frequencies are marked.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> len(coherence(frf_set()).axes)  # these have none: a note
+    1
     """
     if frfs.coherence is None:
         figure = new_figure(1.5)
@@ -116,7 +154,31 @@ def indicator(
     modes: ModalModel | None = None,
     label: str = "CMIF",
 ) -> Figure:
-    """Complex mode indicator functions (singular values of the FRFs, largest first) over frequency in Hz."""
+    """Draw mode indicator functions over frequency.
+
+    Parameters
+    ----------
+    frequencies : array of shape (freq,)
+        Frequency lines [Hz].
+    values : array of shape (freq, k)
+        One curve per column, such as the singular values of the FRFs, largest first.
+    modes : ModalModel, optional
+        Modes whose natural frequencies are marked.
+    label : str, default "CMIF"
+        What the curves are called.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> frfs = frf_set()
+    >>> len(indicator(frfs.frequencies, np.linalg.svd(frfs.values, compute_uv=False)).axes)
+    1
+    """
     figure = new_figure(3.2)
     axes = figure.subplots()
     for place, column in enumerate(values.T):
@@ -133,17 +195,36 @@ def indicator(
 @styled
 def reconstruction(
     measured: FrfSet,
-    rebuilt: FrfSet,
+    synthesised: FrfSet,
     places: Sequence[tuple[int, int]],
     titles: Sequence[str] = (),
     modes: ModalModel | None = None,
 ) -> Figure:
-    """Measured FRFs against those of the modal model in its band: magnitude and phase, two FRFs side by side.
+    """Draw measured FRFs and those of the modal model in its band: magnitude and phase, two FRFs side by side.
 
     Parameters
     ----------
-    places : (output, input) positions of the FRFs to draw.
-    titles : one text per place, after the name of the FRF.
+    measured : FrfSet
+        Measured FRFs.
+    synthesised : FrfSet
+        FRFs of the modal model, same DOFs and quantity.
+    places : sequence of tuple of (int, int)
+        (output, input) positions of the FRFs to draw.
+    titles : sequence of str, optional
+        One text per place, after the name of the FRF.
+    modes : ModalModel, optional
+        Modes whose natural frequencies are marked.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> len(reconstruction(frf_set(0.01), frf_set(), [(0, 0)]).axes)
+    2
     """
     rows = max(1, -(-len(places) // 2))
     figure = new_figure(3.4 * rows)
@@ -156,7 +237,7 @@ def reconstruction(
     for panel, (output, input_) in enumerate(places):
         row, column = 2 * (panel // 2), panel % 2
         title = measured.label(output, input_) + (f"  ({titles[panel]})" if panel < len(titles) else "")
-        _one_reconstruction(panels[row, column], panels[row + 1, column], measured, rebuilt, output, input_)
+        _one_reconstruction(panels[row, column], panels[row + 1, column], measured, synthesised, output, input_)
         panels[row, column].set_title(title)
         if modes is not None:
             for frequency in modes.natural_frequencies:
@@ -173,11 +254,11 @@ def reconstruction(
 
 
 def _one_reconstruction(
-    magnitude: Axes, phase: Axes, measured: FrfSet, rebuilt: FrfSet, output: int, input_: int
+    magnitude: Axes, phase: Axes, measured: FrfSet, synthesised: FrfSet, output: int, input_: int
 ) -> None:
-    """Draw one FRF over the band of the rebuilt one; a phase that jumps over 360 degrees starts a new line."""
-    styles = (("measured", measured, BLACK, "-", 1.1), ("modal model", rebuilt, VERMILION, "--", 1.3))
-    low, high = rebuilt.frequencies[0], rebuilt.frequencies[-1]
+    """Draw one FRF over the band of the synthesised one; a phase that jumps over 360 degrees starts a new line."""
+    styles = (("measured", measured, BLACK, "-", 1.1), ("modal model", synthesised, VERMILION, "--", 1.3))
+    low, high = synthesised.frequencies[0], synthesised.frequencies[-1]
     for label, whole, colour, style, width in styles:
         frfs = whole.lines((whole.frequencies >= low) & (whole.frequencies <= high))
         values = frfs.values[:, output, input_]
@@ -189,7 +270,7 @@ def _one_reconstruction(
     phase.set_ylabel("Phase [°]")
     phase.set_yticks([-180, 0, 180])
     phase.set_ylim(-190, 190)
-    _frequency_axis(magnitude, rebuilt.frequencies, label=False)
+    _frequency_axis(magnitude, synthesised.frequencies, label=False)
 
 
 def _frequency_axis(axes: Axes, frequencies: Float[np.ndarray, "freq"], label: bool = True) -> None:

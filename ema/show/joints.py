@@ -9,7 +9,24 @@ from ema.show.style import BLUE, GREY, SERIES, empty_note, new_figure, styled
 
 @styled
 def normal_force(condition: Condition) -> Figure:
-    """Mean normal force of each joint with its standard deviation, and its trace where one was recorded."""
+    """Draw the mean normal force of each joint with its standard deviation, and its trace where one was recorded.
+
+    Parameters
+    ----------
+    condition : Condition
+        Condition of a measurement.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no joint.
+
+    Examples
+    --------
+    >>> from ema.examples import campaign
+    >>> len(normal_force(campaign()["beam"].condition).axes)
+    1
+    """
     joints = condition.joints
     traced = [joint for joint in joints if joint.trace is not None and len(joint.trace)]
     figure = new_figure(2.9)

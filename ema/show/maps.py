@@ -16,16 +16,50 @@ _HOLE: dict[str, Any] = {"fill": False, "hatch": "////", "ec": GREY, "lw": 0}
 
 @styled
 def damping_map(chart: ModalMap) -> Figure:
-    """Damping ratio in percent over normal force (across) and excitation force (up).
+    """Draw the damping ratio in percent over normal force (across) and excitation force (up).
 
-    The ridge joins the normal force of the largest damping of each level; holes, where no mode was found, are hatched.
+    The ridge joins the normal force of the largest damping of each level; holes, where no mode was identified, are
+    hatched.
+
+    Parameters
+    ----------
+    chart : ModalMap
+        A map.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_map
+    >>> damping_map(modal_map()).axes[0].get_xlabel()
+    'Normal force F_N [N]'
     """
     return _map(chart, 100 * chart.damping, "Damping ratio [%]", ridge=True)
 
 
 @styled
 def frequency_map(chart: ModalMap) -> Figure:
-    """Natural frequency in Hz over normal force (across) and excitation force (up); holes are hatched."""
+    """Draw the natural frequency in Hz over normal force (across) and excitation force (up); holes are hatched.
+
+    Parameters
+    ----------
+    chart : ModalMap
+        A map.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_map
+    >>> frequency_map(modal_map()).axes[0].get_ylabel()
+    'Excitation force F_E [N]'
+    """
     return _map(chart, np.asarray(chart.frequency), "Natural frequency [Hz]", ridge=False)
 
 
@@ -89,9 +123,26 @@ def _edges(nominal: Float[np.ndarray, "n"], geometric: bool) -> Float[np.ndarray
 
 @styled
 def damping_curves(chart: ModalMap) -> Figure:
-    """Damping ratio in percent at every normal force: over the excitation force, and over the modal amplitude.
+    """Draw the damping ratio in percent at every normal force over the excitation force and over the modal amplitude.
 
-    Bars hold 95 % by the fit; dashed lines are the damping told by the height of the peak, where it is known.
+    Bars hold 95 % by the fit; dashed lines are the damping by the height of the peak, where it is known. Without modal
+    amplitudes there is one panel.
+
+    Parameters
+    ----------
+    chart : ModalMap
+        A map.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_map
+    >>> len(damping_curves(modal_map()).axes)
+    1
     """
     amplitude = chart.modal_amplitude
     figure = new_figure(3.9)

@@ -10,6 +10,7 @@ from ema.dof import Dof
 from ema.show.style import COLOUR_MAP, WIDTH, dof_labels, empty_note, new_figure, styled, thin_labels
 
 _MOST_NUMBERED = 24
+"""Modes up to which a matrix shows its numbers: beyond, they do not fit the cells."""
 
 
 @styled
@@ -21,11 +22,28 @@ def mac_matrix(
     row_label: str = "Mode",
     column_label: str = "Mode",
 ) -> Figure:
-    """MAC as a coloured matrix, with its numbers for up to 24 modes (values below 0.05 are left to the colour).
+    """Draw a MAC matrix in colours, with its numbers for up to 24 modes (values below 0.05 are left to the colour).
 
     Parameters
     ----------
-    rows, columns : labels; numbers from 1 where not given.
+    values : array of shape (row, column)
+        MAC, 0 ... 1.
+    rows, columns : sequence of str, optional
+        Labels; numbers from 1 where not given.
+    title : str, optional
+        Title of the figure.
+    row_label, column_label : str, default "Mode"
+        Titles of the axes.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> len(mac_matrix(np.eye(3)).axes)
+    2
     """
     count = max(values.shape, default=0)
     size = float(np.clip(1.8 + 0.22 * count, 2.6, 6.0))
@@ -67,7 +85,27 @@ def mac_matrix(
 
 @styled
 def error_map(error: Float[np.ndarray, "out in"], outputs: Sequence[Dof], inputs: Sequence[Dof]) -> Figure:
-    """Error of each rebuilt FRF in percent, the longer list of DOFs across."""
+    """Draw the error of each synthesised FRF in percent, the longer list of DOFs across.
+
+    Parameters
+    ----------
+    error : array of shape (out, in)
+        Relative error of every FRF.
+    outputs, inputs : sequence of Dof
+        DOFs of its rows and columns.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.dof import Dof
+    >>> figure = error_map(np.array([[0.01], [0.02]]), [Dof(1, "+Z"), Dof(2, "+Z")], [Dof(1, "+Z")])
+    >>> len(figure.axes)
+    2
+    """
     turned = len(outputs) > len(inputs)
     values = 100 * (error.T if turned else error)
     across, up = (outputs, inputs) if turned else (inputs, outputs)
@@ -75,7 +113,7 @@ def error_map(error: Float[np.ndarray, "out in"], outputs: Sequence[Dof], inputs
     figure = new_figure(height)
     axes = figure.subplots()
     if not values.size:
-        empty_note(axes, "no FRF was rebuilt")
+        empty_note(axes, "no FRF was synthesised")
         return figure
     top = float(np.nanpercentile(values, 98)) if np.isfinite(values).any() else 1.0
     image = axes.imshow(values, vmin=0, vmax=top or 1.0, cmap=COLOUR_MAP, aspect="auto", interpolation="nearest")

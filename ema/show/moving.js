@@ -1,6 +1,6 @@
 "use strict";
-// Mode shapes that move: `viewer` holds a canvas, a select, a button and a range; `told` are the numbers of ema.show.moving.
-function moveShapes(viewer, told) {
+// Mode shapes that move: `viewer` holds a canvas, a select, a button and a range; `content` holds the numbers of ema.show.moving.
+function moveShapes(viewer, content) {
   const canvas = viewer.querySelector("canvas"), pen = canvas.getContext("2d");
   const choice = viewer.querySelector("select"), button = viewer.querySelector("button"), size = viewer.querySelector("input");
   let count, shapes, known;
@@ -11,17 +11,17 @@ function moveShapes(viewer, told) {
     const place = Math.min(3.999, 4 * Math.max(0, value)), low = Math.floor(place), part = place - low;
     return `rgb(${colours[low].map((c, k) => Math.round(c + part * (colours[low + 1][k] - c))).join(",")})`;
   };
-  const update = content => {
+  const update = next => {
     const chosen = choice.value;
-    told = content; count = told.points.length; known = new Map();
-    shapes = told.shapes.map(text => new Int16Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer));
-    choice.replaceChildren(...told.modes.map((name, place) => new Option(name, place)));
+    content = next; count = content.points.length; known = new Map();
+    shapes = content.shapes.map(text => new Int16Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer));
+    choice.replaceChildren(...content.modes.map((name, place) => new Option(name, place)));
     if (chosen && chosen < shapes.length) choice.value = chosen;
     draw();
   };
   const amounts = shape => {
     if (!known.has(shape))
-      known.set(shape, told.points.map((_, n) => Math.hypot(
+      known.set(shape, content.points.map((_, n) => Math.hypot(
         shape[3 * n], shape[3 * n + 1], shape[3 * n + 2], shape[3 * (count + n)], shape[3 * (count + n) + 1], shape[3 * (count + n) + 2]
       ) / 32000));
     return known.get(shape);
@@ -38,7 +38,7 @@ function moveShapes(viewer, told) {
     const real = 0.13 * size.value / 100 * Math.cos(phase) / 32000, imaginary = -0.13 * size.value / 100 * Math.sin(phase) / 32000;
     const rest = [], moved = [], amount = amounts(shape);
     for (let n = 0; n < count; n++) {
-      const p = told.points[n], d = [0, 1, 2].map(k => real * shape[3 * n + k] + imaginary * shape[3 * (count + n) + k]);
+      const p = content.points[n], d = [0, 1, 2].map(k => real * shape[3 * n + k] + imaginary * shape[3 * (count + n) + k]);
       rest.push(project(p[0], p[1], p[2], scale));
       moved.push(project(p[0] + d[0], p[1] + d[1], p[2] + d[2], scale));
     }
@@ -49,14 +49,14 @@ function moveShapes(viewer, told) {
     };
     const mean = (chain, of) => chain.reduce((sum, n) => sum + of(n), 0) / chain.length;
     pen.lineWidth = 1; pen.strokeStyle = "#c4c4c4"; pen.lineJoin = "round";
-    for (const face of told.faces) { path(rest, face, true); pen.stroke(); }
-    for (const line of told.lines) { path(rest, line, false); pen.stroke(); }
-    const sorted = told.faces.map(face => [mean(face, n => moved[n][2]), face]).sort((a, b) => b[0] - a[0]);
+    for (const face of content.faces) { path(rest, face, true); pen.stroke(); }
+    for (const line of content.lines) { path(rest, line, false); pen.stroke(); }
+    const sorted = content.faces.map(face => [mean(face, n => moved[n][2]), face]).sort((a, b) => b[0] - a[0]);
     pen.strokeStyle = "#333333"; pen.lineWidth = 0.7;
     for (const [, face] of sorted) { path(moved, face, true); pen.fillStyle = colour(mean(face, n => amount[n])); pen.fill(); pen.stroke(); }
-    pen.lineWidth = told.faces.length ? 1.5 : 3;
-    for (const line of told.lines) { pen.strokeStyle = colour(mean(line, n => amount[n])); path(moved, line, false); pen.stroke(); }
-    if (!told.faces.length && !told.lines.length)
+    pen.lineWidth = content.faces.length ? 1.5 : 3;
+    for (const line of content.lines) { pen.strokeStyle = colour(mean(line, n => amount[n])); path(moved, line, false); pen.stroke(); }
+    if (!content.faces.length && !content.lines.length)
       moved.forEach((p, n) => { pen.fillStyle = colour(amount[n]); pen.fillRect(p[0] - 3, p[1] - 3, 6, 6); });
   };
   const fit = () => {
@@ -92,7 +92,7 @@ function moveShapes(viewer, told) {
   });
   new IntersectionObserver(seen => { visible = seen[seen.length - 1].isIntersecting; }).observe(canvas);
   new ResizeObserver(fit).observe(canvas);
-  update(told);
+  update(content);
   label();
   requestAnimationFrame(step);
   return { update, frames: () => phase };

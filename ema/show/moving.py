@@ -28,12 +28,12 @@ def moving_shapes(model: ModalModel, geometry: Geometry) -> dict[str, Any]:
     displacement = expand(model, geometry, True).displacement[:, :, :shown]
     middle = (geometry.xyz.max(axis=0) + geometry.xyz.min(axis=0)) / 2
     size = float(np.linalg.norm(np.ptp(geometry.xyz, axis=0))) or 1.0
-    place = {int(node): row for row, node in enumerate(geometry.nodes)}
+    row_of = {int(node): row for row, node in enumerate(geometry.nodes)}
     return {
         "points": np.round((geometry.xyz - middle) / size, 4).tolist(),
-        "faces": [[place[node] for node in face if node in place] for face in geometry.faces],
+        "faces": [[row_of[node] for node in face if node in row_of] for face in geometry.faces],
         "lines": [
-            [place[a], place[b]] for line in geometry.lines for a, b in pairwise(line) if a in place and b in place
+            [row_of[a], row_of[b]] for line in geometry.lines for a, b in pairwise(line) if a in row_of and b in row_of
         ],
         "modes": [
             f"{mode + 1}: {model.natural_frequencies[mode]:.5g} Hz, {100 * model.damping_ratios[mode]:.3g} %"

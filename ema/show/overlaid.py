@@ -19,14 +19,29 @@ def frf_overlay(
     labels: Sequence[str],
     band: tuple[float, float] | None = None,
 ) -> Figure:
-    """Magnitude and phase of one FRF in several states, the first of them in black.
+    """Draw magnitude and phase of one FRF in several states, the first of them in black.
 
     Parameters
     ----------
-    sets : FRFs of the same quantity.
-    places : (output, input) position of the FRF in each set; opposite senses are turned.
-    labels : what each state is called.
-    band : Hz; by default where all sets have lines.
+    sets : sequence of FrfSet
+        FRFs of the same quantity.
+    places : sequence of tuple of (int, int)
+        (output, input) position of the FRF in each set; opposite senses are turned.
+    labels : sequence of str
+        What each state is called.
+    band : tuple of (float, float), optional
+        Ends of the band [Hz]; by default where all sets have lines.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set
+    >>> len(frf_overlay([frf_set(), frf_set(0.01)], [(0, 0), (0, 0)], ["exact", "with noise"]).axes)
+    2
     """
     figure = new_figure(4.4)
     if not sets:

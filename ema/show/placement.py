@@ -14,7 +14,26 @@ from ema.show.style import BLACK, COLOUR_MAP, FAINT, GREY, SERIES, VERMILION, em
 
 @styled
 def placement_map(placement: Placement, shown: int = 3) -> Figure:
-    """All candidates on the geometry by their score, areas kept free, and the best places with their joints."""
+    """Draw all candidates on the geometry by their score, areas kept free, and the best locations with their joints.
+
+    Parameters
+    ----------
+    placement : Placement
+        A placement.
+    shown : int, default 3
+        Number of the best locations that are marked.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import placement
+    >>> len(placement_map(placement()).axes) > 0
+    True
+    """
     ranking, candidates = placement.ranking, placement.ranking.prediction.candidates
     (x0, x1), (y0, y1) = placement.extent
     angles = np.unique(np.round(candidates.angles, 6))[:4]
@@ -111,7 +130,26 @@ def _beam(axes: Axes, placement: Placement, place: Place, number: int) -> None:
 
 @styled
 def recommended_force(placement: Placement, rank: int = 1) -> Figure:
-    """Normal force per joint over excitation of one place, and the damping with the common normal force."""
+    """Draw the recommended normal force over the excitation, and the damping with the common normal force.
+
+    Parameters
+    ----------
+    placement : Placement
+        A placement.
+    rank : int, default 1
+        Rank of the location, from 1.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import placement
+    >>> len(recommended_force(placement()).axes)
+    2
+    """
     place, prediction = placement.ranking.places[rank - 1], placement.ranking.prediction
     levels = np.asarray(prediction.force_levels)
     order = np.argsort(levels)
@@ -145,7 +183,26 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
 
 @styled
 def control_gain(study: ControlStudy) -> Figure:
-    """Energy after a release under every law, and steady damping with one normal force and with one for each level."""
+    """Draw the energy after a release under every law, and the steady damping with and without a schedule.
+
+    Parameters
+    ----------
+    study : ControlStudy
+        Ring-downs and steady damping of one location.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.data import ControlLine, ControlStudy
+    >>> line = ControlLine("constant", 500.0, 0.08, 0.3, 0.4, times=[0.0, 0.1], energies=[1.0, 0.3])
+    >>> study = ControlStudy(0, 0, 100.0, (line,), [5.0], [0.02], [0.02], verdict="")
+    >>> len(control_gain(study).axes)
+    2
+    """
     figure = new_figure(3.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.4, 1))
     for number, line in enumerate(study.lines):

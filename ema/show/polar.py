@@ -12,17 +12,35 @@ from ema.shapes import quality
 from ema.show.style import BLUE, FAINT, VERMILION, empty_note, new_figure, styled
 
 PER_FIGURE = 12
+"""Shapes in one figure, in rows of six."""
 
 
 @styled
 def complexity(model: ModalModel, modes: Sequence[int] | None = None) -> Figure:
-    """Mode shapes in the complex plane, scaled to their largest entry, with MPC and MPD; real modes lie on one line.
+    """Draw mode shapes in the complex plane, scaled to their largest entry, with MPC and MPD.
+
+    Real modes lie on one line.
 
     The dots mark the mean phase.
 
     Parameters
     ----------
-    modes : positions from 0, by default the first twelve.
+    model : ModalModel
+        Modes.
+    modes : sequence of int, optional
+        Positions from 0; by default the first twelve.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> figure = complexity(modal_model(), modes=[0])
+    >>> len(figure.axes) > 0
+    True
     """
     chosen = range(min(PER_FIGURE, len(model.poles))) if modes is None else modes
     columns = 6

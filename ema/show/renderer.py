@@ -29,7 +29,23 @@ raise SystemExit(0 if picture.std() > 0 else 1)
 
 @cache
 def renderer_works(timeout: float = 60.0) -> bool:
-    """Whether VTK draws off screen on this machine; tried once per process, in a process of its own."""
+    """Return whether VTK draws off screen on this machine; tried once per process, in a process of its own.
+
+    Parameters
+    ----------
+    timeout : float, default 60.0
+        Time [s] after which the trial counts as failed.
+
+    Returns
+    -------
+    bool
+        Whether it does.
+
+    Examples
+    --------
+    >>> renderer_works(timeout=0.0)
+    False
+    """
     try:
         return subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, timeout=timeout).returncode == 0
     except (OSError, subprocess.TimeoutExpired):
@@ -54,17 +70,35 @@ def _pyvista() -> Any:
 
 @styled
 def rendered_shape(model: ModalModel, geometry: Geometry, mode: int, amplitude: float = 0.16) -> Figure:
-    """One mode shape drawn by VTK with hidden surfaces, as an image in a figure.
+    """Draw one mode shape by VTK with hidden surfaces, as an image in a figure.
 
     Parameters
     ----------
-    mode : position from 0.
-    amplitude : largest drawn displacement as a fraction of the size of the structure.
+    model : ModalModel
+        Modes.
+    geometry : Geometry
+        Where the nodes are.
+    mode : int
+        Position from 0.
+    amplitude : float, default 0.16
+        Largest drawn displacement as a fraction of the size of the structure.
+
+    Returns
+    -------
+    Figure
+        The figure.
 
     Raises
     ------
-    MissingExtraError : pyvista is not installed.
-    FailureError : VTK cannot draw here; ``show.mode_shapes`` needs no VTK.
+    MissingExtraError
+        If pyvista is not installed.
+    FailureError
+        If VTK cannot draw here; ``show.mode_shapes`` needs no VTK.
+
+    Examples
+    --------
+    >>> from ema.examples import geometry, modal_model
+    >>> figure = rendered_shape(modal_model(), geometry(), mode=0)  # doctest: +SKIP
     """
     pyvista = _pyvista()
     if not renderer_works():

@@ -28,6 +28,7 @@ from ema.show.style import (
 )
 
 PER_FIGURE = 12
+"""Shapes in one figure."""
 _LARGEST = 0.13
 """Largest drawn displacement as a fraction of the size of the structure."""
 
@@ -36,14 +37,32 @@ _LARGEST = 0.13
 def mode_shapes(
     model: ModalModel, geometry: Geometry, modes: Sequence[int] | None = None, interpolate: bool = True
 ) -> Figure:
-    """Mode shapes on the geometry: at rest in grey, deformed in the colour of the displacement.
+    """Draw mode shapes on the geometry: at rest in grey, deformed in the colour of the displacement.
 
     Points on one straight line are drawn as a curve over the position on it.
 
     Parameters
     ----------
-    modes : positions from 0, by default the first twelve.
-    interpolate : move points without a measurement with their neighbours; they are drawn hollow.
+    model : ModalModel
+        Modes.
+    geometry : Geometry
+        Where the nodes are.
+    modes : sequence of int, optional
+        Positions from 0; by default the first twelve.
+    interpolate : bool, default True
+        Move points without a measurement with their neighbours; they are drawn hollow.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no mode or no point.
+
+    Examples
+    --------
+    >>> from ema.examples import geometry, modal_model
+    >>> figure = mode_shapes(modal_model(), geometry(), modes=[0])
+    >>> len(figure.axes) > 0
+    True
     """
     chosen = list(range(min(PER_FIGURE, len(model.poles)))) if modes is None else list(modes)
     if not chosen or not len(geometry.nodes):
@@ -187,7 +206,26 @@ def _frame(axes: Axes3D, points: Float[np.ndarray, "n 3"]) -> None:
 
 @styled
 def shapes_over_dofs(model: ModalModel, modes: Sequence[int] | None = None) -> Figure:
-    """Mode shapes over the list of DOFs, for measurements without a geometry."""
+    """Draw mode shapes over the list of DOFs, for measurements without a geometry.
+
+    Parameters
+    ----------
+    model : ModalModel
+        Modes; complex shapes are made real.
+    modes : sequence of int, optional
+        Positions from 0; by default the first twelve.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no mode.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> len(shapes_over_dofs(modal_model(), modes=[0]).axes)
+    1
+    """
     chosen = list(range(min(PER_FIGURE, len(model.poles)))) if modes is None else list(modes)
     columns = 2 if len(chosen) > 1 else 1
     rows = max(1, -(-len(chosen) // columns))

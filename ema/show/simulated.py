@@ -24,7 +24,33 @@ def _scaled(values: Sequence[Float[np.ndarray, "_"]], unit: str) -> tuple[float,
 
 @styled
 def motion(responses: Sequence[Response] | Response, labels: Sequence[str] = ()) -> Figure:
-    """Displacement of the first DOF over time, and where the energy went, for one response or several."""
+    """Draw the displacement of the first DOF over time, and the energies, for one response or several.
+
+    Parameters
+    ----------
+    responses : sequence of Response or Response
+        One motion, or several.
+    labels : sequence of str, optional
+        One for each; their names by default.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no motion.
+
+    Examples
+    --------
+    >>> from ema.data import EnergyBalance, Response
+    >>> from ema.dof import Dof
+    >>> zero = np.zeros(2)
+    >>> run = Response(
+    ...     times=[0.0, 0.1], displacements=[[1e-3, 5e-4]], velocities=[zero], dofs=(Dof(1, "+X"),),
+    ...     slips=np.zeros((0, 2)), forces=np.zeros((0, 2)), dissipated=[], slip_time=[],
+    ...     energy=EnergyBalance([1.0, 0.9], zero, zero, zero, zero, zero),
+    ... )
+    >>> len(motion(run, ["released"]).axes)
+    2
+    """
     runs = [responses] if isinstance(responses, Response) else list(responses)
     figure = new_figure(4.6)
     if not runs or not len(runs[0].dofs):
@@ -51,7 +77,33 @@ def motion(responses: Sequence[Response] | Response, labels: Sequence[str] = ())
 
 @styled
 def contact_loops(response: Response, most: int = 4) -> Figure:
-    """Friction force over relative displacement at some contacts, and the energy that every contact dissipated."""
+    """Draw friction force over relative displacement at some contacts, and the energy that every contact dissipated.
+
+    Parameters
+    ----------
+    response : Response
+        A motion with contacts.
+    most : int, default 4
+        Largest number of contacts whose loops are drawn.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no contact.
+
+    Examples
+    --------
+    >>> from ema.data import EnergyBalance, Response
+    >>> from ema.dof import Dof
+    >>> zero = np.zeros(2)
+    >>> motion = Response(
+    ...     times=[0.0, 0.1], displacements=[zero], velocities=[zero], dofs=(Dof(1, "+X"),), slips=[[1e-6, -1e-6]],
+    ...     forces=[[5.0, -5.0]], dissipated=[1e-5], slip_time=[0.5],
+    ...     energy=EnergyBalance([1.0, 1.0], zero, zero, zero, zero, zero),
+    ... )
+    >>> len(contact_loops(motion).axes)
+    2
+    """
     figure = new_figure(3.4)
     count = len(response.slips)
     if not count:
@@ -83,7 +135,32 @@ def contact_loops(response: Response, most: int = 4) -> Figure:
 
 @styled
 def steady_states(responses: Sequence[HarmonicResponse] | HarmonicResponse, labels: Sequence[str] = ()) -> Figure:
-    """First harmonic of the first DOF per newton over frequency, and the strongest higher harmonic relative to it."""
+    """Draw the first harmonic of the first DOF per newton, and the strongest higher harmonic relative to it.
+
+    Parameters
+    ----------
+    responses : sequence of HarmonicResponse or HarmonicResponse
+        One set of steady states, or several.
+    labels : sequence of str, optional
+        One for each; their force by default.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no steady state.
+
+    Examples
+    --------
+    >>> from ema.data import HarmonicResponse
+    >>> from ema.dof import Dof
+    >>> response = HarmonicResponse(
+    ...     frequencies=[39.0, 40.0], orders=[1, 3], values=[[[1e-4, 1e-6]], [[1e-3, 2e-6]]], dofs=(Dof(1, "+X"),),
+    ...     slips=np.zeros((2, 0, 2)), force=1.0, driven=Dof(1, "+X"), input_power=[0.01, 0.12],
+    ...     friction_power=[0.0, 0.07], damping_power=[0.01, 0.05], error_estimate=[1e-6, 1e-6], converged=[True, True],
+    ... )
+    >>> len(steady_states(response).axes)
+    2
+    """
     runs = [responses] if isinstance(responses, HarmonicResponse) else list(responses)
     figure = new_figure(4.8)
     if not runs or not len(runs[0].frequencies) or not len(runs[0].dofs):
@@ -116,20 +193,41 @@ def _order(run: HarmonicResponse, order: int) -> np.ndarray:
 
 @styled
 def hysteresis(loops: Sequence[Loop] | Loop, labels: Sequence[str] = ()) -> Figure:
-    """Force over relative displacement of one loop or several, with the energy per cycle of each."""
-    held = [loops] if isinstance(loops, Loop) else list(loops)
+    """Draw force over relative displacement of one loop or several, with the energy per cycle of each.
+
+    Parameters
+    ----------
+    loops : sequence of Loop or Loop
+        One loop, or several.
+    labels : sequence of str, optional
+        One for each loop; their names by default.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no loop.
+
+    Examples
+    --------
+    >>> from ema.data import Loop
+    >>> angle = np.linspace(0, 2 * np.pi, 50)
+    >>> loop = Loop(1e-6 * np.cos(angle), 5 * np.cos(angle - 0.3), area=4.6e-6, amplitude=1e-6)
+    >>> len(hysteresis(loop, ["joint"]).axes)
+    1
+    """
+    drawn = [loops] if isinstance(loops, Loop) else list(loops)
     figure = new_figure(3.8, 6.5)
     axes = figure.subplots()
-    if not held:
+    if not drawn:
         empty_note(axes, "no loop")
         return figure
-    factor, unit = _scaled([np.asarray(loop.displacements) for loop in held], "m")
-    for number, loop in enumerate(held):
+    factor, unit = _scaled([np.asarray(loop.displacements) for loop in drawn], "m")
+    for number, loop in enumerate(drawn):
         colour, style, _ = SERIES[number % len(SERIES)]
         name = labels[number] if number < len(labels) else loop.name
         area = _energy(loop.area)
-        told = f"{name}: {area}".lstrip(": ")
-        axes.plot(loop.displacements / factor, loop.forces, color=colour, ls=style, lw=1.1, label=told)
+        label = f"{name}: {area}".lstrip(": ")
+        axes.plot(loop.displacements / factor, loop.forces, color=colour, ls=style, lw=1.1, label=label)
     axes.set_xlabel(f"Relative displacement [{unit}]")
     axes.set_ylabel("Force [N]")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="energy per cycle")
@@ -143,14 +241,35 @@ def _energy(joule: float) -> str:
 
 @styled
 def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit: str = "") -> Figure:
-    """Frequency and damping over the amplitude (in ``unit``) of ring-downs, and the amplitude over time."""
-    held = [decays] if isinstance(decays, Decay) else list(decays)
+    """Draw frequency and damping over the amplitude of ring-downs, and the amplitude over time.
+
+    Parameters
+    ----------
+    decays : sequence of Decay or Decay
+        One ring-down, or several.
+    labels : sequence of str, optional
+        One for each; their names by default.
+    unit : str, optional
+        Unit of the amplitudes.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no ring-down.
+
+    Examples
+    --------
+    >>> from ema.examples import decay
+    >>> len(ring_down(decay(), unit="m").axes)
+    3
+    """
+    drawn = [decays] if isinstance(decays, Decay) else list(decays)
     figure = new_figure(5.2)
-    if not held:
+    if not drawn:
         empty_note(figure.subplots(), "no ring-down")
         return figure
     first, second, third = figure.subplots(3, 1)
-    for number, decay in enumerate(held):
+    for number, decay in enumerate(drawn):
         colour, style, _ = SERIES[number % len(SERIES)]
         name = labels[number] if number < len(labels) else decay.name
         first.semilogy(decay.times, decay.amplitudes, color=colour, ls=style, label=name)
@@ -159,7 +278,7 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit:
         inside = np.where(_readable(decay), 1.0, np.nan)
         second.semilogx(decay.amplitudes, inside * decay.frequencies, color=colour, ls=style)
         third.loglog(decay.amplitudes, inside * 100 * decay.damping_ratios, color=colour, ls=style)
-    if any(np.isfinite(decay.knee) for decay in held):
+    if any(np.isfinite(decay.knee) for decay in drawn):
         first.annotate(
             "dotted: sliding gives way to sticking",
             (1, 1),
@@ -175,7 +294,7 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit:
     second.set_ylabel("Frequency [Hz]")
     third.set_ylabel("Damping ratio [%]")
     third.set_xlabel(amplitude)
-    _legend(first, held, labels)
+    _legend(first, drawn, labels)
     return figure
 
 

@@ -25,12 +25,34 @@ def stabilisation(
     indicator: Float[np.ndarray, "freq k"] | None = None,
     indicator_label: str = "CMIF",
 ) -> Figure:
-    """Poles of all model orders by their letter, frequency across and order up.
+    """Draw the poles of all model orders by their letter, frequency across and order up.
 
     Parameters
     ----------
-    modes : the selected modes, marked by numbered lines.
-    frequencies, indicator : drawn behind the poles where given, e.g. the CMIF; Hz and shape (freq, k).
+    poles : PoleTable
+        Poles of all model orders.
+    modes : ModalModel, optional
+        Selected modes, marked by numbered lines.
+    frequencies : array of shape (freq,), optional
+        Lines of the indicator [Hz].
+    indicator : array of shape (freq, k), optional
+        Curves behind the poles, such as the CMIF.
+    indicator_label : str, default "CMIF"
+        What the curves are called.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.data import PoleTable, poles_from
+    >>> from ema.dof import Dof
+    >>> poles = poles_from(np.array([40.0, 40.0]), np.array([0.01, 0.01]))
+    >>> table = PoleTable([2, 4], poles, ["o", "s"], [[1.0], [1.0]], (Dof(1, "+Z"),), band=(20.0, 60.0))
+    >>> stabilisation(table).axes[0].get_ylabel()
+    'Model order'
     """
     figure = new_figure(5.2)
     axes = figure.subplots()

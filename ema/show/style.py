@@ -132,10 +132,10 @@ def mark_modes(axes: Axes, frequencies: np.ndarray, rows: int = 3) -> None:
         if not low <= frequency <= high:
             continue
         axes.axvline(frequency, color=VERMILION, lw=0.7, ls=(0, (4, 2)), zorder=1.5, alpha=0.8)
-        place = (frequency - low) / (high - low)
-        row = next((row for row in range(rows) if place - ends[row] >= room), None)
+        position = (frequency - low) / (high - low)
+        row = next((row for row in range(rows) if position - ends[row] >= room), None)
         if row is not None:
-            ends[row] = place
+            ends[row] = position
             axes.annotate(
                 str(number),
                 (frequency, 1),

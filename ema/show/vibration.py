@@ -15,29 +15,53 @@ from ema.show.style import SERIES, new_figure, styled
 def _row(run: Response, dof: Dof | str | None) -> int:
     if dof is None:
         return 0
-    found = match([Dof.parse(dof)], run.dofs)
-    if not found:
+    matches = match([Dof.parse(dof)], run.dofs)
+    if not matches:
         raise InputError(
             "no such DOF in the response", where=run.name, got=str(dof), expected=", ".join(str(d) for d in run.dofs)
         )
-    return found[0][1]
+    return matches[0][1]
 
 
 @styled
 def free_vibration(
     runs: Sequence[Response], labels: Sequence[str], dof: Dof | str | None = None, contacts: Sequence[int] | None = None
 ) -> Figure:
-    """Displacement and energy over time, and below for each run the loops of some contacts.
+    """Draw displacement and energy over time, and below for each run the loops of some contacts.
 
     Parameters
     ----------
-    labels : one for each run.
-    dof : whose displacement; the first one of each run by default.
-    contacts : numbers of the contacts whose loops are drawn; first, middle and last by default.
+    runs : sequence of Response
+        Motions.
+    labels : sequence of str
+        One for each run.
+    dof : Dof or str, optional
+        DOF whose displacement is drawn; the first one of each run by default.
+    contacts : sequence of int, optional
+        Numbers of the contacts whose loops are drawn; first, middle and last by default.
+
+    Returns
+    -------
+    Figure
+        The figure.
 
     Raises
     ------
-    InputError : no run, a run without that DOF, a contact number that does not exist.
+    InputError
+        If there is no run, a run lacks the DOF, or a contact number does not exist.
+
+    Examples
+    --------
+    >>> from ema.data import EnergyBalance, Response
+    >>> from ema.dof import Dof
+    >>> zero = np.zeros(2)
+    >>> run = Response(
+    ...     times=[0.0, 0.1], displacements=[zero], velocities=[zero], dofs=(Dof(1, "+X"),), slips=[[1e-6, -1e-6]],
+    ...     forces=[[5.0, -5.0]], dissipated=[1e-5], slip_time=[0.5],
+    ...     energy=EnergyBalance([1.0, 0.9], zero, zero, zero, zero, zero),
+    ... )
+    >>> len(free_vibration([run], ["100 N"]).axes) > 2
+    True
     """
     if not runs or len(labels) != len(runs):
         raise InputError(
@@ -78,14 +102,46 @@ def velocity_comparison(
     dof: Dof | str | None = None,
     zoom: float | None = None,
 ) -> Figure:
-    """Two velocities over time, at the start and as a whole, and their spectra in ``band`` Hz.
+    """Draw two velocities over time, at the start and as a whole, and their spectra.
 
-    ``zoom`` s is how much of the start is drawn large; a tenth of the record by default. Samples of a simulation have
-    passed no anti-alias filter: a spectrum of them wants a high sampling rate.
+    Samples of a simulation have passed no anti-alias filter: their spectrum needs a high sampling rate.
+
+    Parameters
+    ----------
+    measured, computed : Response
+        Motions to compare.
+    band : tuple of (float, float)
+        Ends of the band of the spectra [Hz].
+    labels : tuple of (str, str), default ('measured', 'computed')
+        Names of the two.
+    dof : Dof or str, optional
+        DOF whose velocity is drawn; the first one by default.
+    zoom : float, optional
+        How much of the start is drawn large [s]; a tenth of the record by default.
+
+    Returns
+    -------
+    Figure
+        The figure.
 
     Raises
     ------
-    InputError : a run without that DOF.
+    InputError
+        If a run lacks the DOF.
+
+    Examples
+    --------
+    >>> from ema.data import EnergyBalance, Response
+    >>> from ema.dof import Dof
+    >>> times = np.linspace(0.0, 1.0, 256)
+    >>> zero = np.zeros(256)
+    >>> run = Response(
+    ...     times=times, displacements=[np.cos(200 * times)], velocities=[-200 * np.sin(200 * times)],
+    ...     dofs=(Dof(1, "+X"),), slips=np.zeros((0, 256)), forces=np.zeros((0, 256)), dissipated=[], slip_time=[],
+    ...     energy=EnergyBalance(zero, zero, zero, zero, zero, zero),
+    ... )
+    >>> len(velocity_comparison(run, run, band=(10.0, 100.0)).axes)
+    3
     """
     figure = new_figure(5.2)
     upper, lower = np.ravel(figure.subfigures(2, 1, squeeze=False))

@@ -35,6 +35,7 @@ _HOMES = {
     "damping_map": "ema.simulate.maps",
     "double_beam": "ema.elements",
     "frf": "ema.simulate.harmonic",
+    "frf_up_and_down": "ema.simulate.branches",
     "hammer_pulse": "ema.simulate.waveforms",
     "identify": "ema.simulate.identification",
     "loop": "ema.simulate.loops",

@@ -1,6 +1,7 @@
 from ema.elements import beam as beam
 from ema.elements import double_beam as double_beam
 from ema.elements import plate_matrices as plate_matrices
+from ema.simulate.branches import frf_up_and_down as frf_up_and_down
 from ema.simulate.contact import ContactCurve as ContactCurve
 from ema.simulate.contact import PowerContact as PowerContact
 from ema.simulate.contact import Unilateral as Unilateral

@@ -21,18 +21,47 @@ _OPEN = 1e-9
 
 
 def Unilateral() -> NormalContact:
-    """A linear spring that carries no tension: the surfaces part."""
+    """Return the normal contact of a linear spring that carries no tension: the surfaces part.
+
+    Returns
+    -------
+    NormalContact
+        The normal contact.
+
+    Examples
+    --------
+    >>> Unilateral().exponent
+    1.0
+    """
     return NormalContact("power")
 
 
 def PowerContact(exponent: float, reference_force: float = 1000.0) -> NormalContact:
-    """N ~ penetration^exponent without tension; the joint's ``normal_stiffness`` is its slope at ``reference_force`` N.
+    """Return a normal contact by a power law without tension, N ~ penetration^exponent.
 
     A normal stiffness that grows with N^a belongs to the exponent 1 / (1 - a): 1.5 is Hertz's (a = 1/3), 2 has a = 0.5.
 
+    Parameters
+    ----------
+    exponent : float
+        Exponent, 1 or more.
+    reference_force : float, default 1000.0
+        Normal force [N] of the whole joint at which the joint's ``normal_stiffness`` is the slope.
+
+    Returns
+    -------
+    NormalContact
+        The normal contact.
+
     Raises
     ------
-    InputError : the exponent is below 1, the force is not positive.
+    InputError
+        If the exponent is below 1, or the force is not positive.
+
+    Examples
+    --------
+    >>> PowerContact(1.5).exponent
+    1.5
     """
     contact = NormalContact("power", float(exponent), float(reference_force))
     check_normal_contact(contact, "normal contact")
@@ -40,11 +69,29 @@ def PowerContact(exponent: float, reference_force: float = 1000.0) -> NormalCont
 
 
 def ContactCurve(penetrations: Sequence[float], forces: Sequence[float]) -> NormalContact:
-    """Points of a curve: penetration in m, normal force in N of the whole joint.
+    """Return a normal contact by points of a curve.
+
+    Parameters
+    ----------
+    penetrations : sequence of float
+        Penetrations [m], ascending.
+    forces : sequence of float
+        Normal forces of the whole joint [N], ascending from 0.
+
+    Returns
+    -------
+    NormalContact
+        The normal contact.
 
     Raises
     ------
-    InputError : fewer than two points, not ascending, a force at the first point.
+    InputError
+        If there are fewer than two points, they do not ascend, or the first force is not 0.
+
+    Examples
+    --------
+    >>> ContactCurve([0.0, 1e-6, 2e-6], [0.0, 100.0, 300.0]).name
+    'curve'
     """
     if len(penetrations) != len(forces):
         raise InputError(
@@ -59,15 +106,32 @@ def ContactCurve(penetrations: Sequence[float], forces: Sequence[float]) -> Norm
 
 
 def own_contact(function: Callable[[float], float], deepest: float, points: int = 400) -> NormalContact:
-    """A normal law of one's own: ``function`` of the penetration in m is the force in N of the whole joint.
+    """Return a normal contact by a law of one's own.
 
-    It is taken at ``points`` places from 0 to ``deepest`` m, closer together near 0.
+    Parameters
+    ----------
+    function : callable
+        Force of the whole joint [N] over the penetration [m].
+    deepest : float
+        Largest penetration [m].
+    points : int, default 400
+        Number of points at which the function is read, from 0 to ``deepest``, closer together near 0.
 
-    >>> rough = own_contact(lambda depth: 2e9 * depth + 1e15 * depth**2, deepest=1e-5)
+    Returns
+    -------
+    NormalContact
+        The normal contact, as a curve.
 
     Raises
     ------
-    InputError : the function does not rise from 0.
+    InputError
+        If the function does not rise from 0.
+
+    Examples
+    --------
+    >>> rough = own_contact(lambda depth: 2e9 * depth + 1e15 * depth**2, deepest=1e-5)
+    >>> len(rough.points)
+    400
     """
     places = deepest * np.linspace(0, 1, points) ** 2
     return ContactCurve(places.tolist(), [float(function(float(place))) for place in places])
@@ -345,12 +409,31 @@ def _open_at_rest(pairs: NormalPairs, where: str) -> list[Finding]:
 
 
 def preload(model: BeamModel) -> ContactPressure:
-    """How the normal forces of a model spread over its node pairs at rest, before anything moves.
+    """Compute how the normal forces of a model spread over its node pairs at rest, before anything moves.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The model.
+
+    Returns
+    -------
+    ContactPressure
+        Normal forces and pressures at rest.
 
     Raises
     ------
-    InputError : the model is not physical.
-    FailureError : no equilibrium was found.
+    InputError
+        If the model is not physical.
+    FailureError
+        If no equilibrium is reached.
+
+    Examples
+    --------
+    >>> from ema.simulate import Masing, double_beam
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4)
+    >>> round(float(preload(model).forces.sum()), 3)
+    1000.0
     """
     from ema.simulate.structure import assemble
 

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ema.simulate.harmonic import Condensed
+from ema.simulate.harmonic import EVALUATION, Condensed
 
 _NUDGE = 1e-7
 """Relative change for differences by y: Newton's method keeps half the digits of its matrix, which is enough."""
@@ -185,7 +185,8 @@ class SlipForces:
         return self.omega
 
     def contact_forces(self, amplitudes: np.ndarray, unknowns: np.ndarray) -> tuple[np.ndarray, ...]:
-        """As ``Condensed.contact_forces``."""
+        """As ``Condensed.contact_forces``; counts against the budget."""
+        self.condensed.left -= amplitudes.size + EVALUATION
         return self.condensed.contact_forces(amplitudes, self.omega, self.condensed.fine, float(np.exp(unknowns[0])))
 
     def moves_forces(self, index: int) -> bool:
@@ -229,7 +230,7 @@ def lowered_slip_forces(
         found = bordered_newton(path, ahead[:-1].reshape(shape) * size, ahead[-1:])
         if found is None:
             step *= 0.5
-            if step < _SHORTEST_ARC:
+            if step < _SHORTEST_ARC or condensed.left < 0:
                 return None
             continue
         before, here = here, path.plane.coordinates(found.amplitudes, found.unknowns)

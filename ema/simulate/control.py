@@ -172,24 +172,56 @@ def controlled_snapback(
     progress: Progress = silent,
     tolerance: float = 1e-3,
 ) -> Response:
-    """Snap-back with a controller for the normal forces.
+    """Simulate a snap-back with a controller for the normal forces.
 
     Parameters
     ----------
-    load : N at DOF ``at``; ``duration`` s.
-    law : called every ``actuator.sampling_time`` with a ``Measured``; the displacement is that of ``sensor`` (``at`` by
-        default). A law that remembers is copied, so that one object serves many runs.
-    step : s of the time integration, not above the sampling time; the longest that is tried. By default 50 us, or the
-        sampling time where that is shorter.
-    start_force : normal force in N of every joint while the load is raised, and until the first command arrives; that
-        of the model by default. k_T stays that of the model's normal force.
-    check : halve the step until the error estimate of the displacements is below ``tolerance`` of the largest one. A
-        law that chatters with high waves may never get there, which a finding says. Without it there is one run with
-        ``step``, and no estimate.
+    model : BeamModel
+        The model.
+    law : ControlLaw
+        Called every ``actuator.sampling_time`` with a ``Measured``; returns the normal force of every joint [N], or one
+        for all. A law that remembers is copied, so that one object serves many runs.
+    load : float
+        Load that is released [N].
+    at : Dof or str
+        DOF of the load.
+    duration : float
+        Length of the run [s].
+    actuator : Actuator, optional
+        Sampling, delay and limits of the controller.
+    sensor : Dof or str, optional
+        DOF whose displacement the law is given; that of the load by default.
+    step : float, optional
+        Step of the time integration [s], not above the sampling time; the longest that is tried. By default 50 us, or
+        the sampling time where that is shorter.
+    start_force : float, optional
+        Normal force of every joint [N] while the load is raised, and until the first command arrives; that of the model
+        by default. k_T stays that of the model's normal force.
+    check : bool, default True
+        Halve the step until the error estimate of the displacements is below ``tolerance``. A law that chatters with
+        high waves may never get there, which a finding says. Without it there is one run with ``step``, and no
+        estimate.
+    progress : Progress, optional
+        Called during the run.
+    tolerance : float, default 0.001
+        Error of the displacements over the largest one.
+
+    Returns
+    -------
+    Response
+        The motion, with the normal forces.
 
     Raises
     ------
-    InputError : the law returns NaN or the wrong number of forces; a time is not positive.
+    InputError
+        If the law returns NaN or the wrong number of forces, or a time is not positive.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> run = controlled_snapback(beam_model(), lambda seen: 200.0, load=60.0, at="1:+X", duration=0.01, check=False)
+    >>> float(run.normal_forces[0, -1])
+    200.0
     """
     actuator, dof = actuator or Actuator(), Dof.parse(at)
     step = min(_FIRST_STEP, actuator.sampling_time) if step is None else step
@@ -215,9 +247,9 @@ def controlled_snapback(
     fits_memory(model.name, samples, 4 * len(problem.base.frequencies) + 4 * len(problem.system.contacts.limits) + 12)
     ramped = problem if start_force is None else prepare(model.with_normal_force(start_force), [dof])
     before = [joint.normal_force if start_force is None else start_force for joint in model.joints]
-    state = released(ramped, load, dof)
 
     def attempt(finer: int) -> tuple[np.ndarray, Response]:
+        state = released(ramped, load, dof, finer=finer)
         run = _run(problem, ramped, state, deepcopy(law), actuator, seen, step / finer, duration, before, progress)
         return np.asarray(run.displacements), run
 

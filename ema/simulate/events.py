@@ -170,14 +170,45 @@ def snapback_reference(
     check: bool = False,
     progress: Progress = silent,
 ) -> Response:
-    """The snap-back of ``ema.simulate.snapback``, exact between the events of Masing-type laws.
+    """Compute the snap-back of ``ema.simulate.snapback`` exactly between the events of Masing-type laws.
 
-    ``spacing`` s of the instants at which an event is looked for; a sixth of the shortest period by default. With
-    ``check`` the run is repeated at half the spacing and the difference is the error estimate.
+    Parameters
+    ----------
+    model : BeamModel
+        The model.
+    load : float
+        Load [N].
+    at : Dof or str
+        DOF of the load.
+    duration : float
+        Length of the run [s].
+    outputs : sequence of Dof or str, optional
+        DOFs whose motion is kept; the loaded one by default.
+    sampling_rate : float, default 5000.0
+        Rate of the samples kept [Hz].
+    spacing : float, optional
+        Distance [s] of the instants at which events are looked for; a sixth of the shortest period by default.
+    check : bool, default False
+        Repeat the run at half the spacing; the difference is the error estimate.
+    progress : Progress, optional
+        Called during the run.
+
+    Returns
+    -------
+    Response
+        The motion.
 
     Raises
     ------
-    InputError : a law is not piecewise linear, the background damping is not proportional to mass.
+    InputError
+        If a law is not piecewise linear, or the background damping is not proportional to mass.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> motion = snapback_reference(beam_model(), load=60.0, at="1:+X", duration=0.02)
+    >>> motion.times[-1].round(3).item()
+    0.02
     """
     dof = Dof.parse(at)
     problem = prepare(model, outputs or [dof])

@@ -19,10 +19,31 @@ PIECEWISE_LINEAR = tuple(name for name, law in CATALOGUE.items() if law.kernel i
 
 
 def Masing(friction_coefficient: float, contact_stiffness: float, **options: Any) -> FrictionLaw:
-    """Elastic up to F_C, then sliding (Gaul, Roseira and Becker 2008, Eq. 4).
+    """Return the law of a spring in series with a dry slider: elastic up to F_C, then sliding.
 
-    ``friction_coefficient`` -, ``contact_stiffness`` N/m of the whole joint. ``options`` of every law:
-    ``stiffness_exponent``, ``reference_force`` N, ``stiffness_cap`` N/m, ``isotropic`` (see ``FrictionLaw``).
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, slip force over normal force.
+    contact_stiffness : float
+        k_T of the whole joint [N/m].
+    **options : object
+        Options of every law: ``stiffness_exponent``, ``reference_force`` [N], ``stiffness_cap`` [N/m], ``isotropic``;
+        see ``FrictionLaw``.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
+
+    References
+    ----------
+    .. [1] Gaul, Roseira and Becker (2008), Eq. 4.
+
+    Examples
+    --------
+    >>> Masing(0.3, 2e7).name
+    'masing'
     """
     return FrictionLaw("masing", friction_coefficient, contact_stiffness, **options)
 
@@ -30,13 +51,39 @@ def Masing(friction_coefficient: float, contact_stiffness: float, **options: Any
 def RegularisedMasing(
     friction_coefficient: float, contact_stiffness: float, exponent: float = 8.0, **options: Any
 ) -> FrictionLaw:
-    """The smooth evolution rule (Gaul, Roseira and Becker 2008, Eq. 5) with ``exponent`` m > 0 on \\|F/F_C\\|.
+    """Return the smooth evolution rule with an exponent m on ``|F/F_C|``.
 
     It dissipates below F_C, and a preload relaxes under small cycles, which no Masing spring does.
 
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, slip force over normal force.
+    contact_stiffness : float
+        k_T of the whole joint [N/m].
+    exponent : float, default 8.0
+        m, above 0.
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
+
     Raises
     ------
-    InputError : the exponent is not positive.
+    InputError
+        If the exponent is not positive.
+
+    References
+    ----------
+    .. [1] Gaul, Roseira and Becker (2008), Eq. 5.
+
+    Examples
+    --------
+    >>> RegularisedMasing(0.3, 2e7).parameters
+    (('exponent', 8.0),)
     """
     if not (np.isfinite(exponent) and exponent > 0):
         raise InputError("not an exponent", where="regularised Masing", got=exponent, expected="m > 0, e.g. 8")
@@ -48,25 +95,70 @@ def RegularisedMasing(
 def BoucWen(
     friction_coefficient: float, contact_stiffness: float, exponent: float = 1.0, gamma: float = 0.5, **options: Any
 ) -> FrictionLaw:
-    """Bouc (1967) and Wen (1976): dF/du = k_T (1 - \\|F/F_C\\|^n (gamma + beta sgn(F du))), beta = 1 - gamma.
+    """Return the law of Bouc and Wen: ``dF/du = k_T (1 - |F/F_C|^n (gamma + beta sgn(F du)))``, beta = 1 - gamma.
 
-    ``exponent`` n above 0. With A = beta + gamma the force ends at F_C; a spring in parallel belongs in the structure.
-    ``gamma`` from -1 to 1/2: above it the law would gain energy (Erlicher and Point 2004), at 1/2 unloading is
-    elastic and the law that of ``RegularisedMasing``, below it unloading is stiffer than k_T.
+    With A = beta + gamma the force ends at F_C; a spring in parallel belongs in the structure.
+
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, slip force over normal force.
+    contact_stiffness : float
+        k_T of the whole joint [N/m].
+    exponent : float, default 1.0
+        n, above 0.
+    gamma : float, default 0.5
+        From -1 to 1/2: above it the law would gain energy, at 1/2 unloading is elastic and the law that of
+        :func:`RegularisedMasing`, below it unloading is stiffer than k_T.
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
 
     Raises
     ------
-    InputError : a parameter outside these limits.
+    InputError
+        If a parameter is outside these limits.
+
+    References
+    ----------
+    .. [1] Bouc (1967); Wen (1976), Journal of the Engineering Mechanics Division 102:249.
+    .. [2] Limits of gamma: Erlicher and Point (2004).
+
+    Examples
+    --------
+    >>> BoucWen(0.3, 2e7, exponent=2.0).parameters
+    (('exponent', 2.0), ('gamma', 0.5))
     """
     parameters = checked("bouc wen", exponent, gamma)
     return FrictionLaw("bouc wen", friction_coefficient, contact_stiffness, parameters, **options)
 
 
 def Coulomb(friction_coefficient: float, stick_stiffness: float = float("inf"), **options: Any) -> FrictionLaw:
-    """Rigid friction as the stiff limit of a Masing spring.
+    """Return the law of rigid friction, as the stiff limit of a Masing spring.
 
-    ``stick_stiffness`` N/m of the whole joint; by default 1000 times the structure's own stiffness at the contacts,
-    and a finding of every result tells the number.
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, slip force over normal force.
+    stick_stiffness : float, optional
+        Stiffness of the sticking joint [N/m]; by default 1000 times the structure's own stiffness at the contacts, and
+        a finding of every result states the number.
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
+
+    Examples
+    --------
+    >>> Coulomb(0.3).name
+    'coulomb'
     """
     return FrictionLaw("coulomb", friction_coefficient, stick_stiffness, **options)
 
@@ -78,11 +170,35 @@ def ParallelMasing(
     force_shares: Sequence[float],
     **options: Any,
 ) -> FrictionLaw:
-    """Masing springs in parallel; the shares (each list sums to 1) divide k_T and F_C among them.
+    """Return the law of Masing springs in parallel.
+
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu of all springs together.
+    contact_stiffness : float
+        k_T of all springs together [N/m].
+    stiffness_shares : sequence of float
+        Share of each spring in k_T, above 0, sum 1.
+    force_shares : sequence of float
+        Share of each spring in the slip force, sum 1.
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
 
     Raises
     ------
-    InputError : the lists differ in length, hold a negative number, or do not sum to 1.
+    InputError
+        If the lists differ in length, hold a negative number, or do not sum to 1.
+
+    Examples
+    --------
+    >>> len(ParallelMasing(0.3, 2e7, [0.5, 0.5], [0.2, 0.8]).parameters)
+    4
     """
     for name, shares in (("stiffness_shares", stiffness_shares), ("force_shares", force_shares)):
         if min(shares, default=-1) < 0 or abs(sum(shares) - 1) > 1e-9:
@@ -109,11 +225,41 @@ def Iwan(
     springs: int = 60,
     **options: Any,
 ) -> FrictionLaw:
-    """Four-parameter Iwan model (Segalman 2005): F_S = mu F_N, K_T, chi, beta, in ``springs`` Masing springs.
+    """Return the four-parameter Iwan model in Masing springs: F_S = mu F_N, K_T, chi, beta.
+
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, slip force over normal force.
+    contact_stiffness : float
+        K_T of the whole joint [N/m].
+    chi : float, default -0.5
+        Exponent of the density of slip forces, above -1 up to 0; the loss in microslip grows with amplitude^(3 + chi).
+    beta : float, default 1.0
+        Stiffness of the spring that slips last over that of the others, 0 or more.
+    springs : int, default 60
+        Number of Masing springs.
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
 
     Raises
     ------
-    InputError : chi outside (-1, 0], beta below 0, fewer than 2 springs.
+    InputError
+        If chi is outside (-1, 0], beta below 0, or there are fewer than 2 springs.
+
+    References
+    ----------
+    .. [1] Segalman (2005), A four-parameter Iwan model for lap-type joints, Journal of Applied Mechanics 72:752.
+
+    Examples
+    --------
+    >>> dict(Iwan(0.3, 2e7).parameters)["springs"]
+    60.0
     """
     if not -1 < chi <= 0 or not beta >= 0 or springs < 2:
         raise InputError(
@@ -133,25 +279,77 @@ def ModifiedIwan(
     springs: int = 60,
     **options: Any,
 ) -> FrictionLaw:
-    """Iwan model with any power of the density of slip forces, so that the loss in microslip ~ amplitude^(3 + chi).
+    """Return an Iwan model with any power of the density of slip forces.
 
-    The equations of Segalman (2005) hold for any chi above -1, where the stiffness is finite; he has chi up to 0, which
-    is ``Iwan``. Here it goes up to 1.
+    The loss in microslip grows with amplitude^(3 + chi). The equations of Segalman (2005) hold for any chi above -1,
+    where the stiffness is finite; he has chi up to 0, which is :func:`Iwan`. Here it goes up to 1.
+
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, slip force over normal force.
+    contact_stiffness : float
+        K_T of the whole joint [N/m].
+    chi : float, default 0.5
+        Exponent of the density of slip forces, above -1 up to 1.
+    beta : float, default 1.0
+        As of :func:`Iwan`.
+    springs : int, default 60
+        Number of Masing springs.
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
 
     Raises
     ------
-    InputError : chi outside (-1, 1], beta below 0, fewer than 2 springs.
+    InputError
+        If chi is outside (-1, 1], beta below 0, or there are fewer than 2 springs.
+
+    Examples
+    --------
+    >>> dict(ModifiedIwan(0.3, 2e7).parameters)["chi"]
+    0.5
     """
     parameters = checked("modified iwan", chi, beta, springs)
     return FrictionLaw("modified iwan", friction_coefficient, contact_stiffness, parameters, **options)
 
 
 def Dahl(friction_coefficient: float, contact_stiffness: float, shape: float = 1.0, **options: Any) -> FrictionLaw:
-    """Dahl (1968): dF/du = k_T \\|1 - sgn(v) F/F_C\\|^shape.
+    """Return the law of Dahl: ``dF/du = k_T |1 - sgn(v) F/F_C|^shape``.
+
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, slip force over normal force.
+    contact_stiffness : float
+        k_T of the whole joint [N/m].
+    shape : float, default 1.0
+        Exponent, above 0.
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
 
     Raises
     ------
-    InputError : the shape exponent is not positive.
+    InputError
+        If the exponent is not positive.
+
+    References
+    ----------
+    .. [1] Dahl (1968), A solid friction model, Aerospace Corporation.
+
+    Examples
+    --------
+    >>> Dahl(0.3, 2e7).parameters
+    (('shape', 1.0),)
     """
     if not (np.isfinite(shape) and shape > 0):
         raise InputError("not a shape exponent", where="Dahl", got=shape, expected="above 0, usually 1")
@@ -159,14 +357,39 @@ def Dahl(friction_coefficient: float, contact_stiffness: float, shape: float = 1
 
 
 def Valanis(friction_coefficient: float, contact_stiffness: float, kappa: float = 0.9, **options: Any) -> FrictionLaw:
-    """Valanis (1971) without hardening: dF/du = k_T (1 - phi) / (1 - kappa phi).
+    """Return the law of Valanis without hardening: dF/du = k_T (1 - phi) / (1 - kappa phi).
 
-    phi is F/F_C in the direction of motion, ``kappa`` goes from 0, which is Dahl's law, to 0.999,
-    which is nearly a Masing spring (Gaul and Nitsche 2001).
+    phi is F/F_C in the direction of motion.
+
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, slip force over normal force.
+    contact_stiffness : float
+        k_T of the whole joint [N/m].
+    kappa : float, default 0.9
+        From 0, which is Dahl's law, to 0.999, which is nearly a Masing spring.
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
 
     Raises
     ------
-    InputError : kappa is outside these limits.
+    InputError
+        If kappa is outside these limits.
+
+    References
+    ----------
+    .. [1] Valanis (1971); Gaul and Nitsche (2001), Applied Mechanics Reviews 54:93.
+
+    Examples
+    --------
+    >>> Valanis(0.3, 2e7).parameters
+    (('kappa', 0.9),)
     """
     return FrictionLaw("valanis", friction_coefficient, contact_stiffness, checked("valanis", kappa), **options)
 
@@ -180,13 +403,43 @@ def LuGre(
     stribeck_velocity: float = 1e-3,
     **options: Any,
 ) -> FrictionLaw:
-    """LuGre (Canudas de Wit et al. 1995) of the whole joint.
+    """Return the LuGre law of the whole joint.
 
-    ``bristle_damping`` and ``viscous`` in N s/m, ``static_ratio`` F_S/F_C, ``stribeck_velocity`` in m/s.
+    Parameters
+    ----------
+    friction_coefficient : float
+        mu, Coulomb force F_C over normal force.
+    contact_stiffness : float
+        Stiffness of the bristles [N/m].
+    bristle_damping : float, default 0.0
+        Damping of the bristles [N s/m].
+    viscous : float, default 0.0
+        Viscous damping [N s/m].
+    static_ratio : float, default 1.0
+        F_S/F_C, 1 or more.
+    stribeck_velocity : float, default 0.001
+        Stribeck velocity [m/s].
+    **options : object
+        As of :func:`Masing`.
+
+    Returns
+    -------
+    FrictionLaw
+        The law.
 
     Raises
     ------
-    InputError : a negative damping, a static ratio below 1, a velocity that is not positive.
+    InputError
+        If a damping is negative, the static ratio below 1, or the velocity not positive.
+
+    References
+    ----------
+    .. [1] Canudas de Wit, Olsson, Åström and Lischinsky (1995), IEEE Transactions on Automatic Control 40:419.
+
+    Examples
+    --------
+    >>> dict(LuGre(0.3, 2e7, static_ratio=1.2).parameters)["static ratio"]
+    1.2
     """
     if min(bristle_damping, viscous) < 0 or static_ratio < 1 or not stribeck_velocity > 0:
         raise InputError(
@@ -207,16 +460,33 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
     """Make a law of one's own known to both solvers.
 
     ``function(force, slip_increment, contact_stiffness, slip_force, p0, p1, p2, p3)`` returns the new force; it is
-    compiled. Up to four parameters are handed through. The result is used like every other law:
+    compiled. Up to four parameters are handed through. The result is used like every other law.
 
+    Parameters
+    ----------
+    name : str
+        Name of the law.
+    function : UserFunction
+        The law.
+
+    Returns
+    -------
+    callable
+        Makes the law from ``friction_coefficient``, ``contact_stiffness`` [N/m] and its parameters.
+
+    Raises
+    ------
+    InputError
+        If the name is taken by a built-in law, or the function cannot be compiled or does not return a number.
+
+    Examples
+    --------
     >>> def jenkins(force, du, k, limit, p0, p1, p2, p3):
     ...     return min(max(force + k * du, -limit), limit)
     >>> mine = register_law("jenkins of mine", jenkins)
     >>> law = mine(friction_coefficient=0.3, contact_stiffness=1e9)
-
-    Raises
-    ------
-    InputError : the name is taken by a built-in law, the function cannot be compiled or does not return a number.
+    >>> law.name
+    'jenkins of mine'
     """
     import numba as nb
 

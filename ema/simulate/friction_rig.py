@@ -34,19 +34,57 @@ _ROUNDS, _COIL = 6, 2e-3
 
 @dataclass(frozen=True)
 class FrictionRig(Rig):
-    """Any structure with friction joints; see :class:`ema.simulate.rig.Rig` for what it is given.
+    """Any structure with friction joints, measured virtually.
 
-    Every blow, sweep, step, release or random force of ``drive`` starts from rest and unstressed contacts. A ring cell
-    that states no mean shows the normal force of its joint in the model, and always its dynamic part.
+    Every impact, sweep, step, release or random force of ``drive`` starts from rest and unstressed contacts. A ring
+    cell that states no mean shows the normal force of its joint in the model, and always its dynamic part.
 
     Parameters
     ----------
-    tolerance : error of the displacements of a time run over the largest one, or of a steady state.
-    modes : number of modes kept besides the static corrections; by default all below twice the sampling rate.
+    model : BeamModel
+        The structure.
+    drive : Drive
+        What excites it.
+    responses : tuple of Channel
+        Channels of the responses; ``range`` is the full scale in SI, ``None`` for no limit.
+    sampling_rate : float
+        Sampling rate [Hz].
+    rings : tuple of RingCell, optional
+        Ring load cells recorded with the signals, one channel each.
+    force_range : float, optional
+        Full scale of the force channels [N].
+    noise : mapping of str to float, optional
+        Rms of the noise of each quantity in SI, such as ``{"acceleration": 0.02}``.
+    bits : int, optional
+        Resolution of the converter over plus and minus full scale; ``None`` for none.
+    reversed_sensors : tuple of str, optional
+        Names of response channels that are mounted upside down without anybody knowing.
+    seed : int, default 0
+        The same seed gives the same records, whichever of them are used.
+    start : datetime, optional
+        Time of the first record.
+    name : str, default "virtual"
+        What the rig is called in messages.
+    tolerance : float, default 0.001
+        Error of the displacements of a time run over the largest one, or of a steady state.
+    modes : int, optional
+        Number of modes kept besides the static corrections; by default all below twice the sampling rate.
 
     Raises
     ------
-    InputError : the model is not physical, has no such DOF or joint, or a response is no motion.
+    InputError
+        If the model is not physical, has no such DOF or joint, or a response is no motion.
+
+    Examples
+    --------
+    >>> from ema.data import Channel
+    >>> from ema.dof import Dof
+    >>> from ema.examples import beam_model
+    >>> from ema.simulate import SnapBack
+    >>> acc = Channel("acc", Dof(1, "+X"), "acceleration", unit="m/s^2")
+    >>> rig = FrictionRig(beam_model(), SnapBack(Dof(1, "+X"), load=100.0, duration=0.2), (acc,), 1000.0)
+    >>> [channel.name for channel in rig.channels]
+    ['force 1', 'acc']
     """
 
     model: BeamModel
@@ -66,7 +104,31 @@ class FrictionRig(Rig):
                 )
 
     def signals(self, number: int, rng: np.random.Generator) -> Float[np.ndarray, "channel sample"]:
-        """What the structure does in one record: forces, responses, ring cells."""
+        """Simulate one record.
+
+        Parameters
+        ----------
+        number : int
+            Record, from 0.
+        rng : Generator
+            Source of the random numbers.
+
+        Returns
+        -------
+        array of shape (channel, sample)
+            Forces, responses and ring cells in SI, before noise and conversion.
+
+        Examples
+        --------
+        >>> from ema.data import Channel
+        >>> from ema.dof import Dof
+        >>> from ema.examples import beam_model
+        >>> from ema.simulate import SnapBack
+        >>> acc = Channel("acc", Dof(1, "+X"), "acceleration", unit="m/s^2")
+        >>> rig = FrictionRig(beam_model(), SnapBack(Dof(1, "+X"), load=100.0, duration=0.2), (acc,), 1000.0)
+        >>> bool(np.all(np.isfinite(rig.signals(0, np.random.default_rng(1)))))
+        True
+        """
         if isinstance(self.drive, SteppedSine) and self.drive.settle is None:
             return self._steady(number, rng)
         rate = FINER * self.sampling_rate

@@ -9,7 +9,7 @@ matters.
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import positive
+from ema.simulate.factors import Factors
 from ema.simulate.transient import Problem, prepare, sampled_normal_forces
 
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
@@ -37,9 +38,13 @@ _KEPT = 4
 """Frequencies whose unit motions are kept: that of a point, and those between which a summit is sought."""
 SAFETY, LEAST_ERROR = 4.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
-FEWEST_HARMONICS, WIDER_STARTS, _MOST_RUNS, _MOST_ROUGH = 3, (5, 9, 14), 400, 60
-"""Harmonics of the first try, and of those after it failed; Newton runs per frequency, after which it counts as one
-without a steady state, and where a neighbour would do as well."""
+FEWEST_HARMONICS, WIDER_STARTS = 3, (5, 9, 14)
+"""Harmonics of the first try, and of those after it failed."""
+BUDGET, EVALUATION, _ROUGH_SHARE, _JUDGING = 4_000_000, 200, 0.04, 40
+"""Unknowns, summed over the evaluations of the contact forces, that the search at one frequency may take; as how many
+an evaluation counts besides; the share of a search where a neighbour would do as well; and evaluations that remain to
+judge the best solution of a search that was ended. Of 379 cold starts (:mod:`tests.bench.cold_starts`) the one that is
+found last takes 2.1 million: the budget is twice that. One contact is given up after some 19,000 evaluations."""
 _ALONG_THE_ARC, _FINE_START = 0.95, 4
 """Ratio of neighbouring slip forces from which on a solution is sought with more nodes or along the arc, and the factor
 on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried."""
@@ -81,7 +86,8 @@ class _Coarse:
 class Condensed:
     """A prepared model seen from its contacts and one driving force of amplitude ``force`` N.
 
-    ``harmonics`` fixes the number of harmonics; by default the ``tolerance`` decides.
+    ``harmonics`` fixes the number of harmonics; by default the ``tolerance`` decides. ``budget``: unknowns and
+    ``EVALUATION`` more, summed over the evaluations of the contact forces, after which the search at a frequency ends.
     """
 
     problem: Problem
@@ -90,6 +96,7 @@ class Condensed:
     tolerance: float = 5e-3
     most_orders: int = 64
     harmonics: int | None = None
+    budget: int = BUDGET
     limits: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -105,18 +112,22 @@ class Condensed:
         self.springs, self.rates = self.problem.laws.springs(), self.problem.laws.rates()
         self.exact = bool((self.springs[0] > 0).all())
         self.members = np.arange(len(self.limits))[:, None].copy()
-        self.odd, self.fine, self.left, self.share = True, 1, _MOST_RUNS, 1.0
+        self.odd, self.fine, self.left, self.share = True, 1, self.budget, 1.0
         self.accuracy = _CONVERGED
         self.rows = np.array([base.row(self.problem.system, dof) for dof in self.problem.outputs])
         self._bases: dict[int, np.ndarray] = {}
         self._coarse: dict[int, _Coarse] = {}
+        self._factors = Factors()
         self._motions: dict[float, np.ndarray] = {}
         self._loads = np.column_stack([base.slip.T, self.load / self.force])
 
     @cached_property
-    def smooth(self) -> tuple[Any, ...] | None:
-        """What the kernels take for laws that are no Masing springs."""
-        return None if self.exact else (self.rates, self.problem.laws.one_by_one())
+    def quadrature(self) -> tuple[Any, Any]:
+        """What the kernels take for laws that are no Masing springs: those without rates, and LuGre."""
+        laws = self.problem.laws
+        smooth = (self.springs[0] == 0) & ~self.rates
+        bristles = (self.rates, laws.parameters) if self.rates.any() else None
+        return laws.one_by_one() if smooth.any() else None, bristles
 
     def orders(self, count: int) -> Int[np.ndarray, "harmonic"]:
         """The first harmonics: 1, 3, 5 ... of an odd motion, else 0, 1, 2 ..."""
@@ -206,7 +217,7 @@ class Condensed:
             (self.orders(count), self.basis(count), self.odd, fine, omega),
             (self.stiffness, level * self.limits, self.members),
             self.springs,
-            self.smooth,
+            *self.quadrature,
             derive,
         )
         return result
@@ -238,7 +249,6 @@ class Condensed:
 
     def _newton(self, omega: float, start: np.ndarray, gains: np.ndarray, level: float = 1.0) -> tuple[Any, ...] | None:
         """Newton's method with slip forces raised by ``level``; ``None`` where it fails."""
-        self.left -= 1
         if self.left < 0:
             return None
         found = self._run(omega, start, gains, level, 25)
@@ -256,6 +266,7 @@ class Condensed:
         amplitudes = trial = np.ascontiguousarray(start)
         step, norm, length, steps = np.zeros_like(trial), np.inf, 1.0, 0
         while True:
+            self.left -= trial.size + EVALUATION
             forces, jacobian, lost, slips = self.contact_forces(trial, omega, self.fine, level)
             rest = self.kernels.residual(trial, drive, gains, forces)
             new, size = _norm(rest), _norm(trial)
@@ -273,7 +284,7 @@ class Condensed:
             amplitudes, norm, length, steps = trial, new, 1.0, steps + 1
             step = self.newton_step(omega, gains, (jacobian, slips), rest, forcing=forcing)
             trial = amplitudes - step
-            if steps > most:
+            if steps > most or self.left < 0:
                 break
         return -1, trial, forces, jacobian, lost, slips
 
@@ -316,9 +327,20 @@ class Condensed:
         places = np.flatnonzero(moving)
         if not len(places):
             return rest
-        matrix = self.kernels.newton_matrix(gains, jacobian, self.members, slips, places)
-        step = np.zeros_like(rest)
-        step[moving] = np.linalg.solve(matrix, rest[moving].ravel()).reshape(len(places), -1)
+        zero, step, change = np.zeros_like(rest), np.zeros_like(rest), np.zeros_like(rest)
+
+        def product(vector: np.ndarray) -> np.ndarray:
+            change[moving] = vector.reshape(len(places), -1)
+            pushed = self.kernels.linear_change(change, jacobian, self.members, slips)
+            return np.asarray(self.kernels.residual(change, zero, gains, pushed)[moving].ravel())
+
+        def matrix() -> np.ndarray:
+            return np.asarray(self.kernels.newton_matrix(gains, jacobian, self.members, slips, places))
+
+        solved = self._factors.solve(
+            (rest.shape[1], *map(int, places)), product, matrix, rest[moving].ravel(), _FORCING
+        )
+        step[moving] = solved.reshape(len(places), -1)
         pushed = self.kernels.linear_change(step, jacobian, self.members, slips)
         step[~moving] = -self.kernels.residual(np.zeros_like(rest), rest, gains, pushed)[~moving]
         return step
@@ -405,7 +427,8 @@ class Condensed:
 
     def rough(self, frequency: float, start: np.ndarray | None, count: int) -> _Point | None:
         """Solution with ``count`` harmonics and without an error estimate, to see where the response is large."""
-        omega, self.left, self.accuracy = 2 * np.pi * frequency, _MOST_ROUGH, _CONVERGED_ROUGHLY
+        omega, self.accuracy = 2 * np.pi * frequency, _CONVERGED_ROUGHLY
+        self.left = int(_ROUGH_SHARE * self.budget)
         found = self._reached(omega, start, self.gains(omega, count))
         self.accuracy = _CONVERGED
         return None if found is None else _Point(omega, found[1], found[2], found[4], np.nan)
@@ -413,18 +436,25 @@ class Condensed:
     def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
         """Solution at one frequency in Hz with as many harmonics as the tolerance asks for; ``None``: none found.
 
-        ``start`` (contact, 2 H): amplitudes of a neighbour. Its number of harmonics is where the search begins.
+        ``start`` (contact, 2 H): amplitudes of a neighbour. Its number of harmonics is where the search begins. Where
+        the budget ends the search, ``self.left`` is negative, and the best solution is judged besides.
         """
-        self.left = _MOST_RUNS
+        self.left = self.budget
         point = self._tried(frequency, start)
-        return point if point is not None or self.harmonics is not None else self._from_aside(frequency)
+        if point is None and self.harmonics is None:
+            point = self._from_aside(frequency)
+        if self.left < 0 and point is not None and point.error == 1.0:
+            over, self.left = self.left, _JUDGING * (2 * point.amplitudes.size + EVALUATION)
+            point.error = self.judged(point)
+            self.left = over
+        return point
 
     def _tried(self, frequency: float, start: np.ndarray | None) -> _Point | None:
         """The solution from the start, or from wider ones where there is none."""
         point = self._solved(frequency, start)
         for count in WIDER_STARTS:
             # forces that hardly follow the displacement may have no solution with few harmonics
-            if point is None and self.harmonics is None:
+            if point is None and self.harmonics is None and self.left >= 0:
                 wider = np.zeros((len(self.limits), 2 * count)) if start is None else with_harmonics(start, count)
                 point = self._solved(frequency, wider)
         return point
@@ -432,6 +462,8 @@ class Condensed:
     def _from_aside(self, frequency: float) -> _Point | None:
         """The solution reached from one at a frequency beside, in steps that are halved where one of them fails."""
         for aside in _ASIDE:
+            if self.left < 0:
+                break
             place, share = frequency * (1 + aside), 1.0
             point = self._tried(place, None)
             while point is not None and share > _SHORTEST:
@@ -490,7 +522,8 @@ class Condensed:
                 point.error = self.judged(point)
             if point.error <= self.tolerance or count >= self.most_orders:
                 return point
-            count = min(count + max(1, count // 2), self.most_orders)
+            before_count, count = count, min(count + max(1, count // 2), self.most_orders)
+            self.fine = self.fineness(before_count, count)
 
     def _doubt(self, point: _Point, other: _Point | None) -> float:
         """Error estimate of the first harmonic, relative, from a solution with another number of harmonics.
@@ -498,12 +531,13 @@ class Condensed:
         Small differences come about by chance: never less than a part of the tolerance is stated, and 1 where there is
         nothing to compare with.
         """
-        if other is None:
-            return 1.0
+        return 1.0 if other is None else max(SAFETY * self._change(point, other), LEAST_ERROR * self.tolerance)
+
+    def _change(self, point: _Point, other: _Point) -> float:
+        """How far the first harmonics of the outputs or of the contacts are apart, relative."""
         place = slice(0, 2) if self.odd else slice(2, 4)
         pairs = ((self.first(point), self.first(other)), (point.amplitudes[:, place], other.amplitudes[:, place]))
-        moved = max(float(np.linalg.norm(a - b)) / max(float(np.linalg.norm(a)), 1e-300) for a, b in pairs)
-        return max(SAFETY * moved, LEAST_ERROR * self.tolerance)
+        return max(float(np.linalg.norm(a - b)) / max(float(np.linalg.norm(a)), 1e-300) for a, b in pairs)
 
     def _again(self, point: _Point, gains: np.ndarray) -> _Point | None:
         """The solution with the harmonics of ``gains``, from one with more or fewer."""
@@ -523,15 +557,15 @@ class Condensed:
         return error
 
     def _widened(self, point: _Point, gains: np.ndarray) -> tuple[Float[np.ndarray, "contact size"], float]:
-        """A Newton step with all harmonics of ``gains``, and how much it changes the first one, relative."""
-        start = point.amplitudes
-        wide = self._run(point.omega, with_harmonics(start, gains.shape[1]), gains, 1.0, 0, _ROUGHLY)[1]
-        change = self._first_part(wide[:, : start.shape[1]] - start)
-        return wide, change / max(self._first_part(start), 1e-300)
+        """A Newton step with all harmonics of ``gains``, and how much it changes the first one, relative.
 
-    def _first_part(self, amplitudes: np.ndarray) -> float:
-        """Size of the first harmonic of all contacts."""
-        return float(np.linalg.norm(amplitudes[:, slice(0, 2) if self.odd else slice(2, 4)]))
+        Where the structure yields little to the forces of the contacts, the outputs may move far when their motion
+        hardly does.
+        """
+        start = with_harmonics(point.amplitudes, gains.shape[1])
+        wide = self._run(point.omega, start, gains, 1.0, 0, _ROUGHLY)[1]
+        forces, _, lost, _ = self.contact_forces(wide, point.omega, self.fine, derive=False)
+        return wide, self._change(point, _Point(point.omega, wide, forces, lost, 1.0))
 
     def refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
@@ -541,6 +575,10 @@ class Condensed:
         force = np.linalg.norm(better - forces) / max(float(np.linalg.norm(better)), 1e-300)
         loss = abs(lost_better.sum() - lost.sum()) / max(abs(float(lost_better.sum())), 1e-300)
         return lost_better, float(max(force, loss))
+
+    def fineness(self, count: int, more: int) -> int:
+        """Factor on the nodes with ``more`` harmonics to begin with, where ``self.fine`` was enough for ``count``."""
+        return self.fine
 
     def modal(self, point: _Point) -> Complex[np.ndarray, "harmonic mode"]:
         """Complex amplitudes of all modes at all harmonics of a solution."""
@@ -635,25 +673,74 @@ def frf(
     harmonics: int | None = None,
     progress: Progress = silent,
     normal_forces: Float[np.ndarray, "joint phase"] | None = None,
+    verify: bool = False,
+    *,
+    budget: int = BUDGET,
 ) -> HarmonicResponse:
-    """Steady states over frequency at one force level, each with its error estimate.
+    """Compute steady states over frequency at one force level, each with its error estimate.
 
     Parameters
     ----------
-    frequencies : Hz.
-    force : amplitude in N of the force at DOF ``at``.
-    outputs : DOFs whose amplitudes are wanted.
-    tolerance : wanted error of the first harmonic of the slips, relative; harmonics are added until it is met.
-    harmonics : the highest harmonic kept, instead of as many as the tolerance asks for.
-    normal_forces : of every joint in N at even phases of a period of the exciting force, which begins where it is
+    model : BeamModel
+        The model.
+    frequencies : array of shape (freq,)
+        Frequencies [Hz].
+    force : float
+        Amplitude of the force [N].
+    at : Dof or str
+        DOF of the force.
+    outputs : sequence of Dof or str
+        DOFs whose amplitudes are computed.
+    tolerance : float, default 0.005
+        Relative error of the first harmonic of the slips that is aimed at; harmonics are added until it is met.
+    modes : int, optional
+        Number of modes kept besides the static corrections; all by default.
+    harmonics : int, optional
+        Highest harmonic kept, instead of as many as the tolerance asks for.
+    progress : Progress, optional
+        Called during the computation.
+    normal_forces : array of shape (joint, phase), optional
+        Normal forces of every joint [N] at even phases of a period of the exciting force, which begins where it is
         largest, linear in between; those of the model by default. k_T stays that of the model.
+    verify : bool, default False
+        Let the time solver go on from every solution until it settles; the error is the distance from there. A state
+        that it leaves is unstable, which a finding says, and has an error of 1.
+    budget : int, default 4 000 000
+        Unknowns and 200 more, summed over the evaluations of the contact forces, that the search at one frequency may
+        take. Where it ends the search, the best solution is returned with its error, and the finding ``budget-spent``
+        says so. The default is twice what the slowest of 379 cold starts took, which was 40 s on a busy core.
+
+    Returns
+    -------
+    HarmonicResponse
+        Steady states.
 
     Raises
     ------
-    InputError : the force is not positive, a frequency is not positive, a normal force is negative.
+    InputError
+        If the force, the budget or a frequency is not positive, a normal force is negative, or ``verify`` is asked for
+        contacts that depend on each other.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> response = frf(beam_model(), np.array([60.0, 70.0]), force=1.0, at="1:+X", outputs=["1:+X"])
+    >>> response.converged
+    array([ True,  True])
     """
+    from ema.simulate.verification import verified
+
+    positive(model.name, budget=budget)
     condensed = condense(model, force, at, outputs, tolerance, modes, normal_forces)
+    condensed.budget = budget
     condensed.keep(harmonics)
+    if verify and type(condensed) is not Condensed:
+        raise InputError(
+            "verify=True follows friction in one direction under constant normal forces",
+            where=model.name,
+            got="contacts that depend on each other",
+            advice="check such a state by ema.simulate.respond",
+        )
     if not len(frequencies) or not np.all(np.isfinite(frequencies)) or np.min(frequencies) <= 0:
         raise InputError(
             "not frequencies of excitation",
@@ -663,14 +750,61 @@ def frf(
         )
     rows = np.array([condensed.problem.base.row(condensed.problem.system, dof) for dof in condensed.problem.outputs])
     points: list[_Point | None] = []
+    unstable: list[float] = []
+    ended: list[tuple[float, int, _Point | None]] = []
     branch = Branch(condensed.tolerance)
     for number, frequency in enumerate(frequencies):
         advance(progress, "frequencies", number, len(frequencies))
         point = condensed.solve(float(frequency), branch.start(float(frequency)))
-        points.append(point)
         branch.add(point)
+        if condensed.left < 0:
+            ended.append((float(frequency), budget - condensed.left, point))
+        if verify and point is not None:
+            seen = verified(condensed, point)
+            point = replace(point, error=seen.error)
+            unstable += [] if seen.settles else [float(frequency)]
+        points.append(point)
     response = _response(condensed, np.asarray(frequencies), points, rows)
+    findings = *response.findings, *_ended(condensed, ended), *_instability(condensed, unstable)
+    response = replace(response, findings=findings)
     return condensed.completed(response, points)
+
+
+def _ended(condensed: Condensed, searches: list[tuple[float, int, _Point | None]]) -> list[Finding]:
+    """A finding where the budget ended the search: frequencies in Hz, what was spent, what there is."""
+    if not searches:
+        return []
+    frequency, spent, point = max(searches, key=lambda search: np.inf if search[2] is None else search[2].error)
+    what = "no steady state was found" if point is None else f"the error estimate is {point.error:.1e}"
+    return [
+        Finding(
+            "warning",
+            "budget-spent",
+            condensed.problem.system.name,
+            f"the budget ended the search at {len(searches)} frequencies; at {frequency:.5g} Hz {what} after {spent}, "
+            "counted in unknowns and 200 more for each evaluation of the contact forces.",
+            float(spent),
+            float(condensed.budget),
+            "Ask for fewer harmonics (harmonics), a looser tolerance, or a larger budget (budget).",
+        )
+    ]
+
+
+def _instability(condensed: Condensed, frequencies: list[float]) -> list[Finding]:
+    """A finding where the motion leaves its steady state."""
+    if not frequencies:
+        return []
+    return [
+        Finding(
+            "warning",
+            "unstable-state",
+            condensed.problem.system.name,
+            f"the motion in time leaves the steady state at {len(frequencies)} frequencies.",
+            frequencies[0],
+            None,
+            "Use the time solver, ema.simulate.respond, there.",
+        )
+    ]
 
 
 def condense(

@@ -61,11 +61,20 @@ class JoinedCondensed(Condensed):
         self.share = self.level = 1.0
         self._tables: dict[tuple[int, int], np.ndarray] = {}
 
+    def _fewest_samples(self, count: int) -> int:
+        """Samples of a period from which on they are made finer."""
+        return max(64, 8 * int(self.orders(count)[-1]))
+
+    def fineness(self, count: int, more: int) -> int:
+        """About as many samples as before: kinks ask for them, whatever the number of harmonics."""
+        share = self.fine * self._fewest_samples(count) / self._fewest_samples(more)
+        return 2 ** max(0, round(np.log2(share)))
+
     def _samples(self, count: int, fine: int) -> Float[np.ndarray, "sample size"]:
         """cos and sin of the harmonics at even samples of a period."""
         if (count, fine) not in self._tables:
             orders = self.orders(count)
-            samples = fine * max(64, 8 * int(orders[-1]))
+            samples = fine * self._fewest_samples(count)
             angle = 2 * np.pi * np.arange(samples)[:, None] / samples * orders
             self._tables[count, fine] = np.stack([np.cos(angle), np.sin(angle)], -1).reshape(samples, -1)
         return self._tables[count, fine]
@@ -81,7 +90,7 @@ class JoinedCondensed(Condensed):
         force = np.array([np.interp(at, phases, np.append(row, row[0])) for row in self.pressing])
         return np.asarray(force[list(contacts.joint[:first])] * (self.level * contacts.friction[:first, None]))
 
-    def _forces(self, amplitudes: np.ndarray, omega: float, fine: int) -> tuple[np.ndarray, ...]:
+    def _forces(self, amplitudes: np.ndarray, omega: float, fine: int, derive: bool) -> tuple[np.ndarray, ...]:
         count = amplitudes.shape[1] // 2
         basis = self._samples(count, fine)
         ties = self.ties
@@ -92,6 +101,7 @@ class JoinedCondensed(Condensed):
             self.laws,
             (ties.partner, ties.pressed_by, self.level * ties.friction),
             self.bounds,
+            derive,
         )
         return result
 
@@ -99,7 +109,7 @@ class JoinedCondensed(Condensed):
         self, amplitudes: np.ndarray, omega: float, fine: int = 1, level: float = 1.0, derive: bool = True
     ) -> tuple[np.ndarray, ...]:
         """Deviations (contact, 2 H), their Jacobian, losses and who deviates; ``self.level`` raises slip forces."""
-        return self._forces(amplitudes, omega, fine)[:4]
+        return self._forces(amplitudes, omega, fine, derive)[:4]
 
     def room(self) -> Float[np.ndarray, "contact"]:
         """Forces in N below which contacts stick, and normal contacts stay closed."""
@@ -155,7 +165,7 @@ class JoinedCondensed(Condensed):
 
     def pressed(self, point: _Point) -> Float[np.ndarray, "normal 4"]:
         """Least and greatest normal force in N, share of the period open, widest gap in m of the normal contacts."""
-        return np.asarray(self._forces(with_harmonics(point.amplitudes, point.count), point.omega, self.fine)[4])
+        return np.asarray(self._forces(with_harmonics(point.amplitudes, point.count), point.omega, self.fine, False)[4])
 
     def completed(self, response: HarmonicResponse, points: Sequence[_Point | None]) -> HarmonicResponse:
         """The response with the slips of the friction contacts alone, and a finding where pairs part."""

@@ -9,6 +9,7 @@ import numpy as np
 from ema.compiled import compiled
 from ema.contact.call_kernels import LIMIT
 from ema.contact.linear_kernels import matvec
+from ema.simulate.bristle_kernels import bristle_period
 from ema.simulate.period_kernels import masing_period
 from ema.simulate.quadrature_kernels import smooth_period
 
@@ -41,7 +42,7 @@ def weakest(stiffness, limit, shares_k, shares_f, count):
 
 
 @compiled(error_model="numpy")
-def contact_forces(amplitudes, period, contact, springs, smooth, derive):
+def contact_forces(amplitudes, period, contact, springs, smooth, bristles, derive):
     """Deviations G (contact, 2 H), Jacobian (contact, member, 2 H, 2 H), losses per period, who slips.
 
     Without ``derive`` the Jacobian is not made.
@@ -50,8 +51,8 @@ def contact_forces(amplitudes, period, contact, springs, smooth, derive):
     whether the motion is odd, a factor on the number of nodes, angular frequency. contact: stiffnesses, slip forces,
     and members (contact, member), the contacts on whose motion the force of a contact depends, itself first, then -1.
     springs: number of Masing springs of every contact, 0 for other laws, and their shares of stiffness and slip force.
-    smooth: None when all contacts are Masing springs, for quadrature is then not compiled; else whether the force of
-    every contact depends on velocities, and what ``ContactLaws.one_by_one`` gives.
+    smooth: what ``ContactLaws.one_by_one`` gives. bristles: whether a contact has LuGre's law, and the parameters of
+    all. Either is None where no contact asks for it, and its quadrature is then not compiled.
     """
     (orders, basis, odd, fine, omega), (stiffness, limits, members) = period, contact
     counts, shares_k, shares_f = springs
@@ -63,7 +64,7 @@ def contact_forces(amplitudes, period, contact, springs, smooth, derive):
     cosine, sine = np.empty((length, highest)), np.empty((length, highest))
     rates, bends = np.empty(basis.shape[1]), np.empty(basis.shape[1])
     if smooth is not None:
-        smooth[1][3][LIMIT] = limits
+        smooth[3][LIMIT] = limits
     for i in range(contacts):
         masing = counts[i] > 0
         at = i if derive else 0
@@ -92,19 +93,14 @@ def contact_forces(amplitudes, period, contact, springs, smooth, derive):
                 derive,
             )
             slips[i] = largest(forces[i]) > 0.0
-        if smooth is not None and not masing:
-            lost[i] = smooth_period(
-                i,
-                smooth[0][i],
-                smooth[1],
-                amplitudes[i],
-                (orders, odd, fine, omega),
-                (rates, bends, place, value, cosine, sine),
-                forces[i],
-                jacobian[at, 0],
-                derive,
-            )
-            slips[i] = largest(forces[i]) > 1e-12 * limits[i]
+            continue
+        period, room = (orders, odd, fine, omega), (rates, bends, place, value, cosine, sine)
+        if bristles is not None and bristles[0][i]:
+            law = stiffness[i], limits[i], bristles[1][i]
+            lost[i] = bristle_period(law, amplitudes[i], period, room, forces[i], jacobian[at, 0], derive)
+        elif smooth is not None:
+            lost[i] = smooth_period(i, smooth, amplitudes[i], period, room, forces[i], jacobian[at, 0], derive)
+        slips[i] = largest(forces[i]) > 1e-12 * limits[i]
     return forces, jacobian, lost, slips
 
 

@@ -25,20 +25,46 @@ def measured_loop(
     steady: bool = True,
     name: str = "",
 ) -> Loop:
-    """Last whole cycles of a measured loop, with its energy per cycle and what is suspicious about it.
+    """Return the last whole cycles of a measured loop, with its energy per cycle and what is suspicious about it.
 
     A force that was recorded with the wrong sign is reversed; the loop lies about the middle of its motion.
 
     Parameters
     ----------
-    times : s, rising; ``displacements`` m; ``forces`` N; ``frequency`` Hz of the imposed motion.
-    normal_forces : N over time, or one number.
-    cycles : how many cycles are averaged, where there are so many.
-    steady : take the last cycles at full amplitude; otherwise the last periods of the record, with any run-down.
+    times : array of shape (sample,)
+        Times [s], rising.
+    displacements : array of shape (sample,)
+        Relative displacement [m].
+    forces : array of shape (sample,)
+        Tangential force [N].
+    frequency : float
+        Frequency of the imposed motion [Hz].
+    normal_forces : array of shape (sample,) or float, optional
+        Normal force [N] over time, or one number.
+    cycles : int, default 3
+        How many cycles are averaged, where there are so many.
+    steady : bool, default True
+        Take the last cycles at full amplitude; otherwise the last periods of the record, with any run-down.
+    name : str, optional
+        What the loop is called in messages.
+
+    Returns
+    -------
+    Loop
+        The loop.
 
     Raises
     ------
-    InputError : the record is shorter than one cycle, a sample is not finite, the times do not rise, nothing moves.
+    InputError
+        If the record is shorter than one cycle, a sample is not finite, the times do not rise, or nothing moves.
+
+    Examples
+    --------
+    >>> times = np.arange(1025) / 1024.0
+    >>> angle = 2 * np.pi * 10.0 * times
+    >>> cycle = measured_loop(times, 1e-6 * np.cos(angle), 5.0 * np.cos(angle + np.pi / 6), frequency=10.0)
+    >>> round(1e6 * cycle.area, 1)  # pi * 1e-6 m * 5 N * sin(30 deg) = 7.85e-6 J
+    7.8
     """
     _check(times, displacements, forces, frequency, name)
     if cycles < 1 or np.shape(normal_forces) not in ((), times.shape):

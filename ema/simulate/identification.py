@@ -62,14 +62,41 @@ class JointParameters:
 
 
 def identify(loops: Sequence[Loop], reference_force: float = 1000.0) -> JointParameters:
-    """Fit Eq. (5) to every loop and the laws k_T(F_N) = k (F_N/F_ref)^alpha and F_C = mu F_N to all of them.
+    """Identify a joint from its hysteresis loops at several normal forces.
 
-    Loops that do not slide tell k_T only; then mu has a lower bound and m is unknown, and findings say so.
+    The smooth evolution rule is fitted to every loop, and the laws k_T(F_N) = k (F_N/F_ref)^alpha and F_C = mu F_N to
+    all of them. Loops that do not slide determine k_T only; then mu has a lower bound and m is unknown, and findings
+    say so.
+
+    Parameters
+    ----------
+    loops : sequence of Loop
+        Loops with their normal force.
+    reference_force : float, default 1000.0
+        F_ref [N].
+
+    Returns
+    -------
+    JointParameters
+        Parameters of the joint with their 95 % intervals.
 
     Raises
     ------
-    InputError : there is no loop, a normal force is unknown, the reference force is not positive,
-        a loop has too few samples or does not move.
+    InputError
+        If there is no loop, a normal force is unknown, the reference force is not positive, or a loop has too few
+        samples or does not move.
+
+    References
+    ----------
+    .. [1] Gaul, Roseira and Becker (2008), Eq. 5.
+
+    Examples
+    --------
+    >>> from ema.simulate import RegularisedMasing, loop
+    >>> truth = RegularisedMasing(0.3, 2e7)
+    >>> found = identify([loop(truth, force, amplitude=5e-5, samples=512) for force in (500.0, 1000.0)])
+    >>> round(found.friction_coefficient, 3)
+    0.3
     """
     positive("identification of a joint", reference_force=reference_force)
     if not loops:

@@ -36,7 +36,22 @@ class Waveform(ABC):
 
 @dataclass(frozen=True)
 class Blow:
-    """One half-sine blow: it begins at ``time`` s, is ``peak`` N high and lasts ``contact_time`` s."""
+    """One half-sine impact.
+
+    Parameters
+    ----------
+    time : float
+        Beginning [s].
+    peak : float
+        Peak force [N].
+    contact_time : float
+        Contact time [s].
+
+    Examples
+    --------
+    >>> Blow(time=0.1, peak=800.0, contact_time=6e-4).peak
+    800.0
+    """
 
     time: float
     peak: float
@@ -58,14 +73,30 @@ def spectrum_of(blows: tuple[Blow, ...], frequencies: Float[np.ndarray, "freq"])
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that goes wrong on purpose: in record ``take`` and blow ``hit`` (from 0).
+    """Something that goes wrong on purpose in one impact.
 
-    ``double hit`` adds a second blow of ``strength`` times the first one ``delay`` s later; ``overload`` makes the blow
-    ``strength`` times as hard as the mean.
+    Parameters
+    ----------
+    take : int
+        Record, from 0.
+    hit : int
+        Impact in the record, from 0.
+    kind : str
+        ``double hit`` adds a second impact, ``overload`` makes the impact harder.
+    strength : float, default 0.3
+        Of a double hit, the second peak over the first; of an overload, the peak over the mean.
+    delay : float, default 0.025
+        Time [s] from the first to the second impact of a double hit.
 
     Raises
     ------
-    InputError : another ``kind``.
+    InputError
+        If the kind is another one.
+
+    Examples
+    --------
+    >>> Fault(take=0, hit=2, kind="double hit").delay
+    0.025
     """
 
     take: int
@@ -81,15 +112,43 @@ class Fault:
 
 @dataclass(frozen=True)
 class RovingHammer:
-    """A hammer that hits one of ``points`` in each record, ``hits`` times.
+    """A hammer that strikes one point in each record, several times.
 
-    ``peak`` N and ``contact_time`` s are means, their scatters are relative standard deviations; harder blows are
-    shorter, as with a real tip. The first blow comes ``pre_trigger`` s after the start, the next ones ``spacing`` s
-    apart with a standard deviation of ``jitter`` s.
+    Harder impacts are shorter, as with a real tip.
+
+    Parameters
+    ----------
+    points : tuple of Dof
+        DOFs of the impacts, one record for each.
+    hits : int, default 5
+        Number of impacts in a record.
+    peak : float, default 800.0
+        Mean peak force [N].
+    scatter : float, default 0.15
+        Relative standard deviation of the peak force.
+    contact_time : float, default 0.0006
+        Mean contact time [s].
+    contact_scatter : float, default 0.05
+        Relative standard deviation of the contact time.
+    pre_trigger : float, default 0.1
+        Time of the first impact [s].
+    spacing : float, default 1.1
+        Time between impacts [s].
+    jitter : float, default 0.01
+        Standard deviation of the times [s].
+    faults : tuple of Fault, optional
+        What goes wrong on purpose.
 
     Raises
     ------
-    InputError : there is no point, a number is negative or none.
+    InputError
+        If there is no point, or a number is negative or not finite.
+
+    Examples
+    --------
+    >>> hammer = RovingHammer((Dof(1, "+Z"), Dof(2, "+Z")), hits=3)
+    >>> len(hammer.blows(0, np.random.default_rng(1)))
+    3
     """
 
     points: tuple[Dof, ...]
@@ -131,11 +190,46 @@ class RovingHammer:
         return Excitation(kind="hammer", level=self.peak, std=self.scatter * self.peak)
 
     def dofs(self, take: int) -> tuple[Dof, ...]:
-        """Where the force of a record acts."""
+        """Return where the force of a record acts.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+
+        Returns
+        -------
+        tuple of Dof
+            One DOF.
+
+        Examples
+        --------
+        >>> [str(dof) for dof in RovingHammer((Dof(1, "+Z"), Dof(2, "+Z"))).dofs(1)]
+        ['2:+Z']
+        """
         return (self.points[take],)
 
     def blows(self, take: int, rng: np.random.Generator) -> tuple[Blow, ...]:
-        """The blows of one record, faults included."""
+        """Return the impacts of one record, faults included.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+        rng : Generator
+            Source of the random numbers.
+
+        Returns
+        -------
+        tuple of Blow
+            Impacts in order of time.
+
+        Examples
+        --------
+        >>> hammer = RovingHammer((Dof(1, "+Z"),), hits=2, faults=(Fault(0, 0, "double hit"),))
+        >>> len(hammer.blows(0, np.random.default_rng(1)))
+        3
+        """
         # drawn as factors around 1 and kept positive, so that no draw can turn a blow round
         level = np.clip(rng.normal(1, self.scatter, self.hits), 0.2, 3)
         contact = np.clip(rng.normal(1, self.contact_scatter, self.hits), 0.5, 2)
@@ -156,24 +250,91 @@ class RovingHammer:
     def spectra(
         self, take: int, frequencies: Float[np.ndarray, "freq"], sampling_rate: float, rng: np.random.Generator
     ) -> Complex[np.ndarray, "in freq"]:
-        """Fourier transforms in N s of the forces of one record."""
+        """Return the Fourier transforms of the forces of one record.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+        frequencies : array of shape (freq,)
+            Frequencies [Hz].
+        sampling_rate : float
+            Not used: the pulses are transformed in closed form.
+        rng : Generator
+            Source of the random numbers.
+
+        Returns
+        -------
+        complex array of shape (in, freq)
+            Spectra [N s].
+
+        Examples
+        --------
+        >>> hammer = RovingHammer((Dof(1, "+Z"),), hits=1, scatter=0.0, contact_scatter=0.0)
+        >>> impulse = hammer.spectra(0, np.array([0.0]), 4096.0, np.random.default_rng(1))
+        >>> half_sine = 2 / np.pi * 800.0 * 0.6e-3  # mean over peak, peak, contact time
+        >>> round(float(impulse[0, 0].real / half_sine), 6)
+        1.0
+        """
         return spectrum_of(self.blows(take, rng), frequencies)[None]
 
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
     ) -> Float[np.ndarray, "in sample"]:
-        """Forces in N of one record."""
+        """Return the forces of one record.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+        times : array of shape (sample,)
+            Times [s].
+        rng : Generator
+            Source of the random numbers.
+
+        Returns
+        -------
+        array of shape (in, sample)
+            Forces [N].
+
+        Examples
+        --------
+        >>> hammer = RovingHammer((Dof(1, "+Z"),), hits=1)
+        >>> hammer.series(0, np.arange(512) / 4096.0, np.random.default_rng(1)).shape
+        (1, 512)
+        """
         blows = [hammer_pulse(times, blow.peak, blow.contact_time, blow.time) for blow in self.blows(take, rng)]
         return np.asarray(np.sum(blows, axis=0))[None]
 
 
 @dataclass(frozen=True)
 class RandomShakers(Waveform):
-    """Shakers that drive all ``points`` at once with independent random forces of ``level`` N (rms) in ``band`` Hz.
+    """Shakers that drive all points at once with independent random forces.
+
+    Parameters
+    ----------
+    points : tuple of Dof
+        DOFs of the forces.
+    level : float
+        Level of each force [N rms].
+    band : tuple of (float, float)
+        Ends of the band [Hz].
+    duration : float
+        Length of a record [s].
+    takes : int, default 1
+        Number of records.
 
     Raises
     ------
-    InputError : there is no point, a number is not positive, the band is empty.
+    InputError
+        If there is no point, a number is not positive, or the band is empty.
+
+    Examples
+    --------
+    >>> shakers = RandomShakers((Dof(1, "+Z"), Dof(4, "+Z")), level=5.0, band=(10.0, 200.0), duration=4.0)
+    >>> forces = shakers.series(0, np.arange(4096) / 1024.0, np.random.default_rng(1))
+    >>> np.sqrt(np.mean(forces**2, axis=1)).round(6)
+    array([5., 5.])
     """
 
     points: tuple[Dof, ...]
@@ -199,13 +360,50 @@ class RandomShakers(Waveform):
         return Excitation(kind="random", level=self.level, band=self.band)
 
     def dofs(self, take: int) -> tuple[Dof, ...]:
-        """Where the forces act."""
+        """Return where the forces act.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+
+        Returns
+        -------
+        tuple of Dof
+            One DOF per shaker.
+
+        Examples
+        --------
+        >>> [str(dof) for dof in RandomShakers((Dof(1, "+Z"),), 5.0, (10.0, 200.0), 4.0).dofs(0)]
+        ['1:+Z']
+        """
         return self.points
 
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
     ) -> Float[np.ndarray, "in sample"]:
-        """Forces in N of one record."""
+        """Return the forces of one record.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+        times : array of shape (sample,)
+            Times [s], evenly spaced.
+        rng : Generator
+            Source of the random numbers.
+
+        Returns
+        -------
+        array of shape (in, sample)
+            Forces [N].
+
+        Examples
+        --------
+        >>> shakers = RandomShakers((Dof(1, "+Z"),), 5.0, (10.0, 200.0), 4.0)
+        >>> shakers.series(0, np.arange(64) / 1024.0, np.random.default_rng(1)).shape
+        (1, 64)
+        """
         from scipy.fft import irfft
 
         size = 2 * len(times)
@@ -218,13 +416,34 @@ class RandomShakers(Waveform):
 
 @dataclass(frozen=True)
 class SweptShaker(Waveform):
-    """One shaker whose force of ``level`` N (amplitude) sweeps linearly through ``band`` Hz in ``sweep_time`` s.
+    """One shaker whose force sweeps linearly through a band, once or several times without a pause (a periodic chirp).
 
-    It does so ``sweeps`` times without a pause (a periodic chirp); the record goes on for ``duration`` s in all.
+    Parameters
+    ----------
+    point : Dof
+        DOF of the force.
+    level : float
+        Amplitude of the force [N].
+    band : tuple of (float, float)
+        First and last frequency [Hz].
+    sweep_time : float
+        Time of one sweep [s].
+    duration : float
+        Length of a record [s].
+    takes : int, default 1
+        Number of records.
+    sweeps : int, default 1
+        Number of sweeps in a record.
 
     Raises
     ------
-    InputError : a number is not positive.
+    InputError
+        If a number is not positive.
+
+    Examples
+    --------
+    >>> SweptShaker(Dof(1, "+Z"), level=5.0, band=(20.0, 60.0), sweep_time=8.0, duration=10.0).takes
+    1
     """
 
     point: Dof
@@ -253,13 +472,50 @@ class SweptShaker(Waveform):
         return Excitation(kind="sweep", level=self.level, band=self.band)
 
     def dofs(self, take: int) -> tuple[Dof, ...]:
-        """Where the force acts."""
+        """Return where the force acts.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+
+        Returns
+        -------
+        tuple of Dof
+            One DOF.
+
+        Examples
+        --------
+        >>> [str(dof) for dof in SweptShaker(Dof(1, "+Z"), 5.0, (20.0, 60.0), 8.0, 10.0).dofs(0)]
+        ['1:+Z']
+        """
         return (self.point,)
 
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
     ) -> Float[np.ndarray, "in sample"]:
-        """Force in N of one record."""
+        """Return the force of one record.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+        times : array of shape (sample,)
+            Times [s].
+        rng : Generator
+            Not used: nothing is drawn.
+
+        Returns
+        -------
+        array of shape (in, sample)
+            Force [N], zero after the sweeps.
+
+        Examples
+        --------
+        >>> drive = SweptShaker(Dof(1, "+Z"), 5.0, (20.0, 60.0), sweep_time=8.0, duration=10.0)
+        >>> drive.series(0, np.array([9.0]), np.random.default_rng(1))
+        array([[0.]])
+        """
         return swept_sine(times, self.level, self.band, self.sweep_time, self.sweeps)[None]
 
 
@@ -267,12 +523,24 @@ class SweptShaker(Waveform):
 class Shaker:
     """What a shaker takes of the force that its current makes, and what sits below the load cell.
 
-    ``damping`` N s/m by the back-EMF of the coil ((B l)^2 / R), ``moving_mass`` kg of armature and stinger,
-    ``mount_mass`` kg between load cell and structure.
+    Parameters
+    ----------
+    damping : float, default 0.0
+        Damping by the back-EMF of the coil [N s/m], (B l)^2 / R.
+    moving_mass : float, default 0.0
+        Mass of armature and stinger [kg].
+    mount_mass : float, default 0.0
+        Mass between load cell and structure [kg].
 
     Raises
     ------
-    InputError : a number is negative or none.
+    InputError
+        If a number is negative or not finite.
+
+    Examples
+    --------
+    >>> Shaker(moving_mass=0.2).mount_mass
+    0.0
     """
 
     damping: float = 0.0
@@ -283,22 +551,59 @@ class Shaker:
         not_negative("shaker", damping=self.damping, moving_mass=self.moving_mass, mount_mass=self.mount_mass)
 
     def taken(self, frequency: float) -> complex:
-        """Force in N per m of motion at the drive point that does not reach the structure."""
+        """Return the force per displacement of the drive point that does not reach the structure, j w c - w^2 m.
+
+        Parameters
+        ----------
+        frequency : float
+            Frequency [Hz].
+
+        Returns
+        -------
+        complex
+            Force over displacement [N/m].
+
+        Examples
+        --------
+        >>> round(Shaker(moving_mass=0.2).taken(10.0).real, 2)
+        -789.57
+        """
         omega = 2 * np.pi * frequency
         return complex(1j * omega * self.damping - omega**2 * (self.moving_mass + self.mount_mass))
 
 
 @dataclass(frozen=True)
 class SteppedSine:
-    """One shaker that stays at each of ``frequencies`` Hz with ``level`` N (amplitude): one record for each of them.
+    """One shaker that stays at each of some frequencies: one record for each of them.
 
-    A record holds ``duration`` s of the steady state. With ``settle`` of None it is found by harmonic balance; else
-    every record begins that many s after the force was switched on. With a ``shaker``, ``level`` is the force of its
-    coil: what reaches the structure drops at resonance, and the load cell also drives the mass below it.
+    With a ``shaker``, ``level`` is the force of its coil: what reaches the structure drops at resonance, and the load
+    cell also drives the mass below it.
+
+    Parameters
+    ----------
+    point : Dof
+        DOF of the force.
+    level : float
+        Amplitude of the force [N].
+    frequencies : tuple of float
+        Frequencies [Hz].
+    duration : float, default 0.5
+        Length of the steady state in a record [s].
+    settle : float, optional
+        Time [s] from the start of the force to the record; with ``None`` the steady state is computed by harmonic
+        balance.
+    shaker : Shaker, optional
+        What the shaker takes of the force.
 
     Raises
     ------
-    InputError : there is no frequency, a number is not positive.
+    InputError
+        If there is no frequency, or a number is not positive.
+
+    Examples
+    --------
+    >>> len(SteppedSine(Dof(1, "+X"), level=5.0, frequencies=(39.0, 40.0, 41.0)).frequencies)
+    3
     """
 
     point: Dof
@@ -329,19 +634,76 @@ class SteppedSine:
         return Excitation("stepped sine", self.level, band=(min(self.frequencies), max(self.frequencies)))
 
     def dofs(self, take: int) -> tuple[Dof, ...]:
-        """Where the force acts."""
+        """Return where the force acts.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+
+        Returns
+        -------
+        tuple of Dof
+            One DOF.
+
+        Examples
+        --------
+        >>> [str(dof) for dof in SteppedSine(Dof(1, "+X"), 5.0, (39.0,)).dofs(0)]
+        ['1:+X']
+        """
         return (self.point,)
 
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
     ) -> Float[np.ndarray, "in sample"]:
-        """Force in N of one record, from the moment it is switched on."""
+        """Return the force of one record, from the moment it is switched on.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+        times : array of shape (sample,)
+            Times [s].
+        rng : Generator
+            Not used: nothing is drawn.
+
+        Returns
+        -------
+        array of shape (in, sample)
+            Force [N].
+
+        Examples
+        --------
+        >>> drive = SteppedSine(Dof(1, "+X"), 5.0, (10.0,))
+        >>> drive.series(0, np.array([0.0, 0.025]), np.random.default_rng(1)).round(6)
+        array([[0., 5.]])
+        """
         return stepped_sine(times, self.level, [self.frequencies[take]], float(times[-1]) + 1)[None]
 
 
 @dataclass(frozen=True)
 class RecordedForces(Waveform):
-    """Forces that were recorded elsewhere (N, at the reference channels of the recordings) and are applied again."""
+    """Forces that were recorded elsewhere and are applied again.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Records with the forces [N] in their reference channels.
+    excitation : Excitation
+        How the structure was driven.
+
+    Raises
+    ------
+    InputError
+        If there is no record, or one has no reference channel with a DOF.
+
+    Examples
+    --------
+    >>> from ema.examples import recording
+    >>> drive = RecordedForces([recording()], Excitation("hammer"))
+    >>> float(drive.series(0, np.arange(2048) / 1024.0, np.random.default_rng(1)).max().round())
+    100.0
+    """
 
     recordings: Sequence[Recording]
     excitation: Excitation
@@ -374,7 +736,24 @@ class RecordedForces(Waveform):
         return first.signals.shape[1] / first.sampling_rate
 
     def dofs(self, take: int) -> tuple[Dof, ...]:
-        """Where the forces act."""
+        """Return where the forces of a record act.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+
+        Returns
+        -------
+        tuple of Dof
+            One DOF per reference channel.
+
+        Examples
+        --------
+        >>> from ema.examples import recording
+        >>> [str(dof) for dof in RecordedForces([recording()], Excitation("hammer")).dofs(0)]
+        ['1:+Z']
+        """
         recording = self.recordings[take]
         channels = [recording.channels[row] for row in self._rows(recording)]
         return tuple(channel.dof for channel in channels if channel.dof is not None)
@@ -382,7 +761,29 @@ class RecordedForces(Waveform):
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
     ) -> Float[np.ndarray, "in sample"]:
-        """Forces in N of one record, by cubic splines between its samples; none before and behind."""
+        """Return the forces of one record, by cubic splines between its samples; zero before and after it.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+        times : array of shape (sample,)
+            Times [s].
+        rng : Generator
+            Not used: nothing is drawn.
+
+        Returns
+        -------
+        array of shape (in, sample)
+            Forces [N].
+
+        Examples
+        --------
+        >>> from ema.examples import recording
+        >>> drive = RecordedForces([recording()], Excitation("hammer"))
+        >>> drive.series(0, np.array([-1.0, 5.0]), np.random.default_rng(1))
+        array([[0., 0.]])
+        """
         from scipy.interpolate import make_interp_spline
 
         recording = self.recordings[take]
@@ -394,11 +795,30 @@ class RecordedForces(Waveform):
 
 @dataclass(frozen=True)
 class SnapBack:
-    """A load of ``load`` N raised slowly at ``point`` and let go ``pre_trigger`` s after the start of each record.
+    """A load that is raised slowly and released.
+
+    Parameters
+    ----------
+    point : Dof
+        DOF of the load.
+    load : float
+        Load [N].
+    duration : float
+        Length of a record [s].
+    pre_trigger : float, default 0.1
+        Time of the release [s] after the start of each record.
+    takes : int, default 1
+        Number of records.
 
     Raises
     ------
-    InputError : the load is no number, a time is not positive.
+    InputError
+        If the load is no number, or a time is not positive.
+
+    Examples
+    --------
+    >>> SnapBack(Dof(1, "+X"), load=100.0, duration=1.0).pre_trigger
+    0.1
     """
 
     point: Dof
@@ -418,11 +838,47 @@ class SnapBack:
         return Excitation("snap-back", self.load)
 
     def dofs(self, take: int) -> tuple[Dof, ...]:
-        """Where the load acts."""
+        """Return where the load acts.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+
+        Returns
+        -------
+        tuple of Dof
+            One DOF.
+
+        Examples
+        --------
+        >>> [str(dof) for dof in SnapBack(Dof(1, "+X"), 100.0, 1.0).dofs(0)]
+        ['1:+X']
+        """
         return (self.point,)
 
     def series(
         self, take: int, times: Float[np.ndarray, "sample"], rng: np.random.Generator
     ) -> Float[np.ndarray, "in sample"]:
-        """The load in N over one record."""
+        """Return the load over one record.
+
+        Parameters
+        ----------
+        take : int
+            Record, from 0.
+        times : array of shape (sample,)
+            Times [s].
+        rng : Generator
+            Not used: nothing is drawn.
+
+        Returns
+        -------
+        array of shape (in, sample)
+            Load [N], zero from the release on.
+
+        Examples
+        --------
+        >>> SnapBack(Dof(1, "+X"), 100.0, 1.0).series(0, np.array([0.0, 0.2]), np.random.default_rng(1))
+        array([[100.,   0.]])
+        """
         return np.where(times < self.pre_trigger, self.load, 0.0)[None]

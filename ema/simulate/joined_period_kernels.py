@@ -11,31 +11,32 @@ from ema.contact.cycle_kernels import cycle, gather, step
 
 
 @inner_with_arrays
-def normal_period(i, motion, wave, law, forces, jacobian):
+def normal_period(i, motion, wave, law, forces, jacobian, derive):
     """Deviation of one normal contact; returns its normal force and how that falls with the gap, (2, sample)."""
     basis, exchange, states = wave[0], law[3], law[4]
-    depth, change = np.empty((2, len(motion))), np.empty(basis.shape[1])
+    depth, slope = np.empty((2, len(motion))), np.empty((len(motion), 1))
     states[:, i] = 0.0
     for n in range(len(motion)):
         exchange[WAY, i] = motion[n] - motion[n - 1] if n > 0 else motion[0]
         step(law, i, 0.0, states[1])
         states[0, i] = states[1, i]
         depth[0, n], depth[1, n] = exchange[PRESSURE, i], exchange[BY_GAP, i]
-        for c in range(len(change)):
-            change[c] = exchange[SLOPE, i] * basis[n, c]
-        gather(n, wave, exchange[FORCE, i] - exchange[STIFFNESS, i] * motion[n], change, forces, jacobian)
+        slope[n] = exchange[SLOPE, i]
+        gather(n, wave, exchange[FORCE, i] - exchange[STIFFNESS, i] * motion[n], forces)
+    if derive:
+        jacobian[:] = np.dot((basis * wave[1]).T, slope * basis)
     return depth
 
 
 @compiled()
-def joined_forces(amplitudes, wave, limits, law, ties, bounds):
+def joined_forces(amplitudes, wave, limits, law, ties, bounds, derive):
     """Deviations G (contact, 2 H), Jacobian (contact, 3, 2 H, 2 H), losses, who deviates, and extremes of the pressure.
 
     The members of the Jacobian are the own motion, that of the partner, and the gap. wave: orders, cos and sin (sample,
     2 H), periods at most, angular frequency. ``limits`` (friction contact, sample) are slip forces where no normal
     contact is followed. ties: partner, pressed_by and friction of ``Couplings``. bounds: number of internal forces of
     every contact, their shares of the slip force, and whether the law approaches it smoothly. Extremes (normal, 4):
-    least and greatest normal force, share of the period open, widest opening.
+    least and greatest normal force, share of the period open, widest opening. Without ``derive`` the Jacobian is 0.
     """
     (orders, basis, periods, omega), (partner, pressed_by, friction), (widths, capacity, smooth) = wave, ties, bounds
     (contacts, size), samples, first = amplitudes.shape, basis.shape[0], len(limits)
@@ -44,7 +45,7 @@ def joined_forces(amplitudes, wave, limits, law, ties, bounds):
         if orders[c // 2] == 0:
             weights[c] = 1.0 / samples
     around = basis, weights, omega * samples / (2.0 * np.pi), periods
-    forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts, 3, size, size))
+    forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts if derive else 1, 3, size, size))
     lost, extremes = np.zeros(contacts), np.zeros((contacts - first, 4))
     motion = np.zeros((contacts, samples))
     for i in range(contacts):
@@ -54,7 +55,7 @@ def joined_forces(amplitudes, wave, limits, law, ties, bounds):
     depth = np.zeros((contacts - first, 2, samples))
     for n in range(contacts - first):
         i = first + n
-        depth[n] = normal_period(i, motion[i], around, law, forces[i], jacobian[i, 0])
+        depth[n] = normal_period(i, motion[i], around, law, forces[i], jacobian[i if derive else 0, 0], derive)
         pressing = depth[n, 0]
         extremes[n, 0], extremes[n, 1], extremes[n, 3] = pressing.min(), pressing.max(), motion[i].max()
         extremes[n, 2] = (pressing <= 0.0).sum() / samples
@@ -70,9 +71,11 @@ def joined_forces(amplitudes, wave, limits, law, ties, bounds):
         paths = np.empty((len(lanes), samples))
         for o in range(len(lanes)):
             paths[o] = motion[lanes[o]]
-        own, tangent, lost[i] = cycle(law, lanes, paths, around, slip, (widths[i], capacity[i], smooth[i]))
+        own, tangent, lost[i] = cycle(law, lanes, paths, around, slip, (widths[i], capacity[i], smooth[i]), derive)
         for o in range(len(lanes)):
             forces[lanes[o]] = own[o]
+            if not derive:
+                continue
             jacobian[lanes[o], 0], jacobian[lanes[o], 2] = tangent[o, o], tangent[o, len(lanes)]
             if len(lanes) == 2:
                 jacobian[lanes[o], 1] = tangent[o, 1 - o]

@@ -83,13 +83,37 @@ def drive_plane(
 
 
 def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int = 4096, frequency: float = 1.0) -> Loop:
-    """Stabilised loop of a law under a harmonic displacement of ``amplitude`` m: one cycle after very many.
+    """Compute the stabilised loop of a law under a harmonic displacement: one cycle after very many.
 
-    ``samples`` per cycle; ``frequency`` Hz matters to LuGre only.
+    Parameters
+    ----------
+    law : FrictionLaw
+        The law.
+    normal_force : float
+        Normal force [N].
+    amplitude : float
+        Amplitude of the displacement [m].
+    samples : int, default 4096
+        Samples per cycle.
+    frequency : float, default 1.0
+        Frequency [Hz]; it matters to LuGre only.
+
+    Returns
+    -------
+    Loop
+        The loop.
 
     Raises
     ------
-    InputError : a number is not positive, there are fewer than eight samples; as for ``drive``.
+    InputError
+        If a number is not positive, or there are fewer than eight samples.
+
+    Examples
+    --------
+    >>> from ema.simulate import Masing
+    >>> cycle = loop(Masing(0.3, 1e8), normal_force=1000.0, amplitude=1e-5)
+    >>> round(cycle.area / (4 * 300.0 * (1e-5 - 300.0 / 1e8)), 3)  # 4 F_C (U - F_C / k_T)
+    1.0
     """
     where = f"loop of the law {law.name}"
     positive(where, amplitude=amplitude, frequency=frequency)

@@ -58,22 +58,47 @@ def resonance(
     modes: int | None = None,
     coarse: int = 40,
 ) -> Resonance:
-    """Frequency and height of the largest response of ``output`` in a band at one force level.
+    """Find the largest response in a band at one force level.
 
     Parameters
     ----------
-    force : amplitude in N at DOF ``at``; ``band`` in Hz.
-    coarse : number of frequencies of the first pass, which uses few harmonics; summits are then placed with as many as
-        it takes for four times the tolerance, and solved with as many as it takes for the tolerance.
+    model : BeamModel
+        The model.
+    force : float
+        Amplitude of the force [N].
+    at : Dof or str
+        DOF of the force.
+    output : Dof or str
+        DOF of the response.
+    band : tuple of (float, float)
+        Band [Hz].
+    tolerance : float, default 0.005
+        Relative error that is aimed at.
+    modes : int, optional
+        Number of modes kept besides the static corrections; all by default.
+    coarse : int, default 40
+        Number of frequencies of the first pass, which uses few harmonics; peaks are then placed with as many as it
+        takes for four times the tolerance, and solved with as many as it takes for the tolerance.
 
     Returns
     -------
     Resonance
-        With its ``rivals``, and errors of frequency and damping that hold them where they may be the largest response.
+        Frequency, amplitude and damping, with its ``rivals``, and errors of frequency and damping that contain them
+        where they may be the largest response.
 
     Raises
     ------
-    InputError : the band is empty, nothing was found in it.
+    InputError
+        If the band is empty, or no resonance is in it.
+
+    Examples
+    --------
+    >>> from ema.data import Damping
+    >>> from ema.simulate import Masing, double_beam
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=2, damping=Damping(ratio=0.003))
+    >>> peak = resonance(model, 1e-3, at="beam 2:2:+Z", output="beam 2:2:+Z", band=(28.0, 36.0))
+    >>> round(peak.damping, 4)  # the joint sticks: background damping alone
+    0.003
     """
     condensed = condense(model, force, at, [output], tolerance, modes)
     return _with_rivals(condensed, _peak(condensed, check_band(model, band), coarse), band)
@@ -355,11 +380,44 @@ def resonances(
     modes: int | None = None,
     progress: Progress = silent,
 ) -> tuple[Resonance, ...]:
-    """Resonance at every force level of ``forces`` (N): how frequency and damping depend on amplitude.
+    """Find the resonance at every force level: how frequency and damping depend on amplitude.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The model.
+    forces : sequence of float or array of shape (level,)
+        Amplitudes of the force [N].
+    at : Dof or str
+        DOF of the force.
+    output : Dof or str
+        DOF of the response.
+    band : tuple of (float, float)
+        Band [Hz].
+    tolerance : float, default 0.005
+        Relative error that is aimed at.
+    modes : int, optional
+        Number of modes kept besides the static corrections; all by default.
+    progress : Progress, optional
+        Called after each level.
+
+    Returns
+    -------
+    tuple of Resonance
+        One resonance per level.
 
     Raises
     ------
-    InputError : the band is empty, there is no force or one that is not positive.
+    InputError
+        If the band is empty, or there is no force or one that is not positive.
+
+    Examples
+    --------
+    >>> from ema.data import Damping
+    >>> from ema.simulate import Masing, double_beam
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=2, damping=Damping(ratio=0.003))
+    >>> len(resonances(model, [1e-3, 2e-3], at="beam 2:2:+Z", output="beam 2:2:+Z", band=(28.0, 36.0)))
+    2
     """
     check_levels(model, forces=len(forces))
     result: list[Resonance] = []
@@ -394,16 +452,53 @@ def damping_map(
     modes: int | None = None,
     progress: Progress = silent,
 ) -> ModalMap:
-    """Resonance frequency and equivalent damping over (F_E, F_N): ``ModalMap`` of the kind ``frozen``.
+    """Compute resonance frequency and equivalent damping over (F_E, F_N).
 
-    ``normal_forces`` N are given to every joint. Where the model is homogeneous the map is one curve over F_N/F_E, else
-    one over F_E at each F_N. A curve is computed at as many places as it takes to interpolate between them within a
-    fifth of ``tolerance`` in frequency, half of it in amplitude and all of it in damping. Peaks that are computed state
-    an error: the largest one is among the options of the provenance, and a finding where it exceeds ``tolerance``.
+    Where the model is homogeneous the map is one curve over F_N/F_E, else one over F_E at each F_N. A curve is computed
+    at as many points as it takes to interpolate between them within a fifth of ``tolerance`` in frequency, half of it
+    in amplitude and all of it in damping. Peaks that are computed state an error: the largest one is among the options
+    of the provenance, and a finding where it exceeds ``tolerance``.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The model.
+    force_levels : sequence of float or array of shape (level,)
+        F_E [N].
+    normal_forces : sequence of float or array of shape (normal,)
+        F_N of every joint [N].
+    at : Dof or str
+        DOF of the force.
+    output : Dof or str
+        DOF of the response.
+    band : tuple of (float, float)
+        Band [Hz] in which the resonance is searched.
+    tolerance : float, default 0.01
+        Relative error that is aimed at.
+    modes : int, optional
+        Number of modes kept besides the static corrections; all by default.
+    progress : Progress, optional
+        Called after each point.
+
+    Returns
+    -------
+    ModalMap
+        A map of the method ``frozen``.
 
     Raises
     ------
-    InputError : the band is empty, a list is empty, a force is not positive, nothing was found.
+    InputError
+        If the band or a list is empty, a force is not positive, or no resonance is in the band.
+
+    Examples
+    --------
+    >>> from ema.data import Damping
+    >>> from ema.simulate import Masing, double_beam
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=2, damping=Damping(ratio=0.003))
+    >>> tip = "beam 2:2:+Z"
+    >>> result = damping_map(model, [0.1], [1e5], tip, tip, band=(28.0, 36.0))  # sticks: background damping alone
+    >>> result.method, result.damping.shape
+    ('frozen', (1, 1))
     """
     levels, normals = np.asarray(force_levels, dtype=float), np.asarray(normal_forces, dtype=float)
     check_levels(model, force_levels=len(levels), normal_forces=len(normals))

@@ -261,16 +261,26 @@ def backbone(
     harmonics: int | None = None,
     progress: Progress = silent,
 ) -> NonlinearMode:
-    """Frequency, damping ratio and shape of one mode over its amplitude: a nonlinear mode (Krack 2015).
+    """Compute frequency, damping ratio and shape of one mode over its amplitude: a nonlinear mode.
 
     Parameters
     ----------
-    amplitudes : modal amplitudes q in m sqrt(kg), shape (level,), in any order.
-    near : Hz; the mode with stuck contacts whose natural frequency is nearest is followed.
-    outputs : DOFs whose share of the shape is wanted.
-    tolerance : wanted error of the damping ratio, relative; harmonics are added until it is met.
-    modes : number of modes kept besides static corrections; all by default.
-    harmonics : the highest harmonic kept, instead of as many as the tolerance asks for.
+    model : BeamModel
+        The model.
+    amplitudes : sequence of float or array of shape (level,)
+        Modal amplitudes q [m sqrt(kg)], in any order.
+    near : float
+        Frequency [Hz]; the mode with stuck contacts whose natural frequency is nearest is followed.
+    outputs : sequence of Dof or str
+        DOFs of the shape.
+    tolerance : float, default 0.005
+        Relative error of the damping ratio that is aimed at; harmonics are added until it is met.
+    modes : int, optional
+        Number of modes kept besides static corrections; all by default.
+    harmonics : int, optional
+        Highest harmonic kept, instead of as many as the tolerance asks for.
+    progress : Progress, optional
+        Called after each level.
 
     Returns
     -------
@@ -279,7 +289,12 @@ def backbone(
 
     Raises
     ------
-    InputError : no amplitude, one that is not positive, ``near`` not above 0 Hz or a rigid-body motion.
+    InputError
+        If there is no amplitude or one that is not positive, or ``near`` is not above 0 Hz or is a rigid-body motion.
+
+    References
+    ----------
+    .. [1] Extended periodic motion: Krack (2015), Computers & Structures 154:59.
 
     Examples
     --------

@@ -25,8 +25,8 @@ def _count_nodes(orders, odd, fine, turns, place):
 
 
 @compiled(error_model="numpy")
-def _nodes(amplitudes, orders, odd, fine, turns, place, cosine, sine, where, weight, u, rate, basis, slope):
-    """Places, weights, displacement, its derivative, and cos and sin of the orders with their derivatives.
+def _nodes(amplitudes, orders, odd, fine, turns, place, cosine, sine, where, weight, u, rate, basis):
+    """Places, weights, displacement, its derivative, and cos and sin of the orders.
 
     Turning points are nodes of weight 0.
     """
@@ -47,58 +47,29 @@ def _nodes(amplitudes, orders, odd, fine, turns, place, cosine, sine, where, wei
             for h in range(len(orders)):
                 order = orders[h]
                 basis[row, 2 * h], basis[row, 2 * h + 1] = cosine[order], sine[order]
-                slope[row, 2 * h], slope[row, 2 * h + 1] = -order * sine[order], order * cosine[order]
             row += 1
 
 
 @compiled(error_model="numpy")
-def _lugre(k, limit, par, u0, u1, v0, v1, bristle0):
-    """One step of the bristle of LuGre with known velocities at its ends, and the contact force at its end.
-
-    Returns force, bristle, the tangents of the bristle by its start and by u1, of the force by bristle and velocity.
-    """
-    damping, viscous, ratio, stribeck = par[0], par[1], par[2], par[3]
-    sign = 1.0 if u1 >= u0 else -1.0
-    middle = 0.5 * (v0 + v1)
-    top = limit * (1.0 + (ratio - 1.0) * np.exp(-((middle / stribeck) ** 2)))
-    decay = np.exp(-k * abs(u1 - u0) / top)
-    bristle = sign * top + (bristle0 - sign * top) * decay
-    peak = np.exp(-((v1 / stribeck) ** 2))
-    end = limit * (1.0 + (ratio - 1.0) * peak)
-    growth = -limit * (ratio - 1.0) * peak * 2.0 * v1 / stribeck**2
-    force = bristle + damping * (v1 - abs(v1) * bristle / end) + viscous * v1
-    by_bristle = 1.0 - damping * abs(v1) / end
-    by_velocity = damping * (1.0 - np.sign(v1) * bristle / end + abs(v1) * bristle * growth / end**2) + viscous
-    return force, bristle, decay, k * (1.0 - sign * bristle / top), by_bristle, by_velocity
-
-
-@compiled(error_model="numpy")
-def _follow(i, lugre, law, start, start_u, omega, nodes, out):
+def _follow(i, law, start, start_u, nodes, out):
     """Forces along the nodes from the internal force ``start``, and its tangents; returns its last value."""
     groups, parameters, curves, exchange, states = law
-    (u, rate), (force, a, b, extra) = nodes, out
-    k, before, after = exchange[STIFFNESS, i], states[0], states[1]
+    force, a, b = out
+    k, before, after, place = exchange[STIFFNESS, i], states[0], states[1], start_u
     before[i] = 0.0
     before[i, 0] = start
-    place, place_rate = start_u, 0.0
-    for n in range(len(u)):
-        if lugre:
-            force[n], start, a[n], b[n], extra[n, 0], extra[n, 1] = _lugre(
-                k, exchange[LIMIT, i], parameters[i], place, u[n], omega * place_rate, omega * rate[n], start
-            )
-        else:
-            exchange[WAY, i] = u[n] - place
-            increments(groups[i, ADDRESS], groups[i], 0.0, parameters, curves, exchange, before, after)
-            start = force[n] = exchange[FORCE, i]
-            a[n], b[n] = exchange[BY_FORCE, i], exchange[SLOPE, i] + k
-            before, after = after, before
-        place, place_rate = u[n], rate[n]
+    for n in range(len(nodes)):
+        exchange[WAY, i] = nodes[n] - place
+        increments(groups[i, ADDRESS], groups[i], 0.0, parameters, curves, exchange, before, after)
+        start = force[n] = exchange[FORCE, i]
+        a[n], b[n] = exchange[BY_FORCE, i], exchange[SLOPE, i] + k
+        before, after, place = after, before, nodes[n]
     return start
 
 
 @compiled(error_model="numpy")
-def _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b, extra, scale, jacobian):
-    """Jacobian of the Fourier coefficients from the tangents ``a``, ``b``, ``extra`` along the nodes."""
+def _differentiate(odd, k, first_basis, basis, weight, a, b, scale, jacobian):
+    """Jacobian of the Fourier coefficients from the tangents ``a``, ``b`` along the nodes."""
     count, size = basis.shape
     # d state / d amplitudes = chain * (that of the start) + grown
     chain, grown = np.empty(count), np.empty((count, size))
@@ -117,10 +88,7 @@ def _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b
                 begin = -grown[count - 1, c] / closing
             elif closing > 1e-6:
                 begin = grown[count - 1, c] / closing
-            total = grown[n, c] + chain[n] * begin
-            if lugre:
-                total = extra[n, 0] * total + extra[n, 1] * omega * slope[n, c]
-            grown[n, c] = weight[n] * (total - k * basis[n, c])
+            grown[n, c] = weight[n] * (grown[n, c] + chain[n] * begin - k * basis[n, c])
     for n in range(count):
         for r in range(size):
             lever = scale * basis[n, r]
@@ -129,14 +97,14 @@ def _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b
 
 
 @compiled(error_model="numpy")
-def smooth_period(i, lugre, law, amplitudes, period, room, forces, jacobian, derive):
+def smooth_period(i, law, amplitudes, period, room, forces, jacobian, derive):
     """Fourier coefficients ``forces`` (2 H,) of f - k u of one contact in its cycle, their Jacobian, the loss.
 
-    ``law`` as ``ContactLaws.one_by_one`` gives it, with the slip forces in its table; ``lugre``: whether the force
-    depends on velocities besides. ``period``: orders, whether the motion is odd, a factor on the number of nodes, and
-    the angular frequency. ``room`` and the rest are those of ``masing_period``.
+    ``law`` as ``ContactLaws.one_by_one`` gives it, with the slip forces in its table. ``period``: orders, whether the
+    motion is odd, a factor on the number of nodes, and the angular frequency. ``room`` and the rest are those of
+    ``masing_period``.
     """
-    (orders, odd, fine, omega), (rates, bends, place, value, cosine, sine) = period, room
+    (orders, odd, fine, _), (rates, bends, place, value, cosine, sine) = period, room
     k, limit = law[3][STIFFNESS, i], law[3][LIMIT, i]
     size = len(amplitudes)
     for r in range(size):
@@ -151,19 +119,18 @@ def smooth_period(i, lugre, law, amplitudes, period, room, forces, jacobian, der
         return 0.0
     count = _count_nodes(orders, odd, fine, turns, place)
     where, weight, u, rate = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
-    basis, slope = np.empty((count, size)), np.empty((count, size))
-    first_basis = np.empty(size)
+    basis, first_basis = np.empty((count, size)), np.empty(size)
     for h in range(size // 2):
         first_basis[2 * h], first_basis[2 * h + 1] = cosine[turns - 1, orders[h]], sine[turns - 1, orders[h]]
     last = len(place) - 1
-    _nodes(amplitudes, orders, odd, fine, turns, place, cosine[last], sine[last], where, weight, u, rate, basis, slope)
-    force, a, b, extra = np.empty(count), np.empty(count), np.empty(count), np.zeros((count, 2))
-    start_u, nodes, out = value[turns - 1], (u, rate), (force, a, b, extra)
-    start = _settle(i, lugre, law, start_u, odd, omega, nodes, out)
-    _follow(i, lugre, law, start, start_u, omega, nodes, out)
+    _nodes(amplitudes, orders, odd, fine, turns, place, cosine[last], sine[last], where, weight, u, rate, basis)
+    force, a, b = np.empty(count), np.empty(count), np.empty(count)
+    start_u, out = value[turns - 1], (force, a, b)
+    start = _settle(i, law, start_u, odd, u, out)
+    _follow(i, law, start, start_u, u, out)
     scale, lost = (2.0 if odd else 1.0) / np.pi, 0.0
     if derive:
-        _differentiate(odd, omega, k, lugre, first_basis, basis, slope, weight, a, b, extra, scale, jacobian)
+        _differentiate(odd, k, first_basis, basis, weight, a, b, scale, jacobian)
     for n in range(count):
         lost += weight[n] * force[n] * rate[n]
         force[n] = weight[n] * (force[n] - k * u[n])
@@ -177,11 +144,11 @@ def smooth_period(i, lugre, law, amplitudes, period, room, forces, jacobian, der
 
 
 @compiled(error_model="numpy")
-def _settle(i, lugre, law, start_u, odd, omega, nodes, out):
+def _settle(i, law, start_u, odd, nodes, out):
     """Internal force at the first turning point with which the cycle closes."""
     start, limit, a = 0.0, law[3][LIMIT, i], out[1]
     for trial in range(60):
-        end = _follow(i, lugre, law, start, start_u, omega, nodes, out)
+        end = _follow(i, law, start, start_u, nodes, out)
         product = 1.0
         for n in range(len(a)):
             product *= a[n]

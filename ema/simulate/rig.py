@@ -24,14 +24,30 @@ PASS_BAND = 0.4
 
 @dataclass(frozen=True)
 class RingCell:
-    """A ring load cell under the head of the bolt of ``joint``.
+    """A ring load cell under the head of the bolt of a joint.
 
-    ``mean`` N is what presses the joint (NaN: what the model says), ``rms`` noise and ``drift`` over a record in N;
-    ``gain`` is the reading over the true force, 1 for a cell calibrated in place.
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    mean : float, optional
+        Mean force [N]; NaN for what the model says.
+    rms : float, default 0.0
+        Noise [N rms].
+    drift : float, default 0.0
+        Drift over a record [N].
+    gain : float, default 1.0
+        Reading over true force, 1 for a cell calibrated in place.
 
     Raises
     ------
-    InputError : the mean or the noise is negative, the gain is not positive.
+    InputError
+        If the mean or the noise is negative, or the gain is not positive.
+
+    Examples
+    --------
+    >>> RingCell("left", mean=1000.0, rms=2.0).gain
+    1.0
     """
 
     joint: str

@@ -16,6 +16,10 @@ _TOLERANCE, _FAILED = 1e-13, 1e-9
 contact, and 1e-9 is a thousandth of the least error that a result in time can state."""
 
 
+INCREMENTS = 40
+"""Of a slow load, before anything shows that it takes more."""
+
+
 @dataclass(frozen=True)
 class StaticState:
     """Displacements (n,), relative displacements and friction forces (contact,), and the state of the laws."""
@@ -30,7 +34,7 @@ def ramp(
     system: System,
     laws: ContactLaws,
     load: Float[np.ndarray, "n"],
-    increments: int = 40,
+    increments: int = INCREMENTS,
     limits: Float[np.ndarray, "contact"] | None = None,
 ) -> StaticState:
     """State after the load (n,) has been raised slowly from zero, from unstressed contacts.

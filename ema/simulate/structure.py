@@ -239,11 +239,28 @@ def _surely_positive(matrix: np.ndarray, shift: float) -> bool:
 
 
 def assemble(model: BeamModel) -> System:
-    """One set of matrices, with normal springs in place and the tangential contacts listed beside it.
+    """Assemble the matrices of a model, with normal springs in place and the tangential contacts listed beside them.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The model.
+
+    Returns
+    -------
+    System
+        Matrices, contacts and their DOFs.
 
     Raises
     ------
-    InputError : a joint or a matrix is not physical, a DOF that a joint needs is missing.
+    InputError
+        If a joint or a matrix is not physical, or a DOF that a joint needs is missing.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> len(assemble(beam_model()).dofs)
+    6
     """
     if not model.joints:
         raise InputError(

@@ -22,7 +22,7 @@ from ema.simulate.checks import fits_memory, is_number, positive
 from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
 from ema.simulate.joined import couplings, kept_at_rest, pressure, refuse_joined
 from ema.simulate.reduction import ModalBase, modal_base
-from ema.simulate.statics import ramp
+from ema.simulate.statics import INCREMENTS, ramp
 from ema.simulate.structure import System, assemble, pair_counts
 
 NormalForces = Callable[[float], float | Sequence[float] | np.ndarray] | Float[np.ndarray, "joint instant"]
@@ -307,7 +307,7 @@ class Drive:
 
 def solve(
     problem: Problem,
-    state: _State,
+    start: Callable[[int], _State],
     drive: Drive,
     duration: float,
     sampling_rate: float,
@@ -316,6 +316,8 @@ def solve(
     halvings: int = 9,
 ) -> Response:
     """Halve the step until two runs agree within ``tolerance`` of the largest displacement.
+
+    ``start`` gives the state at the beginning of a run with so many times more steps.
 
     Raises
     ------
@@ -334,7 +336,7 @@ def solve(
         """The outputs of a run with so many times more steps, and the run."""
         steps = every * finer
         tick = partial(advance, progress, "time steps", finer.bit_length() - 1, halvings)
-        run, stepper = integrate(problem, state, interval / steps, steps, samples, drive, tick)
+        run, stepper = integrate(problem, start(finer), interval / steps, steps, samples, drive, tick)
         return run["q"] @ rows.T, (run, stepper)
 
     (run, stepper), error = refined(attempt, tolerance, halvings)
@@ -470,22 +472,53 @@ def snapback(
     progress: Progress = silent,
     normal_forces: NormalForces | None = None,
 ) -> Response:
-    """Raise a load slowly at one DOF, let go, and follow the free vibration (Gaul, Roseira and Becker 2008, Sec. 1).
+    """Raise a load slowly at one DOF, release it, and follow the free vibration.
 
     Parameters
     ----------
-    load : N; ``at`` its DOF.
-    duration : s; ``sampling_rate`` Hz of the samples kept (the steps are chosen by ``tolerance``).
-    outputs : DOFs whose motion is kept; the loaded one by default.
-    tolerance : error of the displacements over the largest one.
-    modes : number of modes kept besides the static corrections; all by default.
-    normal_forces : of every joint over time in N, as a function of time or with a sample at every multiple of
-        1 / ``sampling_rate``, linear in between; those of the model by default. The load is raised under the first
-        ones. k_T stays that of the model.
+    model : BeamModel
+        The model.
+    load : float
+        Load [N].
+    at : Dof or str
+        DOF of the load.
+    duration : float
+        Length of the run [s].
+    outputs : sequence of Dof or str, optional
+        DOFs whose motion is kept; the loaded one by default.
+    sampling_rate : float, default 5000.0
+        Rate of the samples kept [Hz]; the steps are chosen by ``tolerance``.
+    tolerance : float, default 0.001
+        Error of the displacements over the largest one.
+    modes : int, optional
+        Number of modes kept besides the static corrections; all by default.
+    progress : Progress, optional
+        Called during the run.
+    normal_forces : NormalForces, optional
+        Normal forces of every joint over time [N], as a function of time or with a sample at every multiple of 1 /
+        ``sampling_rate``, linear in between; those of the model by default. The load is raised under the first ones.
+        k_T stays that of the model.
+
+    Returns
+    -------
+    Response
+        The motion.
 
     Raises
     ------
-    InputError : the model or a number is not physical, the structure is not held.
+    InputError
+        If the model or a number is not physical, or the structure is not supported.
+
+    References
+    ----------
+    .. [1] Gaul, Roseira and Becker (2008), Sec. 1.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> motion = snapback(beam_model(), load=60.0, at="1:+X", duration=0.02)
+    >>> motion.energy.error < 1e-2
+    True
     """
     dof = Dof.parse(at)
     problem = prepare(model, outputs or [dof], modes, [dof], plane=True, normal=normal_forces is None)
@@ -495,12 +528,17 @@ def snapback(
         times = np.arange(max(round(duration * sampling_rate), 1) + 1) / sampling_rate
         drive = Drive(times, normal_forces=sampled_normal_forces(model, normal_forces, times))
         limits = drive.limits(problem, 1.0, 1)[0]
-    state = released(problem, load, dof, limits)
-    return solve(problem, state, drive, duration, sampling_rate, tolerance, progress)
+    start = partial(released, problem, load, dof, limits)
+    return solve(problem, start, drive, duration, sampling_rate, tolerance, progress)
 
 
-def released(problem: Problem, load: float, dof: Dof, limits: Float[np.ndarray, "contact"] | None = None) -> _State:
+def released(
+    problem: Problem, load: float, dof: Dof, limits: Float[np.ndarray, "contact"] | None = None, finer: int = 1
+) -> _State:
     """State of a structure at the moment a slowly raised load is let go; ``limits`` N are its slip forces till then.
+
+    With so many times more increments than usual as ``finer`` says: laws of first order err by their length, and runs
+    whose steps are halved show that too.
 
     Raises
     ------
@@ -509,7 +547,7 @@ def released(problem: Problem, load: float, dof: Dof, limits: Float[np.ndarray, 
     system = problem.system
     if not is_number(load):
         raise InputError("not a load", where=system.name, got=f"{load} N", expected="a finite force")
-    state = ramp(system, problem.laws, load * system.row(dof), limits=limits)
+    state = ramp(system, problem.laws, load * system.row(dof), INCREMENTS * finer, limits)
     q = problem.base.shapes.T @ (system.mass @ state.displacements)
     return _State(q, np.zeros_like(q), problem.base.slip @ q, state.forces, state.memory)
 
@@ -525,18 +563,47 @@ def respond(
     modes: int | None = None,
     progress: Progress = silent,
 ) -> Response:
-    """Motion from rest under arbitrary forces, linear between their samples.
+    """Compute the motion from rest under arbitrary forces, linear between their samples.
 
     Parameters
     ----------
-    forces : N; ``at`` their DOFs; ``sampling_rate`` Hz of forces and response.
-    normal_forces : of every joint over time in N, sampled like ``forces`` or a function of time; those of the model by
+    model : BeamModel
+        The model.
+    forces : array of shape (load, sample)
+        Forces [N].
+    at : sequence of Dof or str
+        DOFs of the forces.
+    sampling_rate : float
+        Sampling rate of forces and response [Hz].
+    outputs : sequence of Dof or str
+        DOFs whose motion is kept.
+    normal_forces : NormalForces, optional
+        Normal forces of every joint over time [N], sampled like ``forces`` or a function of time; those of the model by
         default. k_T stays that of the model.
-    tolerance : error of the displacements over the largest one.
+    tolerance : float, default 0.001
+        Error of the displacements over the largest one.
+    modes : int, optional
+        Number of modes kept besides the static corrections; all by default.
+    progress : Progress, optional
+        Called during the run.
+
+    Returns
+    -------
+    Response
+        The motion.
 
     Raises
     ------
-    InputError : the shapes do not fit, a force is not finite, a normal force is negative.
+    InputError
+        If the shapes do not fit, a force is not finite, or a normal force is negative.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> push = np.full((1, 100), 10.0)
+    >>> motion = respond(beam_model(), push, at=["1:+X"], sampling_rate=5000.0, outputs=["1:+X"])
+    >>> bool(motion.displacements[0, -1] > 0)
+    True
     """
     dofs = tuple(Dof.parse(dof) for dof in at)
     forces = _forces(model.name, forces, len(dofs))
@@ -545,7 +612,7 @@ def respond(
     times = np.arange(forces.shape[1]) / sampling_rate
     pressing = None if normal_forces is None else sampled_normal_forces(model, normal_forces, times)
     drive = Drive(times, dofs, forces, pressing)
-    return solve(problem, problem.rest(), drive, float(times[-1]), sampling_rate, tolerance, progress)
+    return solve(problem, lambda _: problem.rest(), drive, float(times[-1]), sampling_rate, tolerance, progress)
 
 
 def _forces(where: str, forces: Any, count: int) -> Float[np.ndarray, "load sample"]:

@@ -20,14 +20,50 @@ from ema.simulate.rig import DERIVATIVES, Rig, anti_alias
 
 @dataclass(frozen=True)
 class VirtualRig(Rig):
-    """A linear structure with known modes; see :class:`ema.simulate.rig.Rig` for what it is given.
+    """A linear structure with known modes, measured virtually.
 
-    ``model`` is scaled to unit modal mass (or has residues in SI by its participation); ``drive`` is a roving hammer,
-    random shakers or a swept shaker; every ring cell states its mean.
+    Parameters
+    ----------
+    model : ModalModel
+        Modes of unit modal mass, or with residues in SI by their participation.
+    drive : RovingHammer or RandomShakers or SweptShaker
+        A roving hammer, random shakers or a swept shaker.
+    responses : tuple of Channel
+        Channels of the responses; ``range`` is the full scale in SI, ``None`` for no limit.
+    sampling_rate : float
+        Sampling rate [Hz].
+    rings : tuple of RingCell, optional
+        Ring load cells recorded with the signals, one channel each; every one states its mean.
+    force_range : float, optional
+        Full scale of the force channels [N].
+    noise : mapping of str to float, optional
+        Rms of the noise of each quantity in SI, such as ``{"acceleration": 0.02}``.
+    bits : int, optional
+        Resolution of the converter over plus and minus full scale; ``None`` for none.
+    reversed_sensors : tuple of str, optional
+        Names of response channels that are mounted upside down without anybody knowing.
+    seed : int, default 0
+        The same seed gives the same records, whichever of them are used.
+    start : datetime, optional
+        Time of the first record.
+    name : str, default "virtual"
+        What the rig is called in messages.
 
     Raises
     ------
-    InputError : the model does not hold a DOF, is free in space, or a response is no motion.
+    InputError
+        If the model does not hold a DOF, is free in space, or a response is no motion.
+
+    Examples
+    --------
+    >>> from ema.data import Channel
+    >>> from ema.dof import Dof
+    >>> from ema.examples import modal_model
+    >>> from ema.simulate import RovingHammer
+    >>> acc = Channel("acc", Dof(1, "+Z"), "acceleration", unit="m/s^2")
+    >>> rig = VirtualRig(modal_model(), RovingHammer((Dof(1, "+Z"),), hits=2), (acc,), 1024.0)
+    >>> [record.signals.shape[0] for record in rig.takes()]
+    [2]
     """
 
     model: ModalModel
@@ -44,7 +80,31 @@ class VirtualRig(Rig):
         super().__post_init__()
 
     def signals(self, number: int, rng: np.random.Generator) -> Float[np.ndarray, "channel sample"]:
-        """What the structure does in one record: forces, responses, ring cells."""
+        """Simulate one record.
+
+        Parameters
+        ----------
+        number : int
+            Record, from 0.
+        rng : Generator
+            Source of the random numbers.
+
+        Returns
+        -------
+        array of shape (channel, sample)
+            Forces, responses and ring cells in SI, before noise and conversion.
+
+        Examples
+        --------
+        >>> from ema.data import Channel
+        >>> from ema.dof import Dof
+        >>> from ema.examples import modal_model
+        >>> from ema.simulate import RovingHammer
+        >>> acc = Channel("acc", Dof(1, "+Z"), "acceleration", unit="m/s^2")
+        >>> rig = VirtualRig(modal_model(), RovingHammer((Dof(1, "+Z"),), hits=2), (acc,), 1024.0)
+        >>> len(rig.signals(0, np.random.default_rng(1)))
+        2
+        """
         from scipy.fft import irfft
 
         forces = self.drive.spectra(number, self._frequencies, self.sampling_rate, rng)

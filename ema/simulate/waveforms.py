@@ -24,11 +24,33 @@ def half_sine(
 def hammer_pulse(
     times: Float[np.ndarray, "sample"], peak: float, contact_time: float, start: float = 0.0
 ) -> Float[np.ndarray, "sample"]:
-    """Half a sine of height ``peak`` N from ``start`` to ``start + contact_time`` s, else zero.
+    """Return half a sine.
+
+    Parameters
+    ----------
+    times : array of shape (sample,)
+        Times [s].
+    peak : float
+        Height [N].
+    contact_time : float
+        Length [s].
+    start : float, default 0.0
+        Beginning [s].
+
+    Returns
+    -------
+    array of shape (sample,)
+        Force [N], zero outside the pulse.
 
     Raises
     ------
-    InputError : the contact time is not positive, the peak or the start is no number.
+    InputError
+        If the contact time is not positive, or the peak or the start is no number.
+
+    Examples
+    --------
+    >>> hammer_pulse(np.array([0.0, 0.001, 0.01]), peak=100.0, contact_time=0.002).round(9)
+    array([  0., 100.,   0.])
     """
     positive(_WHERE, contact_time=contact_time)
     finite(_WHERE, peak=peak, start=start)
@@ -39,14 +61,35 @@ def hammer_pulse(
 def swept_sine(
     times: Float[np.ndarray, "sample"], level: float, band: tuple[float, float], sweep_time: float, sweeps: int = 1
 ) -> Float[np.ndarray, "sample"]:
-    """Sine of amplitude ``level`` N whose frequency runs linearly through ``band`` Hz in ``sweep_time`` s.
+    """Return a sine whose frequency runs linearly through a band.
 
-    It is repeated ``sweeps`` times without a pause (a periodic chirp), and zero afterwards; a downward sweep has the
-    higher frequency first.
+    Parameters
+    ----------
+    times : array of shape (sample,)
+        Times [s].
+    level : float
+        Amplitude [N].
+    band : tuple of (float, float)
+        First and last frequency [Hz]; a downward sweep has the higher one first.
+    sweep_time : float
+        Time of one sweep [s].
+    sweeps : int, default 1
+        Number of sweeps, without a pause (a periodic chirp).
+
+    Returns
+    -------
+    array of shape (sample,)
+        Force [N], zero after the last sweep.
 
     Raises
     ------
-    InputError : a time, a frequency or the number of sweeps is not positive, the level is no number.
+    InputError
+        If a time, a frequency or the number of sweeps is not positive, or the level is no number.
+
+    Examples
+    --------
+    >>> swept_sine(np.array([0.0, 9.0]), level=5.0, band=(20.0, 60.0), sweep_time=8.0)
+    array([0., 0.])
     """
     low, high = band
     positive(_WHERE, sweep_time=sweep_time, start_frequency=low, end_frequency=high, sweeps=sweeps)
@@ -62,11 +105,33 @@ def stepped_sine(
     frequencies: Sequence[float] | Float[np.ndarray, "step"],
     dwell: float,
 ) -> Float[np.ndarray, "sample"]:
-    """Sine of amplitude ``level`` N that stays at each of ``frequencies`` Hz for ``dwell`` s, without a jump of phase.
+    """Return a sine that stays at each of some frequencies, without a jump of phase.
+
+    Parameters
+    ----------
+    times : array of shape (sample,)
+        Times [s].
+    level : float
+        Amplitude [N].
+    frequencies : sequence of float or array of shape (step,)
+        Frequencies [Hz].
+    dwell : float
+        Time at each frequency [s].
+
+    Returns
+    -------
+    array of shape (sample,)
+        Force [N], zero after the last frequency.
 
     Raises
     ------
-    InputError : the dwell or a frequency is not positive, there is no frequency, the level is no number.
+    InputError
+        If the dwell or a frequency is not positive, there is no frequency, or the level is no number.
+
+    Examples
+    --------
+    >>> stepped_sine(np.array([0.0, 0.025, 5.0]), level=5.0, frequencies=[10.0], dwell=1.0).round(6)
+    array([0., 5., 0.])
     """
     positive(_WHERE, dwell=dwell)
     finite(_WHERE, level=level)

@@ -1,4 +1,4 @@
-"""Our one file format (HDF5): save and load any noun; versioned, atomic, blocks larger than memory.
+"""The file format of the project (HDF5): every data type is saved and loaded, in blocks larger than memory.
 
 ``save(path, noun)`` and ``load(path)`` are all that most callers need. ``Writer`` and ``blocks`` write and read records
 that are larger than memory, ``describe`` tells what a file holds without reading signals, ``replacing`` writes any file
@@ -13,6 +13,7 @@ _HOMES = {
     "describe": "ema.store.reading",
     "is_store": "ema.store.reading",
     "load": "ema.store.reading",
+    "load_fields": "ema.store.fields",
     "replacing": "ema.store.atomic",
     "save": "ema.store.writing",
 }

@@ -36,20 +36,37 @@ def write_failure(error: OSError, path: Path) -> FailureError:
 
 @contextlib.contextmanager
 def replacing(path: str | Path, exclusive: bool = False) -> Iterator[Path]:
-    """Yield a temporary file beside ``path``; it takes the place of ``path`` when the block ends without an error.
+    """Yield a temporary file that takes the place of another one when the block ends without an error.
 
-    Every handle on the temporary file has to be closed by then: Windows renames no open file.
-
-    The temporary file is flushed to the disk before it is renamed, so a killed process or a power cut leaves the
-    former file intact. When the block fails, the temporary file is removed.
+    The temporary file lies beside ``path`` and is flushed to the disk before it is renamed, so a killed process or a
+    power cut leaves the former file intact. When the block fails, the temporary file is removed. Every handle on it has
+    to be closed when the block ends: Windows renames no open file.
 
     Parameters
     ----------
-    exclusive : create ``path``, and never replace it.
+    path : str or Path
+        The file to write; where it is a link, its target is replaced.
+    exclusive : bool, default False
+        Create ``path``, and never replace it.
+
+    Yields
+    ------
+    Path
+        The temporary file.
 
     Raises
     ------
-    FailureError : the folder is absent or read-only, the disk is full, or ``path`` exists and ``exclusive`` is set.
+    FailureError
+        If the folder is absent or read-only, the disk is full, or ``path`` exists and ``exclusive`` is set.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with replacing(f"{folder}/note.txt") as temporary:
+    ...         _ = temporary.write_text("whole or not at all")
+    ...     Path(f"{folder}/note.txt").read_text()
+    'whole or not at all'
     """
     path = Path(path)
     # a link keeps pointing where it did: its target is what gets replaced
@@ -69,10 +86,10 @@ def replacing(path: str | Path, exclusive: bool = False) -> Iterator[Path]:
         else:
             os.replace(temporary, target)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
+        _discard(temporary)
         raise write_failure(error, path) from error
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        _discard(temporary)
         raise
     # without this the rename itself may be lost in a power cut; not every system can do it
     with contextlib.suppress(OSError):
@@ -93,10 +110,16 @@ def _create(temporary: Path, target: Path) -> None:
         try:
             os.replace(temporary, target)
         except BaseException:
-            target.unlink(missing_ok=True)
+            _discard(target)
             raise
     else:
-        os.unlink(temporary)
+        _discard(temporary)
+
+
+def _discard(path: Path) -> None:
+    """Remove a file that is of no use; where that is refused it stays, and the next writer of its name removes it."""
+    with contextlib.suppress(OSError):
+        path.unlink()
 
 
 def mark() -> str:

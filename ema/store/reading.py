@@ -42,7 +42,23 @@ class Header:
 
 
 def is_store(path: str | Path) -> bool:
-    """Whether ``path`` is one of our files (of any schema version)."""
+    """Return whether a file is one of ours, of any schema version.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    bool
+        False also where there is no such file.
+
+    Examples
+    --------
+    >>> is_store("no-such-file.h5")
+    False
+    """
     try:
         with open(path, "rb") as plain:
             if plain.read(len(_SIGNATURE)) != _SIGNATURE:
@@ -54,13 +70,37 @@ def is_store(path: str | Path) -> bool:
 
 
 def load(path: str | Path) -> Any:
-    """Read what ``save`` wrote: a noun, a mapping (items read when asked for), or a ``Lazy`` sequence of nouns.
+    """Read what ``save`` wrote.
 
-    Sequences of records inside a noun (a run in a campaign) are ``Lazy`` as well: signals stay on disk until used.
+    Sequences of records inside a data type (a run in a campaign) are ``Lazy``: signals stay on disk until they are
+    used.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    Container, mapping or Lazy
+        A data type, a mapping of names to data types (items read when used), or a ``Lazy`` sequence.
 
     Raises
     ------
-    InputError : no such file, not one of ours, written by a newer version, damaged, or changed since it was opened.
+    InputError
+        If there is no such file, it is not one of ours, was written by a newer version, is damaged, or changed since it
+        was opened.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ema.examples import frf_set, modal_model
+    >>> from ema.store import save
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(f"{folder}/results.h5", {"frfs": frf_set(), "modes": modal_model()})
+    ...     results = load(f"{folder}/results.h5")
+    ...     sorted(results), len(results["modes"].poles)
+    (['frfs', 'modes'], 3)
     """
     path = Path(path)
     with _opened(path) as file:
@@ -90,11 +130,33 @@ class StoredMapping(Mapping[str, Any]):
 
 
 def describe(path: str | Path) -> tuple[Header, ...]:
-    """What a file holds, one header for each item, read without any array.
+    """Describe the items of a file, without reading any array.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    tuple of Header
+        Name and type of every item; of a record also all but its samples, and their number.
 
     Raises
     ------
-    InputError : as ``load``.
+    InputError
+        As :func:`load`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ema.examples import recording
+    >>> from ema.store import save
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(f"{folder}/record.h5", recording())
+    ...     header = describe(f"{folder}/record.h5")[0]
+    >>> header.noun, header.samples
+    ('Recording', 2048)
     """
     path = Path(path)
     with _opened(path) as file:
@@ -103,13 +165,36 @@ def describe(path: str | Path) -> tuple[Header, ...]:
 
 
 def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[Recording]:
-    """Read a record of any length in consecutive blocks of at most ``samples`` samples.
+    """Read a record of any length in consecutive blocks.
 
-    ``name`` chooses among several records of the file; without it the first item is read.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    samples : int
+        Largest number of samples of a block.
+    name : str, optional
+        Which of several records of the file; the first item by default.
+
+    Yields
+    ------
+    Recording
+        The next block, with its start time.
 
     Raises
     ------
-    InputError : as ``load``; no such record; not a record.
+    InputError
+        As :func:`load`; or if there is no such record, or the item is no record.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ema.examples import recording
+    >>> from ema.store import save
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(f"{folder}/record.h5", recording())
+    ...     [block.signals.shape[1] for block in blocks(f"{folder}/record.h5", samples=1000)]
+    [1000, 1000, 48]
     """
     path = Path(path)
     with _opened(path) as file:

@@ -23,25 +23,44 @@ from ema.store.layout import CONTENTS, DOCUMENT, FORMAT, ITEMS, SCHEMA_VERSION
 from ema.store.meaning import Meaning
 from ema.store.sink import Sink
 
-_COMPRESS_FROM = 4096  # bytes; below, compression costs more than it saves
+_COMPRESS_FROM = 4096
+"""Bytes from which arrays are compressed: below, it costs more than it saves."""
 _COMPRESSIONS = ("", "gzip")
 _SIGNAL_CHUNK = 65536
+"""Samples of a signal that lie together in a file, half a megabyte of float64."""
 
 
 def save(path: str | Path, content: Any, exclusive: bool = False, *, compression: str = "") -> None:
-    """Write a noun, a mapping of names to nouns, or a sequence of nouns; atomically, replacing what was there.
+    """Write data types to a file; atomically, replacing what was there.
 
     Parameters
     ----------
-    compression : ``"gzip"`` packs arrays from 4 kB on, which costs twenty times the time; empty for none.
-    path : the file, by custom ``*.h5``; its folder must exist.
-    content : any noun of ``ema.data``, ``dict`` of nouns, or list, tuple or ``Lazy`` of nouns (made one by one).
-    exclusive : create the file, and never replace one.
+    path : str or Path
+        The file, by custom ``*.h5``; its folder must exist.
+    content : object
+        A data type of ``ema.data``, a mapping of names to data types, or a list, tuple or ``Lazy`` of them (made one by
+        one).
+    exclusive : bool, default False
+        Create the file, and never replace one.
+    compression : str, optional
+        ``"gzip"`` packs arrays from 4 kB on, which costs twenty times the time; empty for none.
 
     Raises
     ------
-    InputError : ``content`` holds something that is no noun, or an unknown ``compression``.
-    FailureError : the file cannot be written, or exists and ``exclusive`` is set; the former file is untouched.
+    InputError
+        If ``content`` holds something that is no data type, or ``compression`` is unknown.
+    FailureError
+        If the file cannot be written, or exists and ``exclusive`` is set; the former file is untouched.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ema.examples import modal_model
+    >>> from ema.store import load
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(f"{folder}/modes.h5", modal_model())
+    ...     load(f"{folder}/modes.h5")
+    ModalModel('line', 3 modes 40 to 90 Hz, damping 0.5 to 1 %, 4 DOFs, unit modal mass)
     """
     if isinstance(content, Mapping):
         with Writer(path, kind="mapping", exclusive=exclusive, compression=compression) as writer:
@@ -57,10 +76,37 @@ def save(path: str | Path, content: Any, exclusive: bool = False, *, compression
 
 
 class Writer(AbstractContextManager["Writer"]):
-    """Writes nouns one after the other into one file, which appears under its name when the ``with`` block ends well.
+    """Writes data types one after the other into one file.
 
-    ``kind`` says what ``load`` gives back: ``mapping`` of the names, ``sequence``, or the single ``noun``. With
-    ``exclusive`` the file is created and never replaced; ``compression`` is that of ``save``.
+    The file appears under its name when the ``with`` block ends without an error.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, by custom ``*.h5``; its folder must exist.
+    kind : str, default "mapping"
+        What ``load`` returns: ``mapping`` of the names, ``sequence``, or the single ``noun``.
+    exclusive : bool, default False
+        Create the file, and never replace one.
+    compression : str, optional
+        ``"gzip"`` packs arrays from 4 kB on; empty for none.
+
+    Raises
+    ------
+    InputError
+        If ``kind`` or ``compression`` is unknown.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ema.examples import frf_set, modal_model
+    >>> from ema.store import describe
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with Writer(f"{folder}/results.h5") as writer:
+    ...         writer.add(frf_set(), "frfs")
+    ...         writer.add(modal_model(), "modes")
+    ...     [header.name for header in describe(f"{folder}/results.h5")]
+    ['frfs', 'modes']
     """
 
     def __init__(
@@ -106,19 +152,66 @@ class Writer(AbstractContextManager["Writer"]):
             self.check()
 
     def add(self, noun: Any, name: str = "") -> None:
-        """Write ``noun``; its arrays may be dropped by the caller afterwards.
+        """Write one item; its arrays may be dropped by the caller afterwards.
+
+        Parameters
+        ----------
+        noun : object
+            Any data type of ``ema.data``.
+        name : str, optional
+            Name of the item in a mapping.
 
         Raises
         ------
-        InputError : not a noun, or the name is taken.
-        FailureError : the disk is full.
+        InputError
+            If it is no data type, or the name is taken.
+        FailureError
+            If the disk is full.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from ema.examples import modal_model
+        >>> with tempfile.TemporaryDirectory() as folder, Writer(f"{folder}/modes.h5", kind="noun") as writer:
+        ...     writer.add(modal_model())
         """
         self._new_item(noun, name)
 
     def begin(self, header: Recording, name: str = "") -> "BlockWriter":
-        """Start a record that arrives in blocks; ``header`` is the record with no samples yet, shape (channel, 0).
+        """Start a record that arrives in blocks.
 
-        ``header.signals.dtype`` (float32 or float64) is the one stored.
+        Parameters
+        ----------
+        header : Recording
+            The record with no samples yet, shape (channel, 0); its ``signals.dtype`` (float32 or float64) is the one
+            stored.
+        name : str, optional
+            Name of the item in a mapping.
+
+        Returns
+        -------
+        BlockWriter
+            What the blocks are appended to, by ``append``.
+
+        Raises
+        ------
+        InputError
+            If the header has samples, or the name is taken.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from dataclasses import replace
+        >>> from ema.examples import recording
+        >>> from ema.store import describe
+        >>> record = recording()
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     with Writer(f"{folder}/record.h5", kind="noun") as writer:
+        ...         growing = writer.begin(replace(record, signals=record.signals[:, :0]))
+        ...         for start in range(0, 2048, 512):
+        ...             growing.append(record.signals[:, start : start + 512])
+        ...     describe(f"{folder}/record.h5")[0].samples
+        2048
         """
         if header.signals.shape[1] != 0:
             raise InputError("the header of a record in blocks has samples", got=header.signals.shape[1], expected=0)
@@ -135,7 +228,19 @@ class Writer(AbstractContextManager["Writer"]):
         return group
 
     def check(self) -> None:
-        """Raise what has kept bytes from reaching the disk."""
+        """Raise what has kept bytes from reaching the disk.
+
+        Raises
+        ------
+        FailureError
+            If a write has failed.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder, Writer(f"{folder}/empty.h5") as writer:
+        ...     writer.check()
+        """
         if self._sink.failure is not None:
             raise write_failure(self._sink.failure, self.path) from self._sink.failure
 

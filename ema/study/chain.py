@@ -1,5 +1,6 @@
 """One run through the chain: records to FRFs to poles to modes, with everything a reader has to know."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,12 +21,16 @@ _FIRST_LINE = 20
 """Lines left out at the low end when nobody states a band: suspension, drift and the windows live there."""
 
 
-def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress = silent) -> RunResult:
+def analyse(
+    run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress = silent, *, others: Sequence[Run] = ()
+) -> RunResult:
     """Estimate the FRFs of ``run``, fit its modes and judge both.
+
+    ``others`` are runs of the same campaign: hammer tests at other levels help to tell whether the structure is linear.
 
     Raises
     ------
-    InputError : the run cannot be used, or a verb refuses its input.
+    InputError : the run cannot be used, or a function refuses its input.
     """
     from ema.compare.linearity import level_effect, level_finding
     from ema.estimate import quality, without_dead
@@ -33,7 +38,7 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
 
     frfs, hits = frfs_of(run, estimate, progress)
     band = fit.band or default_band(frfs, hits)
-    tested = _tested(run, band, progress)
+    tested = _tested(run, others, band, progress)
     inside = frfs.band(*band)
     alive = without_dead(inside)
     poles, modes = fitted(alive, fit, progress)
@@ -45,8 +50,8 @@ def analyse(run: Run, estimate: EstimateTable, fit: FitTable, progress: Progress
         as_recorded(modes, alive), alive.frequencies, alive.quantity, outputs=alive.outputs, inputs=alive.inputs
     )
     reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=alive.unit)
-    noticed = () if tested is None else (level_finding(tested, f"run {run.id}"),)
-    findings = unique(noticed + run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
+    level = () if tested is None else (level_finding(tested, f"run {run.id}"),)
+    findings = unique(level + run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
     return RunResult(
         run=run,
         frfs=_like(frfs, alive),
@@ -74,13 +79,25 @@ def ring_down_finding(run: Run) -> Finding:
     )
 
 
-def _tested(run: Run, band: tuple[float, float], progress: Progress) -> "Linearity | None":
+def excitation_finding(run: Run) -> Finding:
+    """Why a run of records has no FRFs: nobody stated how the structure was driven."""
+    return Finding(
+        "warning",
+        "excitation-unstated",
+        f"run {run.id}",
+        "nobody stated how the structure was driven: there are no FRFs, and no modes.",
+        advice='State kind = "hammer" (or "random", "sweep", "stepped sine", "snap-back") of the run; '
+        f'[[loop]] run = "{run.id}" in a recipe makes a hysteresis loop of it.',
+    )
+
+
+def _tested(run: Run, others: Sequence[Run], band: tuple[float, float], progress: Progress) -> "Linearity | None":
     """Whether the structure is linear at the level of a hammer test; ``None`` for what else was measured."""
-    from ema.compare.linearity import linearity
+    from ema.compare.linearity import linearity_beside, other_levels
 
     if run.kind != "hammer" or not run.recordings or run.frfs:
         return None
-    return linearity(run, band, progress)
+    return linearity_beside(run, other_levels(run, others), band, progress)
 
 
 def _of_the_decay(
@@ -89,8 +106,9 @@ def _of_the_decay(
     """Modes of the decay after sticking in place of those fitted to FRFs that no linear structure has."""
     from ema.compare.decay_modes import modes_after_sticking, sticking, withheld
 
-    found = sticking(run, band, {} if tested.decays is None else {tested.later: tested.decays})
-    return withheld(fitted) if found is None else modes_after_sticking(found, frfs, fitted)
+    own = None if tested.beside else tested.decays
+    after_sticking = sticking(run, band, {} if own is None else {tested.later: own})
+    return withheld(fitted) if after_sticking is None else modes_after_sticking(after_sticking, frfs, fitted)
 
 
 def _equivalent(frfs: FrfSet, modes: ModalModel) -> tuple[SingleMode, ...]:

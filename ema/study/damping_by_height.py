@@ -83,7 +83,7 @@ def _at_the_top(frfs: FrfSet, near: float, reference: ModalModel, bandwidths: fl
     from ema.fit import local_fit
     from ema.synthesis import convert
 
-    found = local_fit(frfs, near, bandwidths)
+    fitted = local_fit(frfs, near, bandwidths)
     mode = int(np.abs(reference.natural_frequencies - near).argmin())
     shape = np.real(reference.shapes[:, mode])
     ends = []
@@ -93,11 +93,11 @@ def _at_the_top(frfs: FrfSet, near: float, reference: ModalModel, bandwidths: fl
     if wanted.shape != frfs.values.shape[1:]:
         raise InputError("the reference lacks a DOF of the FRFs", where=frfs.name, got=f"{wanted.shape}")
     weights = wanted / np.sum(wanted**2)
-    inside = np.abs(frfs.frequencies - found.natural_frequency) <= 2 * found.damping_ratio * found.natural_frequency
-    inside[np.abs(frfs.frequencies - found.natural_frequency).argmin()] = True
+    inside = np.abs(frfs.frequencies - fitted.natural_frequency) <= 2 * fitted.damping_ratio * fitted.natural_frequency
+    inside[np.abs(frfs.frequencies - fitted.natural_frequency).argmin()] = True
     measured = np.einsum("koi,oi->k", convert(frfs, "receptance").values[inside], weights)
     top = int(np.abs(measured).argmax())
     s = 2j * np.pi * frfs.frequencies[inside][top]
-    own = found.residues / (s - found.pole) + found.residues.conj() / (s - found.pole.conjugate())
-    constant = float(np.real(np.sum(found.modal_constants * weights)))
+    own = fitted.residues / (s - fitted.pole) + fitted.residues.conj() / (s - fitted.pole.conjugate())
+    constant = float(np.real(np.sum(fitted.modal_constants * weights)))
     return constant * float(abs(measured[top] / np.sum(own * weights)))

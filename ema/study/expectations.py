@@ -1,4 +1,4 @@
-"""Numbers that a recipe expects, against what was found."""
+"""Numbers that a recipe expects, against those that were measured."""
 
 import numpy as np
 
@@ -59,8 +59,8 @@ def _others(table: ExpectTable, result: RunResult) -> list[Expectation]:
     if table.only is None:
         return []
     low, high = table.only
-    found = result.modes.natural_frequencies
-    inside = float(np.sum((found >= low) & (found <= high)))
+    frequencies = result.modes.natural_frequencies
+    inside = float(np.sum((frequencies >= low) & (frequencies <= high)))
     expected = float(sum(low <= frequency <= high for frequency in table.natural_frequencies))
     return [_compare(f"{table.run}: number of modes from {low:g} to {high:g} Hz", expected, 0.0, inside)]
 
@@ -74,32 +74,34 @@ def _findings(table: ExpectTable, result: RunResult) -> list[Expectation]:
 
 
 def of_placement(
-    asked: str | PlaceRecipe, placement: Placement | None, checked: ForecastCheck | None
+    recipe: str | PlaceRecipe, placement: Placement | None, checked: ForecastCheck | None
 ) -> tuple[Expectation, ...]:
     """The best place, its normal force, and how many measured values lie in their bands, where the recipe says."""
-    if isinstance(asked, str) or asked.expect is None or placement is None:
+    if isinstance(recipe, str) or recipe.expect is None or placement is None:
         return ()
-    told, best, result = asked.expect, placement.ranking.best, []
-    if told.centre is not None:
-        pairs = zip("xy", told.centre, best.centre, strict=True)
-        result += [_compare(f"best place: {axis} of the middle [m]", one, told.within, at) for axis, one, at in pairs]
-    if told.normal_force is not None:
-        tolerance = 0.01 * told.normal_force
-        result.append(_compare("best place: F_N [N]", told.normal_force, tolerance, best.normal_force))
-    if told.inside is not None:
-        found = 0 if checked is None else checked.inside
+    expected, best, result = recipe.expect, placement.ranking.best, []
+    if expected.centre is not None:
+        pairs = zip("xy", expected.centre, best.centre, strict=True)
+        result += [
+            _compare(f"best place: {axis} of the middle [m]", one, expected.within, at) for axis, one, at in pairs
+        ]
+    if expected.normal_force is not None:
+        tolerance = 0.01 * expected.normal_force
+        result.append(_compare("best place: F_N [N]", expected.normal_force, tolerance, best.normal_force))
+    if expected.inside is not None:
+        inside = 0 if checked is None else checked.inside
         result.append(
             Expectation(
                 "measured values inside their bands (at least)",
-                float(told.inside),
+                float(expected.inside),
                 0.0,
-                float(found),
-                found >= told.inside,
+                float(inside),
+                inside >= expected.inside,
             )
         )
     return tuple(result)
 
 
-def _compare(what: str, expected: float, tolerance: float, found: float) -> Expectation:
-    found = float(found)
-    return Expectation(what, expected, tolerance, found, bool(abs(found - expected) <= tolerance))
+def _compare(what: str, expected: float, tolerance: float, measured: float) -> Expectation:
+    measured = float(measured)
+    return Expectation(what, expected, tolerance, measured, bool(abs(measured - expected) <= tolerance))

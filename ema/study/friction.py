@@ -4,12 +4,38 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ema.data import Campaign, Decay, ForecastCheck, Loop, MapResult, Placement, Recording, Run, RunResult
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import (
+    AmplitudeDependentMode,
+    Campaign,
+    Decay,
+    Finding,
+    ForecastCheck,
+    Loop,
+    MapResult,
+    Placement,
+    Recording,
+    Run,
+    RunResult,
+    SingleMode,
+)
 from ema.errors import InputError
 from ema.place.recipe import PlaceRecipe
 from ema.progress import Progress
 from ema.study.recipe import LoopTable, RingDownTable
+from ema.units import SI_UNIT
+
+if TYPE_CHECKING:
+    from ema.compare.amplitude_resolved import RingDownMode
+
+RING_DOWN = "ring_down_modes"
+"""Step in the provenance of a mode over its amplitude that was read from the ring-downs of a hammer test."""
+_SAME = 0.1
+"""Relative distance of frequencies up to which a linear fit is about the same mode: it slips by a few percent."""
 
 
 def ring_downs(campaign: Campaign, tables: Sequence[RingDownTable]) -> tuple[Decay, ...]:
@@ -21,13 +47,68 @@ def ring_downs(campaign: Campaign, tables: Sequence[RingDownTable]) -> tuple[Dec
     """
     from ema.estimate import ring_down
 
-    found = []
-    for table in tables:
-        run = campaign[table.run]
-        for name, record in _records(run):
-            decay = ring_down(record, table.band, table.channel or None, table.start, table.stop)
-            found.append(replace(decay, name=name))
-    return tuple(found)
+    return tuple(
+        replace(ring_down(record, table.band, table.channel or None, table.start, table.stop), name=name)
+        for table in tables
+        for name, record in _records(campaign[table.run])
+    )
+
+
+def over_amplitude(
+    run: Run, result: RunResult, band: tuple[float, float], progress: Progress
+) -> tuple[AmplitudeDependentMode, ...]:
+    """Every mode of a hammer test over its amplitude, and the amplitudes to which a linear fit of its FRFs belongs.
+
+    Raises
+    ------
+    InputError : a record cannot be used.
+    """
+    from ema.compare import ring_down_modes
+
+    modes = ring_down_modes(run, band, progress)
+    return tuple(
+        replace(one.mode, findings=(*one.mode.findings, *_linear_reading(one, result.equivalent))) for one in modes
+    )
+
+
+def to_know(modes: Sequence[AmplitudeDependentMode]) -> tuple[Finding, ...]:
+    """Findings about modes over their amplitude; those of ring-downs stand beside their values."""
+    return tuple(finding for mode in modes if RING_DOWN not in mode.provenance.steps for finding in mode.findings)
+
+
+def _linear_reading(ring_down: "RingDownMode", fits: Sequence[SingleMode]) -> tuple[Finding, ...]:
+    """To which amplitudes belongs what one linear mode fitted to the FRFs reads, where the mode is seen to slip."""
+    mode, onset = ring_down.mode, ring_down.onset
+    middle = float(np.median(mode.frequency.value))
+    near = [one for one in fits if abs(one.natural_frequency / middle - 1) < _SAME]
+    if not near or not onset.seen:
+        return ()
+    fit = min(near, key=lambda one: abs(one.natural_frequency - middle))
+    unit, slipping = SI_UNIT[mode.quantity].replace("^2", "²"), mode.amplitude >= onset.amplitude.low
+    parts = []
+    for what, curve, small, value in (
+        ("frequency", mode.frequency, onset.frequency, fit.natural_frequency),
+        ("damping", mode.damping, onset.damping, fit.damping_ratio),
+    ):
+        where = _crossings(mode.amplitude[slipping], curve.value[slipping], value)
+        listed = f"at {' and '.join(f'{one:.3g}' for one in where)} {unit}" if where else "at no amplitude"
+        parts.append(f"its {what} is that {'of small amplitudes' if small.low <= value <= small.high else listed}")
+    text = (
+        f"one linear mode fitted to the FRFs reads {fit.natural_frequency:.1f} Hz and {100 * fit.damping_ratio:.2f} %: "
+        f"{', '.join(parts)}."
+    )
+    return (Finding("info", "linear-reading", mode.name, text, fit.natural_frequency, None),)
+
+
+def _crossings(
+    amplitude: Float[np.ndarray, "level"], curve: Float[np.ndarray, "level"], value: float
+) -> tuple[float, ...]:
+    """First and last amplitude at which a curve has a value."""
+    off = curve - value
+    rows = np.flatnonzero(off[:-1] * off[1:] < 0)
+    log = np.log(amplitude)
+    where = [float(np.exp(log[k] + (log[k + 1] - log[k]) * off[k] / (off[k] - off[k + 1]))) for k in rows]
+    return tuple(dict.fromkeys((where[0], where[-1]))) if where else ()
 
 
 def hysteresis_loops(campaign: Campaign, tables: Sequence[LoopTable]) -> tuple[Loop, ...]:
@@ -39,14 +120,14 @@ def hysteresis_loops(campaign: Campaign, tables: Sequence[LoopTable]) -> tuple[L
     """
     from ema.estimate import measured_loop
 
-    found = []
+    loops = []
     for table in tables:
-        run = campaign[table.run]
-        for name, record in _records(run):
+        nominal = campaign[table.run].condition.normal_force
+        for name, record in _records(campaign[table.run]):
             loop = measured_loop(record, table.displacement, table.force)
-            pressed = loop.normal_force if loop.normal_force == loop.normal_force else run.condition.normal_force
-            found.append(replace(loop, name=name, normal_force=pressed))
-    return tuple(found)
+            normal_force = nominal if np.isnan(loop.normal_force) else loop.normal_force
+            loops.append(replace(loop, name=name, normal_force=normal_force))
+    return tuple(loops)
 
 
 def _records(run: Run) -> list[tuple[str, Recording]]:
@@ -59,7 +140,7 @@ def _records(run: Run) -> list[tuple[str, Recording]]:
 
 
 def placed(
-    asked: str | PlaceRecipe,
+    request: str | PlaceRecipe,
     source: Path,
     campaign: Campaign,
     runs: Sequence[RunResult],
@@ -74,27 +155,27 @@ def placed(
     ------
     InputError : no bare run or no geometry, a recipe that names a structure of its own, and what ``ema.place`` refuses.
     """
-    from ema.place import recipe as recipes
     from ema.place.job import place
+    from ema.place.recipe import load
     from ema.place.sources import verdict_of
 
-    path = source.parent / asked if isinstance(asked, str) else source
-    told = recipes.load(path) if isinstance(asked, str) else asked
-    if told.campaign or told.modes:
+    path = source.parent / request if isinstance(request, str) else source
+    recipe = load(path) if isinstance(request, str) else request
+    if recipe.campaign or recipe.modes:
         raise InputError(
             "the placement recipe names a structure of its own",
             where=str(path),
-            got=told.campaign or told.modes,
+            got=recipe.campaign or recipe.modes,
             expected="neither campaign nor modes",
             advice="the study's own modes are used; or run `ema place` on the recipe",
         )
-    bare = [one for one in runs if one.run.id == told.run or (not told.run and not one.run.condition.joints)]
+    bare = [one for one in runs if one.run.id == recipe.run or (not recipe.run and not one.run.condition.joints)]
     if not bare:
         raise InputError(
             "the study has no run without the friction beam",
             where=str(path),
             got=", ".join(one.run.id for one in runs) or "no run",
-            expected=told.run or "a bare run",
+            expected=recipe.run or "a bare run",
             advice="add the bare run to the study",
         )
     if campaign.geometry is None:
@@ -104,21 +185,21 @@ def placed(
             advice="add [geometry] to campaign.toml: places come from it",
         )
     modes = replace(bare[0].modes, name=bare[0].modes.name or f"run {bare[0].run.id}")
-    found = place(
-        told,
+    placement = place(
+        recipe,
         modes,
         campaign.geometry,
-        verdict_of(told, path.parent),
+        verdict_of(recipe, path.parent),
         executor=executor,
         folder=folder,
         resume=resume,
         progress=progress,
     )
-    return replace(found, geometry=campaign.geometry)
+    return replace(placement, geometry=campaign.geometry)
 
 
 def forecast_check(
-    asked: str | PlaceRecipe, placement: Placement | None, maps: Sequence[MapResult]
+    request: str | PlaceRecipe, placement: Placement | None, maps: Sequence[MapResult]
 ) -> ForecastCheck | None:
     """The forecast of the placement against the maps that its recipe names; ``None`` where it names none.
 
@@ -128,16 +209,16 @@ def forecast_check(
     """
     from ema.place import check
 
-    told = None if isinstance(asked, str) else asked.forecast
-    if told is None or not told.maps or placement is None or placement.forecast is None:
+    table = None if isinstance(request, str) else request.forecast
+    if table is None or not table.maps or placement is None or placement.forecast is None:
         return None
     known = {one.name: one.chart for one in maps}
-    for name in told.maps:
+    for name in table.maps:
         if name not in known:
             raise InputError(
-                "the forecast is to be held against a map that is not there",
+                "the forecast is to be compared with a map that does not exist",
                 where="placement.forecast",
                 got=name,
                 expected="one of " + (", ".join(known) or "no map"),
             )
-    return check(placement.forecast, [known[name] for name in told.maps])
+    return check(placement.forecast, [known[name] for name in table.maps])

@@ -1,5 +1,6 @@
 """Results finished earlier: taken where they would come out the same, otherwise named with the reason."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,40 +20,51 @@ def known(path: Path, made: Provenance, what: str, progress: Progress) -> Any:
         reason = "not computed before"
     else:
         try:
-            held = store.load(path)
-            reason = changes(held["made"], made)
-            result = None if reason else held["result"]
+            stored = store.load(path)
+            reason = changes(stored["made"], made)
+            result = None if reason else stored["result"]
             reason = f"computed again: {reason}" if reason else "taken as it was computed"
         except (EmaError, KeyError, TypeError, AttributeError) as error:
-            said = error.what if isinstance(error, EmaError) else "it holds something else"
-            reason = f"computed again: the kept file cannot be read ({said})"
+            why = error.what if isinstance(error, EmaError) else "it holds something else"
+            reason = f"computed again: the kept file cannot be read ({why})"
     note(progress, f"{what}: {reason}")
+    return result
+
+
+def known_or_computed(
+    path: Path, made: Provenance, what: str, compute: Callable[[], Any], progress: Progress, *, resume: bool
+) -> Any:
+    """The result in ``path`` where it is still right and ``resume`` is set; otherwise what ``compute`` gives, kept."""
+    if resume and (result := known(path, made, what, progress)) is not None:
+        return result
+    result = compute()
+    store.save(path, {"made": made, "result": result})
     return result
 
 
 def changes(before: Provenance, now: Provenance) -> str:
     """What makes two results differ: inputs, settings, code, packages; empty where nothing does."""
-    found = []
+    differences = []
     old, new = dict(before.inputs), dict(now.inputs)
-    found += [f"{name} has changed" for name in new if name in old and old[name] != new[name]]
-    found += [f"{name} is new" for name in new if name not in old]
-    found += [f"{name} is no longer used" for name in old if name not in new]
+    differences += [f"{name} has changed" for name in new if name in old and old[name] != new[name]]
+    differences += [f"{name} is new" for name in new if name not in old]
+    differences += [f"{name} is no longer used" for name in old if name not in new]
     old, new = dict(before.options), dict(now.options)
     names = dict.fromkeys([*old, *new])
-    found += [
+    differences += [
         f"{name} was {old.get(name, 'not known')} and is {new.get(name, 'not known')}"
         for name in names
         if old.get(name) != new.get(name)
     ]
     old, new = dict(before.versions), dict(now.versions)
     if old.get(fingerprint.CODE) != new.get(fingerprint.CODE):
-        found.append("the code of friction-ema has changed")
-    found += [
+        differences.append("the code of friction-ema has changed")
+    differences += [
         f"{name} was {old.get(name, 'not noted')} and is {new.get(name, 'absent')}"
         for name in dict.fromkeys([*old, *new])
         if name != fingerprint.CODE and old.get(name) != new.get(name)
     ]
-    if not found and before != now:
-        found.append("its steps have changed")
-    more = len(found) - _SHOWN
-    return "; ".join(found[:_SHOWN]) + (f"; and {more} more changes" if more > 0 else "")
+    if not differences and before != now:
+        differences.append("its steps have changed")
+    more = len(differences) - _SHOWN
+    return "; ".join(differences[:_SHOWN]) + (f"; and {more} more changes" if more > 0 else "")

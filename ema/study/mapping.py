@@ -1,8 +1,9 @@
 """From the runs of a shaker campaign to the map of one mode over excitation and normal force."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -25,7 +26,7 @@ _ABOUT = 0.1
 
 
 @dataclass(frozen=True)
-class _Point:
+class Point:
     """One run of a map: its FRFs with the force at resonance as level, the nominal level in N, and the drop-out."""
 
     frfs: FrfSet
@@ -35,10 +36,17 @@ class _Point:
     findings: tuple[Finding, ...] = ()
 
 
-def mapped(campaign: Campaign, table: MapTable, estimate: EstimateTable, progress: Progress = silent) -> MapResult:
+def mapped(
+    campaign: Campaign,
+    table: MapTable,
+    estimate: EstimateTable,
+    progress: Progress = silent,
+    computed: Callable[[Sequence[Run]], Iterable[Point]] | None = None,
+) -> MapResult:
     """Follow one mode through the runs of ``table``: FRFs, force at resonance, homogeneity, and the map.
 
-    Runs on the way down of the normal force are compared with those on the way up, which make the map.
+    Runs on the way down of the normal force are compared with those on the way up, which make the map. ``computed``
+    delivers the conditions of runs in their order; in this process by default.
 
     Raises
     ------
@@ -46,10 +54,10 @@ def mapped(campaign: Campaign, table: MapTable, estimate: EstimateTable, progres
     """
     runs = chosen(campaign, table)
     reference = _reference(campaign, table, estimate)
-    points = []
-    for number, run in enumerate(runs):
+    points, delivered = [], iter((point(run, table, estimate) for run in runs) if computed is None else computed(runs))
+    for number in range(len(runs)):
         advance(progress, f"runs of {table.title}", number, len(runs))
-        points.append(_point(run, table, estimate))
+        points.append(next(delivered))
     down = [point for point in points if point.sequence == "down"]
     up = [point for point in points if point.sequence != "down"]
     if not up:
@@ -65,8 +73,8 @@ def mapped(campaign: Campaign, table: MapTable, estimate: EstimateTable, progres
     findings += _about_sequence(chart, down, table, reference)
     findings += [finding for run in runs for finding in run.findings]
     dropout = np.full(chart.damping.shape, np.nan)
-    for place, point in zip(order, up, strict=True):
-        dropout[place] = point.dropout
+    for place, condition in zip(order, up, strict=True):
+        dropout[place] = condition.dropout
     return MapResult(
         table.title,
         replace(chart, name=table.title, findings=()),
@@ -76,6 +84,43 @@ def mapped(campaign: Campaign, table: MapTable, estimate: EstimateTable, progres
         dropout,
         tuple(run.id for run in runs),
         tuple(dict.fromkeys(findings)),
+    )
+
+
+def simulated(path: Path, table: MapTable, progress: Progress = silent) -> MapResult:
+    """The map of a model file by harmonic balance, over the forces of its ``[map]`` or those of ``table``.
+
+    Raises
+    ------
+    InputError : no such file, or one without ``[map]``.
+    """
+    import acquisition
+    from acquisition import model_file
+    from ema import simulate
+
+    settings = model_file.load(path).map
+    if settings is None:
+        raise InputError("the model file has no [map]", where=str(path), expected="at, output and band")
+    chart = simulate.damping_map(
+        acquisition.open_model(path),
+        table.force_levels or settings.force,
+        table.normal_forces or settings.normal_force,
+        settings.at,
+        settings.output or settings.at,
+        (settings.band[0], settings.band[1]),
+        settings.tolerance,
+        progress=progress,
+    )
+    nothing = np.zeros(0)
+    dropout = np.full(chart.damping.shape, np.nan)
+    return MapResult(
+        table.title,
+        replace(chart, name=table.title),
+        nothing.reshape(0, 3),
+        nothing,
+        nothing,
+        dropout,
+        findings=tuple(_about_map(chart, table.title)),
     )
 
 
@@ -138,73 +183,73 @@ def _one_mode(frfs: FrfSet, near: float) -> ModalModel | None:
     from ema.dof import match
     from ema.fit import local_fit
 
-    found = local_fit(frfs.band(near * (1 - 2 * _ABOUT), near * (1 + 2 * _ABOUT)), near)
+    fitted = local_fit(frfs.band(near * (1 - 2 * _ABOUT), near * (1 + 2 * _ABOUT)), near)
     driven = match(frfs.inputs, frfs.outputs)
     if not driven or not frfs.scaled:
         return None
     column, row, sign = driven[0]
-    constants = np.real(found.modal_constants[:, column])
+    constants = np.real(fitted.modal_constants[:, column])
     drive = constants[row] * sign
     if not drive > 0:
         return None
     shape = (constants / np.sqrt(drive)).astype(complex)[:, None]
-    pole = poles_from(np.array([found.natural_frequency]), np.array([found.damping_ratio]))
+    pole = poles_from(np.array([fitted.natural_frequency]), np.array([fitted.damping_ratio]))
     dofs = frfs.outputs
     return ModalModel(pole, shape, dofs, shape / (2j * pole.imag), dofs, scaling="unit modal mass", name=frfs.name)
 
 
-def _point(run: Run, table: MapTable, estimate: EstimateTable) -> _Point:
+def point(run: Run, table: MapTable, estimate: EstimateTable) -> Point:
     """FRFs about the mode, with the force at resonance as their level."""
     from ema.fit import local_fit
 
     frfs, steps = _estimated(run, estimate)
     frfs = frfs.band(table.near * (1 - _ABOUT), table.near * (1 + _ABOUT))
     nominal = run.condition.excitation.level
-    noticed: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()
     try:
-        found = local_fit(frfs, table.near, table.bandwidths)
+        fitted = local_fit(frfs, table.near, table.bandwidths)
     except InputError:
         level, dropout = nominal, float("nan")
     else:
-        level, dropout, noticed = _level(run, frfs, steps, found, estimate.mount_mass)
+        level, dropout, findings = _level(run, frfs, steps, fitted, estimate.mount_mass)
     excitation = replace(frfs.condition.excitation, level=level)
     frfs = replace(frfs, condition=replace(frfs.condition, excitation=excitation))
     sequence = run.condition.joints[0].sequence
-    return _Point(frfs, nominal if np.isfinite(nominal) else level, dropout, sequence, noticed + frfs.findings)
+    return Point(frfs, nominal if np.isfinite(nominal) else level, dropout, sequence, findings + frfs.findings)
 
 
 def _estimated(run: Run, estimate: EstimateTable) -> tuple[FrfSet, Steps | None]:
     """FRFs of a run, and the forces at the frequencies of a stepped sine."""
-    from ema import estimate as verbs
+    from ema import estimate as estimation
 
     if run.kind != "stepped sine" or not len(run.recordings):
         return frfs_of(run, estimate)[0], None
-    frfs, steps = verbs.stepped_test(run, estimate.discard)
+    frfs, steps = estimation.stepped_test(run, estimate.discard)
     if estimate.mount_mass:
-        frfs = verbs.without_mount_mass(frfs, estimate.mount_mass, frfs.inputs[0])
+        frfs = estimation.without_mount_mass(frfs, estimate.mount_mass, frfs.inputs[0])
     return frfs, steps
 
 
 def _level(
-    run: Run, frfs: FrfSet, steps: Steps | None, found: SingleMode, mount_mass: float
+    run: Run, frfs: FrfSet, steps: Steps | None, fitted: SingleMode, mount_mass: float
 ) -> tuple[float, float, tuple[Finding, ...]]:
     """Force on the structure in N at resonance, and over that beside it."""
-    from ema import estimate as verbs
+    from ema import estimate as estimation
 
     if not len(run.recordings):
         return _stated_level(run)
-    share = _share(frfs, found.natural_frequency, mount_mass)
+    share = _share(frfs, fitted.natural_frequency, mount_mass)
     if steps is not None:
         outer = max(int(_EDGES / 2 * len(steps.force)), 1)
         beside = float(np.median(np.concatenate([steps.force[:outer], steps.force[-outer:]])))
-        level = steps.force_at(found.natural_frequency)
+        level = steps.force_at(fitted.natural_frequency)
         return level * share, level / beside, ()
     period, record = run.condition.excitation.period, run.recordings[0]
     periodic = bool(np.isfinite(period))
-    mode = found.natural_frequency, found.damping_ratio
-    held = verbs.force_at_resonance(record, *mode, period if periodic else 0.0)
-    _, _, noticed = verbs.sweep_rate(record, *mode, bool(run.condition.joints), periodic)
-    return held.level * share, held.dropout, held.findings + noticed
+    mode = fitted.natural_frequency, fitted.damping_ratio
+    resonance_force = estimation.force_at_resonance(record, *mode, period if periodic else 0.0)
+    _, _, findings = estimation.sweep_rate(record, *mode, bool(run.condition.joints), periodic)
+    return resonance_force.level * share, resonance_force.dropout, resonance_force.findings + findings
 
 
 def _stated_level(run: Run) -> tuple[float, float, tuple[Finding, ...]]:
@@ -255,7 +300,7 @@ def _share(frfs: FrfSet, frequency: float, mass: float) -> float:
     return float(1 / abs(1 + mass * near))
 
 
-def _tracked(points: Sequence[_Point], table: MapTable, reference: ModalModel | None) -> ModalMap:
+def _tracked(points: Sequence[Point], table: MapTable, reference: ModalModel | None) -> ModalMap:
     from ema import fit
 
     levels = table.force_levels
@@ -266,7 +311,7 @@ def _tracked(points: Sequence[_Point], table: MapTable, reference: ModalModel | 
     )
 
 
-def _places(chart: ModalMap, points: Sequence[_Point]) -> list[tuple[int, int]]:
+def _places(chart: ModalMap, points: Sequence[Point]) -> list[tuple[int, int]]:
     """Row and column of every run in the map."""
     placed = []
     for point in points:
@@ -277,7 +322,7 @@ def _places(chart: ModalMap, points: Sequence[_Point]) -> list[tuple[int, int]]:
 
 
 def _gate(
-    points: Sequence[_Point], order: list[tuple[int, int]], chart: ModalMap
+    points: Sequence[Point], order: list[tuple[int, int]], chart: ModalMap
 ) -> tuple[Float[np.ndarray, "pair 3"], Float[np.ndarray, "pair"], Float[np.ndarray, "pair"]]:
     """Homogeneity between every level and the one nearest to its double, at each normal force."""
     from ema.estimate import homogeneity
@@ -294,12 +339,12 @@ def _gate(
             if not np.isfinite(near):
                 continue
             try:
-                found = homogeneity(at[row, column].frfs, at[high, column].frfs, float(near))
+                comparison = homogeneity(at[row, column].frfs, at[high, column].frfs, float(near))
             except InputError:
                 continue
-            rows.append((force, level, chart.force_levels[high], found.index, found.peak_ratio))
-    told = np.array(rows, dtype=np.float64).reshape(-1, 5)
-    return told[:, :3], told[:, 3], told[:, 4]
+            rows.append((force, level, chart.force_levels[high], comparison.index, comparison.peak_ratio))
+    pairs = np.array(rows, dtype=np.float64).reshape(-1, 5)
+    return pairs[:, :3], pairs[:, 3], pairs[:, 4]
 
 
 def _about_map(chart: ModalMap, where: str) -> list[Finding]:
@@ -314,7 +359,7 @@ def _about_map(chart: ModalMap, where: str) -> list[Finding]:
                     "warning",
                     "map-with-one-" + what.split()[-1],
                     where,
-                    f"the map has one {what}, {values[0]:.4g} N: how the mode depends on {other} cannot be told.",
+                    f"the map has one {what}, {values[0]:.4g} N: how the mode depends on {other} cannot be determined.",
                     1.0,
                     2.0,
                     f"Measure at more than one {what}.",
@@ -332,8 +377,8 @@ def _about_map(chart: ModalMap, where: str) -> list[Finding]:
                 0.0,
             )
         )
-    assert chart.misfit is not None
-    bent = np.asarray(chart.misfit)[np.isfinite(chart.misfit)]
+    misfit = np.zeros(0) if chart.misfit is None else np.asarray(chart.misfit)
+    bent = misfit[np.isfinite(misfit)]
     if len(bent) and bent.max() > _GATE:
         findings.append(
             Finding(
@@ -386,7 +431,7 @@ def _about_levels(pairs: np.ndarray, index: np.ndarray, ratio: np.ndarray, where
 
 
 def _about_sequence(
-    chart: ModalMap, down: Sequence[_Point], table: MapTable, reference: ModalModel | None
+    chart: ModalMap, down: Sequence[Point], table: MapTable, reference: ModalModel | None
 ) -> list[Finding]:
     """What the order of the normal forces does: the same condition on the way up and on the way down."""
     if not down:

@@ -27,7 +27,7 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
 
     Raises
     ------
-    InputError : the run holds neither, nothing is known about its excitation, or a verb refuses its input.
+    InputError : the run holds neither, nothing is known about its excitation, or a function refuses its input.
     """
     from ema import estimate
 
@@ -60,12 +60,12 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
         if settings.mount_mass > 0 and run.kind != "hammer":
             frfs = estimate.without_mount_mass(frfs, settings.mount_mass, frfs.inputs[0])
         return frfs, hits
-    found = [_estimated(one, options, progress) for one in setups.values()]
-    lengths = [_block(frfs, one) for (frfs, _), one in zip(found, setups.values(), strict=True)]
+    estimates = [_estimated(one, options, progress) for one in setups.values()]
+    lengths = [_block(frfs, one) for (frfs, _), one in zip(estimates, setups.values(), strict=True)]
     if len(set(lengths)) > 1 and "block" not in options:
-        found = [_estimated(one, options | {"block": min(lengths)}, progress) for one in setups.values()]
-    parts = [Part(frfs, setup, f"set-up {setup}") for (frfs, _), setup in zip(found, setups, strict=True)]
-    return replace(merge(parts, f"run {run.id}"), name=run.id), _joined([hits for _, hits in found])
+        estimates = [_estimated(one, options | {"block": min(lengths)}, progress) for one in setups.values()]
+    parts = [Part(frfs, setup, f"set-up {setup}") for (frfs, _), setup in zip(estimates, setups, strict=True)]
+    return replace(merge(parts, f"run {run.id}"), name=run.id), _joined([hits for _, hits in estimates])
 
 
 def _estimated(run: Run, options: dict[str, Any], progress: Progress) -> tuple[FrfSet, HitGallery | None]:
@@ -75,8 +75,8 @@ def _estimated(run: Run, options: dict[str, Any], progress: Progress) -> tuple[F
         return estimate.hammer_test(run, **options, progress=progress)
     if run.kind == "stepped sine":
         return estimate.stepped(run, **options, progress=progress), None
-    verb = estimate.shaker if run.kind == "random" else estimate.sweep
-    return verb(run, **options, progress=progress), None
+    estimator = estimate.shaker if run.kind == "random" else estimate.sweep
+    return estimator(run, **options, progress=progress), None
 
 
 def _setups(run: Run) -> dict[str, Run]:

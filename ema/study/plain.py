@@ -23,7 +23,24 @@ from ema.units import SI_UNIT
 
 
 def summary(result: StudyResult) -> dict[str, Any]:
-    """The study as what JSON can hold; a number that is not known is ``None``."""
+    """Return a study as what JSON can hold.
+
+    Parameters
+    ----------
+    result : StudyResult
+        A finished study.
+
+    Returns
+    -------
+    dict of str to object
+        Nested dicts and lists; a number that is not known is ``None``.
+
+    Examples
+    --------
+    >>> from ema.examples import campaign
+    >>> summary(StudyResult(campaign(), runs=(), title="bare and beam"))["title"]
+    'bare and beam'
+    """
     return {
         "title": result.title,
         "campaign": result.campaign.name,
@@ -92,18 +109,28 @@ def _condition(group: RepeatGroup) -> dict[str, Any]:
     }
 
 
-def _difference(found: ConditionDifference) -> dict[str, Any]:
+def _difference(difference: ConditionDifference) -> dict[str, Any]:
     """One condition against another: changes with half their 95 % interval, and what they mean."""
     parts = {
-        "natural_frequency": (found.frequency, found.frequency_half, found.frequency_noise, found.words("frequency")),
-        "damping_ratio": (found.damping, found.damping_half, found.damping_noise, found.words("damping")),
+        "natural_frequency": (
+            difference.frequency,
+            difference.frequency_half,
+            difference.frequency_noise,
+            difference.words("frequency"),
+        ),
+        "damping_ratio": (
+            difference.damping,
+            difference.damping_half,
+            difference.damping_noise,
+            difference.words("damping"),
+        ),
     }
     return {
-        "first": found.first,
-        "second": found.second,
-        "verdict": list(found.sentences),
+        "first": difference.first,
+        "second": difference.second,
+        "verdict": list(difference.sentences),
         "modes": [
-            {"mode": i + 1, "second_mode": j + 1, "mac": number(found.mac[pair])}
+            {"mode": i + 1, "second_mode": j + 1, "mac": number(difference.mac[pair])}
             | {
                 name: {
                     "first": number(values[pair, 0]),
@@ -114,7 +141,7 @@ def _difference(found: ConditionDifference) -> dict[str, Any]:
                 }
                 for name, (values, half, noise, words) in parts.items()
             }
-            for pair, (i, j) in enumerate(found.pairs)
+            for pair, (i, j) in enumerate(difference.pairs)
         ],
     }
 
@@ -127,24 +154,24 @@ def chart(result: MapResult) -> dict[str, Any]:
 
 def points(result: MapResult) -> list[dict[str, float]]:
     """One row per condition: nominal and measured forces in N, frequency in Hz, damping ratios and their deviations."""
-    held = result.chart
+    chart = result.chart
     names = {
-        "force_at_resonance": held.force_at_resonance,
-        "frequency": held.frequency,
-        "frequency_std": held.frequency_std,
-        "damping": held.damping,
-        "damping_std": held.damping_std,
-        "quadrature_damping": held.quadrature_damping,
-        "misfit": held.misfit,
-        "modal_amplitude": held.modal_amplitude,
+        "force_at_resonance": chart.force_at_resonance,
+        "frequency": chart.frequency,
+        "frequency_std": chart.frequency_std,
+        "damping": chart.damping,
+        "damping_std": chart.damping_std,
+        "quadrature_damping": chart.quadrature_damping,
+        "misfit": chart.misfit,
+        "modal_amplitude": chart.modal_amplitude,
         "dropout": result.dropout,
     }
     rows = []
-    for i, level in enumerate(held.force_levels):
-        for j, force in enumerate(held.normal_forces):
+    for i, level in enumerate(chart.force_levels):
+        for j, force in enumerate(chart.normal_forces):
             row = {"force_level": float(level), "normal_force": float(force)}
-            if held.joint_forces is not None:
-                row |= {f"F_N {name}": float(held.joint_forces[i, j, k]) for k, name in enumerate(held.joints)}
+            if chart.joint_forces is not None:
+                row |= {f"F_N {name}": float(chart.joint_forces[i, j, k]) for k, name in enumerate(chart.joints)}
             row |= {name: float("nan") if values is None else float(values[i, j]) for name, values in names.items()}
             rows.append(row)
     return rows
@@ -168,9 +195,9 @@ def modes(model: ModalModel, collinearity: "np.ndarray | None" = None) -> list[d
     return rows
 
 
-def opinion(found: SecondOpinion) -> dict[str, Any]:
+def opinion(second: SecondOpinion) -> dict[str, Any]:
     """Two estimators side by side: differences in combined standard deviations, and what these cannot explain."""
-    table = found.table()
+    table = second.table()
     rows = [
         {
             "natural_frequency": number(row["f [Hz]"]),
@@ -184,7 +211,7 @@ def opinion(found: SecondOpinion) -> dict[str, Any]:
         }
         for _, row in table.iterrows()
     ]
-    return {"limit": found.limit, "modes": rows, "findings": [finding(one) for one in found.findings]}
+    return {"limit": second.limit, "modes": rows, "findings": [finding(one) for one in second.findings]}
 
 
 def joint(one: JointForce) -> dict[str, Any]:
@@ -226,23 +253,24 @@ def amplitude_mode(mode: AmplitudeDependentMode) -> dict[str, Any]:
                 mode.amplitude, rows(mode.frequency), rows(mode.damping), strict=True
             )
         ],
+        "findings": [finding(one) for one in mode.findings],
     }
 
 
-def prediction(found: AmplitudePrediction) -> dict[str, Any]:
+def prediction(predicted: AmplitudePrediction) -> dict[str, Any]:
     """A prediction over the amplitude as what JSON can hold: SI and fractions, bounds of the 95 % bands."""
-    points = zip(found.amplitude, found.beyond, rows(found.frequency), rows(found.damping), strict=True)
+    points = zip(predicted.amplitude, predicted.beyond, rows(predicted.frequency), rows(predicted.damping), strict=True)
     return {
-        "quantity": found.quantity,
+        "quantity": predicted.quantity,
         "points": [
             {"amplitude": float(amplitude), "beyond": float(beyond), "frequency": list(f), "damping": list(zeta)}
             for amplitude, beyond, f, zeta in points
         ],
-        "force": None if found.force is None else [list(row) for row in rows(found.force)],
-        "laws": dict(zip(found.laws, found.weights.tolist(), strict=True)),
-        "parameters": [vars(parameter) for parameter in found.parameters],
-        "statement": found.statement,
-        "findings": [finding(one) for one in found.findings],
+        "force": None if predicted.force is None else [list(row) for row in rows(predicted.force)],
+        "laws": dict(zip(predicted.laws, predicted.weights.tolist(), strict=True)),
+        "parameters": [vars(parameter) for parameter in predicted.parameters],
+        "statement": predicted.statement,
+        "findings": [finding(one) for one in predicted.findings],
     }
 
 

@@ -22,7 +22,7 @@ class Table(tables.Table):
     """A table of a recipe: unknown keys are refused."""
 
     def given(self) -> dict[str, Any]:
-        """The keys that were written, for a verb that has its own defaults for the others."""
+        """The keys that were written, for a function that has its own defaults for the others."""
         return {name: getattr(self, name) for name in sorted(self.model_fields_set)}
 
 
@@ -99,11 +99,13 @@ class MapTable(Table):
 
     ``near`` Hz; ``runs`` ids or patterns such as ``mode1_*`` (all stepped sines and sweeps with a beam by default);
     ``reference`` the run without a beam that gives the modal constants; ``force_levels`` and ``normal_forces`` the
-    nominal axes in N; ``bandwidths`` of the local fit.
+    nominal axes in N; ``bandwidths`` of the local fit. With ``model``, the path of a model file with a ``[map]``
+    relative to the recipe, the map is that of the model, by harmonic balance; ``runs`` and ``reference`` say nothing.
     """
 
     near: float = Field(gt=0)
     name: str = ""
+    model: str = ""
     runs: list[str] = []
     reference: str = ""
     force_levels: list[float] | None = None
@@ -151,6 +153,14 @@ Quantity = Literal[
     "dip of frequency",
     "ridge over that of map",
     "spread over levels",
+    "ridge over sticking",
+    "release deflection",
+    "release deflection over run",
+    "sliding frequency",
+    "sticking frequency",
+    "sticking damping",
+    "missing damping",
+    "difference of envelopes",
     "run frequency",
     "run damping",
     "run misfit",
@@ -159,14 +169,28 @@ Quantity = Literal[
 ]
 
 
+RELEASE_QUANTITIES = (
+    "release deflection",
+    "release deflection over run",
+    "sliding frequency",
+    "sticking frequency",
+    "sticking damping",
+    "missing damping",
+    "difference of envelopes",
+)
+"""Quantities that are read from the records of a release."""
+
+
 class StatementTable(Table):
     """``[[statements]]``: what a publication says, as a number between ``low`` and ``high``, and the verdict expected.
 
     ``sentence`` quotes the publication, with its page in ``source`` where it is known; without it the statement is a
     reading of ours. Of a ``map``: ``level`` and ``force`` in N name a point, row or column, ``levels`` and ``forces`` a
     range of either, and ``other`` another map; without ``level`` it has to hold at every level. Of a ``run``: ``near``
-    Hz, and ``other`` another run. Damping and level effect in percent, misfit and ratios as they are. ``implausible``
-    says which parameter of a match cannot be believed, ``assumed`` which one was assumed or chosen for it (that of the
+    Hz, and ``other`` another run. Of a run that is a release: ``start`` s of the release, ``band`` Hz that holds the
+    mode, and ``other`` the release that it is compared with. Damping and level effect in percent, misfit and ratios as
+    they are. ``implausible`` says which parameter of a match cannot be believed, ``assumed`` which one was assumed or
+    chosen for it (that of the
     recipe by default). The quantities are defined in :mod:`ema.compare.map_features`.
     """
 
@@ -183,6 +207,8 @@ class StatementTable(Table):
     force: float | None = None
     forces: tuple[float, float] | None = None
     levels: tuple[float, float] | None = None
+    band: Band | None = None
+    start: float | None = Field(default=None, ge=0)
     low: float = float("-inf")
     high: float = float("inf")
     implausible: str = ""
@@ -193,7 +219,10 @@ class StatementTable(Table):
     def _sound(self) -> "StatementTable":
         if bool(self.map) == bool(self.run):
             raise ValueError("a statement is about a map or about a run; name one of the two")
-        if self.run and self.near is None and self.quantity != "run level effect":
+        if self.quantity in RELEASE_QUANTITIES:
+            if not self.run or self.start is None or (self.band is None and "deflection" not in self.quantity):
+                raise ValueError("a statement about a release needs run, start and, but for deflections, band")
+        elif self.run and self.near is None and self.quantity != "run level effect":
             raise ValueError("a statement about a run needs near, the frequency of the mode in Hz")
         if self.low == float("-inf") and self.high == float("inf"):
             raise ValueError("a statement that holds for every number says nothing; give low, high or both")
@@ -255,12 +284,7 @@ def load(path: Path) -> Recipe:
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no UTF-8 text"
-        raise InputError(f"the recipe cannot be read: {reason}", where=str(path), expected="a TOML file") from error
-    return parse(text, str(path))
+    return parse(tables.read_text(path, "there is no such recipe", expected="a TOML file"), str(path))
 
 
 def parse(text: str, where: str = "recipe") -> Recipe:
@@ -273,23 +297,24 @@ def parse(text: str, where: str = "recipe") -> Recipe:
 
 
 def _sentence(error: ValidationError, text: str, where: str) -> InputError:
-    """The first problem as one error; an unknown key comes first, for it often explains a missing one."""
-    details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
-    detail = details[0]
+    """All problems as one error."""
+    return tables.all_at_once([_trouble(detail, text) for detail in error.errors()], where)
+
+
+def _trouble(detail: Any, text: str) -> tables.Trouble:
+    """One problem: its line, what is wrong, and advice."""
     # a mark that the checker adds for the parts of an alternative is no place in the file
     steps = [step for step in detail["loc"] if isinstance(step, int) or not step.startswith(_MARKS)]
-    place = f"{where}, line {tables.line_of(text, steps)}"
+    line = tables.line_of(text, steps)
     name = ".".join(str(step) for step in steps) or "the recipe"
     if detail["type"] == "extra_forbidden":
         table = ".".join(step for step in steps[:-1] if isinstance(step, str))
         known = list(_TABLES[table].model_fields)
         close = difflib.get_close_matches(str(steps[-1]), known, n=1, cutoff=0.5)
         advice = f"did you mean {close[0]}?" if close else "known keys: " + ", ".join(known)
-        return InputError(
-            f"unknown key {steps[-1]!r}" + (f" in [{table}]" if table else ""), where=place, advice=advice
-        )
+        return line, f"unknown key {steps[-1]!r}" + (f" in [{table}]" if table else ""), None, advice
     if detail["type"] == "missing":
-        return InputError(f"the recipe lacks {name!r}", where=place)
+        return line, f"the recipe lacks {name!r}", None, ""
     cause = detail.get("ctx", {}).get("error")
     message = str(cause) if isinstance(cause, ValueError) else detail["msg"][:1].lower() + detail["msg"][1:]
-    return InputError(f"{name}: {message}", where=place)
+    return line, f"{name}: {message}", None, ""

@@ -8,10 +8,10 @@ import acquisition
 from acquisition import campaign_file
 from ema import store
 from ema.data import Campaign, Condition, Excitation, FrfSet, Geometry, Lazy, ModalModel, Recording, Run
+from ema.datasets import builtin
 from ema.errors import InputError
 from ema.fingerprint import of_files
 from ema.progress import Progress, advance, silent
-from ema.study import builtin
 
 
 def opened(path: Path, progress: Progress = silent, *, salvage: bool = False) -> Campaign:
@@ -32,15 +32,15 @@ def opened(path: Path, progress: Progress = silent, *, salvage: bool = False) ->
 def _of_file(path: Path, salvage: bool) -> Campaign:
     contents = _stored(path) if store.is_store(path) else acquisition.read(path, salvage=salvage)
     if not contents.frfs:
-        held, advice = "no measurements", "export FRFs (data set 58 of a universal file, or a table)"
+        content, advice = "no measurements", "export FRFs (data set 58 of a universal file, or a table)"
         if contents.recordings:
-            held = "records"
+            content = "records"
             advice = "describe records by a campaign.toml: which channel is the force, and where it acted"
         elif contents.modes:
             count = sum(len(model.poles) for model in contents.modes)
-            held = f"a modal model ({count} modes)"
+            content = f"a modal model ({count} modes)"
             advice = "compare it with another one (ema compare), or fit the FRFs that it was made from"
-        raise InputError("the file holds no FRFs", where=str(path), got=held, advice=advice)
+        raise InputError("the file holds no FRFs", where=str(path), got=content, advice=advice)
     run = Run(path.stem, Condition(Excitation()), frfs=contents.frfs)
     return Campaign(
         name=path.name,
@@ -54,12 +54,14 @@ def _of_file(path: Path, salvage: bool) -> Campaign:
 
 def _stored(path: Path) -> acquisition.Contents:
     """FRFs, records, modes and geometry in a file of ours; others are left out."""
-    held = store.load(path)
-    nouns = list(held.values()) if isinstance(held, Mapping) else list(held) if isinstance(held, Lazy) else [held]
+    stored = store.load(path)
+    results = (
+        list(stored.values()) if isinstance(stored, Mapping) else list(stored) if isinstance(stored, Lazy) else [stored]
+    )
 
     def of(kind: type) -> tuple[Any, ...]:
         """Those of one kind."""
-        return tuple(noun for noun in nouns if isinstance(noun, kind))
+        return tuple(result for result in results if isinstance(result, kind))
 
     return acquisition.Contents(
         recordings=of(Recording), frfs=of(FrfSet), modes=of(ModalModel), geometry=next(iter(of(Geometry)), None)

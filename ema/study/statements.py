@@ -7,21 +7,28 @@ import numpy as np
 
 from ema.compare import map_features as features
 from ema.compare.map_features import Line, Measure
-from ema.data import MapResult, ModalMap, RunResult, SingleMode, Statement
+from ema.data import Campaign, MapResult, ModalMap, RunResult, SingleMode, Statement
 from ema.data.results import Verdict
 from ema.errors import InputError
-from ema.study.recipe import StatementTable
+from ema.study import releases
+from ema.study.recipe import RELEASE_QUANTITIES, StatementTable
 
 _STRICT = ("rise", "fall", "peak of", "dip", "ridge over")
 """Quantities of which no change is not enough: what stays constant neither rises nor falls."""
 
 
 def judge(
-    tables: list[StatementTable], maps: tuple[MapResult, ...], runs: tuple[RunResult, ...], assumed: str = ""
+    tables: list[StatementTable],
+    maps: tuple[MapResult, ...],
+    runs: tuple[RunResult, ...],
+    assumed: str = "",
+    *,
+    campaign: Campaign | None = None,
 ) -> tuple[Statement, ...]:
     """A verdict on every statement, by the interval of its value and the bounds with which it holds.
 
-    ``assumed`` is what the campaign assumes: statements that name nothing else are matched with that only.
+    ``assumed`` is what the campaign assumes: statements that name nothing else are matched with that only. Statements
+    about releases are judged by the records of ``campaign``.
 
     Raises
     ------
@@ -30,7 +37,10 @@ def judge(
     charts, results = {one.name: one for one in maps}, {one.run.id: one for one in runs}
     judged = []
     for table in tables:
-        measures = _of_map(table, charts) if table.map else [_of_run(table, results)]
+        if table.quantity in RELEASE_QUANTITIES and campaign is not None:
+            measures = [releases.measured(table, campaign)]
+        else:
+            measures = _of_map(table, charts) if table.map else [_of_run(table, results)]
         verdict: Verdict
         verdict, measure = features.decide(measures, table.low, table.high, table.quantity.startswith(_STRICT))
         why = ""
@@ -78,11 +88,11 @@ class _Lines:
         low, high = self.table.forces or (0.0, np.inf)
         axis, levels = np.asarray(self.map.normal_forces), np.asarray(self.map.force_levels)
         values, std = self._values(name)
-        given = self.table.level
-        asked = np.ones(len(levels), dtype=bool) if given is None else np.isclose(levels, given, rtol=1e-6)
+        nominal = self.table.level
+        chosen = np.ones(len(levels), dtype=bool) if nominal is None else np.isclose(levels, nominal, rtol=1e-6)
         if self.table.levels is not None:
-            asked &= (levels >= self.table.levels[0] * (1 - 1e-9)) & (levels <= self.table.levels[1] * (1 + 1e-9))
-        return [features.line(axis, values[row], std[row]).within(low, high) for row in np.flatnonzero(asked)]
+            chosen &= (levels >= self.table.levels[0] * (1 - 1e-9)) & (levels <= self.table.levels[1] * (1 + 1e-9))
+        return [features.line(axis, values[row], std[row]).within(low, high) for row in np.flatnonzero(chosen)]
 
     def columns(self, name: str) -> list[Line]:
         """Along the force level, at the normal force of the statement or at every one in its range."""
@@ -90,11 +100,11 @@ class _Lines:
         axis, forces = np.asarray(self.map.force_levels), np.asarray(self.map.normal_forces)
         values, std = self._values(name)
         first, last = self.table.forces or (0.0, np.inf)
-        given = self.table.force
-        asked = (forces >= first * (1 - 1e-9)) & (forces <= last * (1 + 1e-9))
-        if given is not None:
-            asked &= np.isclose(forces, given, rtol=1e-6)
-        return [features.line(axis, values[:, k], std[:, k]).within(low, high) for k in np.flatnonzero(asked)]
+        nominal = self.table.force
+        chosen = (forces >= first * (1 - 1e-9)) & (forces <= last * (1 + 1e-9))
+        if nominal is not None:
+            chosen &= np.isclose(forces, nominal, rtol=1e-6)
+        return [features.line(axis, values[:, k], std[:, k]).within(low, high) for k in np.flatnonzero(chosen)]
 
     def best_level(self) -> Measure:
         """The level at which the highest damping of all normal forces in the range lies."""
@@ -140,6 +150,8 @@ def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> list[Meas
             return _ridges_over(table, lines.map, _named(charts, table.other, "map").chart)
         case "spread over levels":
             return [features.spread(one) for one in lines.columns("damping")]
+        case "ridge over sticking":
+            return [features.ratio(features.ridge(one), features.settled(one)) for one in lines.rows("damping")]
     raise InputError(
         "this quantity is about a run",
         where=f"[[statements]] {table.text}",
@@ -214,13 +226,15 @@ def _named(known: Mapping[str, "MapResult"] | Mapping[str, "RunResult"], name: s
 def _quantity(table: StatementTable) -> str:
     """What was looked at, in words."""
     parts: list[str] = [table.quantity]
-    if table.quantity == "run level effect":
+    if table.quantity in RELEASE_QUANTITIES:
+        parts += [table.run, f"against {table.other}"] if table.other else [table.run]
+    elif table.quantity == "run level effect":
         parts.append(f"modal constants of the late decay, twice the force, {table.run}")
     elif table.run:
         parts.append(f"one linear mode fitted to the FRFs of {table.run} near {table.near:g} Hz")
     if table.map:
         parts.append(table.map)
-    if table.other:
+    if table.other and table.quantity not in RELEASE_QUANTITIES:
         parts.append(f"over {table.other}" if "over" in table.quantity else table.other)
     parts += [f"F_E {table.level:g} N"] if table.level is not None else []
     parts += [f"F_N {table.force:g} N"] if table.force is not None else []

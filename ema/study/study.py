@@ -6,9 +6,12 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
+from acquisition import model_file
 from ema import fingerprint, store
+from ema.compare.linearity import other_levels
 from ema.data import (
     AmplitudeDependentMode,
     Campaign,
@@ -26,18 +29,37 @@ from ema.errors import CancelledError, FailureError, InputError
 from ema.estimate import amplitude_dependent_mode
 from ema.file_names import safe_name
 from ema.progress import Progress, advance, silent
-from ema.study import chain, expectations, friction, kept, mapping, recipe, statements
+from ema.study import chain, expectations, friction, kept, mapping, recipe, remote, statements
 from ema.study.recipe import EstimateTable, MapTable, Recipe
 from ema.study.sources import data_of, opened
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is to be done: a recipe and the place it came from.
+    r"""What is to be done: a recipe and where it came from.
 
-    ``campaign`` is the folder or file with the measurements; ``report`` and ``result`` are where the report (HTML) and
-    the result (HDF5) are written; finished runs are kept beside the result. With ``salvage``, damaged files are read as
-    far as they are right.
+    Parameters
+    ----------
+    recipe : Recipe
+        The recipe.
+    campaign : Path
+        Folder or file with the measurements.
+    report : Path
+        Where the report (HTML) is written.
+    result : Path
+        Where the result (HDF5) is written; finished runs are kept beside it.
+    source : Path
+        File or folder that the study was read from.
+    salvage : bool, default False
+        Read damaged files as far as they are right.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "study.toml").write_text('campaign = "raw"\n')
+    ...     Study.load(f"{folder}/study.toml").report.name
+    'study.html'
     """
 
     recipe: Recipe
@@ -49,15 +71,34 @@ class Study:
 
     @classmethod
     def load(cls, path: str | Path, output: str | Path | None = None) -> "Study":
-        """Read a recipe; a campaign's folder or file, or a file with FRFs, will do as well and gets the defaults.
+        r"""Read a recipe.
+
+        The folder or file of a campaign, or a file with FRFs, is accepted as well and gets the defaults.
 
         Parameters
         ----------
-        output : folder for what is written, instead of the one the recipe names or ``_build`` beside it.
+        path : str or Path
+            The recipe, campaign or file.
+        output : str or Path, optional
+            Folder for what is written, instead of the one that the recipe names or ``_build`` beside it.
+
+        Returns
+        -------
+        Study
+            The study.
 
         Raises
         ------
-        InputError : there is no such file, or the recipe is wrong.
+        InputError
+            If there is no such file, or the recipe is wrong.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     _ = Path(folder, "study.toml").write_text('campaign = "raw"\n')
+        ...     Study.load(f"{folder}/study.toml", output=folder).result.suffix
+        '.h5'
         """
         path = Path(path)
         if not path.exists():
@@ -82,7 +123,26 @@ class Study:
         return cls(read, campaign, report, report.with_suffix(".h5"), path)
 
     def keeping(self, impacts: Sequence[str]) -> "Study":
-        """The study that uses some impacts in spite of their faults, besides those that its recipe keeps."""
+        r"""Return the study that uses some impacts in spite of their faults, besides those that its recipe keeps.
+
+        Parameters
+        ----------
+        impacts : sequence of str
+            Impacts as in ``keep`` of :func:`ema.estimate.hammer_test`.
+
+        Returns
+        -------
+        Study
+            The study.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     _ = Path(folder, "study.toml").write_text('campaign = "raw"\n')
+        ...     Study.load(f"{folder}/study.toml").keeping(["double-hit"]).recipe.estimate.keep
+        ['double-hit']
+        """
         settings = self.recipe.estimate
         if not impacts:
             return self
@@ -95,30 +155,74 @@ class Study:
         return self.result.with_suffix("")
 
     def open(self, progress: Progress = silent) -> Campaign:
-        """The campaign; the signals of a built-in one are written first where they are missing.
+        """Open the campaign; the signals of a built-in one are written first where they are missing.
+
+        Parameters
+        ----------
+        progress : Progress, optional
+            Called with the file that is being opened.
+
+        Returns
+        -------
+        Campaign
+            The campaign.
 
         Raises
         ------
-        InputError : the campaign cannot be opened.
+        InputError
+            If the campaign cannot be opened.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from ema.examples import frf_set
+        >>> from ema.store import save
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     save(f"{folder}/bare.h5", frf_set())
+        ...     len(Study.load(f"{folder}/bare.h5").open().runs)
+        1
         """
         return opened(self.campaign, progress, salvage=self.salvage)
 
     def run(self, progress: Progress = silent, resume: bool = False, executor: Executor | None = None) -> StudyResult:
-        """Do it: every run from signals to modes, expectations, result file and report.
+        """Run the study: every run from signals to modes, expectations, result file and report.
 
         Parameters
         ----------
-        resume : take runs and maps finished earlier as they are where inputs, settings, code and the versions of the
-            packages under it agree. A ``progress`` with a method ``note`` is told for each whether it was taken, or why
-            it is computed again.
-        executor : where places for a beam are computed; here and now by default. Anything with ``submit`` of
-            ``concurrent.futures`` will do: threads, processes, a cluster's.
+        progress : Progress, optional
+            Called as the work goes on. One with a method ``note`` is given for each finished run whether it was used
+            again, or why it is computed again.
+        resume : bool, default False
+            Use runs and maps finished earlier where inputs, settings, code and the versions of the packages under it
+            agree.
+        executor : Executor, optional
+            Where runs, conditions of maps and locations for a beam are computed; in this process by default. Anything
+            with ``submit`` of ``concurrent.futures`` will do: processes, a cluster's. Results are the same.
+
+        Returns
+        -------
+        StudyResult
+            The finished study.
 
         Raises
         ------
-        InputError : the recipe or a measurement cannot be used.
-        FailureError : something cannot be written.
-        CancelledError : interrupted; finished runs are kept.
+        InputError
+            If the recipe or a measurement cannot be used.
+        FailureError
+            If something cannot be written.
+        CancelledError
+            If it was interrupted; finished runs are kept.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from ema.examples import frf_set
+        >>> from ema.store import save
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     save(f"{folder}/bare.h5", frf_set(0.001))
+        ...     result = Study.load(f"{folder}/bare.h5", output=folder).run()
+        >>> result.runs[0].modes.natural_frequencies.round(1)
+        array([40., 60., 90.])
         """
         campaign = self.open(progress)
         make_folder(self.kept)  # a place that cannot be written is to be known before the work, not after it
@@ -126,27 +230,50 @@ class Study:
         finished: list[RunResult] = []
         with _interruptible(self.kept, finished):
             data = data_of(self.campaign, progress)
-            for number, run in enumerate(runs):
-                advance(progress, "runs", number, len(runs))
-                finished.append(self._one(run, self._made(campaign, data[run.id]), progress, resume))
-            advance(progress, "runs", len(runs), len(runs))
-            maps = tuple(self._map(campaign, table, data, progress, resume) for table in self.recipe.map)
+            self._finish(campaign, runs, finished, data, progress, resume=resume, executor=executor)
+            maps = tuple(self._map(campaign, table, data, progress, resume, executor) for table in self.recipe.map)
             stepped = self._stepped(campaign)
             names = [*(run.id for run in runs), *(name for one in maps for name in one.runs)]
             used = dict.fromkeys([*names, *(mode.name for mode in stepped)])
             inputs = tuple(print_ for name in used for print_ in data[name])
+            stepped += tuple(
+                mode for one in finished for mode in self._ring_downs(one, campaign, data[one.run.id], progress, resume)
+            )
             beside = self._friction(campaign, finished, progress, resume, executor)
             return self._conclude(campaign, tuple(finished), (maps, stepped), beside, inputs, progress)
 
     def is_current(
         self, result: StudyResult, campaign: Campaign, progress: Progress = silent, *, picked: bool = False
     ) -> bool:
-        """Whether a result was made of the inputs, settings and code of which this study would make it now.
+        """Return whether a result was made of the inputs, settings and code with which this study would make it now.
 
         Parameters
         ----------
-        picked : the result was changed by hand: it outlives new code, and what was noted in the campaign file
-            meanwhile, but no other data and settings.
+        result : StudyResult
+            A finished study.
+        campaign : Campaign
+            The opened campaign.
+        progress : Progress, optional
+            Called as the files are read.
+        picked : bool, default False
+            The result was changed by hand: it outlives new code, and what was noted in the campaign file meanwhile, but
+            no other data and settings.
+
+        Returns
+        -------
+        bool
+            Whether it is current.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from ema.examples import frf_set, study_result
+        >>> from ema.store import save
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     save(f"{folder}/bare.h5", frf_set())
+        ...     study = Study.load(f"{folder}/bare.h5")
+        ...     study.is_current(study_result(), study.open())
+        False
         """
         if [one.run.id for one in result.runs] != [run.id for run in self._runs(campaign)] or result.provenance is None:
             return False
@@ -155,7 +282,7 @@ class Study:
             [
                 *(one.run.id for one in result.runs),
                 *(name for one in result.maps for name in one.runs),
-                *(mode.name for mode in result.amplitude_modes),
+                *(mode.name for mode in result.amplitude_modes if friction.RING_DOWN not in mode.provenance.steps),
             ]
         )
         if not used.keys() <= data.keys():
@@ -170,7 +297,8 @@ class Study:
         """The runs that are fitted one by one: those named, or all that belong to no map, ring-down or loop."""
         if self.recipe.runs:
             return tuple(run for run in map(campaign.__getitem__, self.recipe.runs) if not run.levels)
-        mapped = {run.id for table in self.recipe.map for run in mapping.chosen(campaign, table)}
+        measured = [table for table in self.recipe.map if not table.model]
+        mapped = {run.id for table in measured for run in mapping.chosen(campaign, table)}
         mapped |= {one.run for one in self.recipe.ring_down} | {one.run for one in self.recipe.loop}
         free = {run.id for run in campaign.runs if run.levels or (run.kind == "snap-back" and not run.frfs)}
         return tuple(run for run in campaign.runs if run.id not in mapped | free)
@@ -179,6 +307,29 @@ class Study:
         """The modes over their amplitude of the runs of stepped levels."""
         runs = [run for run in campaign.runs if run.levels and (not self.recipe.runs or run.id in self.recipe.runs)]
         return tuple(amplitude_dependent_mode(run.levels, name=run.id, condition=run.condition) for run in runs)
+
+    def _ring_downs(
+        self,
+        result: RunResult,
+        campaign: Campaign,
+        data: tuple[tuple[str, str], ...],
+        progress: Progress,
+        resume: bool,
+    ) -> tuple[AmplitudeDependentMode, ...]:
+        """The modes over their amplitude of a hammer test that is not linear, computed or taken from their file."""
+        if not any(finding.code == "slip-then-ring" for finding in result.findings):
+            return ()
+        run = campaign[result.run.id]
+        made = self._made(campaign, data)
+        path = self.kept / f"{safe_name('ring-downs ' + run.id)}.h5"
+
+        def compute() -> StudyResult:
+            band = self.recipe.fit.band or chain.default_band(result.frfs, result.hits)
+            modes = friction.over_amplitude(run, result, band, progress)
+            return StudyResult(replace(campaign, runs=()), runs=(), amplitude_modes=modes)
+
+        what = f"ring-downs of {run.id}"
+        return tuple(kept.known_or_computed(path, made, what, compute, progress, resume=resume).amplitude_modes)
 
     def _friction(
         self,
@@ -189,24 +340,25 @@ class Study:
         executor: Executor | None,
     ) -> tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None]:
         """Ring-downs, hysteresis loops and the placement that the recipe asks for."""
-        told, placement = self.recipe, None
-        if told.placement:
+        settings, placement = self.recipe, None
+        if settings.placement:
             placement = friction.placed(
-                told.placement, self.source, campaign, runs, self.kept / "placement", resume, executor, progress
+                settings.placement, self.source, campaign, runs, self.kept / "placement", resume, executor, progress
             )
         return (
-            friction.ring_downs(campaign, told.ring_down),
-            friction.hysteresis_loops(campaign, told.loop),
+            friction.ring_downs(campaign, settings.ring_down),
+            friction.hysteresis_loops(campaign, settings.loop),
             placement,
         )
 
     def _without_results(self, campaign: Campaign) -> tuple[Finding, ...]:
         """Free vibrations of which the recipe says no band."""
-        asked = {table.run for table in self.recipe.ring_down}
+        requested = {table.run for table in self.recipe.ring_down} | {one.run for one in self.recipe.statements}
+        requested |= {one.other for one in self.recipe.statements}
         return tuple(
             chain.ring_down_finding(run)
             for run in campaign.runs
-            if run.kind == "snap-back" and not run.frfs and run.id not in asked and not self.recipe.runs
+            if run.kind == "snap-back" and not run.frfs and run.id not in requested and not self.recipe.runs
         )
 
     def _map(
@@ -216,28 +368,131 @@ class Study:
         data: dict[str, tuple[tuple[str, str], ...]],
         progress: Progress,
         resume: bool,
+        executor: Executor | None = None,
     ) -> MapResult:
         """One map, computed or, where it was made in the same way before, taken from its file."""
-        runs = mapping.chosen(campaign, table)
-        reference = mapping.reference_run(campaign, table)
-        used = dict.fromkeys([*(run.id for run in runs), *([] if reference is None else [reference.id])])
-        made = self._made(campaign, tuple(pair for name in used for pair in data[name]))
+        model = self.source.parent / table.model
+        if table.model:
+            inputs: tuple[tuple[str, str], ...] = (
+                (f"model {table.model}", fingerprint.of_files([model_file.locate(model)])),
+            )
+        else:
+            runs = mapping.chosen(campaign, table)
+            reference = mapping.reference_run(campaign, table)
+            used = dict.fromkeys([*(run.id for run in runs), *([] if reference is None else [reference.id])])
+            inputs = tuple(pair for name in used for pair in data[name])
+        made = self._made(campaign, inputs)
         made = replace(made, options=(*made.options, ("map", str(table.model_dump()))))
         path = self.kept / f"{safe_name('map ' + table.title)}.h5"
-        if resume and (known := kept.known(path, made, f"map {table.title}", progress)) is not None:
-            return known
-        result = mapping.mapped(campaign, table, self.recipe.estimate, progress)
-        store.save(path, {"made": made, "result": result})
+
+        def compute() -> MapResult:
+            if table.model:
+                return mapping.simulated(model, table, progress)
+            return self.mapped(campaign, table, self.recipe.estimate, progress, executor)
+
+        result: MapResult = kept.known_or_computed(path, made, f"map {table.title}", compute, progress, resume=resume)
         return result
 
-    def _one(self, run: Run, made: Provenance, progress: Progress, resume: bool) -> RunResult:
-        """One run, computed or, where it was made in the same way before, taken from its file."""
-        path = self.kept / f"{safe_name(run.id)}.h5"
-        if resume and (known := kept.known(path, made, f"run {run.id}", progress)) is not None:
-            return replace(known, run=run)
-        result = chain.analyse(run, self.recipe.estimate, self.recipe.fit, progress)
-        store.save(path, {"made": made, "result": replace(result, run=_without_signals(run))})
-        return result
+    def _finish(
+        self,
+        campaign: Campaign,
+        runs: Sequence[Run],
+        finished: list[RunResult],
+        data: dict[str, tuple[tuple[str, str], ...]],
+        progress: Progress,
+        *,
+        resume: bool,
+        executor: Executor | None,
+    ) -> None:
+        """Put the result of every run to ``finished``, computed or, where it was made in the same way before, kept."""
+        results: dict[str, RunResult] = {}
+        tasks: list[tuple[Run, tuple[Run, ...], Provenance]] = []
+        for run in runs:
+            others = other_levels(run, campaign.runs)
+            made = self._made(campaign, tuple(pair for one in (run, *others) for pair in data[one.id]))
+            known = kept.known(self._kept_run(run), made, f"run {run.id}", progress) if resume else None
+            if known is None:
+                tasks.append((run, others, made))
+            else:
+                results[run.id] = replace(known, run=run)
+        computed = self._computed(tasks, progress, executor)
+        for number, run in enumerate(runs):
+            advance(progress, "runs", number, len(runs))
+            if run.id not in results:
+                made = next(made for one, _, made in tasks if one is run)
+                results[run.id] = self._keep(run, next(computed), made)
+            finished.append(results[run.id])
+        advance(progress, "runs", len(runs), len(runs))
+
+    def _keep(self, run: Run, result: RunResult, made: Provenance) -> RunResult:
+        """Write the result of a run beside those that are finished."""
+        store.save(self._kept_run(run), {"made": made, "result": replace(result, run=_without_signals(run))})
+        return replace(result, run=run)
+
+    def _kept_run(self, run: Run) -> Path:
+        return self.kept / f"{safe_name(run.id)}.h5"
+
+    def _computed(
+        self, tasks: Sequence[tuple[Run, tuple[Run, ...], Provenance]], progress: Progress, executor: Executor | None
+    ) -> Iterator[RunResult]:
+        """The results of runs in their order."""
+        estimate, fit = self.recipe.estimate, self.recipe.fit
+        if executor is None or not tasks:
+            return (chain.analyse(run, estimate, fit, progress, others=others) for run, others, _ in tasks)
+        measured = remote.Measured.of(self.campaign, self.salvage)
+        return remote.in_order(
+            [
+                executor.submit(remote.run_result, measured, run.id, [one.id for one in others], estimate, fit)
+                for run, others, _ in tasks
+            ]
+        )
+
+    def mapped(
+        self,
+        campaign: Campaign,
+        table: MapTable,
+        estimate: EstimateTable,
+        progress: Progress = silent,
+        executor: Executor | None = None,
+    ) -> MapResult:
+        r"""Return a map of the runs of the campaign.
+
+        Parameters
+        ----------
+        campaign : Campaign
+            The opened campaign.
+        table : MapTable
+            Which mode and runs.
+        estimate : EstimateTable
+            Settings of the FRFs.
+        progress : Progress, optional
+            Called for each run.
+        executor : Executor, optional
+            Where its conditions are computed; in this process by default.
+
+        Returns
+        -------
+        MapResult
+            The map.
+
+        Raises
+        ------
+        InputError
+            If there are no such runs, or one of them cannot be used.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     _ = Path(folder, "study.toml").write_text('campaign = "raw"\n')
+        ...     callable(Study.load(f"{folder}/study.toml").mapped)
+        True
+        """
+        if executor is None:
+            return mapping.mapped(campaign, table, estimate, progress)
+        measured = remote.Measured.of(self.campaign, self.salvage)
+        computed = partial(remote.points, executor, measured, table=table, estimate=estimate)
+        return mapping.mapped(campaign, table, estimate, progress, computed)
 
     def _conclude(
         self,
@@ -256,14 +511,14 @@ class Study:
         findings += tuple(finding for one in conditions for finding in one.findings)
         maps, stepped = over_levels
         findings += tuple(finding for result in maps for finding in result.findings)
-        findings += tuple(finding for mode in stepped for finding in mode.findings)
+        findings += friction.to_know(stepped)
         findings += self._without_results(campaign)
         decays, loops, placement = beside
         findings += tuple(finding for one in loops for finding in one.findings)
         if placement is not None:
             findings += (*placement.findings, *placement.ranking.best.findings)
         checked = friction.forecast_check(self.recipe.placement, placement, maps)
-        judged = statements.judge(self.recipe.statements, maps, runs, self.recipe.assumed)
+        judged = statements.judge(self.recipe.statements, maps, runs, self.recipe.assumed, campaign=campaign)
         if self.recipe.logo:
             campaign = replace(campaign, logo=str((self.source.parent / self.recipe.logo).resolve()))
         result = StudyResult(

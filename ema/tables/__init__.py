@@ -5,8 +5,11 @@ from ema.lazy import attach
 _HOMES = {
     "FormerNames": "ema.tables.former",
     "Table": "ema.tables.schema",
+    "Trouble": "ema.tables.schema",
+    "all_at_once": "ema.tables.schema",
     "document_of": "ema.tables.schema",
     "line_of": "ema.tables.lines",
+    "read_text": "ema.tables.texts",
     "renamed": "ema.tables.former",
     "validated": "ema.tables.schema",
     "warn": "ema.tables.former",

@@ -3,5 +3,8 @@ from ema.tables.former import renamed as renamed
 from ema.tables.former import warn as warn
 from ema.tables.lines import line_of as line_of
 from ema.tables.schema import Table as Table
+from ema.tables.schema import Trouble as Trouble
+from ema.tables.schema import all_at_once as all_at_once
 from ema.tables.schema import document_of as document_of
 from ema.tables.schema import validated as validated
+from ema.tables.texts import read_text as read_text

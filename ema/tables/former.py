@@ -16,10 +16,15 @@ class FormerNames:
 
     Parameters
     ----------
-    keys : mapping
+    keys : mapping of str to str, optional
         Former key with the dotted names of its tables, to its present name: ``{"runs.force": "normal_force"}``.
-    choices : mapping
+    choices : mapping of str to mapping of str to str, optional
         Present key with the dotted names of its tables, to its former choices with their present names.
+
+    Examples
+    --------
+    >>> FormerNames(keys={"runs.force": "normal_force"}).keys["runs.force"]
+    'normal_force'
     """
 
     keys: Mapping[str, str] = field(default_factory=dict)
@@ -35,7 +40,7 @@ def renamed(document: dict[str, Any], text: str, where: str, former: FormerNames
 
     Parameters
     ----------
-    document : dict
+    document : dict of str to object
         What was read from ``text``.
     text : str
         Text of the TOML file, for the lines of the findings.
@@ -44,24 +49,36 @@ def renamed(document: dict[str, Any], text: str, where: str, former: FormerNames
     former : FormerNames
         What its keys and choices were called.
 
+    Returns
+    -------
+    tuple of (object, tuple of Finding)
+        The document, and what was renamed.
+
     Raises
     ------
     InputError
         If a key is there under its former and its present name.
+
+    Examples
+    --------
+    >>> names = FormerNames(keys={"force": "normal_force"})
+    >>> document, findings = renamed({"force": 5.0}, "force = 5.0", "run.toml", names)
+    >>> document, findings[0].where
+    ({'normal_force': 5.0}, 'run.toml, line 1')
     """
     if not (former.keys or former.choices):
         return document, ()
     findings: list[Finding] = []
 
     def noted(steps: tuple[str | int, ...], old: str, new: str) -> None:
-        place = f"{where}, line {line_of(text, steps)}"
+        location = f"{where}, line {line_of(text, steps)}"
         message = f"{old!r} is called {new!r} now."
-        findings.append(Finding("info", "former-name", place, message, advice="The file is read as before."))
+        findings.append(Finding("info", "former-name", location, message, advice="The file is read as before."))
 
     def visited(node: Any, steps: tuple[str | int, ...], table: str) -> Any:
         """``steps`` as they are in the text, ``table`` by its present name."""
         if isinstance(node, list):
-            return [visited(item, (*steps, place), table) for place, item in enumerate(node)]
+            return [visited(item, (*steps, location), table) for location, item in enumerate(node)]
         if isinstance(node, dict):
             present: dict[str, Any] = {}
             for key, item in node.items():
@@ -86,6 +103,16 @@ def renamed(document: dict[str, Any], text: str, where: str, former: FormerNames
 
 
 def warn(findings: Iterable[Finding]) -> None:
-    """Say it where no result carries findings: a file that describes a model or a rig."""
+    """Warn of findings where no result carries them: a file that describes a model or a rig.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+        Findings, each of which becomes a ``FutureWarning``.
+
+    Examples
+    --------
+    >>> warn([])
+    """
     for finding in findings:
         warnings.warn(str(finding), FutureWarning, stacklevel=3)

@@ -8,7 +8,25 @@ _KEY = re.compile(r"""^\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za
 
 
 def line_of(text: str, steps: Sequence[str | int]) -> int:
-    """Line (from 1) of the key or table at ``steps``; that of the nearest table around it where it has no line."""
+    r"""Return the line of a key or table in the text of a TOML file.
+
+    Parameters
+    ----------
+    text : str
+        Text of the file.
+    steps : sequence of str or int
+        Keys and positions that lead to it.
+
+    Returns
+    -------
+    int
+        Line from 1; that of the nearest table around it where it has no line of its own.
+
+    Examples
+    --------
+    >>> line_of('[[runs]]\nname = "bare"\n', ["runs", 0, "name"])
+    2
+    """
     places = _places(text)
     wanted = tuple(str(step) for step in steps)
     while wanted and wanted not in places:
@@ -35,8 +53,8 @@ def _places(text: str) -> dict[tuple[str, ...], int]:
 
 
 def _names(dotted: str) -> list[str]:
-    found: list[str] = re.findall(r"[A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*'", dotted)
-    return [name.strip("\"'") for name in found]
+    parts: list[str] = re.findall(r"[A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*'", dotted)
+    return [name.strip("\"'") for name in parts]
 
 
 def _inside(names: list[str], counts: dict[tuple[str, ...], int], listed: bool) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 import difflib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError
@@ -14,7 +14,15 @@ from ema.tables.lines import line_of
 
 
 class Table(BaseModel):
-    """A table of one of our TOML files: unknown keys are refused."""
+    """A table of one of our TOML files: unknown keys are refused.
+
+    Examples
+    --------
+    >>> class Sensor(Table):
+    ...     name: str
+    >>> Sensor(name="acc 1").name
+    'acc 1'
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True, arbitrary_types_allowed=True)
     _former_names: tuple[Finding, ...] = PrivateAttr(default=())
@@ -25,7 +33,23 @@ class Table(BaseModel):
         return self._former_names
 
     def noting(self: "T", findings: tuple[Finding, ...]) -> "T":
-        """The same with findings about former names."""
+        """Attach findings about former names.
+
+        Parameters
+        ----------
+        findings : tuple of Finding
+            What was renamed.
+
+        Returns
+        -------
+        Table
+            The same table.
+
+        Examples
+        --------
+        >>> Table().noting(()).former_names
+        ()
+        """
         self._former_names = findings
         return self
 
@@ -37,25 +61,71 @@ Tables = Mapping[str, type[BaseModel]]
 
 
 def document_of(text: str, where: str, former: FormerNames) -> tuple[dict[str, Any], tuple[Finding, ...]]:
-    """What is in the text of a TOML file under present names, with findings about former ones.
+    """Parse the text of a TOML file, under present names.
+
+    Parameters
+    ----------
+    text : str
+        Text of the file.
+    where : str
+        The file, for messages.
+    former : FormerNames
+        What its keys and choices were called.
+
+    Returns
+    -------
+    tuple of (dict, tuple of Finding)
+        The document, and what was renamed.
 
     Raises
     ------
-    InputError : no TOML, or a key under two names.
+    InputError
+        If the text is no TOML, or a key is there under two names.
+
+    Examples
+    --------
+    >>> document_of("force = 5.0", "run.toml", FormerNames())
+    ({'force': 5.0}, ())
     """
     try:
-        document = tomllib.loads(text)
+        document = tomllib.loads(text.removeprefix("\ufeff"))  # the mark that some editors write
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"not TOML: {error}", where=where, advice="text values stand in quotation marks") from error
     return renamed(document, text, where, former)
 
 
 def validated(kind: type[T], text: str, where: str, tables: Tables, *, former: FormerNames = NONE) -> T:
-    """Understand the text of a TOML file.
+    """Read the text of a TOML file into its table.
+
+    Parameters
+    ----------
+    kind : type
+        Class of the table.
+    text : str
+        Text of the file.
+    where : str
+        The file, for messages.
+    tables : Tables
+        Tables of the file by their dotted names: the keys that may be offered instead of an unknown one.
+    former : FormerNames, optional
+        What its keys and choices were called.
+
+    Returns
+    -------
+    Table
+        The table.
 
     Raises
     ------
-    InputError : no TOML, or a key that is unknown, missing or wrong, with its line.
+    InputError
+        If the text is no TOML, or a key is unknown, missing or wrong; with its line.
+
+    Examples
+    --------
+    >>> class Sensor(Table):
+    ...     name: str
+    >>> validated(Sensor, 'name = "acc 1"', "sensor.toml", {}).name
+    'acc 1'
     """
     document, findings = document_of(text, where, former)
     try:
@@ -65,14 +135,43 @@ def validated(kind: type[T], text: str, where: str, tables: Tables, *, former: F
 
 
 def _sentence(error: ValidationError, document: dict[str, Any], text: str, where: str, tables: Tables) -> InputError:
-    """The first problem of the file as one error."""
-    # an unknown key is usually the cause of a missing one
-    troubles = sorted(
-        _troubles(error, document, text, tables), key=lambda trouble: ("unknown key" not in trouble[1], trouble[0])
-    )
-    line, what, got, advice = troubles[0]
-    others = f" (and {len(troubles) - 1} more)" if len(troubles) > 1 else ""
-    return InputError(what + others, where=f"{where}, line {line}", got=got, advice=advice)
+    """All problems of the file as one error."""
+    return all_at_once(list(_troubles(error, document, text, tables)), where)
+
+
+Trouble = tuple[int, str, str | None, str]
+"""A mistake in a file: its line, what is wrong, what stands there, advice."""
+
+
+def all_at_once(troubles: Sequence[Trouble], where: str) -> InputError:
+    """Return the mistakes of a file as one error: a sentence for one, a line for each of several, in their order.
+
+    Parameters
+    ----------
+    troubles : sequence of Trouble
+        Line, fact, offending value and advice of each mistake.
+    where : str
+        The file, for messages.
+
+    Returns
+    -------
+    InputError
+        The error, to be raised by the caller.
+
+    Examples
+    --------
+    >>> print(all_at_once([(3, "unknown key 'forse'", None, "did you mean force?")], "campaign.toml"))
+    campaign.toml, line 3: unknown key 'forse'; did you mean force?
+    """
+    # a key that is misspelt is not missing besides
+    misspelt = {advice.removeprefix("did you mean ").rstrip("?") for _, _, _, advice in troubles}
+    told = [trouble for trouble in troubles if not any(trouble[1].endswith(f" lacks {key!r}") for key in misspelt)]
+    ordered = sorted(dict.fromkeys(told), key=lambda trouble: trouble[0])
+    if len(ordered) == 1:
+        line, what, got, advice = ordered[0]
+        return InputError(what, where=f"{where}, line {line}", got=got, advice=advice)
+    lines = [str(InputError(what, where=f"line {line}", got=got, advice=advice)) for line, what, got, advice in ordered]
+    return InputError(f"{len(ordered)} mistakes\n  " + "\n  ".join(lines), where=where)
 
 
 def _troubles(

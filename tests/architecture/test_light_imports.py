@@ -28,6 +28,7 @@ HEAVY = (
 )
 ROOMS = (
     "ema.data",
+    "ema.datasets",
     "ema.store",
     "ema.synthesis",
     "ema.shapes",
@@ -35,6 +36,7 @@ ROOMS = (
     "ema.fit",
     "ema.simulate",
     "ema.show",
+    "ema.proposal",
     "ema.report",
     "ema.app",
     "ema.study",

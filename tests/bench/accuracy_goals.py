@@ -13,7 +13,9 @@ from tests.bench.write_docs import number, table
 WANTED = {"case": 100, "small": 1000, "systems": 240, "residues": 30}
 """Draws or systems of a full run."""
 SHORT = Path(__file__).parent / "results" / "accuracy_short.json"
-"""Why a figure falls short, by the key of its row: written by hand after looking, and shown where it still does."""
+"""Why a figure falls short, by the key of its row: written by hand after looking, and shown where it still does. What was
+seen on one drawn system carries its ``seed``, and is shown of that system alone.
+"""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,12 @@ def goals(known: dict) -> str:
     lines = [[row.quantity, row.goal, row.reached, row.word] for row in rows]
     reasons = json.loads(SHORT.read_text(encoding="utf-8")) if SHORT.exists() else {}
     short = [row for row in rows if not row.met]
-    why = [f"- **{row.quantity}** ({row.reached}): {reasons[row.key]}" for row in short if row.key in reasons]
+    seeds = {drawn["seed"] for section in ("case", "small") for drawn in known.get(section, {}).get("found", [])}
+    why = [
+        f"- **{row.quantity}** ({row.reached}): {reason['text']}"
+        for row in short
+        if (reason := reasons.get(row.key)) and reason.get("seed") in {None, *seeds}
+    ]
     parts = ["## Goals", *unfinished(known), table(head, lines)]
     return "\n\n".join([*parts, "Where a figure falls short, and why:", "\n".join(why)] if why else parts)
 

@@ -24,6 +24,9 @@ NOT_CONTAINED = (
     "- what changes from blow to blow, or from block to block of a random test: the estimators keep the deviation of each "
     "from the average (of more than eight, of eight groups), and the fit says what each does to a pole (jackknife over the "
     "blows). A resonance that wanders makes the average look damped more; that is in the interval of the damping ratio.",
+    "All intervals, those of shapes and residues too, are as wide as if every residual term had been fitted. Terms that "
+    "noise explains are left out of the values, which have smaller errors without them; but that they are nothing is a "
+    "guess by the same data, and wide modes and modes at the ends of the band resemble them.",
     "From a few points or blows this is told badly. All modes tell the level together, what was seen of each is weighed "
     "with it, and Student's t widens what exceeds the noise. Welch averages and sweeps keep no deviations. The intervals "
     "of shapes and residues hold the noise over lines alone, as if each FRF had noise of its own.",

@@ -23,6 +23,7 @@ from acquisition.isolated.process import _PARSERS
 from ema import store
 from ema.app.connections import Reply, Server
 from ema.data import Channel, Recording
+from tests.bench import files
 from tests.fuzz.uff import Function
 
 CHANNELS, RECORDS, FILES, IDLE, ACTIVE = 10_000, 50_000, 2000, 2000, 200
@@ -49,15 +50,17 @@ files = "*"
 
 
 @contextmanager
-def timed(what: str) -> Iterator[None]:
-    """Print what a block took."""
-    clock, spent = time.monotonic(), sum(os.times()[:4])
-    yield
-    _PARSERS.close()  # its processor time counts once it has ended
-    print(f"{what}: {time.monotonic() - clock:.1f} s, {sum(os.times()[:4]) - spent:.1f} CPU s", flush=True)
+def timed(name: str, what: str, *, publish: bool) -> Iterator[None]:
+    """Print what a block took, and store it where it is to be published."""
+    with files.Spent() as spent:
+        yield
+        _PARSERS.close()  # its processor time counts once it has ended
+    print(f"{what}: {spent.clock:.1f} s, {spent.cpu:.1f} CPU s", flush=True)
+    if publish:
+        files.publish(name, what, vars(spent))
 
 
-def universal_files(folder: Path, rng: np.random.Generator) -> None:
+def universal_files(folder: Path, rng: np.random.Generator, publish: bool) -> None:
     """One record of many channels, and many records of one channel."""
     for binary in (False, True):
         form = "58b" if binary else "58"
@@ -68,7 +71,7 @@ def universal_files(folder: Path, rng: np.random.Generator) -> None:
                 for number, node in enumerate(nodes):
                     values = rng.normal(size=samples)
                     file.write(Function(False, node, 3, 0.0, 0.001, values, True, binary, number + 1).bytes())
-            with timed(f"universal file ({form}), {count} {what}"):
+            with timed("many files", f"universal file ({form}), {count} {what}", publish=publish):
                 contents = acquisition.read(path)
             there = [len(record.channels) for record in contents.recordings]
             assert sum(there) == count and not contents.findings, (there[:5], contents.findings[:2])
@@ -100,7 +103,7 @@ WRITERS: dict[str, Callable[[Path, Any], None]] = {
 }
 
 
-def folders(folder: Path, rng: np.random.Generator) -> None:
+def folders(folder: Path, rng: np.random.Generator, publish: bool) -> None:
     """A campaign of many files, opened and every record read."""
     for kind, write in WRITERS.items():
         raw = folder / kind / "raw"
@@ -111,12 +114,12 @@ def folders(folder: Path, rng: np.random.Generator) -> None:
             (folder / kind / "campaign.toml").write_text(HEAD.split("[[channels]]")[0] + HEAD[HEAD.index("[[runs]]") :])
         for number in range(FILES):
             write(raw / f"take_{number:04d}.{kind}", rng.normal(size=(2, 200)))
-        with timed(f"folder of {FILES} files ({kind})"):
+        with timed("many folders", f"folder of {FILES} files ({kind})", publish=publish):
             (run,) = acquisition.open_campaign(folder / kind).runs
             assert sum(record.signals.shape[1] == 200 for record in run.recordings) == FILES
 
 
-def connections() -> None:
+def connections(publish: bool) -> None:
     """Idle connections, and active ones that all ask at once."""
     import resource
 
@@ -139,6 +142,9 @@ def connections() -> None:
         f"{IDLE} idle and {ACTIVE} active connections: {answered} answered, the last after {slowest:.2f} s, "
         f"{grown:.0f} MB and {more} threads more"
     )
+    if publish:
+        figures = {"idle": IDLE, "active": ACTIVE, "answered": answered, "slowest": slowest}
+        files.publish("many connections", "connections", {**figures, "grown": grown, "threads": more})
     for one in (*idle, *active):
         one.close()
     server.shutdown()
@@ -154,15 +160,17 @@ def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench.many", description=__doc__)
     parser.add_argument("what", nargs="?", choices=("files", "folders", "connections"))
-    what = parser.parse_args().what
+    parser.add_argument("--publish", action="store_true", help="store the figures for docs/files.md")
+    given = parser.parse_args()
+    what, publish = given.what, given.publish
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
         if what in (None, "files"):
-            universal_files(Path(folder), rng)
+            universal_files(Path(folder), rng, publish)
         if what in (None, "folders"):
-            folders(Path(folder), rng)
+            folders(Path(folder), rng, publish)
     if what in (None, "connections"):
-        connections()
+        connections(publish)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ NOT_MEASURED = (
     "tests.bench.judged_goals",
     "tests.bench.accuracy_goals",
     "tests.bench.simulate_page",
+    "tests.bench.stated_errors_page",
 )
 """Modules that say where a figure comes from or print it, and do not make it."""
 
@@ -43,13 +44,20 @@ def published() -> dict[str, dict]:
     """Everything that the pages about accuracy and speed show, by file and section: what was stored with it."""
     results = Path(__file__).parent / "results"
     found = {}
-    for name in ("accuracy", "fit", "simulate", "hammer", "placement", "study", "uff"):
+    for name in ("accuracy", "fit", "simulate", "hammer", "placement", "study", "uff", "archive"):
         path = results / f"{name}.json"
         if not path.exists():
             continue
         whole = json.loads(path.read_text(encoding="utf-8"))
         parts = whole if name == "accuracy" else whole.get("rows")
         found |= {f"{name}, {part}": stored for part, stored in parts.items()} if parts else {name: whole}
+    stated, cold = results / "stated_errors.json", results / "cold_starts.json"
+    if stated.exists():
+        kinds = json.loads(stated.read_text(encoding="utf-8"))
+        found |= {f"stated_errors, {kind}": stored["stamp"] for kind, stored in kinds.items()}
+    for path in (cold, results / "joint_maps.json"):
+        if path.exists():
+            found[path.stem] = json.loads(path.read_text(encoding="utf-8"))
     return found
 
 

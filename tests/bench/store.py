@@ -4,6 +4,7 @@
 the store are included; h5py writes and reads the same chunks without sums, and once with its own Fletcher sums.
 """
 
+import argparse
 import tempfile
 import time
 from collections.abc import Callable
@@ -15,6 +16,7 @@ import numpy as np
 from ema import store
 from ema.data import Channel, FrfSet, Recording
 from ema.dof import Dof
+from tests.bench import files
 
 REPEATS = 5
 CHUNK = (1, 65536)
@@ -30,7 +32,18 @@ def rate(action: Callable[[], object], size: int) -> float:
     return size / 1e6 / min(spent)
 
 
+def say(what: str, save: float, load: float, publish: bool) -> None:
+    """Print the speeds, and store them where they are to be published."""
+    print(f"{what:25} save {save:6.0f}  load {load:6.0f} MB per CPU s")
+    if publish:
+        files.publish("store", what, {"save": save, "load": load})
+
+
 def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.store", description=__doc__)
+    parser.add_argument("--publish", action="store_true", help="store the figures for docs/files.md")
+    publish = parser.parse_args().publish
     rng = np.random.default_rng(0)
     record = Recording(rng.standard_normal((8, 2_000_000)), 51200.0, tuple(Channel(str(k)) for k in range(8)))
     values = rng.standard_normal((4000, 20, 80)) + 1j
@@ -41,8 +54,8 @@ def main() -> None:
         for name, noun, array in (("recording", record, record.signals), ("FRF set", frfs, frfs.values)):
             saved = rate(lambda noun=noun: store.save(path, noun), array.nbytes)  # type: ignore[misc]
             loaded = rate(lambda: store.load(path), array.nbytes)
-            print(f"{name:10}  store        save {saved:6.0f}  load {loaded:6.0f} MB per CPU s")
-            for title, options in (("h5py", {}), ("h5py, sums", {"fletcher32": True})):
+            say(f"{name}, store", saved, loaded, publish)
+            for title, options in (("h5py", {}), ("h5py with sums", {"fletcher32": True})):
                 chunks = CHUNK if name == "recording" else (True if options else None)
 
                 def write(array: np.ndarray = array, chunks: object = chunks, options: dict = options) -> None:  # type: ignore[type-arg]
@@ -53,9 +66,7 @@ def main() -> None:
                     with h5py.File(path, "r") as file:
                         file["a"][()]
 
-                print(
-                    f"{name:10}  {title:11}  save {rate(write, array.nbytes):6.0f}  load {rate(read, array.nbytes):6.0f}"
-                )
+                say(f"{name}, {title}", rate(write, array.nbytes), rate(read, array.nbytes), publish)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Writes ``docs/speed.md`` and ``docs/accuracy.md`` from the results in ``tests/bench/results``.
+"""Writes ``docs/speed.md``, ``docs/accuracy.md``, ``docs/files.md`` and tables of ``docs/simulate.md`` from the results.
 
 ``python -m tests.bench.write_docs``: every figure on those pages comes from a run.
 """
@@ -35,7 +35,10 @@ This page is written by `python -m tests.bench.write_docs` from the figures of `
 """
 
 
-AGE = {"speed.md": ("fit", "simulate", "hammer", "uff", "study", "placement"), "accuracy.md": ("accuracy", "fit")}
+AGE = {
+    "speed.md": ("fit", "simulate", "hammer", "uff", "study", "placement", "archive"),
+    "accuracy.md": ("accuracy", "fit"),
+}
 """Results that each page shows."""
 
 
@@ -322,9 +325,26 @@ def hammer_tests(result: dict) -> str:
     )
 
 
+def archives(result: dict) -> str:
+    """Section about archives, with the command that measured it."""
+    from tests.bench import archive
+
+    command, read = "python -m tests.bench.archive", result["built runs"] * result["campaigns"] // result["runs"]
+    return archive.section(result).replace(f"`{command}`", f"`{command} --read {read}`")
+
+
 def main() -> None:
-    """Write both pages."""
-    from tests.bench import accuracy_page, placement, simulate_page, study  # they use the tables of this module
+    """Write the pages."""
+    from tests.bench import (  # they use the tables of this module
+        accuracy_page,
+        archive,
+        files,
+        joint_maps,
+        placement,
+        simulate_page,
+        stated_errors_page,
+        study,
+    )
 
     rows = json.loads(RESULT.read_text())["rows"]
     cases = [row for key, row in rows.items() if key != "random"]
@@ -335,6 +355,7 @@ def main() -> None:
             (RESULT.with_name("hammer.json"), hammer_tests),
             (placement.RESULT, placement.section),
             (study.RESULT, study.section),
+            (archive.RESULT, archives),
         )
         if file.exists()
     ]
@@ -350,6 +371,11 @@ def main() -> None:
         if page in AGE:
             sections = [sections[0].strip() + older(AGE[page]), *sections[1:]]
         (DOCS / page).write_text("\n\n".join(section.strip() for section in sections) + "\n", encoding="utf-8")
+    (DOCS / "files.md").write_text(files.page(), encoding="utf-8")
+    stated_errors_page.write()
+    compared = DOCS / "compare.md"
+    if joint_maps.RESULT.exists():
+        compared.write_text(joint_maps.write(compared.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":

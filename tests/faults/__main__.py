@@ -1,7 +1,7 @@
 """Disturb saving, recording or a study at every operation, or at random moments, and count what was lost.
 
-``python -m tests.faults record --operations`` stops it before, after and within every durable operation, and fills the
-disk at each; ``python -m tests.faults record --moments 1000 --signal KILL --seed 5`` stops it at random moments. Ends
+``python -m tests.faults record --operations`` stops it before, after and within every durable operation, fills the
+disk at each, takes the permission away or sets the clock back; ``python -m tests.faults record --moments 1000 --signal KILL --seed 5`` stops it at random moments. Ends
 with status 1 where anything was lost, left behind or not told in a sentence.
 """
 
@@ -10,9 +10,19 @@ import random
 import sys
 import time
 
+from tests.bench import files
 from tests.faults import campaign
 from tests.faults.operations import HOWS
 from tests.faults.subjects import SUBJECTS
+
+WORDS = {
+    "before": "killed before",
+    "after": "killed after",
+    "half": "killed within a write",
+    "full": "disk full from",
+    "denied": "no permission from",
+    "clock": "killed before, and the clock set back a day at",
+}
 
 
 def main() -> int:
@@ -26,6 +36,7 @@ def main() -> int:
     parser.add_argument("--moments", type=int, default=0, help="so many random moments")
     parser.add_argument("--signal", choices=campaign.SIGNALS, action="append", help="only these signals")
     parser.add_argument("--seed", type=int, default=None, help="of the moments; drawn by default")
+    parser.add_argument("--publish", action="store_true", help="store the counts for docs/files.md")
     told = parser.parse_args()
     seed = random.SystemRandom().randrange(2**32) if told.seed is None else told.seed
     subject, start = SUBJECTS[told.subject](), time.monotonic()
@@ -35,22 +46,34 @@ def main() -> int:
         print(f"{subject.name}: {len(operations)} durable operations")
         for how in told.how or HOWS:
             numbers = list(range(len(operations))) if told.all else campaign.representatives(operations)
-            numbers = [n for n in numbers if how != "half" or operations[n].startswith("write")]
-            outcomes += [campaign.at_operation(subject, n, how) for n in numbers[:: told.every]]
-            _say(outcomes, f"{how} at {len(numbers[:: told.every])} operations")
+            numbers = [n for n in numbers if how != "half" or operations[n].startswith("write")][:: told.every]
+            there = [campaign.at_operation(subject, n, how) for n in numbers]
+            outcomes += there
+            _say(outcomes, f"{how} at {len(numbers)} operations")
+            if told.publish:
+                what = f"{WORDS[how]}, {len(numbers)} of {len(operations)} operations"
+                _publish(told.subject, what, None, there)
     whole = campaign.duration(subject) if told.moments else 0.0
     for name in (told.signal or list(campaign.SIGNALS)) if told.moments else []:
         drawn = random.Random(f"{seed} {name}")
-        outcomes += [
+        there = [
             campaign.at_moment(subject, drawn.uniform(0, 1.05 * whole), name, drawn.randrange(2**32))
             for _ in range(told.moments)
         ]
+        outcomes += there
         _say(outcomes, f"{name} at {told.moments} moments of {whole:.2f} s, seed {seed}")
+        if told.publish:
+            _publish(told.subject, f"SIG{name} at random moments", seed, there)
     wrong = [one for one in outcomes if one.wrong]
     for one in wrong[:20]:
         print(f"  {one.what}: {one.wrong}")
     print(f"{subject.name}: {len(outcomes)} disturbances, {len(wrong)} wrong, {time.monotonic() - start:.0f} s")
     return 1 if wrong or not outcomes else 0
+
+
+def _publish(name: str, what: str, seed: int | None, outcomes: list[campaign.Outcome]) -> None:
+    figures = {"what": what, "seed": seed, "count": len(outcomes), "wrong": sum(bool(one.wrong) for one in outcomes)}
+    files.publish(f"faults {name}", f"{what} {seed}", figures)
 
 
 def _say(outcomes: list[campaign.Outcome], what: str) -> None:

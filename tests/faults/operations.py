@@ -14,10 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-HOWS = ("before", "after", "half", "full")
-"""Killed before the operation, after it, or in the middle of a write; or the disk is full from there on."""
+HOWS = ("before", "after", "half", "full", "denied", "clock")
+"""Killed before the operation, after it, or in the middle of a write; the disk full from there on, or the folder somebody
+else's; killed before the operation, and the next start finds files that are a day younger than its clock."""
 
-_GROWING = ("create", "write", "link", "mkdir", "truncate")
+_REFUSED = {
+    "full": (errno.ENOSPC, ("create", "write", "link", "mkdir", "truncate")),
+    "denied": (errno.EACCES, ("create", "rename", "delete", "link", "mkdir")),
+}
+"""What the system says, and of which operations."""
 
 
 @dataclass
@@ -87,9 +92,10 @@ class Operations:
     def _done(self, what: str, path: Any, action: Callable[[], Any]) -> Any:
         number = len(self.seen)
         self.seen.append(f"{what} {Path(path).name}")
-        if self.how == "full" and 0 <= self.at <= number and what in _GROWING:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-        if number == self.at and self.how == "before":
+        code, meant = _REFUSED.get(self.how, (0, ()))
+        if 0 <= self.at <= number and what in meant:
+            raise OSError(code, os.strerror(code), str(path))
+        if number == self.at and self.how in ("before", "clock"):
             _kill()
         try:
             return action()

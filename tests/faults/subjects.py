@@ -151,9 +151,9 @@ class Studying:
         if not self.results:
             analyse = chain.analyse
 
-            def once(run: Run, *rest: Any) -> RunResult:
+            def once(run: Run, *rest: Any, **more: Any) -> RunResult:
                 if not self.results:
-                    self.results.append(analyse(run, *rest))
+                    self.results.append(analyse(run, *rest, **more))
                 return replace(self.results[0], run=run)
 
             chain.analyse = once
@@ -167,8 +167,8 @@ class Studying:
 
         if not self.report:
             _without_report()
-        chain.analyse = _announced(chain.analyse, report, "computing", lambda run, *rest: run.id)
-        Study._one = _announced(Study._one, report, "finished", lambda study, run, *rest: run.id)  # type: ignore
+        chain.analyse = _announced(chain.analyse, report, "computing", lambda run, *rest, **more: run.id)
+        Study._keep = _announced(Study._keep, report, "finished", lambda study, run, *rest: run.id)  # type: ignore
         Study.load(folder / "recipe.toml").run(resume=True)
         report("finished")
 
@@ -215,7 +215,7 @@ class Mapping:
         saved, Study._map = Study._map, _announced(Study._map, report, "finished", lambda *rest: "map")  # type: ignore
         Study.load(folder / "recipe.toml").run(resume=True)
         mapping.mapped, Study._map = computed, saved  # type: ignore[method-assign]
-        command("map", str(folder / "campaign"), "--near", "495", "--out", str(folder / "out"))
+        command("map", str(folder / "campaign"), "--near", "495", "--output", str(folder / "out"))
         report("finished")
 
     def check(self, folder: Path, announced: list[str]) -> None:
@@ -327,10 +327,10 @@ def command(*arguments: str) -> None:
 def _announced(work: Callable[..., Any], report: Report, what: str, name: Callable[..., str]) -> Callable[..., Any]:
     """``work``, which announces what it is about to compute, or what is finished after it."""
 
-    def announcing(*arguments: Any) -> Any:
+    def announcing(*arguments: Any, **more: Any) -> Any:
         if what == "computing":
             report(f"{what} {name(*arguments)}")
-        result = work(*arguments)
+        result = work(*arguments, **more)
         if what == "finished":
             report(f"{what} {name(*arguments)}")
         return result

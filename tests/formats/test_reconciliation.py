@@ -4,6 +4,9 @@ Every file is written here by plain formatting or by a foreign library, then dam
 """
 
 import json
+import struct
+import wave
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +73,115 @@ def test_labview_text_damaged(tmp_path: Path) -> None:
     wrong = "".join(lvm()).replace("Delta_X\t0.001\t0.001", "Delta_X\t0.002\t0.002")
     path.write_text(wrong)
     refused(path, "contradicts the time axis")
+
+
+def test_labview_text_whose_titles_are_damaged(tmp_path: Path) -> None:
+    """A tab of the titles that became another byte made the time column a channel."""
+    path, whole = tmp_path / "a.lvm", "".join(lvm())
+    path.write_text(whole.replace("X_Value\tforce", "X_Value}force"))
+    refused(path, "other time columns than the header announces")
+    path.write_text(whole.replace("X_Value\tforce\tacc", "X_Value\tforce\t"))
+    (note,) = acquisition.read(path).findings
+    assert (note.code, note.where) == ("no-title", "a.lvm, column 2")
+    path.write_text(whole.replace("acc\tComment", "force\tComment"))
+    assert [c.name for c in acquisition.read(path).recordings[0].channels] == ["force", "force #2"]
+
+
+def test_labview_text_with_a_cell_too_many(tmp_path: Path) -> None:
+    path, lines = tmp_path / "a.lvm", lvm()
+    path.write_text("".join([lines[0], lines[1].replace("\n", "\tfirst impact\n"), *lines[2:]]))
+    assert acquisition.read(path).findings == ()
+    path.write_text("".join([*lines[:50], lines[50].replace("\n", "\t\t0.5\n"), *lines[51:]]))
+    refused(path, "a row with too many cells")
+    np.testing.assert_array_equal(salvaged(path), TRUTH[:, :49])
+
+
+def test_labview_text_with_a_column_that_holds_nothing(tmp_path: Path) -> None:
+    path, lines = tmp_path / "a.lvm", lvm(channels=1)
+    head = lines[0].replace("Samples\t200\t200", "Samples\t200")
+    path.write_text("".join([head, *(line.rpartition("\t")[0] + "\t\n" for line in lines[1:])]))
+    contents = acquisition.read(path)
+    assert [(f.code, f.where) for f in contents.findings] == [("not-read", "a.lvm, acc")]
+    np.testing.assert_array_equal(contents.recordings[0].signals, TRUTH[:1])
+
+
+def test_labview_text_whose_time_columns_differ(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    head = lvm()[0].replace("X_Columns\tOne", "X_Columns\tMulti").replace("\tacc", "\tX_Value\tacc")
+    for step, sentence in ((0.001, ""), (0.002, "the sampling rate contradicts the time axis")):
+        rows = [f"{k / 1000:.6f}\t{a:.6f}\t{step * k:.6f}\t{b:.6f}\n" for k, (a, b) in enumerate(TRUTH.T)]
+        path.write_text("".join([head, *rows]))
+        if sentence:
+            refused(path, sentence)
+        else:
+            np.testing.assert_array_equal(acquisition.read(path).recordings[0].signals, TRUTH)
+
+
+# ASAM MDF ---------------------------------------------------------------------------------------------------------------
+
+
+def mdf(path: Path, **options: object) -> None:
+    """Two groups of 200 and 100 cycles with a text channel, by asammdf."""
+    import asammdf
+
+    times = np.arange(200) / 1000
+    words = np.array([b"on" if k % 3 else b"off" for k in range(200)])
+    marked = np.arange(100) == 7
+    with asammdf.MDF(version="4.10") as file:
+        signals = [asammdf.Signal(row.copy(), times, name=name) for name, row in zip("ab", TRUTH)]
+        file.append([*signals, asammdf.Signal(words, times, name="state", encoding="latin-1")])
+        file.append([asammdf.Signal(TRUTH[0, ::2].copy(), times[::2], name="c", invalidation_bits=marked)])
+        file.save(path, overwrite=True, **options)
+
+
+@pytest.mark.parametrize("compression", [0, 1, 2])
+def test_mdf_whole(tmp_path: Path, compression: int) -> None:
+    pytest.importorskip("asammdf")
+    path = tmp_path / "a.mf4"
+    mdf(path, compression=compression)
+    contents = acquisition.read(path)
+    first, second = contents.recordings
+    np.testing.assert_array_equal(first.signals, TRUTH)
+    expected = TRUTH[0, ::2].copy()
+    expected[7] = np.nan  # its logger marked it as invalid
+    np.testing.assert_array_equal(second.signals, expected[None])
+    named = {(finding.code, finding.where) for finding in contents.findings}
+    assert {("not-read", "a.mf4, state"), ("invalid-values", "a.mf4, c")} <= named
+
+
+def test_mdf_counts_and_lengths(tmp_path: Path) -> None:
+    """Every count of a block changed where the standard puts it."""
+    pytest.importorskip("asammdf")
+    path = tmp_path / "a.mf4"
+    mdf(path)
+    whole = path.read_bytes()
+
+    def changed(block: bytes, offset: int, form: str, value: int) -> None:
+        place = whole.index(block)
+        links = int.from_bytes(whole[place + 16 : place + 24], "little")
+        begin = place + (24 + 8 * links if offset >= 0 else 0) + abs(offset)
+        size = struct.calcsize(form)
+        path.write_bytes(whole[:begin] + struct.pack(form, value) + whole[begin + size :])
+
+    for cycles in (199, 201, 0, 10**15):  # cycles of the first group
+        changed(b"##CG", 8, "<Q", cycles)
+        refused(path, "other data than the header announces")
+    changed(b"##CG", 24, "<I", 40)  # bytes of a record
+    refused(path, "other data than the header announces|lies outside of its record")
+    changed(b"##CN", 4, "<I", 1000)  # where a channel lies in the record
+    refused(path, "a channel lies outside of its record")
+    changed(b"##DT", -8, "<Q", 10**6)
+    refused(path, "a block does not fit into the file")
+    changed(b"##CG", -32, "<Q", 64)  # link to the first channel
+    refused(path, "a link leads to the wrong block; got HD")
+    changed(b"##CG", -32, "<Q", 10**6 * 8)
+    refused(path, "a link leads nowhere")
+    path.write_bytes(whole[:-40])
+    refused(path, "a link leads nowhere|does not fit")
+    path.write_bytes(b"UnFinMF " + whole[8:])
+    refused(path, "the logger did not finish the file")
+    path.write_bytes(whole[:28] + struct.pack("<H", 330) + whole[30:])
+    refused(path, "the version of the file is stated twice and differs")
 
 
 # wave audio -------------------------------------------------------------------------------------------------------------
@@ -250,3 +362,215 @@ def test_a_logger_states_its_sampling_rate_in_the_header(tmp_path: Path) -> None
 def test_units_as_labview_spells_them(tmp_path: Path, spoken: str, unit: str) -> None:
     (tmp_path / "a.csv").write_text(f"time,a [{spoken}]\n0,1\n1,3\n2,2\n")
     assert acquisition.read(tmp_path / "a.csv").recordings[0].channels[0].unit == unit
+
+
+# Containers with bytes put in -------------------------------------------------------------------------------------------
+
+
+def _hdf5(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        file["data"] = TRUTH
+
+
+def _hdf5_behind_a_text(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path, "w", userblock_size=512, libver="latest") as file:
+        file["data"] = TRUTH
+
+
+def _tdms(path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(path) as writer:
+        for part in (TRUTH[:, :50], TRUTH[:, 50:]):
+            about = {"wf_increment": 0.001}
+            writer.write_segment([nptdms.ChannelObject("g", name, row, about) for name, row in zip("ab", part)])
+
+
+def _wav(path: Path) -> None:
+    pytest.importorskip("soundfile")
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(2)
+        file.setframerate(1000)
+        file.writeframes((1000 * TRUTH.T).astype("<i2").tobytes())
+
+
+@pytest.mark.parametrize("write", [_hdf5, _hdf5_behind_a_text, _tdms, _wav])
+@pytest.mark.parametrize("count", [1, 4, 64])
+def test_bytes_put_in_that_shift_the_values(tmp_path: Path, write: Callable[[Path], None], count: int) -> None:
+    suffix = {"_hdf5": ".h5", "_hdf5_behind_a_text": ".h5"}.get(write.__name__, write.__name__.replace("_", "."))
+    path = tmp_path / f"a{suffix}"
+    options = {"signals": "data", "axis": "rows", "sampling_rate": 1000.0} if suffix == ".h5" else {}
+    write(path)
+    contents = acquisition.read(path, **options)
+    assert contents.recordings[0].signals.shape == (2, 200)
+    assert {finding.code for finding in contents.findings} <= {"full-scale"}
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-700] + whole[-700 - count : -700] + whole[-700:])
+    refused(path, "the file is not as long as it announces|other bytes behind a segment than the next one", **options)
+
+
+# Universal files of modes ---------------------------------------------------------------------------------------------
+
+
+def shape(*, form: str = "{:13.5e}", last: str = "", modal_a: float = 1.0, frequency: float = 100.0) -> str:
+    """A data set 55 with one complex mode of small numbers on twelve nodes."""
+    head = ["a mode", "NONE", "NONE", "NONE", "NONE", f"{1:10d}{3:10d}{2:10d}{8:10d}{5:10d}{3:10d}"]
+    head.append(f"{2:10d}{6:10d}{1:10d}{1:10d}")
+    head.append("".join(f"{x:13.5e}" for x in (-1.0, frequency, 0.0, modal_a, 0.0, 1.0)))
+    rows = []
+    for node in range(12):
+        values = "".join(form.format(x) for x in 1e-9 * np.random.default_rng(node).normal(size=6))
+        rows += [f"{node + 1:10d}", values if not last or node < 11 else values[:-13] + last]
+    return "\n".join(["    -1", "    55", *head, *rows, "    -1", ""])
+
+
+UNITS = "\n".join(
+    [
+        "    -1",
+        "   164",
+        f"{1:10d}{'SI':20s}{2:10d}",
+        "".join(f"{1:25.16e}" for _ in range(3)),
+        f"{0:25.16e}",
+        "    -1",
+        "",
+    ]
+)
+
+
+@pytest.mark.parametrize("last", ["  1.00000e-0", "   .00000e+00", " 1.000000e+00", "  1.0000e+00"])
+def test_a_number_of_a_shape_with_other_digits_than_all_others_is_damage(tmp_path: Path, last: str) -> None:
+    (tmp_path / "a.unv").write_text(UNITS + shape() + shape(frequency=200.0, last=last))
+    contents = acquisition.read(tmp_path / "a.unv")
+    assert contents.modes[0].poles.shape == (1,)
+    assert ["written with another number of digits" in f.message for f in contents.findings] == [True]
+
+
+@pytest.mark.parametrize("form", [" {:.6g}", "{:13.5e}", "{:14.6E}", " {:.17g}"])
+def test_numbers_in_one_form_or_in_as_many_digits_as_they_take_are_read(tmp_path: Path, form: str) -> None:
+    (tmp_path / "a.unv").write_text(UNITS + shape(form=form))
+    contents = acquisition.read(tmp_path / "a.unv")
+    assert len(contents.modes) == 1 and contents.findings == ()
+
+
+def test_a_mode_without_its_scale_leaves_all_unscaled_and_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.unv").write_text(UNITS + shape() + shape(modal_a=0.0, frequency=200.0))
+    contents = acquisition.read(tmp_path / "a.unv")
+    assert contents.modes[0].scaling == "unscaled"
+    assert [f.code for f in contents.findings] == ["scaling-missing"]
+
+
+# Text tables with rows and columns that go missing ----------------------------------------------------------------------
+
+
+def titled(titles: str = "t [s],a,b", rows: int = 50) -> list[str]:
+    return [titles, *(f"{k / 100:.2f},{a:.6f},{b:.6f}" for k, (a, b) in enumerate(TRUTH.T[:rows]))]
+
+
+@pytest.mark.parametrize("row", [1, 50])
+def test_a_row_of_the_table_in_front_of_its_titles(tmp_path: Path, row: int) -> None:
+    lines = titled()
+    (tmp_path / "a.csv").write_text("\n".join([lines.pop(row), *lines]))
+    refused(tmp_path / "a.csv", "a row of the table stands in front of its titles")
+
+
+def test_a_row_of_other_numbers_in_front_of_the_titles(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("\n".join(["17,1,2", *titled()]))
+    contents = acquisition.read(tmp_path / "a.csv")
+    assert [f.code for f in contents.findings] == ["not-read"]
+    np.testing.assert_array_equal(contents.recordings[0].signals, TRUTH[:, :50])
+
+
+def test_a_column_with_a_title_and_nothing_else_is_named(tmp_path: Path) -> None:
+    lines = titled("t [s],a,b,c,")
+    (tmp_path / "a.csv").write_text("\n".join([lines[0], *(f"{line},," for line in lines[1:])]))
+    contents = acquisition.read(tmp_path / "a.csv")
+    assert [(f.code, f.where) for f in contents.findings] == [("not-read", "a.csv, c")]
+    np.testing.assert_array_equal(contents.recordings[0].signals, TRUTH[:, :50])
+
+
+@pytest.mark.parametrize("rows", [1, 2, 10])
+def test_rows_with_an_empty_cell_too_many(tmp_path: Path, rows: int) -> None:
+    """A second delimiter made them a table of their own, whose empty column was left out, and the rest vanished."""
+    lines = titled()
+    lines[-1 - rows : -1] = [line.replace(",", ",,") for line in lines[-1 - rows : -1]]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    refused(tmp_path / "a.csv", "a row of 5 cells in a table of 3 columns|rows of another number of cells")
+
+
+# What gives numbers another meaning ---------------------------------------------------------------------------------------
+
+
+def test_attributes_that_scale_numbers_or_stand_for_missing_ones_are_named(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["raw"] = np.arange(200)
+        file["raw"].attrs["scale_factor"] = 0.01
+        file.create_dataset("gap", data=np.where(np.arange(200) == 7, -9999.0, 1.5), fillvalue=-9999.0)
+        file["zero"] = np.arange(200) * 1.0
+    contents = acquisition.read(tmp_path / "a.h5", signals=["raw", "gap", "zero"], sampling_rate=10.0)
+    assert [(f.code, f.where, f.message.split()[0]) for f in contents.findings] == [
+        ("meaning", "a.h5, gap", "1"),
+        ("meaning", "a.h5, raw", "its"),
+    ]
+
+
+def test_a_sampling_rate_that_is_several_numbers(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", data=TRUTH, rate=[100.0, 200.0])
+    refused(tmp_path / "a.npz", "the sampling rate is not one number", signals="data", sampling_rate="rate")
+
+
+def test_sheets_that_were_not_read_are_named(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (("t [s]", "a [N]"), *((k / 10, k + 0.5) for k in range(20))):
+        book.active.append(row)
+        book["second"].append(row) if "second" in book.sheetnames else book.create_sheet("second").append(row)
+    book.save(tmp_path / "a.xlsx")
+    contents = acquisition.read(tmp_path / "a.xlsx")
+    assert [(f.code, "second" in f.message) for f in contents.findings] == [("not-read", True)]
+    assert acquisition.read(tmp_path / "a.xlsx", sheet="second").findings == ()
+
+
+def test_a_unit_code_that_contradicts_its_factors(tmp_path: Path) -> None:
+    path = tmp_path / "a.unv"
+    path.write_text(UNITS + shape())
+    assert acquisition.read(path).findings == ()
+    path.write_text(UNITS.replace(f"{1:10d}SI", f"{5:10d}SI") + shape())
+    (note,) = acquisition.read(path).findings
+    assert note.code == "unit-contradiction" and "code 5" in note.message
+
+
+def test_an_exponent_of_three_digits_without_its_letter(tmp_path: Path) -> None:
+    """Fortran drops the letter where the exponent needs its column (ISO/IEC 1539-1, 13.7.2.3.3)."""
+    path = tmp_path / "a.unv"
+    path.write_text(UNITS + shape(last="  1.00000-101"))
+    (modes,) = acquisition.read(path).modes
+    assert np.abs(modes.shapes[-1, 0].imag) < 1e-90
+
+
+def test_nodes_of_a_trace_line_that_left_their_columns(tmp_path: Path) -> None:
+    """Five bytes lost make of the nodes 100, 97 and 1 the nodes 0 (pen up), 97 and 1."""
+    path = tmp_path / "a.unv"
+    nodes = "".join(f"{n:10d}{1:10d}{0:10d}{11:10d}\n{n * 1.0:25.16e}{0:25.16e}{0:25.16e}\n" for n in (1, 97, 100))
+    head = f"    -1\n  2411\n{nodes}    -1\n    -1\n    82\n{1:10d}{3:10d}{0:10d}\na line\n"
+    path.write_text(UNITS + head + f"{100:10d}{97:10d}{1:10d}\n    -1\n")
+    assert acquisition.read(path).geometry.lines == ((100, 97, 1),)
+    path.write_text(UNITS + head + f"    0{97:10d}{1:10d}\n    -1\n")
+    contents = acquisition.read(path)
+    assert contents.geometry.lines == () and [f.code for f in contents.findings] == ["damaged-set"]
+
+
+@pytest.mark.parametrize("kind", ["   151", "   164", "  2411", "   999"])
+def test_an_end_and_a_beginning_on_one_line_take_no_data_set_along_in_silence(tmp_path: Path, kind: str) -> None:
+    path, node = tmp_path / "a.unv", f"{7:10d}{1:10d}{0:10d}{11:10d}\n{0:25.16e}{0:25.16e}{0:25.16e}\n"
+    body = {"   164": UNITS.split("\n    -1")[0].split("\n", 2)[2] + "\n", "  2411": node.replace("7", "8")}
+    first = f"    -1\n{kind}\n{body.get(kind, 'a text' + chr(10))}"
+    path.write_text(shape() + first + f"    -1    -1\n  2411\n{node}    -1\n")
+    contents = acquisition.read(path)
+    assert len(contents.modes) == 1
+    assert any(f.code == "damaged-set" and "on one line" in f.message for f in contents.findings)

@@ -1,4 +1,4 @@
-"""Universal files of many data sets: the time grows with their number, no faster."""
+"""Universal files of many data sets are read whole and in order."""
 
 import json
 import os
@@ -16,11 +16,8 @@ from acquisition.files.uff.writing import function
 from ema.data import Channel, Recording
 from ema.dof import Dof
 
-GOAL = 10.0
-"""Seconds of processor time, without the run-time checks of the tests: measured in a process of its own."""
-
 ROOT = Path(acquisition.__file__).resolve().parent.parent
-MEASURE = """
+READ = """
 import json, sys, time
 import acquisition
 start = time.process_time()
@@ -29,22 +26,25 @@ if sys.argv[1].endswith("toml"):
 else:
     records = acquisition.read(sys.argv[1]).recordings
 values = [record.signals.reshape(-1)[:: record.signals.shape[1]].tolist() for record in records]
-print(json.dumps([time.process_time() - start, values]))
+print(json.dumps([values, time.process_time() - start]))
 """
 
 
-def measured(path: Path) -> tuple[float, list[list[float]]]:
-    """Seconds for reading all records, and the first value of every channel of each."""
+def first_values(path: Path) -> tuple[list[list[float]], float]:
+    """The first value of every channel of each record, and the processor time in s that reading takes.
+
+    Read in a process of its own, where types and shapes are not checked: with the checks it takes minutes.
+    """
     done = subprocess.run(
-        [sys.executable, "-c", MEASURE, str(path)],
+        [sys.executable, "-c", READ, str(path)],
         capture_output=True,
         text=True,
         timeout=300,
         check=True,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
-    seconds, values = json.loads(done.stdout)
-    return seconds, values
+    values, seconds = json.loads(done.stdout)
+    return values, seconds
 
 
 def _time(node: int, value: float) -> bytes:
@@ -85,16 +85,24 @@ def _written(path: Path, sets: Iterable[bytes]) -> Path:
     return path
 
 
+def ten_thousand_channels(folder: Path) -> Path:
+    """One record of 10 000 channels."""
+    return _written(folder / "a.uff", (_time(node, node) for node in range(1, 10_001)))
+
+
+def fifty_thousand_records(folder: Path) -> Path:
+    """50 000 records of one channel."""
+    return _written(folder / "a.uff", (_time(1, number) for number in range(50_000)))
+
+
 def test_ten_thousand_channels_of_one_record(tmp_path: Path) -> None:
-    seconds, values = measured(_written(tmp_path / "a.uff", (_time(node, node) for node in range(1, 10_001))))
+    values, _ = first_values(ten_thousand_channels(tmp_path))
     assert values == [list(range(1, 10_001))]
-    assert seconds < GOAL
 
 
 def test_fifty_thousand_records(tmp_path: Path) -> None:
-    seconds, values = measured(_written(tmp_path / "a.uff", (_time(1, number) for number in range(50_000))))
+    values, _ = first_values(fifty_thousand_records(tmp_path))
     assert values == [[number] for number in range(50_000)]
-    assert seconds < GOAL
 
 
 def test_many_frfs_with_their_coherences(tmp_path: Path) -> None:
@@ -130,23 +138,24 @@ def test_a_coherence_on_another_axis_is_left_for_the_frf_it_belongs_to(tmp_path:
     assert "1 coherences belong to no FRF" in contents.findings[-1].message
 
 
-@pytest.mark.slow
-def test_a_folder_of_two_thousand_files(tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    (tmp_path / "data").mkdir()
+def campaign_of_two_thousand_files(folder: Path, signals: np.ndarray) -> Path:
+    """A campaign with a file for each of the signals (point, channel, sample); returns its ``campaign.toml``."""
+    (folder / "data").mkdir()
     hammer = '[[channels]]\nname = "hammer"\nrole = "reference"\nunit = "N"\ndof = "{point}:-Z"\n\n'
     response = '[[channels]]\nname = "acc"\nrole = "response"\nunit = "m/s^2"\ndof = "1:+Z"\n\n'
     run = '[[runs]]\nid = "bare"\nkind = "hammer"\nfiles = "bare_{point}.uff"\n'
-    (tmp_path / "campaign.toml").write_text('[campaign]\nname = "many"\nfiles = "data"\n\n' + hammer + response + run)
-    signals = rng.normal(size=(2000, 2, 256))
+    (folder / "campaign.toml").write_text('[campaign]\nname = "many"\nfiles = "data"\n\n' + hammer + response + run)
     for point in range(1, 2001):
         channels = (
             Channel("hammer", Dof(point, "-Z"), "force", "reference", "N"),
             Channel("acc", Dof(1, "+Z"), "acceleration", "response", "m/s^2"),
         )
-        acquisition.write(
-            tmp_path / f"data/bare_{point}.uff", Recording(signals[point - 1], 1e3, channels), binary=True
-        )
-    seconds, values = measured(tmp_path / "campaign.toml")
+        acquisition.write(folder / f"data/bare_{point}.uff", Recording(signals[point - 1], 1e3, channels), binary=True)
+    return folder / "campaign.toml"
+
+
+@pytest.mark.slow
+def test_a_folder_of_two_thousand_files(tmp_path: Path) -> None:
+    signals = np.random.default_rng(0).normal(size=(2000, 2, 256))
+    values, _ = first_values(campaign_of_two_thousand_files(tmp_path, signals))
     assert sorted(values) == sorted(signals[:, :, 0].tolist())
-    assert seconds < GOAL

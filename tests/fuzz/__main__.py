@@ -11,6 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from tests.bench import files
 from tests.fuzz import batch
 from tests.fuzz.cases import judged
 from tests.fuzz.kept import replay
@@ -29,6 +30,7 @@ def main() -> int:
     parser.add_argument("--number", type=int, default=None, help="one case alone")
     parser.add_argument("--keep", type=Path, default=None, help="folder for the files of wrong cases")
     parser.add_argument("--replay", action="store_true", help="kept inputs, and --n cases of a fixed seed")
+    parser.add_argument("--publish", action="store_true", help="store the counts for docs/files.md")
     given = parser.parse_args()
     names = given.reader or list(SUBJECTS)
     seed = random.SystemRandom().randrange(2**32) if given.seed is None else given.seed
@@ -58,6 +60,8 @@ def main() -> int:
                 data = batch.case_of(subject, seed, number).data
                 (given.keep / f"{name}-{seed}-{number}{subject.suffix}").write_bytes(data)
         failed += len(made.wrong)
+        if given.publish:
+            files.publish(f"fuzz {name}", str(seed), {"outcomes": dict(made.outcomes)})
     return 1 if failed else 0
 
 

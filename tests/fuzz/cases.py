@@ -138,9 +138,7 @@ def judged(subject: Subject, case: Case, path: Path) -> str:
     ]
     others = subject.independent(path) if case.kind == "noise" else []
     inexact = [
-        name
-        for name in inexact
-        if not any(name in other and equal(there.signals[name], other[name]) for other in others)
+        name for name in inexact if not any(_read_so(name, there.signals, case.truth, other) for other in others)
     ]
     if there.named >= max(len(inexact), 1):  # each that is not exact has a finding of its own
         return "named"
@@ -152,6 +150,17 @@ def judged(subject: Subject, case: Case, path: Path) -> str:
     if complete or any(same(there.signals, other) for other in others):
         return "independent"
     return f"wrong: {_difference(there.signals, case.truth)}" + (" though something is named" if there.named else "")
+
+
+def _read_so(name: str, there: Signals, truth: Signals, other: Signals) -> bool:
+    """Whether another parser reads the values of a signal, and the axis is that of the truth or of that parser.
+
+    Of time stamps that are not even a reader keeps the even axis, as of rounded ones.
+    """
+    if name not in other or len(other[name][1]) != len(there[name][1]):
+        return False
+    axes = [other[name][0]] + [truth[name][0] for _ in range(name in truth)]
+    return any(equal(there[name], (axis, other[name][1])) for axis in axes)
 
 
 def _difference(there: Signals, truth: Signals) -> str:

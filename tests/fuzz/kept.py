@@ -63,6 +63,27 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     # a data type that does not exist: real and imaginary parts were taken for the values of three directions
     "data-type-7.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
     "shape-cut.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
+    # a digit more than the other coordinates have, and an exponent without its sign; a digit less; an exponent cut
+    "digit-more.unv": lambda one: one.named == 2 and _count(one, "node") == 0 and _count(one, "mode") == 1 + 7,
+    "digit-less.unv": lambda one: one.named >= 1 and _count(one, "node") == 0,
+    "exponent-cut.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
+    # five bytes of a trace line lost: its first node became 0, which lifts the pen
+    "nodes-off-their-columns.unv": lambda one: one.named == 1 and _count(one, "line") == 1,
+    # an end and a beginning on one line: the next data set vanished in the one of the units
+    "set-swallowed.unv": lambda one: one.named == 1 and _count(one, "node") == 0,
+    # a blank and a sign lost between two numbers, which were read without the sign
+    "sign-of-a-shape.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 6,
+    # the first digit of modal A lost: it became 0, and all modes lost their scale
+    "modal-a-cut.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
+    # the title of a channel lost; the tab behind the title of the times, which became a channel
+    "title-lost.lvm": lambda one: one.named == 1 and len(one.signals) == 2,
+    "title-of-the-times.lvm": lambda one: "other time columns" in one.refusal,
+    # the first row of the table stands in front of the titles
+    "row-before-titles.csv": lambda one: "in front of its titles" in one.refusal,
+    # the mark between two numbers of the first row became another byte: the row vanished in the header
+    "first-mark-lost.csv": lambda one: "holds no numbers" in one.refusal,
+    # a second delimiter in the last row but one: both rows vanished
+    "delimiter-twice.csv": lambda one: "a row of 4 cells" in one.refusal,
     # rows that are none: in front of, within and behind the table
     "first-row.csv": lambda one: "holds no numbers" in one.refusal,
     "two-rows.csv": lambda one: "holds no numbers" in one.refusal,

@@ -1,6 +1,7 @@
 """Matrices of finite element programs, campaign files, and our own store."""
 
 import random
+import re
 import tempfile
 import tomllib
 from dataclasses import dataclass
@@ -60,7 +61,7 @@ class Matrix:
             return Reading(refusal=str(error))
 
     def independent(self, path: Path) -> list[Signals]:
-        """The lines taken apart at blanks (Matrix Market) or columns (Harwell-Boeing)."""
+        """The lines taken apart at blanks (Matrix Market), of Harwell-Boeing the numbers in columns."""
         try:
             return [(_plain_market if self.name == "market" else _plain_boeing)(path.read_bytes().decode("latin-1"))]
         except (ValueError, IndexError):
@@ -114,8 +115,8 @@ def _boeing(lower: Any) -> list[bytes]:
 
 def _plain_boeing(text: str) -> Signals:
     lines = text.splitlines()
-    first, second, third = (int(lines[1][14 * place : 14 * place + 14]) for place in (1, 2, 3))
-    size = int(lines[2][14:28])
+    _, first, second, third, *_ = map(int, lines[1].split())
+    size = int(lines[2].split()[1])
 
     def fields(begin: int, count: int, width: int) -> list[str]:
         body = lines[begin : begin + count]
@@ -224,7 +225,7 @@ _EDITS = (
 
 @dataclass
 class Toml:
-    """Campaign files: every key as it stands there, or one sentence; the other parser is that of the standard library."""
+    """Campaign files: every key as it stands there, or a sentence for each mistake; the other parser is that of the standard library."""
 
     name: str = "toml"
     suffix: str = ".toml"
@@ -250,7 +251,11 @@ class Toml:
         try:
             return Reading(_keys(campaign_file.load(path).model_dump(exclude_unset=True)))
         except EmaError as error:
-            assert "\n" not in str(error) and "Traceback" not in str(error), str(error)
+            first, *others = str(error).split("\n")
+            said = re.search(r": (\d+) mistakes$", first)
+            assert len(others) == (int(said[1]) if said else 0), str(error)
+            assert all(re.match(r"\s+line \d+: \S", line) for line in others), str(error)
+            assert "Traceback" not in str(error), str(error)
             return Reading(refusal=str(error))
 
     def independent(self, path: Path) -> list[Signals]:

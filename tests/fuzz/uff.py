@@ -257,7 +257,10 @@ def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
     if binary:
         values = np.frombuffer(rest[: size * points], f"<{'c' if frf else 'f'}{size}")
     else:
-        text = rest[: rest.index(b"    -1\n")]
+        closing = re.search(rb"^ {0,5}-1 *$", rest, re.MULTILINE)
+        if closing is None:
+            raise ValueError("no closing line")
+        text = rest[: closing.start()]
         if b"\0" in text:
             raise ValueError(text)
         numbers = np.array([float(word) for word in text.split()])

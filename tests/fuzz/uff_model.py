@@ -150,14 +150,15 @@ class UffModel:
         """The data sets taken apart at blanks."""
         found: dict[str, tuple[Any, Any]] = {}
         text = path.read_bytes().decode("latin-1")
-        for number, body in re.findall(r"(?:^|\n) {4}-1\n +(\d+)\n(.*?)(?=\n {4}-1(?:\n|$))", text, re.DOTALL):
+        for number, body in re.findall(r"(?:^|\n) {4}-1 *\n +(\d+) *\n(.*?)(?=\n {4}-1 *(?:\n|$))", text, re.DOTALL):
             with suppress(ValueError, IndexError, KeyError):
                 found |= _set(int(number), body.split("\n"))
         return [found]
 
 
 def _set(number: int, lines: list[str]) -> dict[str, tuple[Any, Any]]:
-    rows = [line.split() for line in lines]
+    # a sign behind a digit begins a number, as in fixed columns without blanks between them
+    rows = [re.sub(r"(?<=\d)(?=[+-]\d\.)", " ", line).split() for line in lines]
     if number == 15:
         return {f"node {int(row[0])}": _signal([float(x) for x in row[4:]]) for row in rows}
     if number == 2411:

@@ -2,7 +2,7 @@
 
 import acquisition
 import ema
-from ema.study import table
+from ema.datasets import table
 
 sensors = tuple(
     ema.data.Channel(f"acc {n}", ema.Dof(node, "+Z"), "acceleration", unit="m/s^2") for n, node in ((1, 1), (2, 67))

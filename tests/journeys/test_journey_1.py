@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ema import shapes
-from ema.study import table
+from ema.datasets import table
 
 SNIPPET = Path(__file__).with_name("journey_1.py")
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ema import store
-from ema.study import table
-from ema.study.builtin import ensure
+from ema.datasets import table
+from ema.datasets.builtin import ensure
 from tests.unit.test_record import RIG
 
 HERE = Path(__file__).parent

@@ -68,7 +68,11 @@ def test_every_campaign_of_real_measurements_can_be_checked(name, root, datasets
 
 def test_signals_of_unknown_excitation_ask_for_it(root, datasets, capsys, monkeypatch):
     monkeypatch.setenv("EMA_DATASETS", str(datasets))
-    ema_command(capsys, "check", root / "datasets" / "sdof_raw").says(2, "run case1", "excitation", "state kind")
+    ended = ema_command(capsys, "check", root / "datasets" / "sdof_raw")
+    assert ended.status == 0
+    text = " ".join(ended.out.split())
+    assert "run case1: nobody stated how the structure was driven" in text
+    assert "State kind" in text
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals of POSIX")

@@ -82,7 +82,7 @@ def printed(folder: Path) -> str:
 
     text = StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(text), pytest.raises(SystemExit) as ended:
-        for section in ("condition", "overview", "stabilisation", "rebuilt", "auto_mac", "shapes", "complexity"):
+        for section in ("condition", "overview", "stabilisation", "reconstruction", "auto_mac", "shapes", "complexity"):
             patch.setattr(f"ema.report.runs.{section}", lambda *_: [])
         app(["run", str(folder)])
     assert not ended.value.code

@@ -76,7 +76,7 @@ def test_a_disagreement_is_a_finding_and_reaches_status_and_file(
         "--second-opinion",
         "--limit",
         "warning",
-        "--write",
+        "--output",
         written,
     )
     assert ended.status == 1, "warnings above the limit"

@@ -7,7 +7,7 @@ import numpy as np
 
 from ema import store
 from ema.data import Geometry, ModalModel
-from ema.study import work_table
+from ema.datasets import work_table
 
 RECIPE = """
 title = "Beam on the work table"

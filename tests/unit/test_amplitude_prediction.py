@@ -6,6 +6,7 @@ import pytest
 from ema.compare import confirmed, predict_amplitudes
 from ema.compare.amplitude_prediction import stacking_weights
 from ema.compare.modal_laws import LAWS, law
+from ema.compare.modal_posterior import Conditional
 from ema.data import AmplitudeDependentMode, Band
 from ema.errors import InputError
 from tests.bench.amplitude_prediction import one
@@ -157,6 +158,27 @@ def test_far_outside_the_data_is_said():
     assert found.damping.half_width[0] / found.damping.value[0] < found.damping.half_width[1] / found.damping.value[1]
 
 
+def test_far_below_the_data_is_said():
+    mode, _ = joint(np.geomspace(2.0, 20.0, 6), slip=5.0)
+    (finding,) = (one for one in predict_amplitudes(mode, [0.2]).findings if one.code == "far-outside-the-data")
+    assert finding.value == pytest.approx(10) and "10 times the lowest one predicted" in finding.message
+
+
+def test_laws_that_give_no_draws_are_named(monkeypatch):
+    """Six laws of equal weight, as of three levels: without the draws of two of them a third of the weight is missing."""
+    mode, _ = joint(np.geomspace(2.0, 20.0, 3), slip=5.0)
+    assert "laws-left-out" not in {one.code for one in predict_amplitudes(mode, [25.0]).findings}
+    sample = Conditional.sample
+
+    def without(self, index, count, generator):
+        drawn = sample(self, index, count, generator)
+        return drawn[:0] if self.posterior.law in LAWS[:2] else drawn
+
+    monkeypatch.setattr(Conditional, "sample", without)
+    (finding,) = (one for one in predict_amplitudes(mode, [25.0]).findings if one.code == "laws-left-out")
+    assert "33% of the weight" in finding.message
+
+
 @pytest.mark.parametrize(("fewest", "said"), [(0, False), (10**6, True)])
 def test_bands_that_rest_on_few_draws_say_so(monkeypatch, fewest, said):
     monkeypatch.setattr("ema.compare.amplitude_prediction.FEWEST", fewest)
@@ -204,7 +226,7 @@ def test_the_verb_predicts_and_tests_itself_on_levels_held_out(written, tmp_path
     import json
 
     at = ("--amplitude", "15.0 m/s^2", "--amplitude", "20 m/s^2", "--up-to", "12 m/s^2")
-    done = command("predict", written, *at, "--json", "--out", tmp_path / "out")
+    done = command("predict", written, *at, "--json", "--output", tmp_path / "out")
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
     assert [point["amplitude"] for point in told["points"]] == [15.0, 20.0]

@@ -1,9 +1,12 @@
 """From and to the arrays and tables of other programs."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
-from ema.data import Channel, FrfSet, ModalModel, Recording, poles_from
+from ema.data import Channel, FrfSet, LawParameter, ModalModel, Recording, poles_from
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.shapes import compare, mac
@@ -86,3 +89,51 @@ def test_mac_of_two_models_takes_common_dofs_and_turns_opposite_senses() -> None
         mac(first, model((Dof(77),), np.ones((1, 1))))
     with pytest.raises(InputError, match="one is a modal model and the other is not"):
         mac(first, other)
+
+
+WRONG = """
+import numpy as np
+from ema.data import Candidates, Channel, FrfSet, Geometry, Matrices, ModalMap, Recording
+from ema.dof import Dof
+from ema.errors import InputError
+
+ONE = (Dof(1, "+Z"),)
+for make in (
+    lambda: FrfSet(np.arange(4.0), np.zeros((3, 1, 1)), ONE, ONE, "receptance"),
+    lambda: FrfSet(np.arange(4.0), np.zeros((4, 1, 1)), ONE, ONE, "receptance", coherence=np.zeros((4, 2, 1))),
+    lambda: FrfSet(np.arange(4.0), np.zeros(4), ONE, ONE, "receptance"),
+    lambda: Recording(np.zeros((2, 8)), 10.0, (Channel("a"), Channel("b")), overloads=np.zeros(3, bool)),
+    lambda: Geometry(np.arange(3), np.zeros((2, 3))),
+    lambda: Geometry(np.arange(3), np.zeros((3, 2))),
+    lambda: ModalMap(np.ones(2), np.ones(3), np.ones((3, 2)), np.ones((2, 3))),
+    lambda: Matrices(np.eye(2), np.eye(3), ONE),
+    lambda: Candidates(np.zeros((3, 2)), np.zeros(3), np.zeros(2), ()),
+):
+    try:
+        print("accepted", make())
+    except InputError as error:
+        print(error)
+"""
+REFUSED = """\
+FrfSet.values: arrays and axes disagree; got 3 along freq, expected 4, as in frequencies
+FrfSet.coherence: arrays and axes disagree; got 2 along out, expected 1, as in values
+FrfSet.values: an array has the wrong number of axes; got shape (4,), expected (freq, out, in)
+Recording.overloads: arrays and axes disagree; got 3 along channel, expected 2, as in signals
+Geometry.xyz: arrays and axes disagree; got 2 along n, expected 3, as in nodes
+Geometry.xyz: arrays and axes disagree; got 2 along 3, expected 3
+ModalMap.frequency: arrays and axes disagree; got 3 along level, expected 2, as in force_levels
+Matrices.stiffness: arrays and axes disagree; got 3 along n, expected 2, as in mass
+Candidates.beams: arrays and axes disagree; got 2 along candidate, expected 3, as in centres
+"""
+
+
+def test_containers_refuse_arrays_whose_axes_disagree() -> None:
+    """In a process of its own: here the types are checked before the container sees them."""
+    done = subprocess.run([sys.executable, "-c", WRONG], capture_output=True, text=True, timeout=120)
+    assert done.stdout == REFUSED, done.stdout + done.stderr
+
+
+def test_a_parameter_outside_its_interval_is_refused() -> None:
+    with pytest.raises(InputError, match="low <= value <= high"):
+        LawParameter("iwan", "mu", 0.5, 0.4, 0.6, identifiable=True)
+    assert np.isnan(LawParameter("iwan", "mu", float("nan"), 0.4, 0.6, identifiable=False).low)

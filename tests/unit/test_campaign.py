@@ -495,6 +495,8 @@ def test_opening_can_be_cancelled(tmp_path: Path) -> None:
             20,
             "unknown option .*'?sampling_rat.*did you mean sampling_rate",
         ),
+        ('kind = "hammer"', 'temperature = "-300 degC"', 20, "below absolute zero"),
+        ('kind = "hammer"', "averages = true", 20, "averages: input should be a valid integer"),
         ('name = "test"', "name = test", None, "not TOML"),
     ],
 )
@@ -506,6 +508,11 @@ def test_mistakes_are_named_with_their_line(old: str, new: str, line: int | None
     assert len(str(caught.value).splitlines()) == 1
     if line is not None:
         assert f"campaign.toml, line {line}:" in str(caught.value)
+
+
+def test_the_mark_of_utf_8_that_editors_write_is_no_part_of_the_text(tmp_path: Path) -> None:
+    (tmp_path / "campaign.toml").write_text(HEAD + CHANNELS + RUN, encoding="utf-8-sig")
+    assert campaign_file.load(tmp_path) == campaign_file.parse(HEAD + CHANNELS + RUN)
 
 
 def test_lines_are_right_behind_text_and_lists_over_several_lines() -> None:

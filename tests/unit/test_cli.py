@@ -108,7 +108,7 @@ def test_fit_prints_and_writes_the_modes_of_a_band(small_study, tmp_path):
             210,
             "--order",
             20,
-            "--write",
+            "--output",
             tmp_path / name,
         )
         assert ended.returncode == 0, ended.stderr
@@ -245,7 +245,7 @@ def test_ctrl_c_in_the_middle_keeps_finished_runs(small_study):
     # the second run never ends by itself: its reader waits for an interruption
     slow = (
         "import ema.study.chain as chain, time; analyse = chain.analyse\n"
-        "chain.analyse = lambda run, *rest: analyse(run, *rest) if run.id == 'first' else time.sleep(600)\n"
+        "chain.analyse = lambda run, *rest, **more: analyse(run, *rest, **more) if run.id == 'first' else time.sleep(600)\n"
     )
     with subprocess.Popen(
         [sys.executable, "-c", slow + code, "run", str(small_study)], stdout=subprocess.PIPE, stderr=subprocess.PIPE

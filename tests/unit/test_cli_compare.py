@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import acquisition
 from ema import store
 from ema.cli.app import app
-from ema.data import MapComparison, ModalModel, ModeComparison, ModelUpdate
+from ema.data import Geometry, MapComparison, ModalModel, ModeComparison, ModelUpdate
 from ema.data.modal import poles_from
 from ema.dof import Dof
 from ema.simulate import damping_map
@@ -74,14 +74,14 @@ def test_two_files_of_modes(tmp_path):
     store.save(tmp_path / "a.h5", modes([10.0, 40.0]))
     store.save(tmp_path / "b.h5", modes([10.1, 40.2]))
     store.save(tmp_path / "c.h5", modes([14.0, 40.2]))
-    good = call(tmp_path / "a.h5", tmp_path / "b.h5", "--out", tmp_path / "good")
+    good = call(tmp_path / "a.h5", tmp_path / "b.h5", "--output", tmp_path / "good")
     assert good.exit_code == 0, good.output
     assert "The model agrees." in good.output
     assert isinstance(store.load(tmp_path / "good/comparison.h5")["comparison"], ModeComparison)
     assert (tmp_path / "good/modes.csv").read_text().count("\n") == 3
     page = (tmp_path / "good/comparison.html").read_text(encoding="utf-8")
     assert page.index("In short") < page.index("The model agrees.") < page.index("<h2>Modes compared")
-    bad = call(tmp_path / "a.h5", tmp_path / "c.h5", "--out", tmp_path / "bad", "--json")
+    bad = call(tmp_path / "a.h5", tmp_path / "c.h5", "--output", tmp_path / "bad", "--json")
     assert bad.exit_code == 1
     told = json.loads(bad.output)
     assert_keys("compare modes", told)
@@ -89,13 +89,39 @@ def test_two_files_of_modes(tmp_path):
     assert told["tables"]["modes"][0]["MAC"] == pytest.approx(1)
 
 
+def test_modes_of_a_test_against_those_of_a_finite_element_model(tmp_path):
+    """Ten points of the solved plate, in millimetres, along other axes and numbered anew."""
+    plate = Path(__file__).parents[1] / "formats" / "l_plate.frd"
+    contents = acquisition.read(plate, unit="m")
+    (solved,) = contents.modes
+    rows = np.array([0, 4, 9, 12, 30, 44, 61, 70, 88, 94])
+    turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    nodes = np.arange(201, 211)
+    shapes = np.einsum("ab,nbm->nam", turn, solved.shapes.reshape(190, 3, -1)[rows]).reshape(30, -1)
+    dofs = tuple(Dof(int(node), direction) for node in nodes for direction in ("+X", "+Y", "+Z"))
+    measured = ModalModel(solved.poles, shapes, dofs, np.zeros((0, 6), complex), (), scaling="unscaled")
+    store.save(tmp_path / "test.h5", measured)
+    points = Geometry(nodes, contents.geometry.xyz[rows] @ turn.T)
+    acquisition.write(tmp_path / "points.unv", points)
+    ended = call(
+        tmp_path / "test.h5", plate, "--geometry", tmp_path / "points.unv", "--output", tmp_path / "out", "--json"
+    )
+    assert ended.exit_code == 0, ended.output
+    table = json.loads(ended.output)["tables"]["modes"]
+    assert [row["MAC"] for row in table] == pytest.approx([1.0] * 6, abs=1e-3)
+    lost = call(tmp_path / "test.h5", plate, "--geometry", tmp_path / "test.h5")
+    assert lost.exit_code == 2 and "no points in this file" in lost.output
+    without = call(tmp_path / "test.h5", plate)
+    assert without.exit_code == 2
+
+
 def test_a_map_against_a_model_before_and_after_an_update(measured, model, tmp_path):
-    before = call(measured, model, "--out", tmp_path / "before")
+    before = call(measured, model, "--output", tmp_path / "before")
     assert before.exit_code == 1, before.output
     assert "The model does not agree." in before.output
     # in a process of its own, which spares the search the shape checker
     command = [Path(sys.executable).with_name("ema"), "compare", measured, model, "--update", "friction_coefficient"]
-    after = subprocess.run([*command, "--out", tmp_path / "after", "--json"], capture_output=True, text=True)
+    after = subprocess.run([*command, "--output", tmp_path / "after", "--json"], capture_output=True, text=True)
     assert after.returncode == 0, after.stdout + after.stderr
     told = json.loads(after.stdout)
     assert_keys("compare map", told)
@@ -114,7 +140,7 @@ def test_a_map_against_a_model_before_and_after_an_update(measured, model, tmp_p
 
 
 def test_two_maps(measured, tmp_path):
-    same = call(measured, measured, "--out", tmp_path / "same")
+    same = call(measured, measured, "--output", tmp_path / "same")
     assert same.exit_code == 0, same.output
 
 
@@ -130,6 +156,6 @@ def test_bad_input_is_one_sentence(measured, model, tmp_path):
         ((measured, measured, "--update", "exponent"), "only a model file has parameters"),
         ((measured, model, "--update", "mu"), "an unknown parameter"),
     ):
-        ended = call(*words, "--out", tmp_path / "out")
+        ended = call(*words, "--output", tmp_path / "out")
         assert ended.exit_code == 2, ended.output
         assert said in " ".join(ended.output.split())

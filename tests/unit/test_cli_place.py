@@ -121,7 +121,7 @@ def test_a_campaign_alone_says_too_little(tmp_path):
 
 
 def test_a_cluster_that_is_not_there_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr("ema.cli.placing.WAIT", 1.0)
+    monkeypatch.setattr("ema.cli.cluster.WAIT", 1.0)
     recipe = write_recipe(tmp_path)
     result = run(str(recipe), "--output", str(tmp_path / "out"), "--cluster", "tcp://127.0.0.1:9")
     assert result.exit_code == 2 and "no cluster answers" in result.stderr

@@ -74,7 +74,7 @@ def told(*arguments):
 
 
 def test_snapback_writes_response_ring_down_and_pictures(model, tmp_path):
-    found = told("snapback", model, "--out", tmp_path, "--normal-force", 100, "--normal-force", 400)
+    found = told("snapback", model, "--output", tmp_path, "--normal-force", 100, "--normal-force", 400)
     assert_keys("simulate snapback", found)
     assert [row["F_N"] for row in found["rows"]] == ["100 N", "400 N"]
     assert found["rows"][0]["f [Hz]"] == pytest.approx(16.7, abs=0.3)
@@ -98,7 +98,7 @@ def test_sliding_and_stuck_phase_are_shown_at_every_normal_force(tmp_path, norma
     is that of the linear structure; slip ends where the books of the simulation say so. An amplitude that falls to
     exp(-fall) in half a cycle has the damping ratio fall / hypot(pi, fall): the median over the extremes between zero
     crossings, unfiltered."""
-    (row,) = told("snapback", DATASETS / "double_beam", "--out", tmp_path, "--normal-force", normal_force)["rows"]
+    (row,) = told("snapback", DATASETS / "double_beam", "--output", tmp_path, "--normal-force", normal_force)["rows"]
     run = store.load(tmp_path / "snapback.h5")[f"response {normal_force:g} N"]
     x, t = run.displacements[0], run.times
     crossings = t[np.flatnonzero(x[1:] * x[:-1] < 0)]
@@ -117,7 +117,7 @@ def test_sliding_and_stuck_phase_are_shown_at_every_normal_force(tmp_path, norma
 @pytest.mark.parametrize("normal_force", [2000.0, 4000.0, 8000.0])
 def test_slip_at_some_contacts_is_a_phase_too(tmp_path, normal_force):
     """More damping than the 0.1 % of the stuck structure, at a frequency between both."""
-    (row,) = told("snapback", DATASETS / "double_beam", "--out", tmp_path, "--normal-force", normal_force)["rows"]
+    (row,) = told("snapback", DATASETS / "double_beam", "--output", tmp_path, "--normal-force", normal_force)["rows"]
     assert 16.7 < row["f [Hz]"] < 31.7 and row["zeta [%]"] > 0.11 and row["slip ends [s]"] > 0.05
     assert row["f stuck [Hz]"] == pytest.approx(31.583, rel=1e-3)
     assert row["zeta stuck [%]"] == pytest.approx(0.1, abs=0.02)
@@ -125,16 +125,16 @@ def test_slip_at_some_contacts_is_a_phase_too(tmp_path, normal_force):
 
 def test_what_never_slips_has_a_stuck_phase_only_and_what_never_stops_a_sliding_one(tmp_path):
     double_beam = DATASETS / "double_beam"
-    (stuck,) = told("snapback", double_beam, "--out", tmp_path, "--normal-force", 1e5)["rows"]
+    (stuck,) = told("snapback", double_beam, "--output", tmp_path, "--normal-force", 1e5)["rows"]
     assert stuck["f [Hz]"] is None and stuck["slip ends [s]"] is None and stuck["cycles"] is None
     assert stuck["f stuck [Hz]"] == pytest.approx(31.58, rel=1e-3)
-    (sliding,) = told("snapback", double_beam, "--out", tmp_path, "--normal-force", 20)["rows"]
+    (sliding,) = told("snapback", double_beam, "--output", tmp_path, "--normal-force", 20)["rows"]
     assert sliding["slip ends [s]"] == pytest.approx(1.0, abs=0.05)
     assert sliding["f [Hz]"] == pytest.approx(16.7, rel=0.01) and sliding["f stuck [Hz]"] is None
 
 
 def test_the_reference_mode_states_its_error_and_says_what_it_does_not_take(model, tmp_path):
-    arguments = ["snapback", tmp_path, "--out", tmp_path / "out", "--reference", "--duration", "0.1"]
+    arguments = ["snapback", tmp_path, "--output", tmp_path / "out", "--reference", "--duration", "0.1"]
     (tmp_path / "model.toml").write_text(SMALL.replace('ratio = "0.3 %"', 'mass_factor = "0.3 1/s"'))
     (row,) = told(*arguments)["rows"]
     assert row["error estimate"] < 1e-6 and row["energy balance"] < 1e-9
@@ -145,18 +145,18 @@ def test_the_reference_mode_states_its_error_and_says_what_it_does_not_take(mode
 
 
 def test_frf_map_and_loop(model, tmp_path):
-    found = told("frf", model, "--out", tmp_path)
+    found = told("frf", model, "--output", tmp_path)
     assert_keys("simulate frf", found)
     rows = found["rows"]
     assert [row["F_E [N]"] for row in rows] == [2.0, 4.0] and all(row["solved"] == "25 of 25" for row in rows)
     steady = store.load(tmp_path / "frf.h5")["steady states 2 N, F_N 200 N"]
     assert isinstance(steady, HarmonicResponse) and steady.frequencies[-1] == 22.0
-    found = told("map", model, "--out", tmp_path)
+    found = told("map", model, "--output", tmp_path)
     assert_keys("simulate map", found)
     rows = found["rows"]
     chart = store.load(tmp_path / "map.h5")["map"]
     assert isinstance(chart, ModalMap) and rows[1]["zeta there [%]"] == pytest.approx(100 * chart.damping[1].max())
-    found = told("loop", model, "--out", tmp_path)
+    found = told("loop", model, "--output", tmp_path)
     assert_keys("simulate loop", found)
     rows = found["rows"]
     assert rows[1]["energy per cycle [J]"] == pytest.approx(4 * 60.0 * (3e-6 - 60.0 / 1e9), rel=1e-3)
@@ -194,7 +194,7 @@ def test_laws_are_listed_with_parameters_units_and_limits():
 
 
 def test_the_table_is_for_people(model, tmp_path):
-    done = ema("loop", model, "--out", tmp_path, "--amplitude", 2e-6, "--normal-force", 150)
+    done = ema("loop", model, "--output", tmp_path, "--amplitude", 2e-6, "--normal-force", 150)
     assert done.exit_code == 0 and "energy per cycle" in done.output and "Written:" in done.output
 
 
@@ -221,7 +221,7 @@ def test_bad_input_is_one_sentence_and_status_2(model, tmp_path, arguments, word
         "nowhere": tmp_path / "nowhere",
         "table": DATASETS / "table_with_beam",
     }
-    done = ema(*(argument.format(**places) for argument in arguments), "--out", tmp_path / "out")
+    done = ema(*(argument.format(**places) for argument in arguments), "--output", tmp_path / "out")
     assert done.exit_code == 2 and words in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
@@ -248,7 +248,7 @@ def test_bad_input_is_one_sentence_and_status_2(model, tmp_path, arguments, word
 def test_bad_models_are_one_sentence_with_their_line(tmp_path, job, old, new, words):
     assert old in SMALL
     (tmp_path / "model.toml").write_text(SMALL.replace(old, new, 1))
-    done = ema(job, tmp_path, "--out", tmp_path / "out")
+    done = ema(job, tmp_path, "--output", tmp_path / "out")
     assert done.exit_code == 2 and re.search(words, done.stderr), done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
@@ -302,7 +302,7 @@ def test_imported_matrices_that_are_no_structure(tmp_path, place, value, words):
     scipy.io.mmwrite(tmp_path / "stiffness.mtx", stiffness, symmetry="general")
     (tmp_path / "dofs.txt").write_text("\n".join(map(str, host.dofs)))
     (tmp_path / "model.toml").write_text(HOST)
-    done = ema("snapback", tmp_path, "--out", tmp_path / "out")
+    done = ema("snapback", tmp_path, "--output", tmp_path / "out")
     assert done.exit_code == 2 and words in done.stderr, done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
@@ -310,13 +310,13 @@ def test_imported_matrices_that_are_no_structure(tmp_path, place, value, words):
 @pytest.mark.skipif(os.name != "posix", reason="a file where a folder is wanted, told by POSIX systems")
 def test_a_place_that_cannot_be_written_is_told_before_the_work(model, tmp_path):
     (tmp_path / "file").write_text("")
-    done = ema("loop", model, "--out", tmp_path / "file" / "out")
+    done = ema("loop", model, "--output", tmp_path / "file" / "out")
     assert done.exit_code == 3 and "cannot be written here" in done.stderr
 
 
 def test_findings_decide_the_status(model, tmp_path):
     """Slips far beyond the spacing of the pairs: a warning."""
-    arguments = ["snapback", model, "--out", tmp_path, "--load", 400_000]
+    arguments = ["snapback", model, "--output", tmp_path, "--load", 400_000]
     assert ema(*arguments).exit_code == 0
     assert ema(*arguments, "--limit", "warning").exit_code == 1
 

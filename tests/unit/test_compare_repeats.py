@@ -47,8 +47,8 @@ def result(found: ModalModel, run: str, repeat: str = "", assembly: str = "") ->
 
 
 def seeded() -> tuple[np.random.Generator, int]:
-    seed = int(np.random.default_rng().integers(1, 1_000_000))
-    return np.random.default_rng(seed), seed
+    """A fixed seed: three standard deviations are exceeded by chance once in 370 fresh draws."""
+    return np.random.default_rng(20261123), 20261123
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5])

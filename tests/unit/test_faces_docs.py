@@ -19,6 +19,7 @@ PAGES = (
     "extending.md",
     "getting-started.md",
     "formats.md",
+    "files.md",
     "journeys.md",
     "../README.md",
 )

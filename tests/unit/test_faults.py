@@ -15,9 +15,10 @@ from matplotlib.figure import Figure
 pytest.importorskip("fcntl", reason="processes are forked")
 
 from ema import report
+from ema.datasets import builtin
 from ema.place import shortlist
 from ema.store import atomic
-from ema.study import builtin, chain
+from ema.study import chain
 from tests.faults import campaign
 from tests.faults.operations import HOWS
 from tests.faults.subjects import Mapping, Measuring, Placing, Saving, Studying

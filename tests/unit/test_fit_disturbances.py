@@ -145,6 +145,25 @@ def test_tones_of_the_mains_are_no_modes() -> None:
     assert sum("mains" in one.reason for one in model.candidates) == finding.value
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_narrow_modes_at_multiples_of_the_mains_frequency_are_modes(seed: int) -> None:
+    """Two lightly damped modes, within a thousandth of multiples of 60 Hz and narrower than a line: they decay."""
+    frequencies = np.arange(700.0, 1700.0, 2.3)
+    natural, zeta = np.array([900.6, 1140.7, 1318.9]), np.array([0.004, 6e-4, 8e-4])
+    poles = poles_from(natural, zeta)
+    shapes = truth().shapes[:, :3]
+    model = ModalModel(poles, shapes, DOFS, shapes[:1] / (2j * poles.imag), DOFS[:1], scaling="unit modal mass")
+    rng = np.random.default_rng([60, seed])
+    values = np.array(synthesise(model, frequencies, "accelerance").values)
+    error = rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)
+    values += 0.005 * np.sqrt(np.mean(np.abs(values) ** 2, axis=0)) * error
+    estimate, codes = fitted(FrfSet(frequencies, values, DOFS, DOFS[:1], "accelerance", "m/s^2/N"))
+    assert not codes and len(estimate.poles) == 3
+    std = np.sqrt(estimate.covariance[:, [0, 1], [0, 1]])
+    assert np.all(np.abs(estimate.natural_frequencies - natural) < 5 * std[:, 0])
+    assert np.all(np.abs(estimate.damping_ratios - zeta) < 5 * std[:, 1])
+
+
 def test_the_page_on_faults_names_findings_that_exist() -> None:
     root = Path(__file__).resolve().parents[2]
     rows = re.findall(r"^\| `([a-z-]+)`", (root / "docs/faults.md").read_text(encoding="utf-8"), re.MULTILINE)

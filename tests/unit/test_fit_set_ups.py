@@ -129,7 +129,8 @@ def test_naming_chooses_from_the_same_fit() -> None:
     every, some = modes(frfs, table), modes(frfs, table, near=[141.0, 311.0])
     rows = [int(np.argmin(np.abs(every.natural_frequencies - one))) for one in (141.0, 311.0)]
     np.testing.assert_array_equal(some.poles, every.poles[rows])
-    np.testing.assert_array_equal(some.covariance, every.covariance[rows])
+    # the order in which BLAS sums follows the place of an array in memory: the last bit is no choice of the fit
+    np.testing.assert_allclose(some.covariance, every.covariance[rows], rtol=1e-14)
     assert some.set_ups.frequencies.tolist() == every.set_ups.frequencies.tolist()
     with pytest.raises(InputError, match="no pole near"):
         modes(frfs, table, near=[270.0])

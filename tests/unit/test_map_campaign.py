@@ -71,7 +71,7 @@ def campaign(folder, levels=(10, 20), forces=(50, 100), joints=("J1",), unit="N"
 
 def test_command_writes_table_csv_pictures_and_store(tmp_path):
     folder = campaign(tmp_path / "small")
-    done = CliRunner().invoke(app, ["map", str(folder), "--near", "495", "--out", str(tmp_path / "out"), "--json"])
+    done = CliRunner().invoke(app, ["map", str(folder), "--near", "495", "--output", str(tmp_path / "out"), "--json"])
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
     assert_keys("map", told)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.bench import provenance
+from tests.bench import files, provenance
 from tests.bench.accuracy import JUDGES, RESTS
 
 WITHOUT = {
@@ -21,12 +21,21 @@ WITHOUT = {
     ),
 }
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
+OLDER = {
+    "archive",
+    "joint_maps",
+    *(f"stated_errors, {kind}" for kind in ("time", "verified")),
+}
+"""Measured before the steady states of contacts that depend on each other took less work, and their pages say so: an
+entry goes when its bench has run again."""
 
 
 def published() -> list:
     return [
         pytest.param(
-            stored, id=name, marks=[pytest.mark.xfail(strict=True, reason="no fingerprint")] if name in WITHOUT else []
+            stored,
+            id=name,
+            marks=[pytest.mark.xfail(strict=True, reason="older than the code")] if name in WITHOUT | OLDER else [],
         )
         for name, stored in provenance.published().items()
     ]
@@ -78,3 +87,21 @@ def forget() -> None:
 def _with_one_file_changed(path):
     """``ema.synthesis`` answered by another module: what a change in an imported file looks like."""
     return lambda module: path("ema.units" if module == "ema.synthesis" else module)
+
+
+def test_the_page_of_files_shows_what_is_stored_and_names_what_is_older_than_the_code() -> None:
+    """After a change of a reader or the store: ``python -m tests.bench.write_docs``, and its command with --publish."""
+    assert set(files.stored()) <= set(files.RESTS)
+    assert (provenance.ROOT / "docs" / "files.md").read_text(encoding="utf-8") == files.page()
+
+
+def test_runs_of_one_code_are_added_up_and_those_of_other_code_give_way(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(files, "RESULT", tmp_path / "files.json")
+    for seed, outcomes in (("1", {"fine": 3, "blind: digits": 1}), ("2", {"refused": 4}), ("2", {"refused": 5})):
+        files.publish("fuzz uff", seed, {"outcomes": outcomes})
+    assert "| `uff` | 9 | 3 | 5 | 1 | 0 | 1, 2 |" in files.page() and "- `uff`: digits 1" in files.page()
+    assert files.outdated() == [] and "Older" not in files.page()
+    monkeypatch.setitem(files.RESTS, "fuzz uff", files.RESTS["fuzz lvm"])
+    assert files.outdated() == ["fuzz uff"] and "**Older than the code:**" in files.page()
+    files.publish("fuzz uff", "3", {"outcomes": {"fine": 7}})
+    assert "| `uff` | 7 | 7 | 0 | 0 | 0 | 3 |" in files.page()

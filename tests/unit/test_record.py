@@ -20,12 +20,12 @@ from acquisition.session import Session
 from ema import store
 from ema.cli.recording import opened
 from ema.data import Channel, Finding, Recording
+from ema.datasets import table
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from ema.estimate import check_impact
 from ema.simulate import RovingHammer, VirtualRig
 from ema.simulate.rig import RingCell
-from ema.study import table
 
 RIG = """
 [rig]

@@ -132,6 +132,29 @@ def test_where_locks_do_not_hold_takes_still_do(tmp_path: Path, monkeypatch: pyt
     assert len(peaks_of(folder, "beam")) == 6
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="flock is of POSIX")
+@pytest.mark.filterwarnings("ignore:flock not supported")
+def test_a_drive_that_grants_no_lock_has_one_session_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """``flock`` answers ENOSYS: filelock counts the file itself as the lock, or refuses, as older versions do."""
+    from acquisition.live.folder_lock import FolderLock
+
+    def refused(*_: object) -> None:
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    first, second = FolderLock(tmp_path), FolderLock(tmp_path)
+    try:
+        first.acquire()
+    except FailureError as error:
+        assert "cannot be locked against a second session" in str(error)
+        return
+    with pytest.raises(FailureError, match=r"another session records.*remove \.record\.lock there"):
+        second.acquire()
+    first.release()
+    second.acquire()
+    second.release()
+
+
 def test_a_killed_session_leaves_no_lock_and_no_temporary_file(tmp_path: Path):
     folder = rig_folder(tmp_path, points=(1,), takes=500)
     script = (

@@ -292,7 +292,7 @@ def test_answer_comes_first(page: Page):
             "In short",
             "Table 1.",
             "Runs compared",
-            "What to worry about",
+            "Findings error",
             "Expected and found",
             "Repairs Table",
             "Run bare Condition and normal force",
@@ -360,13 +360,13 @@ def test_a_mode_with_two_likely_partners_is_named_and_not_counted():
     assert line.endswith("resembles modes 2 and 4 of slipping: not counted.")
 
 
-def test_worries_are_grouped_and_sorted_by_severity(page: Page):
+def test_findings_are_grouped_and_sorted_by_severity(page: Page):
     words = page.words()
     places = [
         words.index(text) for text in ("reversed-sensor 2 times", "low-coherence 4 times", "frequency-shift 2 times")
     ]
     assert places == sorted(places)
-    assert "Noticed: 2 errors, 4 warnings, 2 remarks." in words
+    assert "Findings: 2 errors, 4 warnings, 2 remarks." in words
 
 
 def test_missed_expectations_come_first(page: Page):
@@ -486,7 +486,7 @@ def test_one_mode_no_geometry_no_coherence_no_blows(tmp_path: Path):
         "no stabilisation diagram",
         "were not computed",
         "no uncertainty was estimated",
-        "No problem was noticed.",
+        "Findings: none.",
         "No metadata was repaired.",
     ):
         assert told in words
@@ -615,4 +615,4 @@ def test_blows_give_the_level_where_none_is_stated(tmp_path: Path):
     run = run_result("bare", plate(5, 4))
     unstated = replace(run, run=replace(run.run, condition=Condition(Excitation("hammer"))))
     page = Page(ema.report.write(study((unstated,), None), tmp_path / "r.html"))
-    assert {"What": "Peak of the blows [N]", "Value": "median 801, 800 to 803"} in page.table("What", "Value")
+    assert {"What": "Peak of the impacts [N]", "Value": "median 801, 800 to 803"} in page.table("What", "Value")

@@ -39,9 +39,9 @@ def quick(small_study_master: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is computed does not matter here, only whether: every run has the result of the first one."""
     analyse, results = chain.analyse, _RESULTS
 
-    def once(run: Run, *rest: object) -> RunResult:
+    def once(run: Run, *rest: object, **more: object) -> RunResult:
         if not results:
-            results.append(analyse(run, *rest))
+            results.append(analyse(run, *rest, **more))
         return replace(results[0], run=run)
 
     monkeypatch.setattr(chain, "analyse", once)

@@ -4,9 +4,9 @@ import tomllib
 from pathlib import Path
 
 from ema.data import Campaign, StudyResult
+from ema.datasets import work_table
 from ema.report.blocks import Book
 from ema.report.document import compose
-from ema.study import work_table
 
 ROOT = Path(__file__).parents[2]
 SENTENCE = (

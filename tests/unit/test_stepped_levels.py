@@ -213,7 +213,7 @@ def test_a_campaign_of_levels_frfs_and_ring_downs_is_checked_mapped_and_run(camp
     points = checked["levels"]["levels"]["points"]
     assert [point["amplitude"] for point in points] == pytest.approx(AMPLITUDES)
     assert [finding["code"] for finding in checked["decay"]["findings"]] == ["ring-down-without-band"]
-    command("map", campaign, "--out", tmp_path / "maps")
+    command("map", campaign, "--output", tmp_path / "maps")
     stored = store.load(tmp_path / "maps" / "levels.h5")
     assert isinstance(stored, AmplitudeDependentMode)
     assert stored.damping.value == pytest.approx([mode_at(a)[1] for a in AMPLITUDES], rel=0.005)

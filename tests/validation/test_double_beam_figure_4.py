@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ema.data import Damping
+from ema.estimate import integrated
 from ema.show.vibration import amplitude_spectrum
 from ema.simulate import Masing, assemble, double_beam, snapback
 from ema.simulate.events import run_reference
@@ -107,3 +108,29 @@ def test_a_low_sampling_rate_shows_lines_that_are_not_there():
         frequencies, level = amplitude_spectrum(run.times, run.velocities[0])
         heights.append(level[(frequencies > 50) & (frequencies < 120)].max() / level[frequencies < 40].max())
     assert heights[0] > 5e-3 and heights[1] < 5e-4
+
+
+def acceleration_with_rest(force, offset=0.7, still=0.3):
+    """Velocity, and what an accelerometer with an ``offset`` in m/s^2 reads, after ``still`` s at rest; samples of it."""
+    run = snapback(double_beam(Masing(0.3, 1e9), force), 20.0, "beam 2:20:+Z", 1.5, sampling_rate=RATE)
+    rest = round(still * RATE)
+    velocity = np.concatenate([np.zeros(rest), run.velocities[0]])
+    return velocity, np.gradient(velocity, 1 / RATE) + offset, rest
+
+
+def first_second(found, velocity, rest):
+    part = slice(rest, rest + round(RATE))
+    return np.linalg.norm((found - velocity)[part]) / np.linalg.norm(velocity[part])
+
+
+def test_velocity_by_integrating_the_acceleration_of_a_sliding_beam():
+    """100 N of normal force, the high-pass at 1/17 of the sliding frequency and below: 2.5 % rms of the first second at
+    most, and the line of the spectrum as high as that of the velocity within 0.5 %."""
+    velocity, acceleration, rest = acceleration_with_rest(100.0)
+    single = 16.710
+    for corner in (single / 17, single / 34):
+        found = integrated(acceleration, RATE, 1, corner, rest)
+        assert first_second(found, velocity, rest) <= 0.025
+        heights = [amplitude_spectrum(np.arange(len(one)) / RATE, one)[1].max() for one in (found, velocity)]
+        assert heights[0] == pytest.approx(heights[1], rel=5e-3)
+    assert first_second(integrated(acceleration, RATE, 1, single / 4, rest), velocity, rest) > 0.04

@@ -26,7 +26,7 @@ WAY = 2.5e-7
 
 def share_left(run):
     assert run.energy.error <= 1e-6
-    assert np.diff(run.energy.total).max() <= 1e-8 * run.energy.total[0]
+    assert np.diff(run.energy.total).max() <= 1e-9 * run.energy.total[0]
     return run.energy.total / run.energy.total[0]
 
 

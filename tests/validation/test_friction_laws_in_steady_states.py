@@ -5,9 +5,12 @@ Laws as in Gaul, Roseira and Becker, Shock and Vibration 15 (2008), Eqs. (4) and
 loses must be the area of the law's loop at the amplitude found.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
@@ -27,6 +30,7 @@ from ema.simulate import (
     register_law,
 )
 from ema.simulate.friction import iwan_springs
+from ema.simulate.harmonic import condense
 from ema.simulate.loops import dahl_area, masing_area, regularised_area
 
 K, FC = 4e5, 30.0
@@ -76,6 +80,49 @@ def lugre_area(amplitude, frequency):
         z = done.y[0, -1]
         work = done.y[1, -1] + (work if quarter % 4 else 0.0)
     return work
+
+
+@pytest.mark.parametrize("stribeck", [3e-2, 1e-3, 1e-5])
+def test_lugre_along_several_harmonics(stribeck):
+    """Forces of a motion with minor reversals, closed after three periods, by DOP853 from one reversal to the next; velocities of
+    up to 0.4 m/s. On the panels that are tried first, coefficients err by a millionth, and so does their derivative
+    from differences of twice as many."""
+    system = condense(oscillator(LuGre(1.0, K, DAMPING, VISCOUS, RATIO, stribeck)), 1.0, "1:+X", ["1:+X"], 5e-3, None)
+    omega, motion = 2 * np.pi * 100.0, 5e-4 * np.array([[1.0, 0.1, 0.2, 0.35, -0.05, 0.02]])
+    orders = np.array([1, 3, 5])
+
+    def velocity(x):
+        return omega * (orders * (motion[0, 1::2] * np.cos(orders * x) - motion[0, ::2] * np.sin(orders * x))).sum()
+
+    def top(v):
+        return FC * (1 + (RATIO - 1) * np.exp(-((v / stribeck) ** 2)))
+
+    def rate(x, y):
+        v = velocity(x)
+        z = v - abs(v) * y[0] / top(v)
+        force = y[0] + DAMPING * z + VISCOUS * v
+        return np.concatenate(
+            [[K * z / omega, force * v / omega], *([force * np.cos(n * x), force * np.sin(n * x)] for n in orders)]
+        )
+
+    grid = np.linspace(0, 2 * np.pi, 4001)
+    speeds = np.array([velocity(x) for x in grid])
+    turns = [brentq(velocity, a, b) for a, b, s, e in zip(grid, grid[1:], speeds, speeds[1:]) if s * e < 0]
+    assert len(turns) == 6
+    bristle = 0.0
+    for _ in range(3):
+        y = np.append(bristle, np.zeros(7))
+        for a, b in pairwise([0.0, *turns, 2 * np.pi]):
+            y = solve_ivp(rate, (a, b), y, "DOP853", rtol=1e-10, atol=1e-13).y[:, -1]
+        bristle = y[0]
+    expected = y[2:] / np.pi - K * motion[0]
+    forces, jacobian, lost, _ = system.contact_forces(motion, omega)
+    assert lost[0] == pytest.approx(y[1], rel=2e-6)
+    np.testing.assert_allclose(forces[0], expected, atol=2e-6 * np.abs(expected).max())
+    for c in range(6):
+        step = 1e-9 * np.eye(6)[None, c]
+        more, less = (system.contact_forces(motion + s * step, omega, 2)[0][0] for s in (1, -1))
+        np.testing.assert_allclose(jacobian[0, 0][:, c], (more - less) / 2e-9, atol=1e-5 * np.abs(jacobian).max())
 
 
 def clip(force, du, k, limit, p0, p1, p2, p3):

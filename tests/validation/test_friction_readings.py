@@ -1,4 +1,4 @@
-"""What linear methods read from a mode with a friction joint: fits, averages over blows, fast sweeps, windows.
+"""What linear methods read from a mode with a friction joint: fits, averages over impacts, fast sweeps, windows.
 
 One mode at 499 Hz with 0.638 % viscous damping and a Masing joint of kappa times its stiffness; the numbers are those
 of independent prototypes on the same oscillator.
@@ -6,6 +6,7 @@ of independent prototypes on the same oscillator.
 
 from dataclasses import replace
 
+import numba as nb
 import numpy as np
 import pytest
 
@@ -23,9 +24,9 @@ from ema.data import (
     Run,
     poles_from,
 )
+from ema.datasets import work_table_hammer
 from ema.dof import Dof
 from ema.simulate import FrictionRig, RovingHammer, SweptShaker
-from ema.study import work_table_hammer
 from tests.closed_forms import masing_oscillator
 
 F0, ZETA = 499.0, 0.00638
@@ -50,35 +51,42 @@ def frozen(slip, kappa):
 
 
 @pytest.mark.parametrize(
-    ("kappa", "slip", "true", "fitted", "half_power", "left"),
+    ("kappa", "slip", "true", "narrow", "wide", "half_power", "left"),
     [
-        (0.03, 5.4, 0.924, 0.875, 0.828, 0.025),
-        (0.03, 2.2, 1.100, 1.027, 1.113, 0.074),
-        (0.09, 9.6, 1.170, 1.029, 0.943, 0.035),
-        (0.09, 2.9, 1.890, 1.404, 1.727, 0.115),
-        (0.09, 1.5, 1.842, 1.657, 2.373, 0.168),
+        (0.03, 5.4, 0.924, 0.875, 0.952, 0.828, 0.025),
+        (0.03, 2.2, 1.100, 1.027, 1.078, 1.113, 0.074),
+        (0.09, 9.6, 1.170, 1.029, 1.186, 0.943, 0.035),
+        (0.09, 2.9, 1.890, 1.404, 1.797, 1.727, 0.115),
+        (0.09, 1.5, 1.842, 1.657, 1.640, 2.373, 0.168),
     ],
 )
-def test_a_fit_of_a_friction_peak_reads_low_and_says_so(kappa, slip, true, fitted, half_power, left):
-    """Fitted over 1.5 half-power widths of the measured peak to either side."""
+def test_a_fit_of_a_friction_peak_misreads_it_and_says_so(kappa, slip, true, narrow, wide, half_power, left):
+    """Damping in percent, every entry within 3 %: of one mode fitted over 1.5 half-power widths of the measured peak to
+    either side and over all lines, and of the half-power width itself, which takes lines 0.005 Hz apart: those of
+    0.25 Hz leave it uncertain by 4 %."""
     assert 100 * frozen(slip, kappa) == pytest.approx(true, rel=0.03)
     low, high = 1e-3, 10.0
     for _ in range(50):
         middle = np.sqrt(low * high)
         low, high = (middle, high) if steady(middle, kappa)[1] > slip else (low, middle)
-    values, reached = steady(np.sqrt(low * high), kappa)
+    ratio = np.sqrt(low * high)
+    values, reached = steady(ratio, kappa)
     assert reached == pytest.approx(slip, rel=0.02)
+    fine = np.arange(LINES[0], LINES[-1], 0.005)
+    size = np.abs(masing_oscillator(fine, F0, ZETA, ratio, kappa)[0])
+    above = fine[size**2 >= 0.5 * size.max() ** 2]
+    assert 50 * np.ptp(above) / fine[size.argmax()] == pytest.approx(half_power, rel=0.03)
     top = float(LINES[np.abs(values).argmax()])
-    above = LINES[np.abs(values) ** 2 >= 0.5 * np.abs(values).max() ** 2]
-    width = float(np.ptp(above))
-    assert 50 * width / top == pytest.approx(half_power, rel=0.05)
+    width = float(np.ptp(LINES[np.abs(values) ** 2 >= 0.5 * np.abs(values).max() ** 2]))
     frfs = FrfSet(LINES, values[:, None, None], (AT,), (AT,), "receptance", "m/N")
     found = ema.fit.local_fit(frfs.band(top - 1.5 * width, top + 1.5 * width), top, 99.0, np.ones((1, 1)))
-    assert 100 * found.damping_ratio == pytest.approx(fitted, rel=0.03)
+    assert 100 * found.damping_ratio == pytest.approx(narrow, rel=0.03)
     assert found.residual == pytest.approx(left, abs=0.01)
     assert (found.residual > 0.05) == any(finding.code == "misfit" for finding in found.findings)
     assert 100 * found.quadrature_damping == pytest.approx(true, rel=0.03)
     assert found.natural_frequency == pytest.approx(top, abs=3.0)
+    everything = ema.fit.local_fit(frfs, top, 99.0, np.ones((1, 1)))
+    assert 100 * everything.damping_ratio == pytest.approx(wide, rel=0.03)
 
 
 def oscillator(ratio: float, force: float, kappa: float = 0.03) -> BeamModel:
@@ -147,9 +155,12 @@ def test_a_fast_sweep_misreads_a_friction_joint_and_is_flagged():
     assert slow == pytest.approx(stepped(0.3), rel=0.02) and "sweep-rate" not in told
 
 
-def blows(model: BeamModel, level: float) -> list[FrfSet]:
-    """FRFs by H1 of ten blows with 35 % scatter, and the mean of the FRFs of each blow."""
-    drive = RovingHammer((AT,), hits=10, peak=level, scatter=0.35, contact_time=0.5e-3, spacing=1.2)
+CONTACT = 0.5e-3
+
+
+def impacts(model: BeamModel, level: float) -> tuple[list[float], list[FrfSet]]:
+    """Peak forces of ten impacts with 35 % scatter by their impulses, N; their FRFs by H1, and the mean of ten FRFs."""
+    drive = RovingHammer((AT,), hits=10, peak=level, scatter=0.35, contact_time=CONTACT, spacing=1.2)
     record = FrictionRig(model, drive, ACC, 4096.0, seed=4).take(0)
     size = round(drive.spacing * record.sampling_rate)
     first = int(np.flatnonzero(np.abs(record.signals[0]) > 0.1 * level)[0]) - round(0.1 * record.sampling_rate)
@@ -159,27 +170,58 @@ def blows(model: BeamModel, level: float) -> list[FrfSet]:
     ]
     assert len(cut) >= 9
     condition = Condition(drive.excitation)
-    single = [ema.estimate.hammer(Run("blow", condition, (one,)), block=4096) for one in cut]
-    every = ema.estimate.hammer(Run("blows", condition, tuple(cut)), block=4096)
-    return [
-        every,
-        replace(every, values=np.mean([one.values for one in single], axis=0), variance=None, coherence=None),
-    ]
+    single = [ema.estimate.hammer(Run("impact", condition, (one,)), block=4096) for one in cut]
+    every = ema.estimate.hammer(Run("impacts", condition, tuple(cut)), block=4096)
+    peaks = [np.pi / 2 / CONTACT * float(one.signals[0].sum()) / record.sampling_rate for one in cut]
+    mean = np.mean([one.values for one in single], axis=0)
+    return peaks, [every, replace(every, values=mean, variance=None, coherence=None)]
 
 
-def test_the_mean_of_frfs_is_not_h1_where_friction_acts():
-    """Slipping blows: a tenth more damping; blows about the change to sticking: far less. Linear: the same."""
+@nb.njit
+def struck(force, step, stiffness, limit):
+    """Acceleration of the oscillator under a force, step by step (average acceleration), with a Masing spring."""
+    x, v, pulled = 0.0, 0.0, 0.0
+    a = force[0]
+    taken = np.empty(len(force))
+    for i in range(len(force)):
+        ahead = x + step * v + step**2 / 4 * a
+        guess, held, new = x, pulled, a
+        for _ in range(8):
+            held = min(max(pulled + stiffness * (guess - x), -limit), limit)
+            rest = force[i] - held - 2 * ZETA * OMEGA * (v + step / 2 * a) - OMEGA**2 * ahead
+            new = rest / (1 + ZETA * OMEGA * step + OMEGA**2 * step**2 / 4)
+            guess = ahead + step**2 / 4 * new
+        v, x, a, pulled = v + step / 2 * (a + new), guess, new, held
+        taken[i] = a
+    return taken
 
-    def readings(slip_force, kappa, near):
-        model = oscillator(slip_force / 10, 10.0, kappa)
-        return [ema.fit.local_fit(one.band(440, 570), near).damping_ratio for one in blows(model, 500.0)]
 
-    h1, mean = readings(3.0, 0.09, 504.0)
-    assert 0.05 <= mean / h1 - 1 <= 0.15
-    h1, mean = readings(6.0, 0.09, 518.0)
-    assert mean / h1 < 0.8
-    h1, mean = readings(1e6, 0.09, 521.0)
-    assert abs(mean / h1 - 1) < 0.005
+def mean_over_h1(peaks, kappa: float, limit: float, near: float) -> float:
+    """Damping read from the mean of the FRFs of half sines over that from H1, less one, integrated independently."""
+    rate = 65536
+    t = np.arange(rate) / rate
+    pulses = [np.where(t < CONTACT, peak * np.sin(np.pi * t / CONTACT), 0.0) for peak in peaks]
+    force = np.fft.rfft(pulses)
+    moved = np.fft.rfft([struck(pulse, 1 / rate, kappa * OMEGA**2, limit) for pulse in pulses])
+    lines = slice(441, 570)
+    values = [(force.conj() * moved).sum(axis=0) / (abs(force) ** 2).sum(axis=0), (moved / force).mean(axis=0)]
+    read = []
+    for one in values:
+        frfs = FrfSet(np.arange(441.0, 570.0), one[lines, None, None], (AT,), (AT,), "accelerance", "(m/s^2)/N")
+        read.append(ema.fit.local_fit(frfs, near).damping_ratio)
+    return read[1] / read[0] - 1
+
+
+@pytest.mark.parametrize(("limit", "low", "high"), [(3.0, 0.05, 0.15), (6.0, -0.5, -0.2), (1e6, -0.005, 0.005)])
+def test_the_mean_of_frfs_is_not_h1_where_friction_acts(limit, low, high):
+    """Asked was a mean of FRFs that reads 5 to 15 % more damping than H1 from friction, and the same from a linear
+    structure. Impacts that slip throughout show it, 11 %. It is no rule: where the weakest impacts stick, the mean reads a
+    third less, and an independent integration of the same impacts says the same (11 and -36 %)."""
+    near = {3.0: 504.0, 6.0: 518.0, 1e6: 521.0}[limit]
+    peaks, both = impacts(oscillator(limit / 10, 10.0, 0.09), 500.0)
+    h1, mean = (ema.fit.local_fit(one.band(440, 570), near).damping_ratio for one in both)
+    assert low <= mean / h1 - 1 <= high
+    assert mean / h1 - 1 == pytest.approx(mean_over_h1(peaks, 0.09, limit, near), abs=0.03)
 
 
 @pytest.mark.parametrize("duration", [0.25, 0.5, 1.0])
@@ -199,13 +241,13 @@ def test_the_window_of_a_hammer_test_is_taken_off_the_damping(duration, end):
 
 
 def of_hammer(force: float, peak: float) -> float:
-    """Damping of mode 1 of the work table under blows of ``peak`` N, by a fit of one mode to six points."""
+    """Damping of mode 1 of the work table under impacts of ``peak`` N, by a fit of one mode to six points."""
     rig = work_table_hammer._rig(f"{force:g} N", force, peak, (1, 10, 71, 80, 35, 46))
     run = Run("hammer", Condition(rig.drive.excitation), tuple(rig.takes()))
     return ema.fit.local_fit(ema.estimate.hammer(run).band(430, 560), 500.0).damping_ratio
 
 
-def test_half_the_blow_changes_the_damping_at_1_kn_only():
+def test_half_the_impact_changes_the_damping_at_1_kn_only():
     assert abs(of_hammer(1000.0, 500.0) / of_hammer(1000.0, 1000.0) - 1) >= 0.30
     for force in (5000.0, 10000.0):
         assert of_hammer(force, 500.0) == pytest.approx(of_hammer(force, 1000.0), rel=0.05)

@@ -5,7 +5,8 @@ import tomllib
 import pytest
 
 from ema import synthesis
-from ema.study import Study, builtin, table
+from ema.datasets import builtin, table
+from ema.study import Study
 
 
 @pytest.fixture(scope="module")

@@ -61,7 +61,7 @@ def test_more_shapes_than_frequencies_are_noticed(folder: Path):
     )
     told = subprocess.run([sys.executable, "-c", script, str(folder)], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == (
-        "tree: the numbers of modes disagree; got poles 24, shapes 26, participation 26, expected as many shapes as poles"
+        "ModalModel.shapes: arrays and axes disagree; got 26 along mode, expected 24, as in poles"
     )
 
 

@@ -12,13 +12,16 @@ import numpy as np
 import pytest
 
 from ema import estimate, fit
-from ema.compare.linearity import linearity
-from ema.data import Condition, Run
+from ema.compare import ring_down_modes
+from ema.compare.linearity import level_finding, linearity, linearity_beside, other_levels
+from ema.data import Condition, JointForce, Run
+from ema.datasets import work_table, work_table_hammer
 from ema.dof import Dof
 from ema.shapes import mac
+from ema.simulate import backbone
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
-from ema.study import Study, chain, expectations, statements, work_table, work_table_hammer
+from ema.study import Study, chain, expectations, statements
 
 BAND = (300.0, 1300.0)
 RUNS = ("bare", "beam_1kN", "beam_5kN", "beam_10kN")
@@ -90,7 +93,9 @@ def test_one_linear_mode_explains_the_frfs_where_the_joint_sticks_again(analysed
     """Misfit at least 0.10 at 1 kN, at most 0.02 at 5 and 10 kN, though none of the three is linear."""
     misfits = [analysed(run).equivalent[0].residual for run in RUNS[1:]]
     assert misfits[0] >= 0.10 and max(misfits[1:]) <= 0.02
-    assert min(analysed(run).level_effect.lower for run in RUNS[1:]) > 0.1
+    effects = [analysed(run).level_effect for run in RUNS[1:]]
+    assert min(one.lower for one in effects) > 0.1
+    assert max(one.upper for one in effects) < 1, "no decay loses more than all of what the impact gave"
 
 
 @pytest.mark.parametrize(("force", "near", "low", "high"), [(1000.0, 492.0, 0.3, 1.0), (5000.0, 507.0, 0.0, 0.05)])
@@ -130,3 +135,87 @@ def test_impacts_at_a_third_of_what_slips_are_linear_and_give_shapes_and_masses(
         # struck downwards where the accelerometer points upwards: the modal constant of the drive point is -phi^2
         constant = (2j * np.abs(found.pole.imag) * found.residues[0, 0]).real
         assert -1 / constant * exact[0, mode] ** 2 == pytest.approx(1.0, rel=0.05)
+
+
+def equal_impacts(name, force, peak, points=tuple(range(1, 79, 11))):
+    """Two impacts of the same force on eight points: alone, a test of one level."""
+    rig = work_table_hammer._rig(name, force, peak, points)
+    rig = replace(rig, drive=replace(rig.drive, scatter=0.0, contact_scatter=0.0))
+    condition = Condition(rig.drive.excitation, tuple(JointForce(joint, force) for joint in ("J1", "J2") if force))
+    return Run(f"{name} {peak:g} N", condition, tuple(rig.takes()), assembly="one")
+
+
+def test_two_runs_at_two_levels_decide_what_one_does_not():
+    """Equal impacts do not decide by themselves. With impacts at a third beside them, those that slip are named, and the
+    lighter ones are not; two levels that leave the joint sticking are linear, and so say both."""
+    hard, light, lighter = (equal_impacts("beam", 10000.0, peak) for peak in (1000.0, 330.0, 165.0))
+    assert linearity(hard, BAND).verdict == "not testable"
+    found = linearity_beside(hard, other_levels(hard, [hard, light, lighter]), BAND)
+    assert found.verdict == "not linear" and found.beside in (light.id, lighter.id)
+    assert f"together with run {found.beside}" in level_finding(found, "table").message
+    assert linearity_beside(light, [hard], BAND).verdict != "not linear"
+    for one, other in ((light, lighter), (lighter, light)):
+        assert linearity_beside(one, [other], BAND).verdict == "linear"
+
+
+def test_runs_of_another_condition_are_not_taken_for_another_level():
+    one = equal_impacts("beam", 10000.0, 330.0, (1, 12))
+    pressed = replace(one, id="less", condition=replace(one.condition, joints=(JointForce("J1", 9000.0),) * 2))
+    loosened, twin = replace(one, id="again", assembly="two"), replace(one, id="harder")
+    assert [other.id for other in other_levels(one, [one, pressed, loosened, twin])] == ["harder"]
+    apart = replace(one, assembly="")
+    assert other_levels(apart, [replace(twin, assembly="")]) == ()
+    bare = replace(apart, condition=Condition(one.condition.excitation))
+    assert other_levels(bare, [replace(bare, id="modified")]) == (), "nobody says that it is the same structure"
+
+
+def nonlinear_modes(force, reference):
+    """The simulator's modes over their amplitude: acceleration at ``reference``, frequency, damping ratio, (3, level), the
+    amplitude at which friction begins, and the modal mass for a shape of 1 there."""
+    model = work_table.with_beam(work_table.CENTRE, force, work_table.grid())
+    curves = []
+    for frequency in stuck(force)[0]:
+        levels = np.geomspace(1e-6, 3e-4, 90)
+        found = backbone(model, levels, near=float(frequency), outputs=[str(reference)])
+        moved = levels * np.abs(found.shapes[0]) * (2 * np.pi * found.frequencies) ** 2
+        slips = np.flatnonzero(found.friction_power > 1e-9 * found.damping_power)
+        first = moved[slips[0] - 1 : slips[0] + 1] if len(slips) else np.full(2, np.inf)
+        table = np.array([moved, found.frequencies, found.damping_ratios])
+        curves.append((table, first, 1 / np.abs(found.shapes[0, 0]) ** 2))
+    return curves
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force", [1000.0, 5000.0, 10000.0])
+def test_ring_downs_give_the_nonlinear_modes_of_the_table(campaign, force):
+    """Each mode once; limits of small amplitudes within 0.2 Hz and 3 %; at least 90 % of all amplitudes with the nonlinear
+    mode inside the band; the onset of slip of mode 1 inside its interval; modal masses within 5 %, or withheld."""
+    found = ring_down_modes(campaign.open()[f"beam_{force / 1000:.0f}kN"], BAND)
+    frequencies, damping = stuck(force)
+    assert [float(one.onset.frequency.value) for one in found] == pytest.approx(list(frequencies), abs=0.2)
+    assert [float(one.onset.damping.value) for one in found] == pytest.approx(list(damping), rel=0.03)
+    inside = {"frequency": [], "damping": []}
+    truth = nonlinear_modes(force, Dof(1, "+Z"))
+    for one, (curve, _, mass) in zip(found, truth, strict=True):
+        log = np.log(one.mode.amplitude)
+        for name, values in (("frequency", curve[1]), ("damping", curve[2])):
+            band, true = getattr(one.mode, name), np.interp(log, np.log(curve[0]), values)
+            inside[name].append((band.low <= true) & (true <= band.high))
+        assert np.isnan(one.mode.modal_mass) == bool(one.mass.reason)
+        assert np.isnan(one.mode.modal_mass) or one.mode.modal_mass == pytest.approx(mass, rel=0.05)
+    assert all(np.concatenate(part).mean() >= 0.9 for part in inside.values())
+    assert np.isfinite(found[1].mode.modal_mass), "mode 2 does not move the joint"
+    first, onset = truth[0][1], found[0].onset.amplitude
+    assert onset.low <= first[1] and first[0] <= onset.high
+    assert found[0].onset.seen == (force < 10000.0), "at 10 kN few impacts pass amplitudes at which it slips"
+
+
+def test_ring_downs_of_the_bare_table_are_linear_and_give_its_modal_masses(campaign):
+    found = ring_down_modes(campaign.open()["bare"], BAND)
+    truth = work_table.bare(work_table.grid())
+    for one, frequency in zip(found, (499.0, 760.0, 1000.0), strict=True):
+        mode = int(np.argmin(np.abs(truth.natural_frequencies - frequency)))
+        shape = truth.shapes[truth.dofs.index(Dof(1, "+Z")), mode].real
+        assert one.onset.frequency.value == pytest.approx(frequency, abs=0.02) and not one.onset.seen
+        assert one.onset.damping.value == pytest.approx(0.00638, rel=0.01)
+        assert one.mode.modal_mass == pytest.approx(1 / shape**2, rel=0.02)

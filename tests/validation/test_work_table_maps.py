@@ -11,10 +11,13 @@ import pytest
 
 import acquisition
 from ema import estimate, fit
-from ema.simulate import damping_map, frf
+from ema.data import Condition, Run
+from ema.datasets import work_table, work_table_shaker
+from ema.dof import Dof
+from ema.simulate import FrictionRig, SteppedSine, SweptShaker, damping_map, frf
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
-from ema.study import Study, mapping, recipe, statements, work_table, work_table_shaker
+from ema.study import Study, mapping, recipe, statements
 from ema.study.measured import frfs_of
 
 SETTINGS = {
@@ -134,42 +137,85 @@ def test_what_the_grids_of_bending_slip_and_rough_joints_leave_open(bending, rou
     assert rough_forces[rough_forces.index(2000) + 1] == 4000
 
 
-def test_mode_1_of_the_sliding_beam_over_excitation_and_normal_force(absorber):
+def along(axis, values):
+    """The axis at the vertex of the parabola through the highest point and its neighbours."""
+    k = int(np.clip(np.argmax(values), 1, len(axis) - 2))
+    curve = np.polyfit(axis[k - 1 : k + 2], values[k - 1 : k + 2], 2)
+    return -curve[1] / curve[0] / 2
+
+
+AT = f"{work_table.DRIVE_NODE}:+Z"
+
+
+def test_at_100_n_the_damping_of_the_sliding_beam_is_highest_at_30_n_and_falls_after_it(absorber):
+    """At 30 N within 5 N, 1.9 % within 0.2 %, at 40 N a tenth lower or more: by steady states of the model at a constant
+    force, every newton, and by the points measured, whose steps of 5 N reach the lower end of it."""
+    levels = np.arange(20.0, 41.0)
+    model = work_table.with_beam(work_table.ABSORBER, 100.0)
+    damping = 100 * damping_map(model, levels, [100.0], AT, AT, (450, 530), 5e-3).damping[:, 0]
+    assert 25 < along(levels, damping) < 35
+    assert damping.max() == pytest.approx(1.9, abs=0.2)
+    assert damping[-1] < 0.9 * damping.max()
     chart = absorber[2][0].chart
-    damping = 100 * chart.damping
-    forces, levels = list(chart.normal_forces), list(chart.force_levels)
-    at_100 = damping[:, forces.index(100)]
-    assert levels[int(at_100.argmax())] == pytest.approx(30, abs=5)
+    at_100, tested = 100 * chart.damping[:, list(chart.normal_forces).index(100)], list(chart.force_levels)
+    assert tested[int(at_100.argmax())] == pytest.approx(30, abs=5)
     assert at_100.max() == pytest.approx(1.9, abs=0.2)
-    assert at_100[levels.index(40)] < 0.9 * at_100.max()
+    assert at_100[tested.index(40)] < 0.9 * at_100.max()
+
+
+def test_low_and_high_normal_forces_leave_the_damping_of_the_sliding_beam_low(absorber):
+    chart = absorber[2][0].chart
+    damping, forces = 100 * chart.damping, list(chart.normal_forces)
     assert damping[:, : forces.index(25) + 1].max() <= 0.80
     assert damping[:, forces.index(300)].max() <= 0.66
-    stuck = chart.frequency[:, -1]
-    assert stuck == pytest.approx(495, abs=1)
-    ridge = chart.frequency[:4, forces.index(100)]
-    assert np.all((ridge > 486) & (ridge < 491)) and stuck.min() - ridge.min() >= 4
     best = [forces[int(row.argmax())] for row in damping]
     assert np.all(np.diff(best) >= 0) and best[-1] > best[0]
 
 
-def test_both_hypotheses_end_at_495_hz(bending):
-    assert bending[2][0].chart.frequency[:, -1] == pytest.approx(495, abs=1)
+@pytest.mark.parametrize("name", ["absorber", "bending"])
+def test_both_hypotheses_end_at_495_hz(request, name):
+    assert request.getfixturevalue(name)[2][0].chart.frequency[:, -1] == pytest.approx(495, abs=1)
 
 
-def test_mode_3_with_rough_joints(rough, absorber):
+def test_the_frequency_on_the_ridge_of_the_sliding_beam_is_lowest_at_25_n(absorber):
+    """Asked was a lowest frequency on the ridge of 486 to 491 Hz, 4 Hz or more below that with sticking joints (494.3 Hz).
+    The ridge, the normal force of most damping at each level, is at 60 N for 6 to 15 N and at 100 N for 20 to 40 N. Its
+    lowest frequency is 488.1 Hz, by 6 Hz below. As a statement on the ridge of every level it is wrong: steady states of
+    the model, which share no step with the measured map, give 499.5 to 502.0 Hz on the ridge at 10 and 15 N and 493 to
+    495 Hz at 30 to 40 N, so that the frequency lies above that of sticking joints at low levels, and within 2 Hz of it
+    at high ones."""
+    chart = absorber[2][0].chart
+    rows, best = np.arange(len(chart.force_levels)), chart.damping.argmax(axis=1)
+    assert chart.normal_forces[best].tolist() == [60, 60, 60, 100, 100, 100, 100, 100]
+    ridge, stuck = chart.frequency[rows, best], chart.frequency[:, -1]
+    assert 486 < ridge.min() < 491 and stuck.min() - ridge.min() >= 4
+    assert np.all(ridge[:3] > stuck[:3] + 4), "it rises where the beam slides as an absorber"
+    levels, forces = np.array([10.0, 15.0, 30.0, 35.0, 40.0]), np.array([40.0, 60.0, 80.0, 100.0, 120.0, 150.0])
+    steady = damping_map(work_table.with_beam(work_table.ABSORBER, 100.0), levels, forces, AT, AT, (450, 530), 5e-3)
+    there = steady.frequency[np.arange(5), np.nanargmax(steady.damping, axis=1)]
+    assert np.all((there[:2] > 499) & (there[:2] < 503))
+    assert np.all((there[2:] > 492.5) & (there[2:] < 495.5))
+
+
+def test_mode_3_with_rough_joints(rough):
+    """The ridge at 1.5 to 2.5 kN, at least ten times that of mode 1 with the same joints (100 N, by steady states: the
+    campaign has no map of it); the frequency ends at 1004 to 1018 Hz; it dips by 1 Hz or more; the level changes the
+    damping by less than 5 % at every normal force, and by steady states not at all: the joints stick."""
     chart = rough[2][0].chart
     forces = list(chart.normal_forces)
     best = forces[int(np.nanmax(chart.damping, axis=0).argmax())]
     assert 1500 <= best <= 2500
-    one = absorber[2][0].chart
-    of_mode_1 = one.normal_forces[int(np.nanmax(one.damping, axis=0).argmax())]
-    assert best >= 10 * of_mode_1
+    model, levels = work_table.with_beam(work_table.ROUGH, 100.0), [6.0, 20.0, 40.0]
+    one = damping_map(model, levels, [10.0, 30.0, 60.0, 100.0, 200.0, 400.0, 1000.0], AT, AT, (450, 530), 5e-3)
+    assert set(one.normal_forces[np.nanargmax(one.damping, axis=1)]) == {100.0}
+    assert best >= 10 * 100.0
     assert np.all((chart.frequency[:, -1] > 1004) & (chart.frequency[:, -1] < 1018))
     before, after = forces.index(1500), forces.index(4000)
     assert chart.frequency[0, before] - chart.frequency[0, after] >= 1
-    others = [column for column in range(len(forces)) if column != forces.index(2000)]
-    effect = np.ptp(chart.damping[:, others], axis=0) / chart.damping[:, others].mean(axis=0)
-    assert effect.max() < 0.05
+    assert np.max(np.ptp(chart.damping, axis=0) / chart.damping.mean(axis=0)) < 0.05
+    three = damping_map(model, levels, [1500.0, 2000.0, 2500.0, 4000.0], AT, AT, (940, 1060), 5e-3)
+    assert np.max(np.ptp(three.damping, axis=0) / three.damping.mean(axis=0)) < 1e-3
+    assert three.normal_forces[three.damping[0].argmax()] == 2000.0
 
 
 def test_every_point_has_its_force_at_resonance_amplitude_and_interval(absorber):
@@ -259,14 +305,31 @@ def damping_of_steady_states(model, like, forces):
     return fit.local_fit(replace(like, values=np.array(values)[:, :, None]), 491.0).damping_ratio
 
 
-def test_a_slow_sweep_reads_the_damping_of_the_steady_states_at_its_force(absorber):
+def swept(rate):
+    """Damping read from the second period of a sweep from 440 to 560 Hz with ``rate`` Hz/s."""
+    period = 120.0 / rate
+    level, at = work_table_shaker.CHIRP_LEVEL, Dof(work_table.DRIVE_NODE, "+Z")
+    drive = SweptShaker(at, level, (440.0, 560.0), period, 2 * period, sweeps=2)
+    model = work_table.with_beam(work_table.ABSORBER, work_table_shaker.CHIRP_FORCE)
+    record = FrictionRig(model, drive, work_table_shaker._sensors(), work_table_shaker.SAMPLING_RATE).take(0)
+    run = Run("sweep", Condition(replace(drive.excitation, period=period)), (record,))
+    return fit.local_fit(estimate.sweep(run).band(462, 526), 491.0).damping_ratio
+
+
+def test_a_sweep_reads_the_damping_of_the_steady_states_as_its_rate_falls(absorber):
+    """A sweep of 16 s, 40 Hz/s, was to read what steady states at the same force do, within 2 %, as it does for one
+    oscillator. It reads 5 % more: integrated in time with 40, 20 and 10 Hz/s the excess is 5.1, 2.9 and 1.7 %, so it is
+    the rate. The limit for linear sweeps, 216 f^2 zeta^2 Hz/min, allows 250 Hz/s at this damping."""
     campaign, told, maps = absorber
     found = fit.local_fit(frfs_of(campaign["chirp_16s"], told.estimate)[0].band(440, 540), 491.0)
     stepped = frfs_of(campaign["mode1_FE30_FN00100"], told.estimate)[0]
     model = work_table.with_beam(work_table.ABSORBER, work_table_shaker.CHIRP_FORCE)
     levels = np.full(len(stepped.frequencies), work_table_shaker.CHIRP_LEVEL)
     steady = damping_of_steady_states(model, stepped, levels)
-    assert found.damping_ratio == pytest.approx(steady, rel=0.08)
+    excess = np.array([swept(rate) / steady - 1 for rate in (40.0, 20.0, 10.0)])
+    assert np.all(np.diff(excess) < 0) and 0 < excess[-1] < 0.02
+    assert excess[0] == pytest.approx(0.05, abs=0.01)
+    assert found.damping_ratio / steady - 1 == pytest.approx(excess[0], abs=0.01)
     # the stepped sine keeps the force of its coil: what reaches the table changes along the resonance, and the fit
     # of one mode then reads less
     assert maps[0].chart.damping[5, 3] < 0.92 * steady
@@ -288,21 +351,77 @@ def forces_on_the_table(record, frequencies):
     ]
 
 
-def test_both_ridges_of_bending_slip_move_with_the_excitation():
-    """At every level the damping has two maxima over F_N, one for each joint; twice the force moves both by two."""
-    forces = np.geomspace(18, 130, 17)
+def test_twice_the_excitation_moves_the_ridge_of_bending_slip():
+    """Asked was twice the normal force at 30 as at 15 N, within 0.4. With a contact stiffness that does not depend on the
+    normal force it is twice, exactly: every motion under (c F_E, c F_N) is c times that under (F_E, F_N). Here it grows
+    with F_N^0.3, and the damping has two maxima over F_N, one for each joint: either moves by 2.0, but which of them is
+    higher changes, and the highest point of all moves by about four. It never falls with the level."""
+    forces = np.geomspace(15, 160, 21)
     model = work_table.with_beam(work_table.BENDING, 100.0)
-    at = f"{work_table.DRIVE_NODE}:+Z"
-    damping = damping_map(model, np.array([15.0, 30.0]), forces, at, at, (465, 525), 5e-3).damping
+    levels = np.array([15.0, 20.0, 25.0, 30.0])
+    damping = damping_map(model, levels, forces, AT, AT, (465, 525), 5e-3).damping
 
     def summits(row):
         inner = np.flatnonzero((row[1:-1] > row[:-2]) & (row[1:-1] > row[2:])) + 1
-        found = []
-        for k in inner:
-            curve = np.polyfit(np.log(forces[k - 1 : k + 2]), row[k - 1 : k + 2], 2)
-            found.append(np.exp(-curve[1] / curve[0] / 2))
-        return np.array(found)
+        return np.exp([along(np.log(forces[k - 1 : k + 2]), row[k - 1 : k + 2]) for k in inner])
 
-    lower, higher = summits(damping[0]), summits(damping[1])
+    lower, higher = summits(damping[0]), summits(damping[-1])
     assert len(lower) == len(higher) == 2
     assert higher / lower == pytest.approx(2.0, abs=0.4)
+    ridge = np.exp([along(np.log(forces), row) for row in damping])
+    assert np.all(np.diff(ridge) > 0)
+    assert ridge[-1] / ridge[0] == pytest.approx(4.0, abs=0.4)
+    law = replace(work_table.BENDING.law, stiffness_exponent=0.0, contact_stiffness=2e8)
+    constant = work_table.with_beam(replace(work_table.BENDING, law=law, normal_exponent=0.0), 100.0)
+    steps = 18.0 * 2.0 ** (np.arange(13) / 4)
+    rows = damping_map(constant, np.array([15.0, 30.0]), steps, AT, AT, (465, 525), 5e-3).damping
+    assert rows[1, 4:] == pytest.approx(rows[0, :-4], rel=1e-3)
+    assert steps[rows[1].argmax()] == pytest.approx(2 * steps[rows[0].argmax()])
+
+
+def stepped_at(normal_force, command, seed):
+    """Frequencies and force in N on the table of a stepped sine whose coil is given ``command`` N, and its resonance."""
+    drive = SteppedSine(
+        Dof(work_table.DRIVE_NODE, "+Z"),
+        command,
+        work_table_shaker.MODE_1,
+        work_table_shaker.STAY,
+        shaker=work_table_shaker.SHAKER,
+    )
+    rig = FrictionRig(
+        work_table.with_beam(work_table.ABSORBER, normal_force),
+        drive,
+        work_table_shaker._sensors(),
+        work_table_shaker.SAMPLING_RATE,
+        noise={"acceleration": 0.02, "force": 0.02},
+        seed=seed,
+    )
+    takes = list(rig.takes())
+    whole = replace(takes[0], signals=np.hstack([take.signals for take in takes]))
+    lines = np.array(work_table_shaker.MODE_1)
+    reached = np.array(forces_on_the_table(whole, lines))
+    run = Run("level", Condition(replace(drive.excitation, period=work_table_shaker.STAY)), (whole,))
+    frfs, _ = estimate.stepped_test(run)
+    frfs = estimate.without_mount_mass(frfs, work_table_shaker.SHAKER.mount_mass, frfs.inputs[0])
+    return lines, reached, float(lines[np.abs(frfs.values[:, 0, 0]).argmax()])
+
+
+@pytest.mark.parametrize("normal_force", [25.0, 60.0, 100.0, 150.0, 1200.0])
+@pytest.mark.parametrize("target", [10.0, 30.0])
+def test_the_force_level_at_resonance_is_reached_where_joints_slip(normal_force, target):
+    """Within 5 % in six measurements or fewer, with the shaker, the friction and the noise of the campaign; a measurement
+    of its own, with other noise, confirms it. One command for all lines cannot hold the force around the resonance:
+    within three half-power widths to either side, 10 Hz, it is off by up to a quarter, as without control: the shaker gives less
+    where the table moves more. That would take a command for every line."""
+    count = iter(range(1, 99))
+
+    def level(command):
+        lines, reached, top = stepped_at(normal_force, command, next(count))
+        return float(np.interp(top, lines, reached))
+
+    command, levels = estimate.control_level(level, target)
+    assert len(levels) <= 6
+    lines, reached, top = stepped_at(normal_force, command, next(count))
+    assert np.interp(top, lines, reached) == pytest.approx(target, rel=0.05)
+    around = reached[np.abs(lines - top) <= 10.0]
+    assert np.abs(around / target - 1).max() < 0.3

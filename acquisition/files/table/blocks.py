@@ -12,6 +12,7 @@ from acquisition.files.table.numbers import cells_of, dialect, labelled
 from acquisition.files.table.segment import Segment
 from acquisition.files.table.titles import titles as titles_of
 from acquisition.files.table.titles import unit_row
+from ema.data import Finding
 from ema.errors import InputError
 
 _MOST = 4096
@@ -36,7 +37,8 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     def close() -> None:
         """End the block of rows."""
         source = lines[begin:place] if labels else ()
-        segments.append(replace(_segment(header, rows, labels, delimiter), line=begin + 1, source=tuple(source)))
+        made = _segment(header, rows, labels, delimiter=delimiter, where=where)
+        segments.append(replace(made, line=begin + 1, source=tuple(source)))
 
     while place < len(lines):
         columns = rows[0].shape[1] if rows else 0
@@ -69,21 +71,23 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     behind = Segment(tuple(header), np.zeros((0, 0)), (), line=len(lines) + 1)
     segments = damage.whole([*_with_metadata(segments), behind], layout, where, delimiter, decimal)[:-1]
     longest = max((len(segment.values) for segment in segments), default=0)
-    segments = damage.without_single_rows(segments, where) if longest > 1 else segments
+    segments = damage.without_single_rows(segments, layout, where) if longest > 1 else segments
     if not segments:
         raise InputError("no table of numbers in the file", where=where, got=repr(text[:40]))
     return segments
 
 
-def _segment(header: list[str], rows: list[Any], labels: list[str], delimiter: str) -> Segment:
+def _segment(header: list[str], rows: list[Any], labels: list[str], *, delimiter: str, where: str) -> Segment:
     values = np.concatenate(rows)
     full = ~np.isnan(values).all(axis=0)
     titles = titles_of(header, delimiter, values.shape[1])
     row = tuple(unit_row(header, values.shape[1], delimiter))
-    if not full.all() and not labels:
+    empty = [] if labels else [t for n, t in enumerate(titles) if not full[n] and t != f"column {n}"]
+    notes = tuple(Finding("warning", "not-read", f"{where}, {t}", "the column holds nothing.") for t in empty)
+    if not full.all() and not labels and len(values) > 1:
         values, titles = values[:, full], tuple(t for t, keep in zip(titles, full, strict=True) if keep)
         row = tuple(text for text, keep in zip(row, full, strict=False) if keep)
-    return Segment(tuple(header), values, titles, tuple(labels), row)
+    return Segment(tuple(header), values, titles, tuple(labels), row, notes=notes)
 
 
 def _with_metadata(segments: list[Segment]) -> list[Segment]:

@@ -3,6 +3,9 @@
 import re
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
+
+import numpy as np
 
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
@@ -38,7 +41,8 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
         elif not gap and len(after.values) == 1 and columns != expected:
             what = f"a row of {columns} cells in a table of {expected} columns"
         elif _titled(before) and not _titled(after) and columns == expected and _is_damage(gap):
-            what = "a blank line inside the table" if not any(map(str.strip, gap)) else "a row that holds no numbers"
+            blank = "a blank line inside the table" if gap else "rows of another number of cells inside the table"
+            what = "a row that holds no numbers" if any(map(str.strip, gap)) else blank
         if what:
             notes = differs(
                 what,
@@ -46,14 +50,18 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
                 layout=layout,
                 recovered=f"the {len(before.values)} rows in front of it are read",
             )
-            return [*segments[:place], replace(before, notes=notes), segments[-1]]
+            return [*segments[:place], replace(before, notes=(*before.notes, *notes)), segments[-1]]
     for segment in segments[:-1]:
-        if segment.header and not segment.labels and _broken(segment.header[-1], delimiter, decimal):
+        last = segment.header[-1] if segment.header and not segment.labels else ""
+        # the first row, which lost the mark between two numbers: it begins as a number does
+        begun = _titled(segment) and bool(re.match(r"\s*[-+]?\d", last))
+        columns = len(last.split() if delimiter == " " else last.split(delimiter)) if begun else 0
+        if last and _broken(last, delimiter, decimal, columns):
             differs(
                 "a row that holds no numbers",
                 where=f"{where}, line {segment.line - 1}",
                 layout=layout,
-                got=repr(segment.header[-1][:40]),
+                got=repr(last[:40]),
             )
     return segments
 
@@ -66,31 +74,54 @@ def _broken(line: str, delimiter: str, decimal: str, columns: int = 0) -> bool:
     return len(cells) > 1 and 2 * sum(numbers) >= len(cells) and (numbers[0] or len(cells) == columns)
 
 
-def without_single_rows(segments: list[Segment], where: str) -> list[Segment]:
-    """The tables without the rows that stand alone; one that has the columns of the table behind it is named."""
+def without_single_rows(segments: list[Segment], layout: Layout, where: str) -> list[Segment]:
+    """The tables without the rows that stand alone; one that has the columns of the table behind it is named.
+
+    Raises
+    ------
+    InputError : one continues the table, and salvage was not asked for.
+    """
     kept: list[Segment] = []
     alone: list[Segment] = []
     for segment in segments:
         if len(segment.values) == 1:
             alone.append(segment)
             continue
-        like = [row for row in alone if not row.labels and row.values.shape[1] == segment.values.shape[1] > 1]
-        notes = [
-            Finding(
-                "info", "not-read", f"{where}, line {row.line}", "a row of numbers in front of the table, not read."
-            )
-            for row in like
-        ]
+        notes: list[Finding] = []
+        for row in alone:
+            place = f"{where}, line {row.line}"
+            if row.labels or not row.values.shape[1] == segment.values.shape[1] > 1:
+                continue
+            if _continues(row.values[0, 0], segment.values[:, 0]):
+                what = "a row of the table stands in front of its titles"
+                notes += differs(what, where=place, layout=layout, recovered="the rows behind them are read")
+            else:
+                message = "a row of numbers in front of the table, not read."
+                notes.append(Finding("info", "not-read", place, message))
         kept.append(replace(segment, notes=(*notes, *segment.notes)))
         alone = []
     return kept
+
+
+def _continues(number: complex, axis: Any) -> bool:
+    """Whether a number is the one in front of an even axis or the one behind it."""
+    steps = np.diff(axis)
+    if (
+        len(steps) < 2
+        or not np.isfinite(axis).all()
+        or not steps.mean()
+        or np.ptp(steps.real) > 0.5 * abs(steps.mean())
+    ):
+        return False
+    ends = (axis[0] - steps.mean(), axis[-1] + steps.mean())
+    return bool(min(abs(number - end) for end in ends) < 0.25 * abs(steps.mean()))
 
 
 def _titled(segment: Segment) -> bool:
     """Whether the columns have titles, which are no decimal numbers as in a damaged row."""
     if any(re.fullmatch(r"[-+]?\d*[.,]\d+([eE][-+]?\d+)?", title) for title in segment.titles):
         return False
-    return any(title != f"column {place}" for place, title in enumerate(segment.titles))
+    return not all(re.fullmatch(r"column \d+", title) for title in segment.titles)
 
 
 def _is_damage(gap: tuple[str, ...]) -> bool:

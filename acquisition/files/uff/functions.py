@@ -98,21 +98,34 @@ def gather(entries: Iterable[Entry], systems: dict[int, UnitSystem], fetch: Fetc
     return made
 
 
+_KEPT = 64 << 20
+"""Bytes of values that are kept between the passes over a file: counting, grouping, putting together."""
+
+
 def _remembering(fetch: Fetch, made: Gathered, where: str) -> Fetch:
-    """``fetch`` that notes the damage of a function, once."""
+    """``fetch`` that notes the damage of a function, once, and keeps as many functions as take little memory."""
     bad: set[int] = set()
+    kept: dict[int, Function] = {}
+    room = _KEPT
 
     def once(entry: Entry) -> Function:
         """The function of an entry."""
+        nonlocal room
         if entry.number in bad:
             raise Damaged
+        if entry.number in kept:
+            return kept[entry.number]
         try:
-            return fetch(entry)
+            function = fetch(entry)
         except ValueError as error:
             bad.add(entry.number)
             if not isinstance(error, Damaged):
                 made.findings.append(_problem(where, entry, str(error)))
             raise Damaged from error
+        room -= function.y.nbytes
+        if room > 0:
+            kept[entry.number] = function
+        return function
 
     return once
 

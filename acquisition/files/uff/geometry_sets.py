@@ -1,5 +1,6 @@
 """Nodes (15, 2411), coordinate systems (18, 2420), trace lines (82) and elements (2412) become a geometry."""
 
+import re
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
@@ -162,6 +163,8 @@ def lines82(parts: Parts, lines: list[bytes]) -> None:
     nodes = [int(float(word)) for line in lines[2:] for word in _columns(line)]
     if count and (len(nodes) < count or any(nodes[count:])):
         raise ValueError(f"{len(nodes)} nodes of {count} announced")
+    if _in_columns(lines[0]) and not all(map(_in_columns, lines[2:])):
+        raise ValueError("nodes that do not end where their columns do, as the numbers of the header do")
     run: list[int] = []
     for node in [*nodes[: count or None], 0]:
         if node:
@@ -170,6 +173,11 @@ def lines82(parts: Parts, lines: list[bytes]) -> None:
             if len(run) > 1:
                 parts.lines.append(tuple(run))
             run = []
+
+
+def _in_columns(line: bytes) -> bool:
+    """Whether all numbers of a line end where columns of ten do."""
+    return all(found.end() % 10 == 0 for found in re.finditer(rb"\S+", line))
 
 
 def _columns(line: bytes) -> list[str]:

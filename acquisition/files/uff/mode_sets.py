@@ -57,11 +57,9 @@ def _words(line: bytes) -> list[str]:
             records.real(word)
     except ValueError:
         return apart
+    if len(columns) != len(apart) and len(text) % 13:
+        raise ValueError(f"{text.strip()[-30:]!r} is no row of numbers")  # they touch, and do not end where columns do
     return columns
-
-
-def _reals(line: bytes) -> list[float]:
-    return [records.real(word) for word in _words(line)]
 
 
 def _data(lines: list[bytes], per_node: int) -> tuple[tuple[int, ...], Any]:
@@ -117,7 +115,9 @@ def shape55(lines: list[bytes], system: UnitSystem) -> Shape:
         raise ValueError("the data set is cut short")
     analysis, characteristic, _, kind, count = records.integers(lines[5])[1:6]
     _check(analysis, characteristic, count)
-    about, stated = records.integers(lines[6]), _reals(lines[7])
+    about, texts = records.integers(lines[6]), _words(lines[7])
+    records.whole([texts])
+    stated = [records.real(word) for word in texts]
     if len(about) > 1 and len(stated) < min(about[1], 6):
         raise ValueError(f"{len(stated)} of {about[1]} announced real values")
     real = [*stated, *[0.0] * 6]
@@ -125,7 +125,7 @@ def shape55(lines: list[bytes], system: UnitSystem) -> Shape:
     nodes, values = _values(lines[8:], kind, count)
     case = (analysis, about[2] if len(about) > 2 else 0)
     if analysis == NORMAL:
-        shape = _normal(real[0], real[1], real[2], real[3], nodes, values, title, system)
+        shape = _normal(real[0], real[1], real[2] or real[3] / 2, nodes, values, title, system)
     else:
         shape = _complex(complex(real[0], real[1]), complex(real[2], real[3]), nodes, values, title, system)
     return replace(shape, case=case)
@@ -145,11 +145,14 @@ def shape2414(lines: list[bytes], system: UnitSystem) -> Shape:
         raise NotAMode("result on elements")
     analysis, characteristic, _, kind, count = records.integers(lines[8])[1:6]
     _check(analysis, characteristic, count)
-    real = [*[*_reals(lines[11]), *[0.0] * 6][:6], *_reals(lines[12]), *[0.0] * 6]
+    texts = [_words(line) for line in lines[11:13]]
+    records.whole(texts)
+    first, second = ([records.real(word) for word in row] for row in texts)
+    real = [*[*first, *[0.0] * 6][:6], *second, *[0.0] * 6]
     title = mended(text_of(lines[1]))
     nodes, values = _values(lines[13:], kind, count)
     if analysis == NORMAL:
-        shape = _normal(real[1], real[3], real[4], real[5], nodes, values, title, system)
+        shape = _normal(real[1], real[3], real[4] or real[5] / 2, nodes, values, title, system)
     else:
         shape = _complex(complex(real[6], real[7]), complex(real[8], real[9]), nodes, values, title, system)
     return replace(shape, case=(analysis, 0))
@@ -158,14 +161,13 @@ def shape2414(lines: list[bytes], system: UnitSystem) -> Shape:
 def _normal(
     frequency: float,
     mass: float,
-    viscous: float,
-    hysteretic: float,
+    damping: float,
     nodes: tuple[int, ...],
     values: Any,
     title: str,
     system: UnitSystem,
 ) -> Shape:
-    damping = viscous or hysteretic / 2
+    """A real mode; ``damping`` is the viscous ratio, or half the hysteretic one where that is stated instead."""
     if not (0 <= frequency < 1e12 and 0 <= damping < 1):
         raise ValueError(f"a mode at {frequency:g} Hz with a damping ratio of {damping:g}")
     omega = 2 * np.pi * frequency
@@ -221,6 +223,13 @@ def _model(group: list[Shape], name: str, findings: list[Finding]) -> ModalModel
         target = 2j * poles.imag
         shapes = shapes * np.sqrt(target / np.array(unit_a))
         participation = shapes / target
+    elif any(value is not None for value in unit_a):
+        without = [abs(pole.imag) / (2 * np.pi) for pole, value in zip(poles, unit_a, strict=True) if value is None]
+        message = (
+            f"{len(without)} of {len(group)} modes, first at {without[0]:.4g} Hz, state no modal A or modal mass; "
+        )
+        message += "all are unscaled."
+        findings.append(Finding("warning", "scaling-missing", name, message))
     elif not any(shape.system.stated for shape in group):
         findings.append(Finding("info", "unit-unstated", name, "no data set 164: the mode shapes are unscaled."))
     return ModalModel(

@@ -238,6 +238,11 @@ def _unit_systems(file: ByteFile, entries: Sequence[Entry], gathered: _File) -> 
                 found[entry.number] = parse164(_lines(file, entry))
             except (ValueError, IndexError) as error:
                 gathered.damaged(entry, f"units: {error}")
+    for text in dict.fromkeys(system.contradiction for system in found.values() if system.contradiction):
+        message = f"{text}; the factors are used."
+        gathered.findings.append(
+            Finding("warning", "unit-contradiction", gathered.where, message, advice="Check the units.")
+        )
     if found:
         gathered.metadata.append(("unit system", next(iter(found.values())).name))
     current = next(iter(found.values()), UnitSystem())
@@ -256,6 +261,9 @@ def _lines(file: ByteFile, entry: Entry) -> list[bytes]:
 def _plain(file: ByteFile, entry: Entry, system: UnitSystem, gathered: _File) -> None:
     """A data set of text: geometry, modes or the model's header."""
     lines = _lines(file, entry)
+    if any(line.split() == [b"-1", b"-1"] for line in lines):
+        gathered.damaged(entry, "its end and the beginning of the next data set stand on one line; both are left out")
+        return
     try:
         if entry.type in _GEOMETRY:
             _GEOMETRY[entry.type](gathered.parts, lines)

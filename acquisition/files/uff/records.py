@@ -1,13 +1,15 @@
 """Records of numbers in the data sets that announce no lengths: geometry and mode shapes.
 
 What such a set says twice is compared: how many nodes a line has, how many numbers every record, how many digits every
-number that is written with an exponent.
+number that is written with an exponent, and all of them where one form is the rule.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
-_EXPONENT = re.compile(r"[+-]?\d*\.?(\d*)[eEdD][+-]?\d+")
+_EXPONENT = re.compile(r"[+-]?(\d*)\.?(\d*)(?:[eEdD]([+-]?)(\d+)|[+-]\d{3})")
+_ZERO = re.compile(r"[+-]?0*\.?0*")
 
 
 def inside(lines: Sequence[bytes]) -> list[bytes]:
@@ -48,28 +50,42 @@ def integers(line: bytes) -> list[int]:
 
 
 def real(word: str) -> float:
-    """A real number with E or D exponent."""
-    return float(word.replace("D", "E").replace("d", "e"))
+    """A real number with E or D exponent, or one of three digits without a letter, as Fortran writes it."""
+    return float(re.sub(r"(?<=\d)([+-]\d{3})$", r"E\1", word.replace("D", "E").replace("d", "e")))
 
 
 def whole(rows: Iterable[Sequence[str]]) -> None:
-    """Refuse rows of numbers in which one is cut short at the end of its row.
+    """Refuse rows of numbers in which one is cut short, or has a digit more or less than all others.
 
-    Numbers with exponents are written with equally many decimals; where those within the rows are, the last ones are.
+    Numbers with exponents are written in one form: equally many digits in front of the point, behind it and, but for
+    exponents beyond 99, in the exponent. Where those within the rows are, the last ones are; where most are and one of
+    them ends with a zero, which a writer of as many digits as it takes leaves out, all are. The number zero may be
+    written without an exponent, and a zero in front of the point may be left out behind a minus.
 
     Raises
     ------
-    ValueError : one is cut short.
+    ValueError : one is damaged.
     """
     rows = list(rows)
-    decimals = {_decimals(word) for row in rows for word in row[:-1]}
-    if len(decimals) == 1 and None not in decimals:
-        for row in rows:
-            if row and _decimals(row[-1]) not in decimals:
-                raise ValueError(f"the number {row[-1]!r} is cut short")
+    counts = Counter(form for row in rows for word in row if (form := _form(word)) is not None)
+    if not counts:
+        return
+    usual, often = counts.most_common(1)[0]
+    inner = {_form(word) for row in rows for word in row[:-1] if not _ZERO.fullmatch(word)}
+    zeros_kept = any(re.search("0[eEdD]", word) and _form(word) == usual for row in rows for word in row)
+    one_form = inner == {usual} or (zeros_kept and 2 * (counts.total() - often) <= often)
+    for word in (word for row in rows for word in row) if one_form else ():
+        form = _form(word)
+        without_zero = (0, *usual[1:]) if word.startswith("-") and usual[0] == 1 else usual
+        if form not in (usual, without_zero) and not _ZERO.fullmatch(word):
+            raise ValueError(f"the number {word!r} is written with another number of digits than the others")
 
 
-def _decimals(word: str) -> int | None:
-    """Digits behind the point of a number with an exponent."""
+def _form(word: str) -> tuple[int, int, int, int] | None:
+    """Of a number with an exponent: digits in front of the point and behind it, sign and digits of the exponent."""
     found = _EXPONENT.fullmatch(word)
-    return None if found is None else len(found[1])
+    if found is None:
+        return None
+    if found[4] is None:  # Fortran's exponent of three digits
+        return len(found[1]), len(found[2]), 1, 2
+    return len(found[1]), len(found[2]), len(found[3]), 2 if len(found[4]) == 3 else len(found[4])

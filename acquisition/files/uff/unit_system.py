@@ -28,6 +28,20 @@ _ANGULAR = {
 _LINEAR = {angular: linear for linear, angular in _ANGULAR.items()}
 
 
+_FACTORS = {
+    1: (1.0, 1.0),
+    2: (3.28084, 0.2248089),
+    3: (1.0, 0.1019716),
+    4: (3.28084, 7.23301),
+    5: (1000.0, 1000.0),
+    6: (100.0, 100.0),
+    7: (39.37008, 0.2248089),
+    8: (1000.0, 0.1019716),
+    10: (1000.0, 1.0),
+}
+"""Factors of length and force that each unit code of data set 164 stands for; 9 is the user's own."""
+
+
 @dataclass(frozen=True)
 class UnitSystem:
     """Factors of data set 164: SI value = value in the file / factor."""
@@ -37,6 +51,16 @@ class UnitSystem:
     temperature: float = 1.0
     name: str = ""
     stated: bool = False
+    code: int = 9
+
+    @property
+    def contradiction(self) -> str:
+        """What the code and the factors say of one unit and differs; empty where nothing does."""
+        expected = _FACTORS.get(self.code)
+        if expected is None or all(abs(a / b - 1) < 1e-3 for a, b in zip((self.length, self.force), expected)):
+            return ""
+        there, meant = f"{self.length:g} and {self.force:g}", f"{expected[0]:g} and {expected[1]:g}"
+        return f"unit code {self.code} of data set 164 means the factors {meant} of length and force, not {there}"
 
     def to_si(self, exponents: tuple[int, int, int]) -> float:
         """Factor to SI of a value with these powers of length, force and temperature."""
@@ -52,14 +76,16 @@ def parse164(lines: list[bytes]) -> UnitSystem:
     ValueError : a field is no number, or a factor is not positive.
     """
     first = text_of(lines[0])
-    integer(first, 0, 10)
+    code = integer(first, 0, 10)
     factors = [float(f.replace("D", "E").replace("d", "e")) for raw in lines[1:] for f in text_of(raw).split()]
+    if len(factors) > 4:
+        raise ValueError(f"{len(factors)} factors, not 4")
     if len(factors) < 3:
         second = text_of(lines[1])
         factors = [real(second, 0, 25), real(second, 25, 50), real(second, 50, 75)]
     if not all(0 < factor < 1e30 for factor in factors[:3]):
         raise ValueError(f"unit factors {factors[:3]}")
-    return UnitSystem(factors[0], factors[1], factors[2], mended(first[10:30]), True)
+    return UnitSystem(factors[0], factors[1], factors[2], mended(first[10:30]), True, code)
 
 
 @dataclass(frozen=True)

@@ -146,12 +146,20 @@ def _free(data: bytes, fields: tuple[int, ...], wanted: int) -> tuple[Any, str]:
     try:
         return np.array(numbers, dtype=np.bytes_).astype(np.float64) if numbers else np.zeros(0), problem
     except ValueError:
-        for word in numbers:
-            try:
-                float(word)
-            except ValueError:
-                raise ValueError(f"{word.decode('latin-1')[:40]!r} is no number") from None
-        raise
+        return np.array([_number(word) for word in numbers]), problem
+
+
+def _number(word: bytes) -> float:
+    """A number; one with an exponent of three digits may lack its letter, as Fortran writes it.
+
+    Raises
+    ------
+    ValueError : it is none.
+    """
+    try:
+        return float(re.sub(rb"(?<=\d)([+-]\d{3})$", rb"E\1", word))
+    except ValueError:
+        raise ValueError(f"{word.decode('latin-1')[:40]!r} is no number") from None
 
 
 def _cut(words: list[bytes]) -> bool:

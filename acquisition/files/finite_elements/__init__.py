@@ -1,0 +1,1 @@
+"""Results and meshes of finite element programs: modes at nodes, and the nodes with their surface."""

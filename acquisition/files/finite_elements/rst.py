@@ -1,0 +1,28 @@
+"""Result files of Ansys Mechanical APDL (.rst): the modes of a modal analysis and their mesh."""
+
+from pathlib import Path
+
+from acquisition.contents import Contents
+from acquisition.files.finite_elements.nodal import contents
+from acquisition.files.layout import Layout
+from acquisition.isolated import call
+from ema.errors import InputError
+
+
+def read(path: Path, layout: Layout) -> Contents:
+    """Read all modes above 0 Hz.
+
+    Raises
+    ------
+    MissingExtraError : ansys-mapdl-reader is not installed.
+    InputError : damaged, compressed, or without modes.
+    """
+    parsed = call("rst", path)
+    if parsed["analysis"] != "modes":
+        raise InputError(
+            "the results are no modes of a whole structure",
+            where=path.name,
+            got=parsed["analysis"],
+            expected="a modal analysis (ANTYPE,MODAL) of all sectors",
+        )
+    return contents(parsed, layout, path.name)

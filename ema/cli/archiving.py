@@ -1,0 +1,323 @@
+"""`ema archive`: an index of many campaigns, and questions about all of them."""
+
+import csv
+import io
+import os
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ema.cli.cluster import Cluster, workers
+from ema.cli.common import Jobs, Json, jsonable, status
+from ema.cli.ending import FINE, ends_well
+from ema.errors import InputError
+
+if TYPE_CHECKING:
+    from ema.archive import Answer, Query, Source
+
+SHOWN = 40
+"""Modes that a terminal is shown; all of them go to --json and --output."""
+_PRUNED = frozenset({"_build", ".git", "parts"})
+_PICTURES = (".png", ".svg", ".pdf")
+
+app = typer.Typer(
+    name="archive", no_args_is_help=True, rich_markup_mode=None, help="An index of many campaigns, and questions to it."
+)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the archive.", show_default=False)]
+_RANGE = "lowest and highest, with their units"
+Frequency = Annotated[
+    tuple[str, str] | None, typer.Option("--frequency", help=f'Natural frequency: {_RANGE}, "490 Hz" "510 Hz".')
+]
+Damping = Annotated[tuple[str, str] | None, typer.Option("--damping", help=f'Damping ratio: {_RANGE}, "1 %" "3 %".')]
+Normal = Annotated[
+    tuple[str, str] | None,
+    typer.Option("--normal-force", help=f'Mean normal force of the joints: {_RANGE}, "100 N" "0.3 kN".'),
+]
+Level = Annotated[tuple[str, str] | None, typer.Option("--force-level", help=f'Force level: {_RANGE}, "5 N" "50 N".')]
+Since = Annotated[str, typer.Option("--since", help="First day of a campaign, such as 2023-01-01.")]
+Until = Annotated[str, typer.Option("--until", help="Last day of a campaign.")]
+Structure = Annotated[str, typer.Option("--structure", help="Pattern of the structure, such as '*table*'.")]
+CampaignName = Annotated[str, typer.Option("--campaign", help="Pattern of the campaign's name.")]
+RunName = Annotated[str, typer.Option("--run", help="Pattern of the run's name.")]
+Kind = Annotated[str, typer.Option("--kind", help="hammer, random, sweep, map ...")]
+FindingCode = Annotated[str, typer.Option("--finding", help="Only runs with this finding, such as double-hit.")]
+Bare = Annotated[bool, typer.Option("--bare", help="Only runs without a beam.")]
+
+
+@app.command()
+@ends_well
+def add(
+    folder: Folder,
+    campaigns: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Campaigns, recipes, folders that hold campaigns, or other archives; without any, all campaigns of "
+            "the archive again.",
+            show_default=False,
+        ),
+    ] = None,
+    jobs: Jobs = None,
+    cluster: Cluster = None,
+    json: Json = False,
+) -> int:
+    """Add campaigns with the results that `ema run` kept of them; what is there already stays."""
+    from ema import archive
+    from ema.archive.adding import sources_of
+    from ema.cli import screen
+
+    paths, archives = [], []
+    for path in campaigns or []:
+        if _is_archive(path):
+            archives.append(path)
+        else:
+            paths += _campaigns_in(path)
+    sources = [_source(path) for path in paths] if campaigns else list(sources_of(folder))
+    many = min(jobs or os.cpu_count() or 1, max(len(sources) // 8, 1))
+    with screen.Bars() as bars, workers(cluster, many) as executor:
+        added = archive.add(folder, sources, archives=archives, executor=executor, progress=bars)
+    if json:
+        from ema.study.plain import finding
+
+        screen.as_json(vars(added) | {"findings": [finding(one) for one in added.findings]})
+    else:
+        words = [f"{getattr(added, name)} {name}" for name in ("new", "changed", "moved", "unchanged")]
+        words += [f"{added.merged} parts of other archives"] if archives else []
+        screen.console().print(f"{folder}: {', '.join(words)}; {added.runs} runs in these campaigns.", soft_wrap=True)
+        screen.show_findings(screen.console(), added.findings)
+    return status(added.findings, "error")
+
+
+@app.command()
+@ends_well
+def find(
+    folder: Folder,
+    frequency: Frequency = None,
+    damping: Damping = None,
+    normal_force: Normal = None,
+    force_level: Level = None,
+    since: Since = "",
+    until: Until = "",
+    structure: Structure = "",
+    campaign: CampaignName = "",
+    run: RunName = "",
+    kind: Kind = "",
+    finding: FindingCode = "",
+    bare: Bare = False,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all modes to this CSV file.")] = None,
+    json: Json = False,
+) -> int:
+    """Print the modes of all campaigns that meet the conditions, with their intervals."""
+    ranges = (frequency, damping, normal_force, force_level)
+    texts = {"structure": structure, "campaign": campaign, "run": run, "kind": kind, "finding": finding}
+    answer = _asked(folder, _query(ranges, (since, until), texts, bare))
+    if output is not None:
+        _write_csv(output, answer)
+    _show(answer, output, json=json)
+    return FINE
+
+
+@app.command()
+@ends_well
+def trend(
+    folder: Folder,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The picture to write: .png, .svg or .pdf.", show_default=False)
+    ],
+    frequency: Frequency = None,
+    damping: Damping = None,
+    normal_force: Normal = None,
+    force_level: Level = None,
+    since: Since = "",
+    until: Until = "",
+    structure: Structure = "",
+    campaign: CampaignName = "",
+    run: RunName = "",
+    kind: Kind = "",
+    finding: FindingCode = "",
+    bare: Bare = False,
+    json: Json = False,
+) -> int:
+    """Draw damping and frequency of these modes over the date, with their intervals."""
+    if output.suffix.lower() not in _PICTURES:
+        raise InputError("not a picture that can be written", got=str(output), expected=" or ".join(_PICTURES))
+    ranges = (frequency, damping, normal_force, force_level)
+    texts = {"structure": structure, "campaign": campaign, "run": run, "kind": kind, "finding": finding}
+    answer = _asked(folder, _query(ranges, (since, until), texts, bare))
+    _draw(answer, output)
+    _show(answer, output, json=json)
+    return FINE
+
+
+def _is_archive(path: Path) -> bool:
+    from ema.archive.parts import FOLDER
+
+    return (path / FOLDER).is_dir() and not (path / "campaign.toml").exists()
+
+
+def _campaigns_in(path: Path) -> list[Path]:
+    """The campaign or recipe itself, or every campaign below a folder."""
+    if path.is_file() or (path / "campaign.toml").is_file():
+        return [path]
+    if not path.is_dir():
+        raise InputError(
+            "there is no such file or folder", where=str(path), expected="a campaign, a recipe, or a folder of them"
+        )
+    found = []
+    for folder, below, files in os.walk(path):
+        if "campaign.toml" in files:
+            found.append(Path(folder))
+            below.clear()  # campaigns do not lie in each other, and data may be many
+        below[:] = sorted(name for name in below if name not in _PRUNED)
+    if not found:
+        raise InputError("no campaign in this folder", where=str(path), expected="campaign.toml in it or below")
+    return found
+
+
+def _source(path: Path) -> "Source":
+    """Where the study of a campaign or recipe keeps its results."""
+    from ema.archive import Source
+    from ema.study import Study
+
+    study = Study.load(path)
+    if study.campaign.is_file() and study.campaign.suffix.lower() != ".toml":
+        raise InputError("a file with measurements is no campaign", where=str(path), expected="a campaign or recipe")
+    result = study.result if path.is_file() or study.kept.is_dir() else _of_former_name(study.result)
+    return Source(study=path, campaign=study.campaign, kept=result.with_suffix(""), result=result)
+
+
+def _of_former_name(result: Path) -> Path:
+    """The result of a campaign whose folder was renamed after the study: there is one folder of kept runs."""
+    others = [path for path in result.parent.glob("*") if path.is_dir() and any(path.glob("*.h5"))]
+    return Path(f"{others[0]}.h5") if len(others) == 1 else result
+
+
+def _query(
+    ranges: tuple[tuple[str, str] | None, ...], days: tuple[str, str], texts: dict[str, str], bare: bool
+) -> "Query":
+    from ema.archive import Query
+
+    names = (("frequency", "frequency"), ("damping", ""), ("normal_force", "force"), ("force_level", "force"))
+    limits = {name: _limits(own, name, unit) for own, (name, unit) in zip(ranges, names, strict=True)}
+    return Query(
+        frequency=limits["frequency"],
+        damping=limits["damping"],
+        normal_force=limits["normal_force"],
+        force_level=limits["force_level"],
+        since=_day(days[0], "--since"),
+        until=_day(days[1], "--until"),
+        bare=bare,
+        **texts,
+    )
+
+
+def _limits(texts: tuple[str, str] | None, name: str, quantity: str) -> tuple[float, float] | None:
+    if texts is None:
+        return None
+    option = f"--{name.replace('_', '-')}"
+    low, high = (_percent(text, option) if not quantity else _measured(text, quantity, option) for text in texts)
+    return low, high
+
+
+def _percent(text: str, option: str) -> float:
+    number, unit, _ = text.partition("%")
+    try:
+        return float(number) / 100 if unit else float(number)
+    except ValueError:
+        raise InputError("not a damping ratio", where=option, got=repr(text), expected='"1.5 %", or 0.015') from None
+
+
+def _measured(text: str, quantity: str, option: str) -> float:
+    from acquisition import quantities
+
+    try:
+        return quantities.measure(text, quantity)[0]
+    except InputError as error:
+        raise InputError(error.what, where=option, got=error.got, expected=error.expected) from error
+
+
+def _day(text: str, option: str) -> date | None:
+    try:
+        return date.fromisoformat(text) if text else None
+    except ValueError:
+        raise InputError("not a day", where=option, got=repr(text), expected="a day such as 2023-01-31") from None
+
+
+def _asked(folder: Path, query: "Query") -> "Answer":
+    from ema import archive
+    from ema.cli import screen
+
+    with screen.Bars() as bars:
+        return archive.find(folder, query, progress=bars)
+
+
+def _draw(answer: "Answer", path: Path) -> None:
+    from ema import store
+    from ema.archive import trend as drawn
+
+    figure = drawn(answer)
+    with store.replacing(path) as target:
+        figure.savefig(target, format=path.suffix.lower().removeprefix("."), dpi=150)
+
+
+def _write_csv(path: Path, answer: "Answer") -> None:
+    """All modes in SI; what is not known is empty."""
+    from ema import store
+    from ema.archive import Observation
+    from ema.cells import as_text
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(Observation._fields)
+    for row in answer.observations:
+        writer.writerow([as_text(v) if isinstance(v, str) else "" if v != v else repr(v) for v in row])
+    with store.replacing(path) as target:
+        target.write_text(text.getvalue(), encoding="utf-8", newline="")
+
+
+def _show(answer: "Answer", written: Path | None, *, json: bool) -> None:
+    from ema.cli import screen
+    from ema.study.plain import finding
+
+    if json:
+        modes: list[dict[str, Any]] = [jsonable(row._asdict()) for row in answer.observations]
+        told = {"campaigns": answer.campaigns, "runs": answer.runs, "modes": modes}
+        paths = {"written": [] if written is None else [str(written)]}
+        screen.as_json(told | {"findings": [finding(one) for one in answer.findings]} | paths)
+        return
+    out = screen.console()
+    if answer.observations:
+        out.print(_table(answer))
+    total = len(answer.observations)
+    more = f"; the first {SHOWN} are shown, --json and `find --output` give all" if total > SHOWN else ""
+    out.print(f"{total} modes in {answer.campaigns} campaigns with {answer.runs} runs{more}.", soft_wrap=True)
+    screen.show_findings(out, answer.findings)
+    if written is not None:
+        out.print(f"Written: {written}", soft_wrap=True)
+
+
+def _table(answer: "Answer") -> Any:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table()
+    left = ("date", "structure", "campaign", "run")
+    for name in (*left, "F_N [N]", "F_E [N]", "f [Hz]", "95 %", "zeta [%]", "95 %"):
+        table.add_column(name, justify="left" if name in left else "right")
+    for row in answer.observations[:SHOWN]:
+        cells = [row.date or "-", row.structure, row.campaign, row.run + (" (older)" if row.state == "older" else "")]
+        cells += [_cell(row.normal_force, ".4g"), _cell(row.force_level, ".4g"), f"{row.frequency:.3f}"]
+        cells += [_interval(row.frequency_low, row.frequency_high, 3), f"{100 * row.damping:.4f}"]
+        cells += [_interval(100 * row.damping_low, 100 * row.damping_high, 4)]
+        table.add_row(*map(Text, cells))
+    return table
+
+
+def _cell(value: float, digits: str) -> str:
+    return "-" if value != value else f"{value:{digits}}"
+
+
+def _interval(low: float, high: float, digits: int) -> str:
+    return "unknown" if low != low else f"{low:.{digits}f} ... {high:.{digits}f}"

@@ -1,0 +1,223 @@
+"""What the arrays of a file that does not describe itself are: time axes, signals, FRFs, positions, stepped levels."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from acquisition import UndescribedError
+
+STEADY = 0.25
+"""Share of a step by which the values of a time or frequency axis may be off: rounded text columns are, noise is not.
+The readers refuse an axis beyond it."""
+
+SHORTEST = 64
+"""Samples from which a column of numbers may be a signal; half as many are tables of settings and results."""
+
+_RATE = re.compile(r"(sampl\w*[ _]?(rate|freq\w*)|^fs$|(^|[./_])fs$|sample_?rate)", re.IGNORECASE)
+_STEP = re.compile(r"(^|[./_])(dt|delta_?t)$", re.IGNORECASE)
+_TIME = re.compile(r"(^|[./_ ])(t|time|zeit)([./_ \[(]|$)", re.IGNORECASE)
+_FREQUENCY = re.compile(r"(^|[./_ ])(f|freq\w*)([./_ \[(]|$)", re.IGNORECASE)
+_FRF = re.compile(r"(^|[./_ ])(h\d*f?|frf|tf|accelerance|mobility|receptance|compliance)([./_ \d]|$)", re.IGNORECASE)
+_OTHER_SPECTRUM = re.compile(r"(psd|csd|cross|auto|lin_?spec|power|coh)", re.IGNORECASE)
+_COHERENCE = re.compile(r"coh", re.IGNORECASE)
+_RESPONSES = ("response", "amplitude", "acceleration", "velocity", "displacement")
+_SHAPE = re.compile(r"(shape|^u\d+$|phi|psi|mode|eigvec|freq)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Described:
+    """What the arrays of one file seem to be.
+
+    ``kind`` is ``"records"``, ``"FRFs"``, ``"levels"``, ``"positions"``, ``"shapes"`` or ``""`` where nothing can be
+    said. ``reader`` holds the options of :func:`acquisition.read` that say it, ``levels`` the tables of stepped sines
+    by the name of their run, ``positions`` the titles of the columns x, y and z by what they have in common.
+    ``needs_rate`` says that nothing states the sampling rate. ``evidence`` is a sentence for the reader.
+    """
+
+    kind: str = ""
+    reader: Mapping[str, Any] = field(default_factory=dict)
+    levels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    positions: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+    needs_rate: bool = False
+    evidence: str = ""
+
+
+def described(error: UndescribedError) -> Described:
+    """Return what the arrays of a file seem to be, from their names, shapes and values.
+
+    Nothing is assumed of units. A time axis rises in equal steps; a block of signals has a long and a short side; an
+    FRF is complex and as long as an axis of frequencies.
+
+    Parameters
+    ----------
+    error : UndescribedError
+        What the reader of the file raised; it holds the arrays.
+
+    Returns
+    -------
+    Described
+    """
+    pool = {name: np.asarray(value) for name, value in error.arrays.arrays.items()}
+    numbers = {name: np.squeeze(value) for name, value in pool.items() if value.dtype.kind in "iufc" and value.size}
+    metadata = dict(error.arrays.metadata)
+    for find in (_levels, _frfs, _records):
+        found = find(numbers, metadata, error)
+        if found.kind:
+            return found
+    if positions := _positions(numbers):
+        return Described("positions", positions=positions, evidence="coordinates by the names of the columns")
+    if any(_SHAPE.search(name) for name in numbers) or any(value.ndim == 3 for value in numbers.values()):
+        return Described("shapes", evidence=f"{error.arrays.listing()}: looks like mode shapes or frequencies")
+    return Described(evidence=error.arrays.listing())
+
+
+def _axis_step(values: Float[np.ndarray, "n"] | Any) -> float | None:
+    """The step of an axis in equal steps from 0 or above; ``None`` where it is none."""
+    if values.ndim != 1 or len(values) < SHORTEST or values.dtype.kind == "c":
+        return None
+    values = values.astype(np.float64)
+    if not np.isfinite(values).all() or values[-1] <= values[0]:
+        return None
+    step = (values[-1] - values[0]) / (len(values) - 1)
+    off = np.abs(values - values[0] - step * np.arange(len(values)))
+    return float(step) if off.max() <= STEADY * step else None
+
+
+def _levels(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], error: UndescribedError) -> Described:
+    """Stepped sines: numbered groups with frequency, force, response and phase of one length."""
+    groups: dict[str, dict[str, str]] = {}
+    for name in numbers:
+        found = re.match(r"^(?P<group>.*?)[./]\d+[./](?P<column>[A-Za-z]\w*)$", name)
+        if found:
+            stated = groups.setdefault(found["group"], {})
+            stated.setdefault(found["column"].lower(), re.sub(r"([./])\d+([./][A-Za-z]\w*)$", r"\1*\2", name))
+    levels: dict[str, dict[str, str]] = {}
+    for group, columns in groups.items():
+        response = next((name for name in _RESPONSES if name in columns), "")
+        if response and {"frequency", "force", "phase"} <= columns.keys():
+            control = _held(numbers, columns["force"], columns[response])
+            levels[re.split(r"[./]", group)[-1]] = {
+                "control": control,
+                "frequency": columns["frequency"],
+                "force": columns["force"],
+                "response": columns[response],
+                "phase": columns["phase"],
+            }
+    return Described("levels", levels=levels, evidence="tables of stepped sines") if levels else Described()
+
+
+def _held(numbers: Mapping[str, np.ndarray], force: str, response: str) -> str:
+    """Which of force and response the controller held: the one that varies less within a level."""
+
+    def spread(pattern: str) -> float:
+        """Median over the levels of the standard deviation over the mean."""
+        before, _, after = pattern.partition("*")
+        rows = [value for name, value in numbers.items() if name.startswith(before) and name.endswith(after)]
+        return float(np.median([np.std(row) / np.mean(np.abs(row)) for row in rows]))
+
+    return "force" if spread(force) < spread(response) else "response"
+
+
+def _frfs(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], error: UndescribedError) -> Described:
+    """Complex arrays as long as an axis of frequencies."""
+    axes = {
+        name: len(value)
+        for name, value in numbers.items()
+        if _axis_step(value) is not None and _FREQUENCY.search(name) and not _TIME.search(name)
+    }
+    for axis, lines in axes.items():
+        candidates = [
+            name
+            for name, value in numbers.items()
+            if np.iscomplexobj(value) and lines in value.shape and not _OTHER_SPECTRUM.search(name)
+        ]
+        named = [name for name in candidates if _FRF.search(name)] or candidates
+        if len(named) != 1:
+            continue
+        reader: dict[str, Any] = {"frequency": axis, "frf": named[0]}
+        coherence = [
+            name
+            for name, value in numbers.items()
+            if _COHERENCE.search(name) and value.shape == numbers[named[0]].shape and not np.iscomplexobj(value)
+        ]
+        if len(coherence) == 1:
+            reader["coherence"] = coherence[0]
+        return Described("FRFs", reader, evidence=f"{named[0]} is complex and as long as {axis}")
+    return Described()
+
+
+def _records(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], error: UndescribedError) -> Described:
+    """A block of signals, or vectors of one length."""
+    main = error.arrays.main
+    blocks = {
+        name: value
+        for name, value in numbers.items()
+        if value.ndim == 2 and max(value.shape) >= max(SHORTEST, 4 * min(value.shape)) and not np.iscomplexobj(value)
+    }
+    if main in blocks:
+        blocks = {main: blocks[main]}
+    rate = next((name for name, value in numbers.items() if value.ndim == 0 and _RATE.search(name)), None)
+    if len(blocks) == 1:
+        (name, block), rows = next(iter(blocks.items())), False
+        rows = block.shape[0] < block.shape[1]
+        reader: dict[str, Any] = {"signals": name} if name else {}
+        reader["axis"] = "rows" if rows else "columns"
+        first = block[0] if rows else block[:, 0]
+        if _axis_step(first) is not None and first[0] >= 0:
+            place = f"{name} {'row' if rows else 'column'} 0".strip()
+            return Described("records", reader | {"time": place}, evidence=f"{place} is the time axis")
+        if rate is not None:
+            return Described("records", reader | {"sampling_rate": rate}, evidence=f"sampling rate from {rate}")
+        return Described("records", reader, needs_rate=True, evidence="a block of signals without a time axis")
+    return _vectors(numbers, metadata, rate)
+
+
+def _vectors(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], rate: str | None) -> Described:
+    """Signals as vectors of one length beside a time axis."""
+    for time, value in numbers.items():
+        step = _axis_step(value)
+        if step is None or not _TIME.search(re.sub(r"([a-z])([A-Z])", r"\1_\2", time)):
+            continue
+        signals = [
+            name
+            for name, other in numbers.items()
+            if name != time and other.shape == value.shape and not np.iscomplexobj(other) and _axis_step(other) is None
+        ]
+        if not signals:
+            continue
+        reader: dict[str, Any] = {"signals": signals, "time": time}
+        if unit := _stated_unit(metadata):
+            reader["units"] = dict.fromkeys(signals, unit)
+        return Described("records", reader, evidence=f"{time} is the time axis")
+    return Described()
+
+
+def _stated_unit(metadata: Mapping[str, str]) -> str:
+    """The unit of all signals where a text such as ``s, m/s^2`` states one beside that of time."""
+    from ema.proposal.units import quantity_of
+
+    for name, text in metadata.items():
+        if re.search(r"units?$", name, re.IGNORECASE):
+            parts = [part.strip() for part in text.split(",")]
+            others = [part for part in parts if quantity_of(part) not in ("time", "")]
+            if len(others) == 1:
+                return others[0]
+    return ""
+
+
+def _positions(numbers: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str, str]]:
+    """Triples of columns such as ``xHammer, yHammer, zHammer`` by what they have in common."""
+    found: dict[str, tuple[str, str, str]] = {}
+    for name in numbers:
+        rest = re.match(r"^[xX][ _]?(.*)$", name)
+        if rest is None:
+            continue
+        axes = "xyz" if name[0] == "x" else "XYZ"
+        names = (name, axes[1] + name[1:], axes[2] + name[1:])
+        if all(one in numbers and numbers[one].shape == numbers[name].shape for one in names):
+            found[rest[1]] = names
+    return found

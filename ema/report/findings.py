@@ -1,0 +1,69 @@
+"""Findings of a study, grouped by kind and sorted by severity."""
+
+from dataclasses import dataclass, field
+
+from ema.data import Finding, StudyResult
+from ema.report.blocks import Book, Table
+from ema.report.numbers import count, plain
+
+SEVERITIES = {"error": "error", "warning": "warning", "info": "remark"}
+"""Severities, the gravest first, as the reader meets them."""
+_MOST_LISTED = 40
+
+
+@dataclass
+class Group:
+    """Findings of one kind."""
+
+    severity: str
+    code: str
+    advice: str
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """The severity in words."""
+        return SEVERITIES[self.severity]
+
+    @property
+    def listed(self) -> list[Finding]:
+        """Those that the page shows."""
+        return self.findings[:_MOST_LISTED]
+
+
+def all_findings(result: StudyResult) -> list[Finding]:
+    """Every finding of a study once, wherever it was noted."""
+    sources = [result.campaign.findings, result.findings]
+    for run in result.runs:
+        sources += [run.findings, run.run.findings, run.frfs.findings, run.modes.findings]
+    return list(dict.fromkeys(finding for source in sources for finding in source))
+
+
+def grouped(findings: list[Finding]) -> list[Group]:
+    """By severity and kind, the gravest first and the most frequent first among equals."""
+    groups: dict[tuple[str, str], Group] = {}
+    for finding in findings:
+        key = (finding.severity, finding.code)
+        groups.setdefault(key, Group(finding.severity, finding.code, finding.advice)).findings.append(finding)
+    order = list(SEVERITIES)
+    return sorted(groups.values(), key=lambda group: (order.index(group.severity), -len(group.findings), group.code))
+
+
+def counted(groups: list[Group]) -> str:
+    """``Findings: 1 error, 3 warnings.``"""
+    numbers = {name: sum(len(g.findings) for g in groups if g.name == name) for name in SEVERITIES.values()}
+    counts = ", ".join(count(number, name) for name, number in numbers.items() if number)
+    return f"Findings: {counts}." if counts else "Findings: none."
+
+
+def finding_table(groups: list[Group], book: Book) -> Table | None:
+    """All findings, for the table beside the report."""
+    if not groups:
+        return None
+    rows = [
+        (f.severity, f.code, f.where, f.message, plain(f.value, 4), plain(f.limit, 4), f.advice)
+        for group in groups
+        for f in group.findings
+    ]
+    columns = ("Severity", "Kind", "Where", "Message", "Value", "Limit", "Advice")
+    return book.table("findings", "All findings, with their values and limits.", columns, rows, shown=0)

@@ -1,0 +1,240 @@
+"""Joint parameters from maps whose truth is a describing function in closed form, of laws that the model may not have.
+
+``python -m tests.bench.joint_maps --n 100 --seed 5``: random hosts of one mode, joints of parallel Masing springs (one,
+a power law of many, a few of any size), maps with noise; ``compare.update`` with a law of its own choice. Counted: how
+often the 95 % intervals of mu, k_T and its growth hold the truth, and those of parameters that are called identifiable.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import product, repeat
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ema import compare
+from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices, ModalMap
+from ema.dof import Dof
+from ema.errors import EmaError
+from ema.simulate import Masing, ModifiedIwan, RegularisedMasing
+from tests.bench.provenance import stamp
+from tests.bench.write_docs import older, table
+
+ON = Dof(1, "+X")
+NAMES = "friction_coefficient", "contact_stiffness", "stiffness_exponent"
+LAWS = {"masing": Masing, "modified iwan": ModifiedIwan, "regularised masing": RegularisedMasing}
+KINDS = "one", "power", "few"
+RESULT = Path(__file__).parent / "results" / "joint_maps.json"
+SHAPES = {"masing": (), "modified iwan": ("chi",), "regularised masing": ("exponent",)}
+
+
+@dataclass(frozen=True)
+class Host:
+    """A mass of 1 kg at ``frequency`` Hz with a damping ratio."""
+
+    frequency: float
+    ratio: float
+
+    @property
+    def omega(self) -> float:
+        """In rad/s."""
+        return 2 * np.pi * self.frequency
+
+    def model(self, law: FrictionLaw) -> BeamModel:
+        """That mass, rubbing against a wall."""
+        sides = ON, Dof(1, "+Z")
+        host = Matrices(np.eye(2), np.diag([self.omega**2, 1e9]), sides)
+        wall = Matrices(1e3 * np.eye(2), 1e16 * np.eye(2), tuple(replace(dof, part="wall") for dof in sides))
+        joint = Joint("contact", ((1, 1),), (0.0, 0.0), law, 100.0, 1.0)
+        return BeamModel(host, wall, (joint,), Damping(ratio=self.ratio))
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Masing springs in parallel: shares of k_T and of the slip force, each of sum 1."""
+
+    stiffness: np.ndarray
+    slip: np.ndarray
+
+    def describing(self, k: float, limit: float, amplitude: float) -> tuple[float, float]:
+        """k' and k'' in N/m: of one spring with y = F_C / (k A), cos theta = 1 - 2 y,
+
+        k' = (k / pi) (theta - sin(2 theta) / 2), k'' = 4 k y (1 - y) / pi (Caughey 1960).
+        """
+        each = k * self.stiffness
+        y = np.minimum(limit * self.slip / (each * amplitude), 1.0)
+        theta = np.arccos(1 - 2 * y)
+        return float(np.sum(each * (theta - np.sin(2 * theta) / 2)) / np.pi), float(
+            np.sum(4 * each * y * (1 - y)) / np.pi
+        )
+
+
+def closed_form_map(
+    host: Host, springs: Springs, truth: Sequence[float], levels: Sequence[float], forces: Sequence[float]
+) -> ModalMap:
+    """Frequency and damping of the host's mode at resonance; ``truth`` is mu, k_T at 1 kN and its exponent.
+
+    At quadrature w^2 = w_0^2 + k', F_E = A (k'' + 2 zeta w_s w), solved by bisection, and the damping ratio is
+    (k'' + 2 zeta w_s w) / (2 w^2). w_s is the frequency with the joint stuck, for which the ratio of a model is stated.
+    """
+    mu, stiffness, exponent = truth
+    frequency, damping = np.empty((2, len(levels), len(forces)))
+    for i, level in enumerate(levels):
+        for j, force in enumerate(forces):
+            low, high = 1e-15, 1e3
+            for _ in range(200):
+                amplitude = np.sqrt(low * high)
+                joint = stiffness * (force / 1000) ** exponent
+                elastic, lost = springs.describing(joint, mu * force, amplitude)
+                w = np.sqrt(host.omega**2 + elastic)
+                loss = lost + 2 * host.ratio * np.sqrt(host.omega**2 + joint) * w
+                low, high = (low, amplitude) if amplitude * loss > level else (amplitude, high)
+            frequency[i, j], damping[i, j] = w / (2 * np.pi), loss / (2 * w**2)
+    return ModalMap(np.asarray(levels), np.asarray(forces), frequency, damping, method="frozen", name="closed form")
+
+
+def noisy(chart: ModalMap, rng: np.random.Generator, of_damping: float, of_frequency: float) -> ModalMap:
+    """With relative noise of damping and frequency, stated as it is."""
+    draws = rng.standard_normal((2, *chart.damping.shape))
+    damping = chart.damping * np.exp(of_damping * draws[0])
+    frequency = chart.frequency * (1 + of_frequency * draws[1])
+    stds = of_damping * damping, of_frequency * frequency
+    return replace(chart, damping=damping, frequency=frequency, damping_std=stds[0], frequency_std=stds[1])
+
+
+def springs_of(kind: str, rng: np.random.Generator) -> Springs:
+    """One spring, forty of a power law (Segalman 2005) with a share that slips last, or two to four of any size."""
+    if kind == "one":
+        return Springs(np.ones(1), np.ones(1))
+    if kind == "power":
+        chi, last = rng.uniform(-0.9, 0.8), rng.uniform(0.0, 0.5)
+        phi = (np.arange(40) + 0.5) / 40
+        stiffness = phi ** (1 + chi) / np.sum(phi ** (1 + chi))
+        slip = stiffness * phi
+        stiffness, slip = np.append((1 - last) * stiffness, last), np.append((1 - last) * slip, last)
+        return Springs(stiffness, slip / slip.sum())
+    count = int(rng.integers(2, 5))
+    return Springs(rng.dirichlet(np.full(count, 2.0)), rng.dirichlet(np.full(count, 2.0)))
+
+
+@dataclass(frozen=True)
+class Case:
+    """One joint with its map, and the law that is fitted."""
+
+    kind: str
+    law: str
+    truth: tuple[float, float, float]
+    model: BeamModel
+    chart: ModalMap
+
+    def outcome(self) -> list[tuple[str, bool, bool, float]]:
+        """Per parameter: name, whether it was held, whether it was called identifiable, and the interval's width."""
+        names = (*NAMES, *SHAPES[self.law])
+        found = compare.update(self.model, self.chart, names, ON, ON)
+        rows = []
+        for name, truth in zip(NAMES, self.truth, strict=True):
+            n = found.names.index(name)
+            low, high = found.intervals[n]
+            width = high - low if name == "stiffness_exponent" else np.log(high / low)
+            rows.append((name, bool(low <= truth <= high), found.identifiable[n], float(width)))
+        return rows
+
+
+def case(seed: int, number: int) -> Case:
+    """A random joint."""
+    rng = np.random.default_rng([seed, number])
+    host = Host(10 ** rng.uniform(1.3, 2.9), 10 ** rng.uniform(-3, -2))
+    kind, law = KINDS[number % 3], tuple(LAWS)[(number // 3) % 3]
+    exponent, mu = rng.uniform(0.0, 0.8), rng.uniform(0.1, 0.6)
+    joint = 10 ** rng.uniform(-2.0, -0.5) * host.omega**2
+    springs = springs_of(kind, rng)
+    forces = np.geomspace(1.0, 10 ** rng.uniform(0.6, 1.6), rng.integers(3, 7)) * 10 ** rng.uniform(1.0, 2.0)
+    levels = np.geomspace(1.0, 10 ** rng.uniform(0.4, 1.2), rng.integers(2, 5))
+    middle = np.sqrt(forces[0] * forces[-1])
+    stiffness = joint * (1000 / middle) ** exponent
+    # damping is largest near A = 2 F_C / k_T; the middle of the map lies within a factor of 3 of it
+    amplitude = 2 * mu * middle / joint * 10 ** rng.uniform(-0.5, 0.5)
+    elastic, lost = springs.describing(joint, mu * middle, amplitude)
+    w = np.sqrt(host.omega**2 + elastic)
+    levels *= amplitude * (lost + 2 * host.ratio * np.sqrt(host.omega**2 + joint) * w) / np.sqrt(levels[0] * levels[-1])
+    truth = mu, stiffness, exponent
+    exact = closed_form_map(host, springs, truth, levels, forces)
+    chart = noisy(exact, rng, 10 ** rng.uniform(-2, -1.4), 10 ** rng.uniform(-4, -3))
+    start = LAWS[law](mu * 4 ** rng.uniform(-1, 1), stiffness * 4 ** rng.uniform(-1, 1))
+    return Case(kind, law, truth, host.model(start), chart)
+
+
+def one(seed: int, number: int) -> dict[str, Any]:
+    """The outcome of a case as a row."""
+    drawn, start = case(seed, number), time.process_time()
+    row = {"seed": seed, "number": number, "joint": drawn.kind, "law": drawn.law, "points": drawn.chart.damping.size}
+    try:
+        row["parameters"] = drawn.outcome()
+    except EmaError as error:
+        row["refused"] = str(error)
+    return row | {"cpu": time.process_time() - start}
+
+
+def section(result: dict[str, Any]) -> str:
+    """The counts as a table of the page on comparing."""
+    lines = []
+    for kind, law in product((*KINDS, "all"), (*LAWS, "all")):
+        if (kind == "all") != (law == "all"):
+            continue
+        rows = [row for row in result["rows"] if kind in (row["joint"], "all") and law in (row["law"], "all")]
+        whole = [part for row in rows for part in row.get("parameters", [])]
+        sure = [part for part in whole if part[2]]
+        widths = [np.median([part[3] for part in sure if part[0] == name] or [np.nan]) for name in NAMES]
+        factors = [f"± {100 * (np.exp(width / 2) - 1):.0f} %" for width in widths[:2]]
+        lines.append(
+            [
+                kind,
+                law,
+                f"{len(rows)}",
+                f"{sum(part[1] for part in whole)} of {len(whole)}",
+                f"{sum(part[1] for part in sure)} of {len(sure)}",
+                *([*factors, f"± {widths[2] / 2:.2g}"] if sure else ["-"] * 3),
+                f"{np.median([row['cpu'] for row in rows]):.0f}" if rows else "-",
+            ]
+        )
+    head = ["joint", "law fitted", "maps", "held", "held, identifiable", "mu", "k_T", "growth", "CPU s"]
+    refused = sum("refused" in row for row in result["rows"])
+    ending = f"From `python -m tests.bench.joint_maps --n {len(result['rows'])} --seed {result['rows'][0]['seed']}`"
+    return "\n\n".join([table(head, lines), f"{ending}, commit {result['commit']}; {refused} maps refused."])
+
+
+def write(text: str) -> str:
+    """The page with the table between its marks."""
+    begin, end = "<!-- joint maps: begin -->", "<!-- joint maps: end -->"
+    before, rest = text.split(begin)
+    part = section(json.loads(RESULT.read_text(encoding="utf-8"))) + older(("joint_maps",))
+    return f"{before}{begin}\n{part}\n{end}{rest.split(end)[1]}"
+
+
+def main() -> None:
+    """Count, print and keep."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--n", type=int, default=90)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--publish", action="store_true", help="store the counts for docs/compare.md")
+    options = parser.parse_args()
+    rows = []
+    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
+        for row in pool.map(one, repeat(options.seed), range(options.n)):
+            rows.append(row)
+            print(json.dumps(row), flush=True)
+    result = {"rows": rows} | stamp("tests.bench.joint_maps")
+    print(section(result))
+    if options.publish:
+        RESULT.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

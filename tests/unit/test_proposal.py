@@ -1,0 +1,289 @@
+"""What a folder of measurements holds is found out from names, units, shapes of signals and positions."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import acquisition
+from ema import proposal, show
+from ema.data import Channel, Geometry, Recording
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.proposal import positions
+from ema.proposal.array_layouts import described
+from ema.proposal.file_names import series_of, taken_apart
+from ema.proposal.roles import judge, same_point
+from ema.proposal.toml_text import table_text, value_text
+
+RATE = 2048.0
+
+
+@pytest.mark.parametrize(
+    ("name", "series", "numbers", "directions"),
+    [
+        ("P-12-3.txt", "P-#-#.txt", (12, 3), ("", "")),
+        ("Hxysv00007.txt.gz", "Hxysv#.txt.gz", (7,), ("",)),
+        ("pt01_x.uff", "pt#.uff", (1,), ("+X",)),
+        ("P12Z+.uff", "P#.uff", (12,), ("+Z",)),
+        ("P12-Y.uff", "P#.uff", (12,), ("-Y",)),
+        ("FRF_12Z_5Z.uff", "FRF_#_#.uff", (12, 5), ("+Z", "+Z")),
+        ("beam_1kN_42.uff", "beam_1kN_#.uff", (42,), ("",)),
+        ("beam_1p5kN_5Nm_3.h5", "beam_1p5kN_5Nm_#.h5", (3,), ("",)),
+        ("1Hz36lbtension0.5amplitude.json.gz", "1Hz36lbtension0.5amplitude.json.gz", (), ()),
+        ("mode1_FE15_FN0050.h5", "mode1_FE15_FN0050.h5", (), ()),
+    ],
+)
+def test_a_name_is_taken_apart(name, series, numbers, directions) -> None:
+    found = taken_apart(name)
+    assert (found.series, found.numbers, found.directions) == (series, numbers, directions)
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern", "counts"),
+    [
+        (["pt1.uff", "pt2.uff", "pt10.uff"], "pt{point}.uff", ("point",)),
+        (["p1_hit1.h5", "p1_hit2.h5", "p2_hit1.h5"], "p{point}_hit{take}.h5", ("point", "take")),
+        (
+            ["plate3_1.csv", "plate3_2.csv", "plate4_1.csv", "plate5_1.csv"],
+            "plate{point}_{take}.csv",
+            ("point", "take"),
+        ),
+        (["FRF_12Z_5Z.uff", "FRF_13Z_5Z.uff"], None, ("point", "input")),
+        (["Meas7.uff", "Meas8.uff"], "Meas{point}.uff", ("point",)),
+        (["abc7.uff", "abc8.uff"], "abc{take}.uff", ("",)),
+    ],
+)
+def test_series_know_what_their_numbers_count(names, pattern, counts) -> None:
+    (series,) = series_of(names)
+    assert series.counts == counts
+    assert series.open == (counts == ("",))
+    if pattern is not None:
+        assert series.pattern == pattern
+
+
+def ringing(frequency: float = 60.0, seed: int = 0) -> np.ndarray:
+    """A hammer test of one degree of freedom: a half sine, and the response of an oscillator."""
+    t = np.arange(4096) / RATE
+    h = np.exp(-8 * t) * np.sin(2 * np.pi * frequency * t)
+    noise = np.random.default_rng(seed).normal(size=len(t))
+    return np.convolve(pulse(), h)[: len(t)] / 10 + 1e-3 * noise
+
+
+def pulse() -> np.ndarray:
+    force = np.zeros(4096)
+    force[200:208] = 100 * np.sin(np.pi * np.arange(8) / 8)
+    return force
+
+
+def recording(*channels: tuple[str, np.ndarray, str]) -> Recording:
+    quantities = {"N": "force", "m/s^2": "acceleration", "unstated": "unstated"}
+    listed = tuple(Channel(name, quantity=quantities[unit], unit=unit) for name, _, unit in channels)
+    return Recording(np.array([row for _, row, _ in channels]), RATE, channels=listed)
+
+
+def test_the_force_is_found_by_its_shape_where_names_are_silent() -> None:
+    found = judge(recording(("a", ringing(), "unstated"), ("b", pulse(), "unstated"), ("c", ringing(90), "unstated")))
+    assert [one.role for one in found.channels] == ["response", "reference", "response"]
+    assert found.kind == "hammer" and not found.warnings
+
+
+def test_forces_of_shakers_are_white_and_responses_are_not() -> None:
+    rng = np.random.default_rng(3)
+    forces = rng.normal(size=(2, 16384))
+    t = np.arange(4096) / RATE
+    h = np.exp(-5 * t) * np.sin(2 * np.pi * 200 * t)
+    response = np.convolve(forces.sum(axis=0), h)[:16384]
+    rows = [("1", forces[0], "unstated"), ("2", response, "unstated"), ("3", forces[1], "unstated")]
+    found = judge(recording(*rows))
+    assert [one.role for one in found.channels] == ["reference", "response", "reference"]
+    assert found.kind == "random"
+
+
+def test_a_sweep_is_known_by_its_frequency() -> None:
+    t = np.arange(4 * 2048) / RATE
+    force = np.sin(2 * np.pi * (20 * t + 0.5 * 70 * t**2))
+    found = judge(recording(("force", force, "N"), ("acc", np.gradient(force), "m/s^2")))
+    # the first and the last of 24 parts run over 12 Hz each, seen in steps of 6 Hz
+    assert found.kind == "sweep" and found.band == pytest.approx((20, 300), abs=18)
+
+
+def test_a_force_that_presses_is_a_normal_force() -> None:
+    ring = 1020 + 3 * np.random.default_rng(1).normal(size=4096)
+    found = judge(recording(("hammer", pulse(), "N"), ("cell", ring, "N"), ("acc 12:+Z", ringing(), "m/s^2")))
+    assert [one.role for one in found.channels] == ["reference", "normal force", "response"]
+    assert found.channels[2].dof == Dof(12, "+Z")
+
+
+def test_free_vibration_has_no_force_and_dies_away() -> None:
+    t = np.arange(4096) / RATE
+    decay = np.exp(-3 * t) * np.cos(2 * np.pi * 50 * t)
+    assert judge(recording(("acc", decay, "m/s^2"))).kind == "snap-back"
+    steady = np.cos(2 * np.pi * 50 * t)
+    assert judge(recording(("acc", steady, "m/s^2"))).kind == "unknown"
+
+
+def test_swapped_force_and_response_and_doubled_names_are_warned_of() -> None:
+    found = judge(recording(("force", ringing(), "N"), ("acc", pulse(), "m/s^2"), ("acc", ringing(80), "m/s^2")))
+    assert any("swapped" in sentence for sentence in found.warnings)
+    assert any("2 channels are called acc" in sentence for sentence in found.warnings)
+
+
+def test_takes_of_one_point_have_like_frfs_and_points_have_not() -> None:
+    def frf(frequency: float, seed: int) -> np.ndarray | None:
+        return judge(recording(("force", pulse(), "N"), ("acc", ringing(frequency, seed), "m/s^2"))).frf
+
+    assert same_point([frf(60, 1), frf(60, 2), frf(60, 3)]) is True
+    assert same_point([frf(60, 1), frf(400, 2), frf(150, 3)]) is False
+    assert same_point([frf(60, 1), None]) is None
+
+
+def layout_of(path: Path) -> dict:
+    with pytest.raises(acquisition.UndescribedError) as raised:
+        acquisition.read(path)
+    found = described(raised.value)
+    return {"kind": found.kind, "reader": dict(found.reader), "needs_rate": found.needs_rate}
+
+
+def test_arrays_that_do_not_describe_themselves_are_understood(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    t = np.arange(4096) / RATE
+    np.save(tmp_path / "rows.npy", np.array([t, pulse(), ringing()]))
+    assert layout_of(tmp_path / "rows.npy")["reader"] == {"axis": "rows", "time": "row 0"}
+    savemat(tmp_path / "block.mat", {"data": np.random.default_rng(0).normal(size=(2000, 5))})
+    assert layout_of(tmp_path / "block.mat") == {
+        "kind": "records",
+        "reader": {"signals": "data", "axis": "columns"},
+        "needs_rate": True,
+    }
+    f = np.arange(401) * 0.5
+    frf = 1 / (1 - (f / 60) ** 2 + 0.02j)
+    savemat(tmp_path / "frf.mat", {"Freq": f, "H1": frf, "cross_spec": frf, "coherence": np.ones(401)})
+    assert layout_of(tmp_path / "frf.mat")["reader"] == {"frequency": "Freq", "frf": "H1", "coherence": "coherence"}
+    savemat(tmp_path / "shapes.mat", {"phi": np.ones((12, 4))})
+    assert layout_of(tmp_path / "shapes.mat")["kind"] == "shapes"
+
+
+def plate() -> Geometry:
+    x, y = np.meshgrid(np.linspace(0, 0.9, 7), np.linspace(0.1, 0.5, 5))
+    xyz = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    return Geometry(np.arange(1, len(xyz) + 1), xyz)
+
+
+def moved(node: int, xyz: tuple[float, float, float]) -> Geometry:
+    points = plate().xyz.copy()
+    points[node - 1] = xyz
+    return Geometry(plate().nodes, points)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "unit", "codes"),
+    [
+        (plate(), "m", []),
+        (Geometry(plate().nodes, 1000 * plate().xyz), "m", ["extent-implausible"]),
+        (Geometry(plate().nodes, plate().xyz / 1000), "mm", ["extent-implausible"]),
+        (moved(9, (0.15, -0.2, 0.0)), "m", ["node-mirrored"]),
+        (moved(9, (0.0, 0.1, 0.0)), "m", ["nodes-coincide"]),
+    ],
+)
+def test_wrong_positions_are_warned_of(geometry: Geometry, unit: str, codes: list[str]) -> None:
+    assert [one.code for one in positions.findings(geometry, "points.csv", unit)] == codes
+
+
+def test_structures_about_the_origin_are_not_suspected() -> None:
+    centred = Geometry(plate().nodes, plate().xyz - plate().xyz.mean(axis=0))
+    assert positions.findings(centred, "points.csv") == ()
+
+
+def test_the_picture_has_numbers_arrows_and_the_extent() -> None:
+    figure = show.geometry(plate(), [Dof(1, "+Z")], [Dof(3, "-Z"), Dof(99, "+X"), Dof(4)])
+    labels = {text.get_text().strip() for text in figure.axes[0].texts}
+    assert {"1", "35", "x", "y", "z"} <= labels
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["force", "response"]
+    assert "extent: 0.9 m x 0.4 m x 0 m" in {text.get_text() for text in figure.texts}
+    with pytest.raises(InputError, match="without points"):
+        show.geometry(Geometry(np.zeros(0, int), np.zeros((0, 3))))
+
+
+def test_text_is_toml(tmp_path: Path) -> None:
+    import tomllib
+
+    table = {
+        "name": 'a "b" \\ c',
+        "n": 3,
+        "x": 0.5,
+        "yes": True,
+        "files": [{"file": "a b.uff", "dofs": {"acc 1": "1:+Z"}}],
+    }
+    assert tomllib.loads(table_text("[run]", table, {"n": "why"}))["run"] == table
+    with pytest.raises(TypeError):
+        value_text(object())
+
+
+def hammer_folder(folder: Path, names: list[str]) -> Path:
+    folder.mkdir(exist_ok=True)
+    for number, name in enumerate(names):
+        rows = np.array([np.arange(4096) / RATE, pulse(), ringing(60 + 90 * number, number)])
+        np.savetxt(folder / name, rows.T, delimiter=",", header="t [s],hammer [N],acc [m/s^2]", comments="")
+    return folder
+
+
+def test_units_and_points_of_the_files_need_no_question(tmp_path: Path) -> None:
+    found = proposal.propose(hammer_folder(tmp_path / "beam", ["pt1.csv", "pt2.csv", "pt3.csv"]))
+    assert found.questions == () and found.findings == ()
+    described_ = acquisition.campaign_file.parse(found.text)
+    (run,) = described_.runs
+    assert (run.id, run.kind, run.files[0].file) == ("pt", "hammer", "pt{point}.csv")
+    assert [(one.name, one.role, one.dof) for one in described_.channels] == [
+        ("hammer", "reference", "{point}"),
+        ("acc", "response", "902"),
+    ]
+
+
+def test_directions_in_names_become_dofs(tmp_path: Path) -> None:
+    found = proposal.propose(hammer_folder(tmp_path / "beam", ["FRF_12Z_5X-.csv", "FRF_13Y_5X-.csv"]))
+    files = acquisition.campaign_file.parse(found.text).runs[0].files
+    assert [one.dofs for one in files] == [{"hammer": "5:-X", "acc": "12:+Z"}, {"hammer": "5:-X", "acc": "13:+Y"}]
+    assert found.references == (Dof(5, "-X"),) and found.responses == (Dof(12, "+Z"), Dof(13, "+Y"))
+
+
+def test_a_number_of_which_nobody_knows_what_it_counts_is_asked_for(tmp_path: Path) -> None:
+    found = proposal.propose(hammer_folder(tmp_path / "beam", ["abc1.csv", "abc2.csv"]))
+    (question,) = found.questions
+    assert question.default == "points" and question.choices == ("points", "takes", "runs")
+    assert "# TODO: What does the number" in found.text
+    answered = found.answered(question.key, "takes")
+    assert answered.questions == () and "TODO" not in answered.text
+    assert acquisition.campaign_file.parse(answered.text).runs[0].files[0].file == "abc{take}.csv"
+    assert [run.id for run in acquisition.campaign_file.parse(found.answered(question.key, "runs").text).runs] == [
+        "abc1",
+        "abc2",
+    ]
+    with pytest.raises(InputError, match="not one of the answers; got hits, expected points or takes or runs"):
+        found.answered(question.key, "hits")
+    with pytest.raises(InputError, match="no such question"):
+        found.answered("colour", "red")
+
+
+def test_wrong_units_are_refused_and_right_ones_written(tmp_path: Path) -> None:
+    np.save(tmp_path / "take1.npy", np.array([np.arange(4096) / RATE, pulse(), ringing()]))
+    found = proposal.propose(tmp_path)
+    with pytest.raises(InputError, match="not a unit; got 'moons'"):
+        found.answered("units", "N, moons")
+    with pytest.raises(InputError, match="another number of units"):
+        found.answered("units", "N, g, g")
+    text = found.answered("units", "N, g").text
+    assert [one.unit for one in acquisition.campaign_file.parse(text).channels] == ["N", "g"]
+    volts = found.answered("units", "2.25 mV/N, 100 mV/g").text
+    assert [one.sensitivity for one in acquisition.campaign_file.parse(volts).channels] == ["2.25 mV/N", "100 mV/g"]
+
+
+def test_folders_without_measurements_say_what_they_hold(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no measurements in this folder"):
+        proposal.propose(tmp_path)
+    np.save(tmp_path / "shapes.npy", np.ones((3, 12, 4)))
+    with pytest.raises(InputError, match=r"neither records nor FRFs.*mode shapes"):
+        proposal.propose(tmp_path)
+    with pytest.raises(InputError, match="there is no such folder"):
+        proposal.propose(tmp_path / "nowhere")

@@ -1,0 +1,158 @@
+"""Figs. 3 and 4 and "just before sticking" as a recipe: Gaul, Roseira and Becker, Shock and Vibration 15 (2008), sec. 1.
+
+Bounds and verdicts stand in ``reports/double_beam_release.toml``. The numbers behind them are here from closed forms, or
+read from the raw records without the estimators of the recipe.
+"""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ema.cli.app import app
+from ema.compare import map_features as features
+from ema.datasets import double_beam_release
+from ema.simulate import Masing, assemble, double_beam
+from ema.simulate.reduction import modal_base
+from ema.study import Study
+
+E, RHO, L, B, H, MU, LOAD = 210e9, 7850.0, 0.5, 0.04, 0.005, 0.3, 20.0
+INERTIA = B * H**3 / 12
+SINGLE = 1.8751040687**2 / (2 * np.pi * L**2) * np.sqrt(E * INERTIA / (RHO * B * H))
+RATE, REST = double_beam_release.SAMPLING_RATE, round(double_beam_release.REST * double_beam_release.SAMPLING_RATE)
+
+
+@pytest.fixture(scope="module")
+def campaign(root):
+    return Study.load(root / "reports" / "double_beam_release.toml").open()
+
+
+@pytest.fixture(scope="module")
+def result(root, tmp_path_factory):
+    return Study.load(root / "reports" / "double_beam_release.toml", tmp_path_factory.mktemp("release")).run()
+
+
+def motion(campaign, run):
+    return np.asarray(campaign[run].recordings[0].signals[-1], dtype=float)
+
+
+def of(result, quantity, run=""):
+    return next(one for one in result.statements if one.quantity.startswith(quantity) and run in one.quantity)
+
+
+def test_every_statement_gets_the_verdict_that_the_recipe_states(result):
+    assert len(result.statements) == 13
+    assert [f"{one.text}: {one.verdict}, {one.value:.4g}" for one in result.statements if not one.met] == []
+    verdicts = [one.verdict for one in result.statements if one.quoted]
+    assert verdicts.count("not matched") == 2 and verdicts.count("not testable here") == 1
+
+
+def test_deflections_are_those_of_beam_theory(campaign, result):
+    """4.762 mm less 0.714 mm/kN while all contacts slide; 8 kN over 1 kN from the samples before the release."""
+    slope = MU * H * L**2 / (6 * E * INERTIA)
+    free = LOAD * L**3 / (6 * E * INERTIA)
+    assert 1e3 * free == pytest.approx(4.762, abs=1e-3) and 1e6 * slope == pytest.approx(0.714, abs=1e-3)
+    statement = of(result, "release deflection", "computed_100N")
+    assert statement.value == pytest.approx(1e3 * (free - 100 * slope), abs=3e-3)
+    still = {run: motion(campaign, run)[: REST - 200].mean() for run in ("computed_1kN", "computed_8kN")}
+    over = of(result, "release deflection over run", "computed_8kN")
+    assert over.value == pytest.approx(still["computed_8kN"] / still["computed_1kN"], rel=1e-4)
+
+
+def zero_crossings(x, first, last):
+    """Mean frequency in Hz between two times in s, by the crossings of what lies below 60 Hz."""
+    spectrum = np.fft.rfft(np.concatenate([x, x[::-1]]))
+    spectrum /= 1 + (np.fft.rfftfreq(2 * len(x), 1 / RATE) / 60) ** 12
+    y = np.fft.irfft(spectrum)[round(first * RATE) : round(last * RATE)]
+    k = np.flatnonzero(np.diff(np.sign(y)))
+    at = k + y[k] / (y[k] - y[k + 1])
+    return 0.5 * RATE * (len(at) - 1) / (at[-1] - at[0])
+
+
+def test_frequencies_of_the_phases(campaign, result):
+    """One beam while they slide, 16.71 Hz; the eigenproblem of the sticking beams, 31.58 Hz: 1.89 times that, not twice."""
+    stuck = modal_base(assemble(double_beam(Masing(MU, 1e9), 0.0))).frequencies[0] / (2 * np.pi)
+    assert pytest.approx(16.710, abs=1e-3) == SINGLE
+    sliding = of(result, "sliding frequency", "computed_100N")
+    assert sliding.value == pytest.approx(SINGLE, rel=0.01)
+    assert sliding.value == pytest.approx(zero_crossings(motion(campaign, "computed_100N"), 0.35, 1.1), rel=0.005)
+    sticking = of(result, "sticking frequency", "computed_1kN")
+    assert sticking.value == pytest.approx(stuck, rel=2e-3)
+    assert sticking.value == pytest.approx(zero_crossings(motion(campaign, "computed_1kN"), 0.6, 1.5), rel=2e-3)
+    assert stuck / SINGLE == pytest.approx(1.89, abs=0.01)
+
+
+def test_the_exponential_term_by_the_amplitudes_alone(campaign, result):
+    """Velocity as the running sum of the acceleration about its mean, amplitudes of the sticking mode from its Fourier
+    coefficient over ten periods, early and late: no envelope, no filter of the estimator."""
+    acceleration = motion(campaign, "measured_6kN")
+    velocity = np.cumsum(acceleration - acceleration[: REST - 200].mean()) / RATE
+    both = [velocity, motion(campaign, "computed_6kN")]
+    span = round(10 / double_beam_release.STICKING * RATE)
+    window = np.hanning(span)
+    heights = []
+    for start in (0.5, 1.1):
+        part = slice(round(start * RATE), round(start * RATE) + span)
+        wave = np.exp(-2j * np.pi * double_beam_release.STICKING * np.arange(span) / RATE) * window
+        heights.append([abs((one[part] - one[part].mean()) @ wave) for one in both])
+    (a0, b0), (a1, b1) = heights
+    missing = -np.log(a1 / b1 * b0 / a0) / (0.6 * 2 * np.pi * double_beam_release.STICKING)
+    assert missing == pytest.approx(double_beam_release.MATERIAL, abs=1e-4)
+    told = of(result, "missing damping", "measured_6kN")
+    assert told.value == pytest.approx(100 * missing, abs=0.005)
+
+
+def test_most_is_dissipated_far_below_sticking(result):
+    """Steady states of the double beam: most damping at a hundredth of the normal force from which on it sticks."""
+    chart = result.maps[0].chart
+    for row in range(len(chart.force_levels)):
+        best = chart.normal_forces[int(np.nanargmax(chart.damping[row]))]
+        twentieth = chart.damping[row, list(chart.normal_forces).index(best) + 4 :]
+        assert np.all(np.diff(twentieth) < 1e-4) and twentieth[0] > 2 * twentieth[-1]
+        assert chart.damping[row, -1] == pytest.approx(0.001, rel=0.02), "what the beams themselves have"
+    assert result.statements[5].upper < 0.1
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.2, 0.5])
+def test_the_rule_for_sticking_on_one_masing_spring_of_given_amplitude(ratio):
+    """Damping 4 y (1 - y) with y = F_N / F_stick: highest at one half, none from F_stick on, wherever the grid lies. A
+    rigid contact, whose damping grows in proportion up to F_stick, has its highest just before."""
+    stick = 100.0 / ratio
+    forces = np.geomspace(5.0, 20 * stick, 60)
+    y = np.minimum(forces / stick, 1.0)
+    elastic = features.line(forces, 0.6 + 4 * y * (1 - y), np.full(60, 1e-6))
+    found = features.settled(elastic)
+    assert found.lower < stick * 1.005 and found.upper >= stick * 0.99
+    part = features.ratio(features.ridge(elastic), found)
+    assert part.lower < 0.5 < part.upper < 0.8
+    rigid = features.line(forces, 0.6 + np.where(forces < stick, forces / stick, 0.0), np.full(60, 1e-6))
+    part = features.ratio(features.ridge(rigid), features.settled(rigid))
+    assert part.lower < 1.0 and part.upper >= 1.0 and part.lower > 0.7
+
+
+def test_a_line_that_does_not_settle_has_no_sticking_force():
+    forces = np.geomspace(10, 1000, 10)
+    found = features.settled(features.line(forces, 2 - np.log10(forces) / 3, np.zeros(10)))
+    assert found.upper == np.inf
+
+
+def test_the_numbers_of_both_figures_from_the_command_line(root, tmp_path, campaign):
+    """`ema simulate snapback` for Fig. 3; `ema compare` of two records for Fig. 4, accelerations integrated."""
+    runner, data = CliRunner(), root / "datasets"
+    model = str(data / "double_beam")
+    forces = ["--normal-force", "1000", "--normal-force", "8000"]
+    done = runner.invoke(app, ["simulate", "snapback", model, *forces, "--output", str(tmp_path / "s"), "--json"])
+    assert done.exit_code == 0, done.output
+    import json
+
+    low, high = json.loads(done.output)["rows"]
+    assert low["x0 [mm]"] / high["x0 [mm]"] == pytest.approx(3.1, abs=0.1)
+    assert high["x0 [mm]"] == pytest.approx(1.29, rel=0.02)
+    assert low["f stuck [Hz]"] == pytest.approx(31.58, rel=0.01)
+    records = [str(data / "double_beam_release" / "raw" / f"{name}_6kN.h5") for name in ("measured", "computed")]
+    told = ["--band", "8", "60", "--start", "0.3", "--output", str(tmp_path / "c"), "--json"]
+    done = runner.invoke(app, ["compare", *records, *told])
+    assert done.exit_code == 0, done.output
+    said = " ".join(json.loads(done.output)["verdict"])
+    assert "31.58 and 31.58 Hz" in said and "lacks an exponential decay with a damping ratio of 0.097 %" in said
+    refused = runner.invoke(app, ["compare", *records])
+    assert refused.exit_code != 0 and "--band 8 60" in refused.output

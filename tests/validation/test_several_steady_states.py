@@ -1,0 +1,89 @@
+"""Folded curves of steady states: an upward and a downward sweep against the motions that begin on them.
+
+The contact force of 1 kg on a wall is F_C tanh(k x / F_C): it softens and loses nothing, so the curve over frequency
+folds as that of a Duffing oscillator does. Its equation of motion is integrated by DOP853.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ema.data import BeamModel, Damping, Joint, Matrices
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.simulate import Masing, frf_up_and_down, register_law
+
+F0, K, FC, RATIO = 100.0, 4e5, 30.0, 0.01
+SPRING = (2 * np.pi * F0) ** 2
+STUCK = np.sqrt(SPRING + K)
+
+
+def tanh_of_the_sum(force, du, k, limit, p0, p1, p2, p3):
+    """F_C tanh(k (u + du) / F_C) from F_C tanh(k u / F_C)."""
+    if limit <= 0.0:
+        return 0.0
+    more = np.tanh(k * du / limit)
+    return limit * (force / limit + more) / (1.0 + force / limit * more)
+
+
+ELASTIC = register_law("elastic and softening", tanh_of_the_sum)
+
+
+def oscillator(law):
+    dofs, walls = (tuple(Dof(1, axis, body) for axis in ("+X", "+Z")) for body in ("", "wall"))
+    joint = Joint("contact", ((1, 1),), (0.0, 0.0), law, FC, 1.0, directions=("X",))
+    host = Matrices(np.eye(2), np.diag([SPRING, 2 * SPRING]), dofs)
+    wall = Matrices(1e3 * np.eye(2), 1e16 * np.eye(2), walls)
+    return BeamModel(host, wall, (joint,), Damping(ratio=RATIO), "oscillator")
+
+
+def settled(frequency, force, first):
+    """Amplitude of the first harmonic after 200 periods from the state of one of complex amplitude ``first``."""
+    omega, period = 2 * np.pi * frequency, 1 / frequency
+
+    def motion(t, y):
+        rest = SPRING * y[0] + FC * np.tanh(K * y[0] / FC) + 2 * RATIO * STUCK * y[1]
+        return [y[1], force * np.cos(omega * t) - rest]
+
+    times = period * (200 + np.arange(64) / 64)
+    path = solve_ivp(
+        motion, (0, times[-1]), [first.real, -omega * first.imag], "DOP853", times, rtol=1e-8, atol=1e-12
+    ).y[0]
+    return abs(2 / 64 * path @ np.exp(-1j * omega * times))
+
+
+def firsts(response):
+    return response.values[:, 0, list(response.orders).index(1)]
+
+
+def heights(response):
+    return np.abs(firsts(response))
+
+
+@pytest.mark.parametrize(("force", "fold"), [(2.0, (127.0, 135.0)), (4.0, (120.0, 131.0))])
+def test_both_sweeps_are_where_the_motions_that_begin_on_them_stay(force, fold):
+    """At 4 N the upward sweep finds nothing from 132 Hz on, beyond its jump, but what the downward one left there."""
+    frequencies = np.arange(fold[0], 140.0)
+    up, down = frf_up_and_down(oscillator(ELASTIC(1.0, K)), frequencies, force, "1:+X", ["1:+X"], tolerance=2e-3)
+    assert up.converged.all() and down.converged.all()
+    (finding,) = [finding for finding in up.findings if finding.code == "several-steady-states"]
+    assert finding in down.findings and finding.value == fold[0] and f"to {fold[1]:.5g} Hz" in finding.message
+    assert not [finding for finding in up.findings if finding.code == "no-steady-state"]
+    for place, frequency in enumerate(frequencies):
+        if frequency % 3:
+            continue
+        low, high = (settled(frequency, force, firsts(swept)[place]) for swept in (up, down))
+        assert heights(up)[place] == pytest.approx(low, rel=2e-3), frequency
+        assert heights(down)[place] == pytest.approx(high, rel=2e-3), frequency
+
+
+def test_a_joint_that_loses_energy_has_one_steady_state():
+    """The bilinear hysteretic oscillator has no jumps (Caughey 1960)."""
+    up, down = frf_up_and_down(oscillator(Masing(1.0, K)), np.linspace(95.0, 145.0, 26), 10.0, "1:+X", ["1:+X"])
+    assert not [finding for finding in up.findings if finding.code == "several-steady-states"]
+    np.testing.assert_allclose(heights(up), heights(down), rtol=8e-3)
+
+
+def test_frequencies_that_do_not_ascend_get_a_sentence():
+    with pytest.raises(InputError, match="each above the one before"):
+        frf_up_and_down(oscillator(Masing(1.0, K)), np.array([50.0, 40.0]), 1.0, "1:+X", ["1:+X"])
