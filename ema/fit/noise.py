@@ -114,13 +114,13 @@ def structure(
     cells, freedom = _cells(model), np.broadcast_to(left, power.shape)
     table, profile = np.ones(_CELLS), np.ones(power.shape[-1])
     for _ in range(1 if plain else 3):
-        found = Structure(table, profile)
-        ratio = power / found.variance(power, model)
+        # Each is found anew beside the other: what was spared as chance would be taken bit by bit otherwise.
         if not plain:
-            table = table * _by_size(cells, ratio, freedom)
             ratio = power / Structure(table, profile).variance(power, model)
+            table = _by_size(cells, ratio * table[cells], freedom)
+        ratio = power / Structure(table, profile).variance(power, model) * profile
         of_lines = np.mean(ratio, axis=(0, 1)) / np.mean(freedom, axis=(0, 1))
-        profile = profile * _by_line(of_lines, power[..., 0].size)
+        profile = _by_line(of_lines, power[..., 0].size)
     if plain:
         profile = np.clip(profile, np.median(profile) / 4, np.median(profile) * 4)
     return Structure(table, profile)
@@ -182,31 +182,57 @@ def _by_size(
     ratio: Float[np.ndarray, "out in freq"],
     freedom: Float[np.ndarray, "out in freq"],
 ) -> Float[np.ndarray, "cell"]:
-    """Mean ratio as a smooth function of the size of the FRF.
+    """Mean ratio as a smooth function of the size of the FRF, as far as the ratios tell it from a constant.
 
-    The most likely one for exponentially distributed ratios when the logarithm has small second differences: the few
-    lines at the peaks then borrow from those beside them, and no cell takes its weight from its own residuals.
+    The ratios are exponentially distributed. The logarithm of their mean is a constant, a straight line or a curve over
+    the logarithm of the size; each is fitted, and each counts by its evidence (Laplace; MacKay 1992). The lines at the
+    peaks hold few ratios, mostly followed by the fit: without evidence they take the noise of all other lines, where an
+    extrapolated slope would be off by a multiple.
     """
     number = np.bincount(cell.reshape(-1), freedom.reshape(-1), _CELLS)
     total = np.bincount(cell.reshape(-1), ratio.reshape(-1), _CELLS)
-    bend = np.diff(np.eye(_CELLS), 2, axis=0)
-    stiffness = bend.T @ bend / _BEND**2
-    level = np.full(_CELLS, np.log(max(float(total.sum() / number.sum()), np.finfo(float).tiny)))
-    for _ in range(20):
-        observed = total * np.exp(-level)
-        # Steps by the larger of observed and expected information go towards the optimum from both sides.
-        step = np.linalg.solve(np.diag(np.maximum(observed, number)) + stiffness, observed - number - stiffness @ level)
-        level = level + step
-        if np.max(np.abs(step)) < 1e-3:
-            break
-    result: np.ndarray = np.exp(level)
+    tried = [_explained(number, total, _CURVES[:, :columns]) for columns in (1, 2, _CELLS)]
+    evidence = np.array([found for _, found in tried])
+    shares = np.exp(evidence - evidence.max())
+    result: np.ndarray = np.exp(np.average([level for level, _ in tried], axis=0, weights=shares))
     return result
 
 
+def _explained(
+    number: Float[np.ndarray, "cell"], total: Float[np.ndarray, "cell"], curves: Float[np.ndarray, "cell coefficient"]
+) -> tuple[Float[np.ndarray, "cell"], float]:
+    """Most likely logarithm of the mean, and the logarithm of the evidence for such a function.
+
+    The coefficients are standard normal, but for the first, the constant, which is free.
+    """
+    prior = np.diag(np.append(0.0, np.ones(curves.shape[1] - 1)))
+    found = np.zeros(curves.shape[1])
+    found[0] = np.log(max(float(total.sum() / number.sum()), np.finfo(float).tiny))
+    for _ in range(20):
+        observed = total * np.exp(-(curves @ found))
+        # Steps by the larger of observed and expected information go towards the optimum from both sides.
+        information = (curves.T * np.maximum(observed, number)) @ curves + prior
+        step = np.linalg.solve(information, curves.T @ (observed - number) - prior @ found)
+        found = found + step
+        if np.max(np.abs(curves @ step)) < 1e-3:
+            break
+    level = curves @ found
+    observed = total * np.exp(-level)
+    _, size = np.linalg.slogdet((curves.T * observed) @ curves + prior)
+    return level, float(-number @ level - observed.sum() - 0.5 * (found @ prior @ found + size))
+
+
+_SLOPE = 0.25 * np.log(2)
+"""Expected slope of the logarithm of a variance, per cell: noise in proportion to the FRF has this one."""
 _BEND = 0.01
 """Expected second difference of the logarithm of a variance between cells; from constant to proportional to the square
 of the FRF within 20 dB takes 0.007.
 """
+_STEPS = np.arange(_CELLS, dtype=float)
+_CURVES = np.column_stack(
+    [np.ones(_CELLS), _SLOPE * (_STEPS - _STEPS.mean()), _BEND * np.maximum(_STEPS[:, None] - _STEPS[1:-1], 0)]
+)
+"""Functions of the cell, scaled by what is expected of them: a constant, a straight line, a bend at each inner cell."""
 
 
 def _by_line(ratio: Float[np.ndarray, "freq"], count: int) -> Float[np.ndarray, "freq"]:

@@ -274,7 +274,7 @@ def replace_device(rig: rig_file.RigFile, new: str) -> rig_file.RigFile:
 
 
 def test_a_folder_without_a_rig_is_told(tmp_path: Path):
-    with pytest.raises(InputError, match=r"expected a rig\.toml"):
+    with pytest.raises(InputError, match=r"no rig here; expected a file rig\.toml"):
         rig_file.load(tmp_path)
 
 
@@ -362,7 +362,7 @@ def test_the_command_ends_with_sentences(tmp_path: Path, capsys: pytest.CaptureF
     assert "average of 2, coherence" in ended.out
     ended = ema_command(capsys, "record", folder, "--run", "beam")
     assert ended.out.startswith("2 of 6 takes are in") and "6 of 6 takes; 0 rejected" in ended.out
-    ema_command(capsys, "record", tmp_path).says(2, "expected a rig.toml")
+    ema_command(capsys, "record", tmp_path).says(2, "there is no rig here; expected a file rig.toml")
     ema_command(capsys, "record", folder, "--run", "a/b").says(2, "a run is named by letters")
 
 

@@ -89,7 +89,7 @@ def test_a_forecast_is_held_against_the_maps_named():
     placed = replace(placement(), forecast=told())
     found = friction.forecast_check(recipe, placed, [measured(), measured(2.0, "mode 3")])
     assert (found.inside, found.values) == (8, 8)
-    with pytest.raises(InputError, match=r"a map that is not there.*got mode 1, expected one of mode 3"):
+    with pytest.raises(InputError, match=r"a map that does not exist.*got mode 1, expected one of mode 3"):
         friction.forecast_check(recipe, placed, [measured(2.0, "mode 3")])
     assert friction.forecast_check("place.toml", placed, [measured()]) is None
 

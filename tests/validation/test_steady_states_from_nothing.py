@@ -90,7 +90,7 @@ def test_slip_forces_are_lowered_along_the_arc():
     system = condensed(LAWS[1], 100.0)
     omega = 2 * np.pi * 25.0
     gains = system.gains(omega, 3)
-    system.left = 400
+    system.left = system.budget
     reference = system._cold_start(omega, gains)
     levels = (1.5, 1.4)
     known = [(level, system._newton(omega, reference[1], gains, level)[1]) for level in levels]
