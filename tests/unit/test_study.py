@@ -222,7 +222,7 @@ def test_what_is_not_there_is_said(tmp_path):
     with pytest.raises(InputError, match="no campaign here"):
         Study.load(tmp_path).run()
     (tmp_path / "latin.toml").write_bytes(b"title = '\xe9'")
-    with pytest.raises(InputError, match="cannot be read as text .* expected UTF-8 text"):
+    with pytest.raises(InputError, match=r"cannot be read as text .* expected UTF-8 text"):
         Study.load(tmp_path / "latin.toml")
 
 
