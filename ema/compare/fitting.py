@@ -57,7 +57,8 @@ that is at most a fifth of theirs. Twice as far from 1, it is at most two sevent
 _REFINED = 4
 """Steps at most from the optimum without a discrepancy to the one with it."""
 _CLOSE = 0.3
-"""Last step, in standard deviations, after which the derivatives are not taken again."""
+"""Distance of the mean, in standard deviations, from where the derivatives were taken, up to which they are not taken
+again."""
 _NOT_SEARCHED = ("background_damping", FORCE_SCALE)
 """What is followed from the model's value: both move the whole map."""
 _STARTS = (1, 16, 64, 128)
@@ -511,9 +512,11 @@ def _with_discrepancy(problem: _Problem, values: np.ndarray, bias: np.ndarray, c
         step = profile.damped(np.clip(whole.mean, -1, 1))
         values = values + step
         close = _CLOSE * np.sqrt(np.diag(whole.covariance))
-        if np.all(np.abs(step) < close):
+        arrived = bool(np.all(np.abs(whole.mean) < close))
+        # a step that was shortened is none that led there
+        if arrived or not step.any():
             break
-    settled = bool(np.all(np.abs(whole.mean) < close) and np.all(change < np.maximum(_SAME, close)))
+    settled = arrived and bool(np.all(change < np.maximum(_SAME, close)))
     # what the optimum could not follow counts as uncertainty
     rest = whole.mean - step
     covariance = whole.covariance + np.outer(rest, rest)
