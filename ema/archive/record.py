@@ -150,9 +150,12 @@ def _kept_results(source: Source) -> Iterator[tuple[str, dict[str, Any]]]:
         try:
             yield path.stem, _kept_result(path, source)
         except EmaError as error:
-            message = f"a kept result cannot be read and was not indexed ({error.what})."
-            finding = Finding("warning", "kept-unreadable", path.name, message, advice="Run `ema run` again.")
-            yield path.stem, {"unreadable": [_finding(finding)]}
+            yield path.stem, {"unreadable": [_unreadable(path, error)]}
+
+
+def _unreadable(path: Path, error: EmaError) -> list[str]:
+    message = f"a kept result cannot be read and was not indexed ({error.what})."
+    return _finding(Finding("warning", "kept-unreadable", path.name, message, advice="Run `ema run` again."))
 
 
 _OF_RUN = ("run.id", "run.condition", "modes.poles", "modes.covariance", "modes.confidence", "findings")
@@ -233,8 +236,8 @@ def _whole_study(path: Path) -> dict[str, Any]:
         return nothing
     try:
         study = store.load_fields(path, "findings", "amplitude_modes")
-    except EmaError:
-        return nothing
+    except EmaError as error:
+        return nothing | {"findings": [_unreadable(path, error)]}
     return {
         "findings": [_finding(one) for one in study["findings"]],
         "levels": [_levels(mode) for mode in study["amplitude_modes"]],

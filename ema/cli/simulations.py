@@ -168,8 +168,12 @@ def frf(
     normal: Sequence[float] | None,
     progress: Progress,
 ) -> Job:
-    """Steady states over the band at every force level and normal force."""
-    frequencies = np.linspace(table.band[0], table.band[1], table.lines)
+    """Steady states over the band at every force level and normal force; no frequency where no peak is in the band."""
+    from ema.simulate.harmonic import condense
+    from ema.simulate.maps import peak_in_band
+
+    low, high = table.band[0], table.band[1]
+    frequencies = np.linspace(low, high, table.lines)
     outputs = table.outputs or [table.at]
     runs: dict[str, HarmonicResponse] = {}
     rows: list[dict[str, Any]] = []
@@ -177,15 +181,18 @@ def frf(
         for level in force or table.force:
             run = simulate.frf(held, frequencies, level, table.at, outputs, table.tolerance, progress=progress)
             runs[f"{level:g} N, F_N {pressed}"] = run
-            top = simulate.resonance(held, level, table.at, outputs[0], (table.band[0], table.band[1]), table.tolerance)
+            top = peak_in_band(condense(held, level, table.at, outputs[:1], table.tolerance), (low, high))
+            frequency, damping, amplitude = (
+                (top.frequency, top.damping, abs(top.amplitude)) if top is not None else (float("nan"),) * 3
+            )
             rows.append(
                 {
                     "F_E [N]": float(level),
                     "F_N": pressed,
-                    "f [Hz]": top.frequency,
-                    "zeta [%]": 100 * top.damping,
-                    "|X| [um]": 1e6 * abs(top.amplitude),
-                    "|X|/F [um/N]": 1e6 * abs(top.amplitude) / level,
+                    "f [Hz]": frequency,
+                    "zeta [%]": 100 * damping,
+                    "|X| [um]": 1e6 * amplitude,
+                    "|X|/F [um/N]": 1e6 * amplitude / level,
                     "power balance": run.power_error,
                     "error estimate": float(np.nanmax(run.error_estimate)),
                     "solved": f"{int(run.converged.sum())} of {len(run.converged)}",
@@ -218,7 +225,7 @@ def damping_map(
         progress=progress,
     )
     pictures = {"damping_map": show.damping_map(chart), "frequency_map": show.frequency_map(chart)}
-    return Job({"map": chart}, pictures, _rows_of_map(chart), [])
+    return Job({"map": chart}, pictures, _rows_of_map(chart), list(chart.findings))
 
 
 def _rows_of_map(chart: ModalMap) -> list[dict[str, Any]]:

@@ -27,7 +27,7 @@ from ema.compare.parameter_intervals import (
     posterior,
     robust_std,
 )
-from ema.compare.replay import MeasuredPoints, measure, measured_points, search_band, within_band
+from ema.compare.replay import MeasuredPoints, measure, measured_points, search_band
 from ema.data import BeamModel, Finding, ModalMap
 from ema.data.comparison import ModelUpdate
 from ema.dof import Dof
@@ -292,6 +292,8 @@ class _Problem:
         Elsewhere stands what is read at the end of the band, or NaN; it has no part in the common error, unless there
         is nothing else.
         """
+        from ema.simulate.maps import within_band
+
         some = np.arange(len(self.points.level)) if chosen is None else chosen
         damping, frequency, of_damping, of_frequency = (part[some] for part in self.measured)
         std = np.stack([np.hypot(of_damping, soft * _SOFT_DAMPING), np.hypot(of_frequency, soft * _SOFT_FREQUENCY)])

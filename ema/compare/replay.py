@@ -4,18 +4,15 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from ema.data import BeamModel, Condition, Excitation, Finding, FrfSet, JointForce, Lazy, ModalMap, Recording, Run
+from ema.data import BeamModel, Condition, Excitation, FrfSet, JointForce, Lazy, ModalMap, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 
 _WIDTH = 0.04
 """Part of its frequency by which a mode may leave the range of the measured map."""
-_BAND_END = 1e-4
-"""Distance of a peak from an end of the band, relative, up to which the band cuts it off: a search that meets no peak
-within the band returns its end. Peaks are placed within half of it; twice as wide, the last 0.02 % are cut."""
 _LINES, _BANDWIDTHS = 25, 4.0
 """Lines about a resonance, and its half-power bandwidths to either side that they span."""
 
@@ -169,7 +166,7 @@ def _map(
     tolerance: float,
     progress: Progress,
 ) -> ModalMap:
-    from ema.simulate.maps import check_band
+    from ema.simulate.maps import check_band, no_resonance
 
     points = measured_points(model, like)
     limits = check_band(model, band or search_band(like))
@@ -179,7 +176,7 @@ def _map(
         pressed, level = model.with_normal_force(points.forces[index].tolist()), float(points.level[index])
         values[:, points.row[index], points.column[index]] = _point(pressed, level, at, output, limits, tolerance, like)
     count, cut = len(points.level), int(np.isnan(values[2, points.row, points.column]).sum())
-    findings = (_cut_off(model.name or "model", cut, count, limits),) if cut else ()
+    findings = (no_resonance(model.name or "model", cut, count, limits),) if cut else ()
     return replace(
         like,
         frequency=values[0],
@@ -191,23 +188,6 @@ def _map(
         quadrature_damping=None,
         name=model.name or "model",
         findings=findings,
-    )
-
-
-def within_band(frequency: Float[np.ndarray, "point"], band: tuple[float, float]) -> Bool[np.ndarray, "point"]:
-    """Whether resonances that were searched in a band are peaks within it; not where there is none (NaN)."""
-    return (frequency > band[0] * (1 + _BAND_END)) & (frequency < band[1] * (1 - _BAND_END))
-
-
-def _cut_off(where: str, cut: int, count: int, band: tuple[float, float]) -> Finding:
-    return Finding(
-        "warning",
-        "no-resonance",
-        where,
-        f"the model has no resonance between {band[0]:.4g} and {band[1]:.4g} Hz at {cut} of {count} points.",
-        float(cut),
-        0.0,
-        "Widen the band, or look for the mode of the map among those of the model.",
     )
 
 
@@ -276,11 +256,11 @@ def _point(
 ) -> tuple[float, float, float, float]:
     """Frequency, damping, modal amplitude and misfit of one condition; NaN without a resonance in the band."""
     from ema.fit.tracking import track
-    from ema.simulate.harmonic import frf
-    from ema.simulate.maps import resonance
+    from ema.simulate.harmonic import condense, frf
+    from ema.simulate.maps import peak_in_band
 
-    peak = resonance(model, level, at, output, band, tolerance)
-    if not within_band(np.array([peak.frequency]), band)[0]:
+    peak = peak_in_band(condense(model, level, at, [output], tolerance), band)
+    if peak is None:
         return (float("nan"),) * 4
     if like.method == "frozen":
         return peak.frequency, peak.damping, peak.modal_amplitude, float("nan")

@@ -6,7 +6,7 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ema.contact.catalogue import CATALOGUE
 from ema.data import BeamModel, Finding, ModalMap, NormalContact, Provenance
@@ -20,6 +20,9 @@ HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
 """Laws without a scale of their own: forces and displacements grow together."""
 _ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 3, 0.02
 _FIRST, _FIRST_LEVELS, _BESIDE, _MOST_ORDERS = 24, 7, 1.12, 48
+_BAND_END = 1e-4
+"""Distance of a peak from an end of the band, relative, up to which the band cuts it off: a search that meets no peak
+within the band ends there. Peaks are placed within half of it; twice as wide, the last 0.02 % are cut."""
 _WALK, _MOST_WALKED = 0.04, 24
 """Steps down from a peak over its damping ratio, a tenth of the way to 0.93 of its height, and how many at most."""
 _APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0
@@ -101,7 +104,46 @@ def resonance(
     0.003
     """
     condensed = condense(model, force, at, [output], tolerance, modes)
-    return _with_rivals(condensed, _peak(condensed, check_band(model, band), coarse), band)
+    found = peak_in_band(condensed, check_band(model, band), coarse)
+    if found is None:
+        raise _no_resonance(model, band, "the largest response at an end of it")
+    return found
+
+
+def peak_in_band(condensed: Condensed, band: tuple[float, float], coarse: int = 40) -> Resonance | None:
+    """The largest response of a band with its rivals, as of ``resonance``; nothing where it lies at an end."""
+    top = _peak(condensed, band, coarse)
+    if not within_band(np.array([top.frequency]), band)[0]:
+        return None
+    return _with_rivals(condensed, top, band)
+
+
+def within_band(frequency: Float[np.ndarray, "point"], band: tuple[float, float]) -> Bool[np.ndarray, "point"]:
+    """Whether largest responses of a band are peaks within it; not where there is none (NaN)."""
+    return (frequency > band[0] * (1 + _BAND_END)) & (frequency < band[1] * (1 - _BAND_END))
+
+
+def no_resonance(where: str, cut: int, count: int, band: tuple[float, float]) -> Finding:
+    """What is said of a map with holes where the band cuts off the resonance."""
+    return Finding(
+        "warning",
+        "no-resonance",
+        where,
+        f"the model has no resonance between {band[0]:.4g} and {band[1]:.4g} Hz at {cut} of {count} points.",
+        float(cut),
+        0.0,
+        "Widen the band, or look for the mode of the map among those of the model.",
+    )
+
+
+def _no_resonance(model: BeamModel, band: tuple[float, float], got: str) -> InputError:
+    return InputError(
+        f"no resonance between {band[0]:.4g} and {band[1]:.4g} Hz",
+        where=model.name,
+        got=got,
+        expected="a peak within the band",
+        advice="widen the band to hold the mode with the joints stuck and with them slipping",
+    )
 
 
 def _with_rivals(condensed: Condensed, top: Resonance, band: tuple[float, float]) -> Resonance:
@@ -404,7 +446,7 @@ def resonances(
     Returns
     -------
     tuple of Resonance
-        One resonance per level.
+        The largest response of the band at each level. Where no peak is in the band, that is one of its ends.
 
     Raises
     ------
@@ -483,12 +525,12 @@ def damping_map(
     Returns
     -------
     ModalMap
-        A map of the method ``frozen``.
+        A map of the method ``frozen``; NaN where no resonance is in the band.
 
     Raises
     ------
     InputError
-        If the band or a list is empty, a force is not positive, or no resonance is in the band.
+        If the band or a list is empty, a force is not positive, or no resonance is in the band at any point.
 
     Examples
     --------
@@ -541,6 +583,12 @@ def damping_map(
             )
         )
     shape = table.shape[1:]
+    cut = ~within_band(table[0].ravel(), band).reshape(shape)
+    if cut.all():
+        raise _no_resonance(model, band, "the largest response at its ends everywhere")
+    if cut.any():
+        table[:, cut] = np.nan
+        findings.append(no_resonance(model.name or "model", int(cut.sum()), cut.size, band))
     joints = np.broadcast_to(normals[None, :, None], (*shape, len(model.joints)))
     return ModalMap(
         levels,

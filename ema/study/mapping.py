@@ -115,12 +115,12 @@ def simulated(path: Path, table: MapTable, progress: Progress = silent) -> MapRe
     dropout = np.full(chart.damping.shape, np.nan)
     return MapResult(
         table.title,
-        replace(chart, name=table.title),
+        replace(chart, name=table.title, findings=()),
         nothing.reshape(0, 3),
         nothing,
         nothing,
         dropout,
-        findings=tuple(_about_map(chart, table.title)),
+        findings=(*_about_map(chart, table.title), *(replace(one, where=table.title) for one in chart.findings)),
     )
 
 

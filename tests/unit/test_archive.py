@@ -20,6 +20,7 @@ import pytest
 from ema import archive, store
 from ema.archive import Observation, Query, cache, parts
 from ema.archive.adding import recorded, sources_of
+from ema.archive.record import record_of
 from ema.data import FrfSet, MapResult, ModalMap, Provenance, StudyResult
 from ema.errors import InputError
 from ema.examples import campaign as example_campaign
@@ -357,6 +358,17 @@ def test_a_kept_result_that_cannot_be_read_is_named(campaigns: Path, tmp_path: P
     answer = archive.find(tmp_path / "archive")
     assert "run_001" not in {row.run for row in answer.observations}
     assert codes(answer) == ["not-analysed"] and len(answer.observations) == (RUNS - 1) * 6
+
+
+def test_a_result_of_a_study_that_cannot_be_read_is_named(campaigns: Path) -> None:
+    source = generated.source_of(campaigns / "c0")
+    before = record_of(source)["findings"]
+    source.result.parent.mkdir(parents=True, exist_ok=True)
+    store.save(source.result, StudyResult(example_campaign(), ()))
+    assert record_of(source)["findings"] == before
+    source.result.write_bytes(source.result.read_bytes()[:3000])
+    (finding,) = (one for one in record_of(source)["findings"] if one not in before)
+    assert finding[1:3] == ["kept-unreadable", source.result.name] and "was not indexed" in finding[3]
 
 
 def test_names_and_patterns_are_values_and_never_sql(campaigns: Path, tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ from ema.simulate import (
 from ema.simulate.loops import drive
 from ema.simulate.maps import homogeneous
 from ema.simulate.transient import Drive, integrate, prepare, released
+from tests.bench.joint_maps import ON, Host, Springs, closed_form_map
 
 MU, K, FN = 0.3, 1e6, 100.0
 FC, XC = MU * FN, MU * FN / K
@@ -260,3 +261,23 @@ def test_contacts_far_stiffer_than_the_beams_find_their_static_state(law, elemen
     rigid = float(problem.base.row(problem.system, tip) @ released(problem, 20.0, problem.outputs[0]).q)
     assert deflections[1] == pytest.approx(rigid, rel=1e-3)
     assert deflections[0] == pytest.approx(rigid, rel=1e-2)
+
+
+def test_where_the_band_cuts_off_the_resonance_there_is_none():
+    """A joint of one spring at 1 and 10 N: by its describing function 108.2, 109.4, 109.5 Hz and 100.1, 102.3, 108.2 Hz."""
+    host = Host(100.0, 0.005)
+    truth, levels, forces = (0.3, 0.2 * host.omega**2, 0.0), [1.0, 10.0], [10.0, 30.0, 100.0]
+    band = 99.0, 109.0
+    exact = closed_form_map(host, Springs(np.ones(1), np.ones(1)), truth, levels, forces).frequency
+    model = host.model(Masing(truth[0], truth[1]))
+    chart = damping_map(model, levels, forces, ON, ON, band)
+    assert np.isnan(chart.frequency).tolist() == np.isnan(chart.damping).tolist() == (exact > band[1]).tolist()
+    assert np.isnan(chart.modal_amplitude).tolist() == (exact > band[1]).tolist()
+    np.testing.assert_allclose(chart.frequency, np.where(exact > band[1], np.nan, exact), rtol=5e-3)
+    (finding,) = chart.findings
+    assert finding.code == "no-resonance" and "between 99 and 109 Hz at 2 of 6 points" in finding.message
+    for narrow in ((99.0, 105.0), (112.0, 120.0)):
+        with pytest.raises(InputError, match=r"no resonance between .* got the largest response at an end of it"):
+            resonance(model.with_normal_force(100.0), 1.0, ON, ON, narrow)
+    with pytest.raises(InputError, match="no resonance between 112 and 120 Hz"):
+        damping_map(model, levels, forces, ON, ON, (112.0, 120.0))
