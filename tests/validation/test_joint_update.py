@@ -203,8 +203,8 @@ def test_a_peak_that_jumps_within_the_step_is_no_knowledge():
 def described(monkeypatch):
     """Resonances of ``Host`` from describing functions in place of the simulator: updates in a second, not a minute.
 
-    Where the band does not hold the resonance its nearer end is returned, as by the simulator
-    (``test_a_point_whose_resonance_the_band_cuts_off``).
+    Where the band does not hold the resonance its nearer end is returned, as by the simulator. ``tests/bench/updates.py``
+    has the simulator itself do the same.
     """
 
     def resonances(model, levels, at, output, band, tolerance):
@@ -263,13 +263,8 @@ def test_a_measured_model_has_holes_where_the_band_cuts_off_its_resonance():
     assert "no resonance at 2" in str(compare.maps(chart, again).verdict)
 
 
-@pytest.mark.slow
-def test_a_point_whose_resonance_the_band_cuts_off():
-    """The stuck points lie at 109.4 and 109.5 Hz, those between near 108.2 Hz."""
-    check_cut((96.0, 109.0))
-
-
 def test_points_at_which_the_model_has_no_resonance_are_counted(described):
+    """The stuck points lie at 109.4 and 109.5 Hz, those between near 108.2 Hz."""
     check_cut((96.0, 109.0))
     check_cut((101.0, 114.0))
     whole = compare.update(CUT.model(Masing(0.2, CUT_TRUTH[1])), cut_map(), FREE[:1], DRIVEN, DRIVEN)
@@ -286,8 +281,7 @@ def test_a_search_that_has_not_settled_is_named(described, monkeypatch):
     assert "the search has not settled" in finding.message
 
 
-@pytest.mark.slow
-def test_joint_parameters_from_a_closed_form_map_with_noise():
+def test_joint_parameters_from_a_closed_form_map_with_noise(described):
     """The map is that of a describing function, of which the model that is fitted knows nothing; bounds as above."""
     host = Host(499.0, 0.00638)
     truth = 0.3, 0.05 * host.omega**2, 0.4
@@ -302,9 +296,8 @@ def test_joint_parameters_from_a_closed_form_map_with_noise():
     assert all(found.identifiable)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("chi", [0.4, 0.0])
-def test_low_levels_of_one_normal_force_are_not_taken_for_knowledge_of_the_joint(chi):
+def test_low_levels_of_one_normal_force_are_not_taken_for_knowledge_of_the_joint(described, chi):
     """Four levels of a power-law joint in microslip, noise 1 %, fitted with another power (the default of `iwan`).
 
     The law fits these levels within some per cent and misses the damping of the next but one by 30 to 50 %: what it says
@@ -327,9 +320,8 @@ def test_low_levels_of_one_normal_force_are_not_taken_for_knowledge_of_the_joint
     assert "not-identifiable" in {finding.code for finding in found.findings}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("number", "determined"), [(1, True), (2, False)])
-def test_the_law_of_a_model_is_not_taken_for_that_of_the_joint(number, determined):
+def test_the_law_of_a_model_is_not_taken_for_that_of_the_joint(described, number, determined):
     """Joints of many and of three springs, in closed form, fitted with the law of one spring.
 
     mu is the slip force of all springs over F_N and k_T their stiffness. The first map reaches from sticking to slip and
