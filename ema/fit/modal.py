@@ -266,10 +266,11 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
         if searches and chosen.trusted and not optimum.misfit:
             searches -= 1
             more, vectors = narrow_peaks(optimum.data, optimum.fit, poles.band)
-            if len(more):
-                chosen = extended(data, chosen, poles.band, more, vectors)
+            larger = extended(data, chosen, optimum.kept, poles.band, more, vectors) if len(more) else chosen
+            if len(more) and len(larger.fit.poles) > len(optimum.kept):
+                chosen = larger
                 continue
-            searches = 0
+            chosen, searches = replace(chosen, dropped=larger.dropped), 0
         errors = uncertainty.errors_of(optimum)
         # A pole of the background may have taken the place of a mode on the way.
         possible, alone = like_modes(optimum.fit.poles, poles.band), chosen.alone[optimum.kept]

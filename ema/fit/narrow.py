@@ -29,6 +29,8 @@ proportion to the FRF, four fifths of what the peak makes of noise lie there (2/
 _SAME = 0.9
 """MAC of two shapes, and of two participation vectors, from which on both poles may be of one mode, as elsewhere in the
 search."""
+TONE = "it lives in one frequency line and its neighbours"
+"""Why a tone is left out."""
 _FLANK = 4.0
 """Evidence, in standard deviations, that the flanks of a narrow peak have to give for a resonance. Of tones 1 in 30,000
 gives as much (normal distribution, one-sided)."""

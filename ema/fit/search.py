@@ -10,7 +10,7 @@ from ema.data import damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
-from ema.fit.narrow import caution, on_narrow_peak, tones
+from ema.fit.narrow import TONE, caution, on_narrow_peak, tones
 from ema.fit.policy import POLICY, passes_for_mode
 
 MISFIT = 0.2
@@ -258,7 +258,7 @@ def prune(
         }
         if not reasons and dropped is not None:
             narrow = np.flatnonzero(-2 * fit.poles.real <= data.line)
-            reasons = dict.fromkeys(tones(data, fit, narrow), "it lives in one frequency line and its neighbours")
+            reasons = dict.fromkeys(tones(data, fit, narrow), TONE)
         weakest = sorted(reasons, key=lambda k: gain[k] / needed[k])[: (len(reasons) + 2) // 3]
         if weakest:
             smaller = _without(data, fit, weakest, 3)

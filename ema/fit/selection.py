@@ -15,7 +15,7 @@ from ema.data import PoleTable, damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import Candidates, inside, like_modes, of_table, zoom
 from ema.fit.estimator import Fit, Observations
-from ema.fit.narrow import tones
+from ema.fit.narrow import TONE, tones
 from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
 from ema.fit.policy import POLICY, passes_for_mode
@@ -113,18 +113,35 @@ def with_weak(chosen: Selection, band: tuple[float, float]) -> Selection:
 def extended(
     prepared: Prepared,
     chosen: Selection,
+    kept: Int[np.ndarray, "kept"],
     band: tuple[float, float],
     poles: Complex[np.ndarray, "new"],
     vectors: Complex[np.ndarray, "new in"],
 ) -> Selection:
-    """The selection with further poles and their participation, in bins that are fine enough for these."""
-    state = _State(chosen.data, chosen.noise, chosen.starts, chosen.fit)
-    state = _rebinned(prepared, state, estimator.with_modes(chosen.data, chosen.fit, poles, vectors))
-    fit, _ = estimator.determined(state.data, estimator.refine(state.data, state.fit))
+    """The selection's poles ``kept`` with further ones and their participation, in bins that are fine enough for these;
+    without those that are tones.
+    """
+    start = estimator.drop(chosen.data, chosen.fit, np.isin(np.arange(len(chosen.fit.poles)), kept))
+    state = _State(chosen.data, chosen.noise, chosen.starts, start)
+    state = _rebinned(prepared, state, estimator.with_modes(chosen.data, start, poles, vectors))
+    fit = estimator.refine(state.data, state.fit)
+    keep, dropped = np.ones(len(fit.poles), bool), chosen.dropped
+    keep[tones(state.data, fit, np.flatnonzero(-2 * fit.poles.real <= state.data.line))] = False
+    if not keep.all():
+        dropped += tuple(Dropped(complex(pole), TONE) for pole in fit.poles[~keep])
+        fit = estimator.refine(state.data, estimator.drop(state.data, fit, keep))
+    fit, _ = estimator.determined(state.data, fit)
     possible = like_modes(fit.poles, band)
     alone = _alone(state.data, fit, band, possible) if chosen.trusted else np.ones(len(fit.poles))
-    return replace(
-        chosen, fit=fit, data=state.data, noise=state.noise, starts=state.starts, possible=possible, alone=alone
+    return Selection(
+        fit=fit,
+        data=state.data,
+        noise=state.noise,
+        starts=state.starts,
+        possible=possible,
+        alone=alone,
+        trusted=chosen.trusted,
+        dropped=dropped,
     )
 
 
@@ -285,7 +302,7 @@ def _eliminate(
             int(k): f"it explains {gain[k] / required[k]:.2g} times what noise and misfit would"
             for k in np.flatnonzero(gain <= required)
         }
-        reasons |= dict.fromkeys(_spurs(data, fit, band), "it lives in one frequency line and its neighbours")
+        reasons |= dict.fromkeys(_spurs(data, fit, band), TONE)
         # Leaving one out can make another one needed, so the weaker ones go first.
         weakest = sorted(reasons, key=lambda k: gain[k] / required[k])[: (len(reasons) + 2) // 3]
         reasons = {k: reasons[k] for k in weakest}

@@ -242,11 +242,12 @@ def test_noise_alone_holds_no_mode(shape):
         assert found.shapes.shape == (shape[0], 0)
 
 
-def test_a_spur_in_one_line_is_no_mode():
+@pytest.mark.parametrize("size", [0.02, 0.5, 2])
+def test_a_spur_in_one_line_is_no_mode(size):
     truth = three()
     measured = frfs(truth, 100, 200, 801, noise=0.005)
     values = np.array(measured.values)
-    values[300] += 0.5 * np.abs(values).max() * np.exp(1j * np.arange(values[0].size)).reshape(values[0].shape)
+    values[300] += size * np.abs(values).max() * np.exp(1j * np.arange(values[0].size)).reshape(values[0].shape)
     found = fitted(replace(measured, values=values))
     np.testing.assert_allclose(found.natural_frequencies, truth.natural_frequencies, rtol=1e-3)
     assert len(found.poles) == 3
