@@ -1,6 +1,6 @@
 """Experimental modal analysis where joints and friction matter.
 
-Rooms are imported when first used: ``ema.estimate``, ``ema.fit``, ``ema.simulate``, ``ema.show``, ``ema.report`` ...
+Packages are imported when first used: ``ema.estimate``, ``ema.fit``, ``ema.simulate``, ``ema.show``, ``ema.report`` ...
 """
 
 from ema.lazy import attach
