@@ -170,9 +170,9 @@ def frf(
 ) -> Job:
     """Steady states over the band at every force level and normal force; no frequency where no peak is in the band."""
     from ema.simulate.harmonic import condense
-    from ema.simulate.maps import peak_in_band
+    from ema.simulate.maps import check_band, peak_in_band
 
-    low, high = table.band[0], table.band[1]
+    low, high = check_band(model, (table.band[0], table.band[1]))
     frequencies = np.linspace(low, high, table.lines)
     outputs = table.outputs or [table.at]
     runs: dict[str, HarmonicResponse] = {}
