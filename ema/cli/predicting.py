@@ -1,5 +1,7 @@
-"""`ema predict`: frequency and damping at amplitudes that were not measured, from the levels that were."""
+"""`ema predict`: frequency and damping at amplitudes, or forces, that were not measured, from those that were."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,50 +12,157 @@ from ema.cli.ending import ends_well
 from ema.errors import InputError
 
 if TYPE_CHECKING:
-    from ema.data import AmplitudeDependentMode, AmplitudePrediction
+    from matplotlib.figure import Figure
+
+    from ema.data import AmplitudeDependentMode, AmplitudePrediction, ModalMap, ModelUpdate
 
 
 @ends_well
 def predict(
-    measured: Annotated[Path, typer.Argument(help="A campaign with stepped levels, or a mode that `ema map` wrote.")],
-    amplitude: Annotated[list[str], typer.Option(help="Amplitude with its unit, such as '60 m/s^2' (repeat).")],
+    measured: Annotated[
+        Path,
+        typer.Argument(
+            help="A campaign with stepped levels, a mode over its amplitude that `ema map` wrote, or the comparison.h5 "
+            "of `ema compare MAP MODEL --update`."
+        ),
+    ],
+    amplitude: Annotated[
+        list[str] | None, typer.Option(help="Of stepped levels: amplitude with its unit, such as '60 m/s^2' (repeat).")
+    ] = None,
     run: Annotated[str, typer.Option("--run", help="The run of stepped levels, where there are several.")] = "",
     up_to: Annotated[
         str, typer.Option("--up-to", help="Fit levels up to this amplitude; higher ones confirm or refute.")
     ] = "",
+    model: Annotated[
+        Path | None, typer.Option("--model", help="Of a map: the model.toml that was updated, for its [map].")
+    ] = None,
+    force: Annotated[list[str] | None, typer.Option("--force", help="Of a map: F_E such as '4 N' (repeat).")] = None,
+    normal_force: Annotated[
+        list[str] | None, typer.Option("--normal-force", help="Of a map: F_N such as '500 N' (repeat).")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for what is written [predicted/NAME].")
     ] = None,
     limit: Limit = "error",
     json: Json = False,
 ) -> int:
-    """Predict frequency and damping over the amplitude, with 95 % bands and how far outside the data they lie."""
-    from ema import show, store
+    """Predict frequency and damping where nothing was measured, with 95 % bands and their distance from the data."""
+    wanted = _Wanted(measured, out or Path("predicted") / measured.resolve().stem, limit, json)
+    if model is not None and force and normal_force and not (amplitude or run or up_to):
+        return _of_map(wanted, model, force, normal_force)
+    if amplitude and not (model or force or normal_force):
+        return _of_levels(wanted, amplitude, run, up_to)
+    raise InputError(
+        "what is to be predicted?",
+        where=str(measured),
+        expected="--amplitude for stepped levels; --model, --force and --normal-force for a map",
+        advice="docs/prediction.md has an example of each",
+    )
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """From what, where to, and how it is told."""
+
+    measured: Path
+    folder: Path
+    limit: str
+    json: bool
+
+    def written(self, stem: str, nouns: "Mapping[str, object]", picture: "Figure") -> list[Path]:
+        """The files of a prediction."""
+        from ema import store
+        from ema.study.study import make_folder
+
+        make_folder(self.folder)
+        first = self.folder / f"{stem}_prediction.h5"
+        store.save(first, nouns)
+        return [first, *save_pictures(self.folder, {f"{stem}_prediction": picture})]
+
+
+def _of_levels(wanted: _Wanted, amplitude: list[str], run: str, up_to: str) -> int:
+    """Predict at amplitudes from stepped levels."""
+    from ema import show
     from ema.cli import screen
     from ema.compare import confirmed, predict_amplitudes
     from ema.file_names import safe_name
     from ema.study.plain import amplitude_lines, prediction
-    from ema.study.study import make_folder
 
-    mode = _mode(measured, run)
+    mode = _mode(wanted.measured, run)
     fitted = mode
     if up_to:
         fitted = mode.lowest(int((mode.amplitude <= _in_si(up_to, mode.quantity) * 1.01).sum()))
     found = predict_amplitudes(fitted, sorted(_in_si(text, mode.quantity) for text in amplitude))
     inside, held = confirmed(found, mode) if up_to else (0, 0)
-    folder = out or Path("predicted") / measured.resolve().stem
-    make_folder(folder)
-    stem = safe_name(mode.name or "mode")
-    written = [folder / f"{stem}_prediction.h5"]
-    store.save(written[0], {"mode": fitted, "prediction": found})
-    written += save_pictures(folder, {f"{stem}_prediction": show.amplitude_modes([mode], [found])})
-    if json:
+    picture = show.amplitude_modes([mode], [found])
+    written = wanted.written(safe_name(mode.name or "mode"), {"mode": fitted, "prediction": found}, picture)
+    if wanted.json:
         tested = {"held_out": held, "inside": inside} if up_to else None
         screen.as_json(prediction(found) | {"confirmed": tested, "written": [str(path) for path in written]})
     else:
         _print(found, [*amplitude_lines(found)], (inside, held) if up_to else None)
         screen.console().print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
-    return status(list(found.findings), limit)
+    return status(list(found.findings), wanted.limit)
+
+
+def _of_map(wanted: _Wanted, model: Path, force: list[str], normal_force: list[str]) -> int:
+    """Predict at forces from a map and the model that was updated by it."""
+    from acquisition import model_file
+    from acquisition.quantities import measure
+    from ema import show
+    from ema.cli import screen
+    from ema.compare import predict_map
+    from ema.file_names import safe_name
+    from ema.study.plain import map_lines, map_prediction
+
+    update, chart = _updated(wanted.measured)
+    table = model_file.load(model).map
+    if table is None:
+        raise InputError(
+            "the model file has no [map]",
+            where=str(model),
+            expected="at, output and band",
+            advice="give the file that the model was updated from",
+        )
+    levels, forces = (sorted(float(measure(text, "force")[0]) for text in each) for each in (force, normal_force))
+    band = table.band[0], table.band[1]
+    found = predict_map(update, chart, levels, forces, at=table.at, output=table.output or table.at, band=band)
+    picture = show.map_prediction(found, chart)
+    written = wanted.written(safe_name(chart.name or "map"), {"prediction": found}, picture)
+    if wanted.json:
+        screen.as_json(map_prediction(found) | {"written": [str(path) for path in written]})
+        return status(list(found.findings), wanted.limit)
+    out = screen.console()
+    lines = [f"{found.name}: medians and 95 % bands, which contain {found.contains}.", *map_lines(found)]
+    for line in (*lines, found.statement):
+        out.print(line, highlight=False, markup=False, soft_wrap=True)
+    screen.show_findings(out, found.findings)
+    out.print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
+    return status(list(found.findings), wanted.limit)
+
+
+def _updated(path: Path) -> "tuple[ModelUpdate, ModalMap]":
+    """The update of a model and the map that it was made from.
+
+    Raises
+    ------
+    InputError : the file does not hold both.
+    """
+    from ema import store
+    from ema.data import MapComparison, ModelUpdate
+
+    held = store.load(path) if path.is_file() and store.is_store(path) else {}
+    items = list(held.values()) if isinstance(held, Mapping) else []
+    updates = [item for item in items if isinstance(item, ModelUpdate)]
+    charts = [item.measured for item in items if isinstance(item, MapComparison)]
+    if len(updates) != 1 or len(charts) != 1:
+        raise InputError(
+            "no updated model with its map",
+            where=str(path),
+            got="no such file" if not path.exists() else f"{len(updates)} updates and {len(charts)} maps",
+            expected="the comparison.h5 that `ema compare MAP MODEL --update PARAMETERS` wrote",
+        )
+    return updates[0], charts[0]
 
 
 def _in_si(text: str, quantity: str) -> float:

@@ -10,6 +10,7 @@ _HOMES = {
     "measure": "ema.compare.replay",
     "modes": "ema.compare.pairing",
     "predict_amplitudes": "ema.compare.amplitude_prediction",
+    "predict_map": "ema.compare.map_prediction",
     "repeat_findings": "ema.compare.scatter",
     "repeats": "ema.compare.scatter",
     "releases": "ema.compare.decays",

@@ -22,6 +22,7 @@ from ema.compare.parameter_intervals import (
     LinearData,
     ParameterPosterior,
     ProfileLikelihood,
+    Residuals,
     levels_agree,
     other_laws,
     posterior,
@@ -70,6 +71,8 @@ _CONTESTANTS, _ROUND = 4, 6
 _THIN = 8
 """Points of the map with which starts are compared."""
 _PASSES, _ITERATIONS, _STEP = 3, 15, 0.03
+TOLERANCE = 5e-3
+"""Relative error of the simulation that is aimed at."""
 _SAME = 0.01
 """Change of the parameters, on their scales, below which the fit of FRFs reads the same of the model."""
 _SOFT = (1.0, 0.3, 0.0)
@@ -92,7 +95,7 @@ def update(
     output: Dof | str,
     band: tuple[float, float] | None = None,
     known_level: bool = True,
-    tolerance: float = 5e-3,
+    tolerance: float = TOLERANCE,
     progress: Progress = silent,
 ) -> ModelUpdate:
     """Identify joint parameters from a measured map of one mode.
@@ -161,8 +164,8 @@ def update(
             got=f"{len(points.level)} points",
             expected=f"more than {(len(names) + 1) // 2} for {len(names)} parameters",
         )
-    problem = _Problem(
-        _centred(model, points), chart, points, parameters, at, output, band or search_band(chart), tolerance
+    problem = MapProblem(
+        centred(model, points), chart, points, parameters, at, output, band or search_band(chart), tolerance
     )
     values = problem.start(progress)
     bias, moved = np.zeros(len(points.level)), np.zeros(len(values))
@@ -179,7 +182,7 @@ def update(
     return _result(problem, values, bias, moved, [joint.law.reference_force for joint in model.joints])
 
 
-def _centred(model: BeamModel, points: MeasuredPoints) -> BeamModel:
+def centred(model: BeamModel, points: MeasuredPoints) -> BeamModel:
     """The same model with k_T stated at the middle of the map's normal forces, where the map tells it best."""
     middle = float(np.exp(np.mean(np.log(np.maximum(points.forces, 1e-9)))))
     return _stated_at(model, [middle] * len(model.joints))
@@ -195,7 +198,9 @@ def _stated_at(model: BeamModel, forces: Sequence[float]) -> BeamModel:
 
 
 @dataclass(frozen=True)
-class _Problem:
+class MapProblem:
+    """A model, a measured map and the parameters that are free: what is simulated, and how far off it is."""
+
     model: BeamModel
     chart: ModalMap
     points: MeasuredPoints
@@ -324,27 +329,35 @@ class _Problem:
 
     def linear(self, values: np.ndarray, bias: np.ndarray, differences: np.ndarray, resonant: np.ndarray) -> LinearData:
         """The data about given values where there is a resonance, with central differences for derivatives."""
-        steps, known = _STEP * np.eye(len(values)), np.tile(resonant, 2)
-        above = np.stack([differences - self.profile(values, bias, h) for h in steps], axis=1)
-        below = np.stack([self.profile(values, bias, -h) - differences for h in steps], axis=1)
-        per_std = _STEP * self.std[:, None]
-        above, below = (np.nan_to_num(each / per_std) for each in (above, below))
-        sensitivity = sound_slopes(above, below) * self.std[:, None]
-        damping = np.exp(self.measured[0])
-        # amplitude at quadrature, F_E = 2 zeta w^2 q; over the normal force it says how far the joint slips
-        log_normal_force = np.log(self.points.forces.mean(axis=1))
-        log_load = np.log(self.points.level / damping) - 2 * self.measured[1] - log_normal_force
+        known = np.tile(resonant, 2)
+        sensitivity = self.sensitivity(differences, partial(self.profile, values, bias))
+        log_load, log_normal_force = (each[resonant] for each in self.loads())
         return LinearData(
             residuals=differences[known],
             sensitivity=sensitivity[known],
             std=robust_std(differences[known], self.std[known]),
-            log_load=log_load[resonant],
-            log_normal_force=log_normal_force[resonant],
-            damping=damping[resonant],
+            log_load=log_load,
+            log_normal_force=log_normal_force,
+            damping=np.exp(self.measured[0])[resonant],
             law_differences=self.law_differences(values)[known],
             prior_mean=self.initial - values,
             prior_std=_PRIOR,
+            origin=(float(log_load.min()), 0.5 * float(log_normal_force.min() + log_normal_force.max())),
         )
+
+    def sensitivity(self, here: Float[np.ndarray, "datum"], profile: Residuals) -> Float[np.ndarray, "datum parameter"]:
+        """Derivatives of what is simulated, from the differences ``here`` and those a step away."""
+        steps, per_std = _STEP * np.eye(len(self.parameters)), _STEP * self.std[:, None]
+        above = np.stack([here - profile(h) for h in steps], axis=1)
+        below = np.stack([profile(-h) - here for h in steps], axis=1)
+        above, below = (np.nan_to_num(each / per_std) for each in (above, below))
+        return sound_slopes(above, below) * self.std[:, None]
+
+    def loads(self) -> tuple[Float[np.ndarray, "point"], Float[np.ndarray, "point"]]:
+        """ln(amplitude / F_N) and ln F_N of the points: how far the joint slips, amplitude at quadrature."""
+        # F_E = 2 zeta w^2 q
+        log_normal_force = np.log(self.points.forces.mean(axis=1))
+        return np.log(self.points.level) - self.measured[0] - 2 * self.measured[1] - log_normal_force, log_normal_force
 
     def residuals(
         self, values: np.ndarray, bias: np.ndarray, soft: float = 0.0, chosen: np.ndarray | None = None
@@ -447,7 +460,7 @@ class _Optimum:
 
 
 def _result(
-    problem: _Problem, values: np.ndarray, bias: np.ndarray, change: np.ndarray, reference: Sequence[float]
+    problem: MapProblem, values: np.ndarray, bias: np.ndarray, change: np.ndarray, reference: Sequence[float]
 ) -> ModelUpdate:
     optimum = _with_discrepancy(problem, values, bias, change)
     misfit, quantile = _misfits(problem, optimum)
@@ -481,7 +494,7 @@ def _result(
     )
 
 
-def _misfits(problem: _Problem, optimum: _Optimum) -> tuple[float, float]:
+def _misfits(problem: MapProblem, optimum: _Optimum) -> tuple[float, float]:
     """Rms of all residuals in standard uncertainties, ``LOST`` without a resonance, and the quantile of Student's t for
     95 % intervals from those with one."""
     from scipy.stats import t
@@ -492,7 +505,7 @@ def _misfits(problem: _Problem, optimum: _Optimum) -> tuple[float, float]:
     return float(misfit), float(t.ppf(0.975, max(len(optimum.data.residuals) - fitted, 1)))
 
 
-def _with_discrepancy(problem: _Problem, values: np.ndarray, bias: np.ndarray, change: np.ndarray) -> _Optimum:
+def _with_discrepancy(problem: MapProblem, values: np.ndarray, bias: np.ndarray, change: np.ndarray) -> _Optimum:
     """The optimum that knows that the law is only nearly right; ``change`` is the last one of the search before it.
 
     It has settled where that change is small, and the mean of the last posterior lies within ``_CLOSE`` standard
@@ -539,7 +552,7 @@ def sound_slopes(
     return np.where(jumped, smaller, 0.5 * (above + below))
 
 
-def _restated(problem: _Problem, values: np.ndarray, reference: float) -> tuple[np.ndarray, np.ndarray]:
+def _restated(problem: MapProblem, values: np.ndarray, reference: float) -> tuple[np.ndarray, np.ndarray]:
     """Combinations of the parameters that are reported, and their values: k_T at the reference force of the law."""
     combinations, restated = np.eye(len(values)), values.copy()
     if "contact_stiffness" not in problem.names:
@@ -570,7 +583,10 @@ def _common_doubt(optimum: _Optimum) -> str:
 
 
 def _undetermined(
-    problem: _Problem, optimum: _Optimum, bounds: Float[np.ndarray, "parameter 2"], std: Float[np.ndarray, "parameter"]
+    problem: MapProblem,
+    optimum: _Optimum,
+    bounds: Float[np.ndarray, "parameter 2"],
+    std: Float[np.ndarray, "parameter"],
 ) -> tuple[str, ...]:
     """Why each parameter is not identifiable; empty where it is.
 
@@ -603,7 +619,7 @@ def _vague(parameter: FreeParameter, std: float) -> str:
 
 
 def _findings(
-    problem: _Problem, optimum: _Optimum, reasons: tuple[str, ...], covariance: np.ndarray, misfit: float
+    problem: MapProblem, optimum: _Optimum, reasons: tuple[str, ...], covariance: np.ndarray, misfit: float
 ) -> tuple[Finding, ...]:
     where, scale = problem.chart.name or "map", optimum.posterior.process_scale
     findings = _not_identifiable(problem, reasons, covariance, pairs=not _common_doubt(optimum))
@@ -622,7 +638,7 @@ def _findings(
 
 
 def _not_identifiable(
-    problem: _Problem, reasons: tuple[str, ...], covariance: np.ndarray, *, pairs: bool
+    problem: MapProblem, reasons: tuple[str, ...], covariance: np.ndarray, *, pairs: bool
 ) -> list[Finding]:
     """Findings on parameters with a reason; ``pairs``: one for two of which only ratio or product is determined."""
     std = np.sqrt(np.diag(covariance))

@@ -51,6 +51,8 @@ _ROBUST = 3.0
 _POWERS, _FEW, _SPRINGS, _LAST = 8, 8, 12, 0.3
 """Laws of either family, springs of a power law, and the share of that which slips last."""
 
+Estimate = tuple[np.ndarray, np.ndarray, float]
+"""Parameters relative to the optimum, their covariance, and twice the logarithm of the marginal likelihood."""
 Residuals = Callable[[np.ndarray], np.ndarray]
 """Residuals (2 point) of damping and frequency, logarithms, at given parameters; NaN without a resonance."""
 
@@ -79,6 +81,8 @@ class LinearData:
         Mean of the prior, relative to the optimum.
     prior_std : float
         Its standard deviation.
+    origin : tuple of (float, float)
+        ``log_load`` and ``log_normal_force`` at which the law is taken for right: least slip, middle of the forces.
     """
 
     residuals: Float[np.ndarray, "datum"]
@@ -90,6 +94,7 @@ class LinearData:
     law_differences: Float[np.ndarray, "datum law"]
     prior_mean: Float[np.ndarray, "parameter"]
     prior_std: float
+    origin: tuple[float, float]
 
     def subset(self, kept: Bool[np.ndarray, "point"]) -> "LinearData":
         """Some of the points."""
@@ -112,15 +117,19 @@ class LinearData:
     @cached_property
     def process_covariance(self) -> Float[np.ndarray, "point point"]:
         """Covariance of the process over load and normal force, of unit scale."""
-        over_load = discrepancy_covariance(self.log_load - self.log_load.min(), DIRECTION)
-        middle = 0.5 * (self.log_normal_force.min() + self.log_normal_force.max())
+        lowest, middle = self.origin
+        over_load = discrepancy_covariance(self.log_load - lowest, DIRECTION)
         return over_load + discrepancy_covariance(self.log_normal_force - middle, DIRECTION)
 
     def covariance(self, law_share: float, process_scale: float) -> Float[np.ndarray, "datum datum"]:
         """Of the data, with the scale of the differences to other laws and that of the process."""
+        return np.diag(self.std**2) + self.law_covariance(law_share, process_scale)
+
+    def law_covariance(self, law_share: float, process_scale: float) -> Float[np.ndarray, "datum datum"]:
+        """Of what the law gets wrong, and of the common error of the frequencies."""
         count, (of_stiffness, of_loss) = len(self.damping), DISCREPANCY[0]
         laws = self.law_differences
-        total = np.diag(self.std**2) + law_share**2 / max(laws.shape[1], 1) * laws @ laws.T
+        total: np.ndarray = law_share**2 / max(laws.shape[1], 1) * laws @ laws.T
         total[:count, :count] += (process_scale * of_loss) ** 2 * self.process_covariance
         # ln f = ln(lambda) / 2 for a change lambda of the stiffness over that of the mode, and the scale of lambda is
         # stated over the loss factor 2 zeta: of_stiffness is that of ln f over zeta
@@ -128,8 +137,8 @@ class LinearData:
         total[count:, count:] += np.outer(per_damping, per_damping) * self.process_covariance + _COMMON**2
         return total
 
-    def estimate(self, covariance: Float[np.ndarray, "datum datum"]) -> tuple[np.ndarray, np.ndarray, float]:
-        """Parameters relative to the optimum, their covariance, and twice the logarithm of the marginal likelihood."""
+    def estimate(self, covariance: Float[np.ndarray, "datum datum"]) -> Estimate:
+        """The parameters with a covariance of the data."""
         factor = np.linalg.cholesky(covariance)
         white = np.linalg.solve(factor, np.column_stack([self.residuals, self.sensitivity]))
         y, sensitivity = white[:, 0], white[:, 1:]
@@ -167,8 +176,8 @@ class ParameterPosterior:
     misfit: float
 
 
-def posterior(data: LinearData) -> ParameterPosterior:
-    """The parameters, averaged over the scales of what the law gets wrong."""
+def scale_weights(data: LinearData) -> tuple[Float[np.ndarray, "node 2"], Float[np.ndarray, "node"], list[Estimate]]:
+    """Scales of what the law gets wrong, how much the data speak for each pair, and the estimates with each."""
     from scipy.stats import norm
 
     scales = np.exp(DISCREPANCY[1] * norm.ppf((np.arange(_NODES) + 0.5) / _NODES))
@@ -176,7 +185,12 @@ def posterior(data: LinearData) -> ParameterPosterior:
     estimates = [data.estimate(data.covariance(*node)) for node in nodes]
     logs = 0.5 * np.array([likelihood for _, _, likelihood in estimates])
     weights = np.exp(logs - logs.max())
-    weights /= weights.sum()
+    return nodes, weights / weights.sum(), estimates
+
+
+def posterior(data: LinearData) -> ParameterPosterior:
+    """The parameters, averaged over the scales of what the law gets wrong."""
+    nodes, weights, estimates = scale_weights(data)
     means = np.array([mean for mean, _, _ in estimates])
     mean = weights @ means
     off = means - mean

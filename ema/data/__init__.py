@@ -3,7 +3,7 @@
 from ema.data.amplitude import AmplitudeDependentMode, AmplitudePrediction, Band, LawParameter, SteppedLevel
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
-from ema.data.comparison import MapComparison, ModeComparison, ModelUpdate, SignalComparison, Verdict
+from ema.data.comparison import MapComparison, MapPrediction, ModeComparison, ModelUpdate, SignalComparison, Verdict
 from ema.data.condition import Condition, Excitation, JointForce
 from ema.data.deviations import Deviations
 from ema.data.findings import Finding
@@ -82,6 +82,7 @@ __all__ = [
     "LevelEffect",
     "Loop",
     "MapComparison",
+    "MapPrediction",
     "MapResult",
     "Matrices",
     "ModalMap",

@@ -1,7 +1,7 @@
 """A model compared with a measurement: modes, maps, signals, and the verdict."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -275,3 +275,56 @@ class ModelUpdate(Container):
                 "identifiable": list(self.identifiable),
             }
         )
+
+
+@dataclass(frozen=True, repr=False)
+class MapPrediction(Container):
+    """Frequency and damping of a mode at force levels and normal forces that were not measured, with 95 % bands.
+
+    Parameters
+    ----------
+    force_levels : array of shape (level,)
+        F_E [N].
+    normal_forces : array of shape (force,)
+        F_N [N] of every joint.
+    frequency, frequency_low, frequency_high : array of shape (level, force)
+        Predicted natural frequency [Hz] and its band; NaN without a resonance.
+    damping, damping_low, damping_high : array of shape (level, force)
+        Predicted damping ratio [-] and its band.
+    method : {"measured", "frozen"}, default "frozen"
+        How the map was obtained that the prediction continues, as in :class:`ModalMap`.
+    statement : str, optional
+        How far outside the data the prediction lies.
+    contains : str, optional
+        What is in the bands.
+    name : str, optional
+        What the map is called in messages.
+    findings : tuple of Finding, optional
+        What a reader of the prediction has to know.
+
+    Examples
+    --------
+    >>> frequency, damping = ([[39.5]], [[39.0]], [[40.0]]), ([[0.02]], [[0.01]], [[0.03]])
+    >>> MapPrediction([2.0], [500.0], *frequency, *damping).damping_high
+    array([[0.03]])
+    """
+
+    force_levels: Float[np.ndarray, "level"]
+    normal_forces: Float[np.ndarray, "force"]
+    frequency: Float[np.ndarray, "level force"]
+    frequency_low: Float[np.ndarray, "level force"]
+    frequency_high: Float[np.ndarray, "level force"]
+    damping: Float[np.ndarray, "level force"]
+    damping_low: Float[np.ndarray, "level force"]
+    damping_high: Float[np.ndarray, "level force"]
+    method: Literal["measured", "frozen"] = "frozen"
+    statement: str = ""
+    contains: str = ""
+    name: str = ""
+    findings: tuple[Finding, ...] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        numbers = ("force_levels", "normal_forces")
+        values = (f"{name}{end}" for name in ("frequency", "damping") for end in ("", "_low", "_high"))
+        freeze(self, **dict.fromkeys((*numbers, *values), np.float64))
+        check_axes(self)

@@ -23,6 +23,7 @@ _HOMES = {
     "indicator": "ema.show.frf",
     "mac_matrix": "ema.show.matrices",
     "map_comparison": "ema.show.compared",
+    "map_prediction": "ema.show.compared",
     "mode_shapes": "ema.show.shapes",
     "motion": "ema.show.simulated",
     "normal_force": "ema.show.joints",

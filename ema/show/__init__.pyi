@@ -1,5 +1,6 @@
 from ema.show.amplitude import amplitude_modes as amplitude_modes
 from ema.show.compared import map_comparison as map_comparison
+from ema.show.compared import map_prediction as map_prediction
 from ema.show.forecast import forecast_bands as forecast_bands
 from ema.show.frf import coherence as coherence
 from ema.show.frf import frf_overview as frf_overview

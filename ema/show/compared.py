@@ -1,11 +1,17 @@
 """A model against a measurement, as pictures."""
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ema.data.comparison import MapComparison
+from ema.data import ModalMap
+from ema.data.comparison import MapComparison, MapPrediction
 from ema.show.style import COLOUR_MAP, SERIES, new_figure, styled
+
+_APART = 0.09
+"""Distance of ticks from which their labels do not touch, over the width of the axis."""
 
 
 @styled
@@ -54,11 +60,81 @@ def map_comparison(found: MapComparison) -> Figure:
                 label=f"{measured.force_levels[row]:.4g} N" if name == "damping" else None,
             )
             axes.plot(simulated.normal_forces, unit * getattr(simulated, name)[row], color=colours[row], lw=1.2)
-        axes.set_xscale("log")
-        axes.set_xlabel("Normal force F_N [N]")
+        _over_normal_force(axes, measured.normal_forces)
         axes.set_ylabel(label)
     panels[0].set_ylim(bottom=0)
     figure.legend(
         loc="outside lower center", ncols=min(levels, 8), title="Excitation F_E: markers measured, lines the model"
     )
     return figure
+
+
+@styled
+def map_prediction(predicted: MapPrediction, measured: ModalMap) -> Figure:
+    """Draw damping ratio and frequency over the normal force: points with 95 % bars are measured, bands are predicted.
+
+    Parameters
+    ----------
+    predicted : MapPrediction
+        Predicted conditions; bands join the normal forces of a level, bars stand where there is one normal force.
+    measured : ModalMap
+        The map that they were predicted from.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.data import MapPrediction
+    >>> from ema.examples import modal_map
+    >>> frequency, damping = ([[39.5]], [[39.0]], [[40.0]]), ([[0.02]], [[0.01]], [[0.03]])
+    >>> len(map_prediction(MapPrediction([2.0], [500.0], *frequency, *damping), modal_map()).axes)
+    2
+    """
+    figure = new_figure(3.9)
+    panels = figure.subplots(1, 2)
+    levels = np.unique(np.concatenate([measured.force_levels, predicted.force_levels]))
+    colours = colormaps[COLOUR_MAP](np.linspace(0, 0.88, len(levels)))
+    parts = (
+        (panels[0], 100.0, "damping", "Damping ratio [%]"),
+        (panels[1], 1.0, "frequency", "Natural frequency [Hz]"),
+    )
+    for axes, unit, name, label in parts:
+        std = getattr(measured, f"{name}_std")
+        bands = [unit * getattr(predicted, f"{name}{end}") for end in ("_low", "", "_high")]
+        for row, level in enumerate(measured.force_levels):
+            colour = colours[np.searchsorted(levels, level)]
+            bars = None if std is None else 1.96 * unit * np.nan_to_num(std[row])
+            look = {"fmt": "o", "ms": 4, "color": colour, "elinewidth": 0.8, "capsize": 2}
+            text = f"{level:.4g} N, measured" if name == "damping" else None
+            axes.errorbar(measured.normal_forces, unit * getattr(measured, name)[row], bars, label=text, **look)
+        for row, level in enumerate(predicted.force_levels):
+            colour, text = colours[np.searchsorted(levels, level)], f"{level:.4g} N, predicted"
+            low, value, high = (each[row] for each in bands)
+            style = {"color": colour, "label": text if name == "damping" else None}
+            if len(predicted.normal_forces) > 1:
+                axes.fill_between(predicted.normal_forces, low, high, color=colour, alpha=0.2, lw=0)
+                axes.plot(predicted.normal_forces, value, "--", lw=1.2, **style)
+            else:
+                axes.errorbar(predicted.normal_forces, value, [value - low, high - value], fmt="D", ms=4, **style)
+        _over_normal_force(axes, np.concatenate([measured.normal_forces, predicted.normal_forces]))
+        axes.set_ylabel(label)
+    panels[0].set_ylim(bottom=0)
+    figure.legend(loc="outside lower center", ncols=3, title="Excitation F_E")
+    return figure
+
+
+def _over_normal_force(axes: Axes, forces: Float[np.ndarray, "force"]) -> None:
+    """A logarithmic axis with the normal forces as ticks, so many that their labels stand beside each other."""
+    axes.set_xscale("log")
+    distinct = np.unique(forces[forces > 0])
+    reach = np.log(distinct[-1] / distinct[0]) if len(distinct) else 0.0
+    shown: list[float] = []
+    for force in distinct:
+        if not shown or np.log(force / shown[-1]) > _APART * reach:
+            shown.append(float(force))
+    axes.set_xticks(shown, [f"{force:.4g}" for force in shown])
+    axes.set_xticks([], minor=True)
+    axes.set_xlabel("Normal force F_N [N]")

@@ -12,6 +12,7 @@ from ema.data import (
     ConditionDifference,
     Finding,
     JointForce,
+    MapPrediction,
     MapResult,
     ModalModel,
     RepeatGroup,
@@ -287,3 +288,47 @@ def amplitude_lines(mode: AmplitudeDependentMode | AmplitudePrediction) -> list[
         f"[{100 * z[0]:.3f}, {100 * z[2]:.3f}]"
         for amplitude, f, z in zip(mode.amplitude, rows(mode.frequency), rows(mode.damping), strict=True)
     ]
+
+
+def map_prediction(predicted: MapPrediction) -> dict[str, Any]:
+    """A prediction at forces as what JSON can hold: SI and fractions, bounds of the 95 % bands; null for a hole."""
+    return {
+        "method": predicted.method,
+        "points": [
+            {"force_level": level, "normal_force": force, "frequency": f, "damping": zeta}
+            for level, force, f, zeta in _conditions(predicted)
+        ],
+        "statement": predicted.statement,
+        "findings": [finding(one) for one in predicted.findings],
+    }
+
+
+def map_lines(predicted: MapPrediction) -> list[str]:
+    """One line for each condition, for people."""
+    lines = []
+    for level, force, f, z in _conditions(predicted):
+        said = "no resonance in the band"
+        if f is not None and z is not None:
+            said = (
+                f"{f[1]:.3f} Hz [{f[0]:.3f}, {f[2]:.3f}], damping {100 * z[1]:.3f} % "
+                f"[{100 * z[0]:.3f}, {100 * z[2]:.3f}]"
+            )
+        lines.append(f"F_E {level:.4g} N, F_N {force:.4g} N: {said}")
+    return lines
+
+
+Bounds = tuple[float, float, float] | None
+
+
+def _conditions(predicted: MapPrediction) -> list[tuple[float, float, Bounds, Bounds]]:
+    """Force level, normal force, and low, value and high of frequency and damping; ``None`` without a resonance."""
+    out = []
+    for row, level in enumerate(predicted.force_levels.tolist()):
+        for column, force in enumerate(predicted.normal_forces.tolist()):
+            each: list[tuple[float, float, float]] = []
+            for name in ("frequency", "damping"):
+                low, value, high = (getattr(predicted, f"{name}{end}")[row, column] for end in ("_low", "", "_high"))
+                each.append((float(low), float(value), float(high)))
+            known = all(np.isfinite(bounds).all() for bounds in each)
+            out.append((level, force, each[0] if known else None, each[1] if known else None))
+    return out

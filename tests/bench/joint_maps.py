@@ -2,14 +2,20 @@
 
 ``python -m tests.bench.joint_maps --n 100 --seed 5``: random hosts of one mode, joints of parallel Masing springs (one,
 a power law of many, a few of any size), maps with noise; ``compare.update`` with a law of its own choice. Counted: how
-often the 95 % intervals of mu, k_T and its growth hold the truth, and those of parameters that are called identifiable.
+often the 95 % intervals of mu, k_T and its growth hold the truth, those of parameters that are called identifiable, and
+the bands of ``compare.predict_map`` at force levels and normal forces up to twice those of the map.
+
+Resonances of laws that are Masing springs come from describing functions too, which the simulator agrees with within
+its tolerance (``tests/validation/test_friction_traps.py``) and which takes a tenth of its time; ``--simulator`` takes
+the simulator for all of them.
 """
 
 import argparse
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from itertools import product, repeat
 from multiprocessing import get_context
@@ -19,10 +25,12 @@ from typing import Any
 import numpy as np
 
 from ema import compare
-from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices, ModalMap
+from ema.contact.iwan import springs_of as springs_of_law
+from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices, ModalMap, ModelUpdate
 from ema.dof import Dof
 from ema.errors import EmaError
-from ema.simulate import Masing, ModifiedIwan, RegularisedMasing
+from ema.simulate import Masing, ModifiedIwan, RegularisedMasing, maps
+from ema.simulate.maps import Resonance
 from tests.bench.provenance import stamp
 from tests.bench.write_docs import older, table
 
@@ -32,6 +40,8 @@ LAWS = {"masing": Masing, "modified iwan": ModifiedIwan, "regularised masing": R
 KINDS = "one", "power", "few"
 RESULT = Path(__file__).parent / "results" / "joint_maps.json"
 SHAPES = {"masing": (), "modified iwan": ("chi",), "regularised masing": ("exponent",)}
+OUTSIDE = 1.0, 1.25, 1.5, 2.0
+"""Factors by which force levels and normal forces of a prediction lie outside those of the map."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +98,7 @@ def closed_form_map(
     for i, level in enumerate(levels):
         for j, force in enumerate(forces):
             low, high = 1e-15, 1e3
-            for _ in range(200):
+            for _ in range(64):
                 amplitude = np.sqrt(low * high)
                 joint = stiffness * (force / 1000) ** exponent
                 elastic, lost = springs.describing(joint, mu * force, amplitude)
@@ -97,6 +107,40 @@ def closed_form_map(
                 low, high = (low, amplitude) if amplitude * loss > level else (amplitude, high)
             frequency[i, j], damping[i, j] = w / (2 * np.pi), loss / (2 * w**2)
     return ModalMap(np.asarray(levels), np.asarray(forces), frequency, damping, method="frozen", name="closed form")
+
+
+def described(
+    model: BeamModel, levels: Sequence[float], at: Dof, output: Dof, band: tuple[float, float], tolerance: float
+) -> list[Resonance]:
+    """As `ema.simulate.maps.resonances`, of a ``Host`` with Masing springs; ``at`` and ``output`` are its mass.
+
+    Where the band does not hold the resonance its nearer end is returned, as by the simulator.
+    """
+    (joint,) = model.joints
+    law, omega = joint.law, np.sqrt(model.host.stiffness[0, 0])
+    growth = (1000.0 / law.reference_force) ** law.stiffness_exponent
+    truth = law.friction_coefficient, law.contact_stiffness * growth, law.stiffness_exponent
+    host = Host(omega / (2 * np.pi), model.damping.ratio)
+    chart = closed_form_map(host, Springs(*springs_of_law(law)), truth, levels, [joint.normal_force])
+    frequency = np.clip(chart.frequency[:, 0], *band)
+    return [Resonance(f, 0j, zeta, 0.0, 0.0) for f, zeta in zip(frequency, chart.damping[:, 0], strict=True)]
+
+
+@contextmanager
+def describing_functions() -> Iterator[None]:
+    """Resonances of Masing springs from describing functions in place of the simulator."""
+    simulated = maps.resonances
+
+    def resonances(model: BeamModel, *of: Any) -> list[Resonance]:
+        """By describing functions, or of a law that is none of springs by the simulator."""
+        own = model.joints[0].law.name == "regularised masing"
+        return simulated(model, *of) if own else described(model, *of)
+
+    maps.resonances = resonances
+    try:
+        yield
+    finally:
+        maps.resonances = simulated
 
 
 def noisy(chart: ModalMap, rng: np.random.Generator, of_damping: float, of_frequency: float) -> ModalMap:
@@ -129,14 +173,23 @@ class Case:
 
     kind: str
     law: str
+    host: Host
+    springs: Springs
     truth: tuple[float, float, float]
     model: BeamModel
     chart: ModalMap
 
-    def outcome(self) -> list[tuple[str, bool, bool, float]]:
+    @property
+    def band(self) -> tuple[float, float]:
+        """Of the search: the map's frequencies and a fifth to either side."""
+        return 0.8 * float(self.chart.frequency.min()), 1.2 * float(self.chart.frequency.max())
+
+    def updated(self) -> ModelUpdate:
+        """What the map says of the parameters."""
+        return compare.update(self.model, self.chart, (*NAMES, *SHAPES[self.law]), ON, ON, band=self.band)
+
+    def parameters(self, found: ModelUpdate) -> list[tuple[str, bool, bool, float]]:
         """Per parameter: name, whether it was held, whether it was called identifiable, and the interval's width."""
-        names = (*NAMES, *SHAPES[self.law])
-        found = compare.update(self.model, self.chart, names, ON, ON)
         rows = []
         for name, truth in zip(NAMES, self.truth, strict=True):
             n = found.names.index(name)
@@ -144,6 +197,37 @@ class Case:
             width = high - low if name == "stiffness_exponent" else np.log(high / low)
             rows.append((name, bool(low <= truth <= high), found.identifiable[n], float(width)))
         return rows
+
+    def predicted(self, found: ModelUpdate) -> list[dict[str, float | bool]]:
+        """Of conditions within the map and outside it: how far, whether held, relative half widths and errors."""
+        levels, forces = (_conditions(each) for each in (self.chart.force_levels, self.chart.normal_forces))
+        told = compare.predict_map(found, self.chart, levels, forces, at=ON, output=ON, band=self.band)
+        true = closed_form_map(self.host, self.springs, self.truth, levels, forces)
+        rows = []
+        for i, level in enumerate(levels):
+            for j, force in enumerate(forces):
+                row: dict[str, float | bool] = {
+                    "level": _outside(level, self.chart.force_levels),
+                    "force": _outside(force, self.chart.normal_forces),
+                }
+                for name in ("damping", "frequency"):
+                    value = float(getattr(true, name)[i, j])
+                    low, middle, high = (float(getattr(told, name + end)[i, j]) for end in ("_low", "", "_high"))
+                    row[name] = bool(low <= value <= high)
+                    row[f"{name} half"], row[f"{name} error"] = 0.5 * (high - low) / value, middle / value - 1
+                rows.append(row)
+        return rows
+
+
+def _conditions(measured: np.ndarray) -> list[float]:
+    """Below, within and above what was measured."""
+    low, high = float(measured.min()), float(measured.max())
+    return [low / 2, low / 1.25, (low * high) ** 0.5, 1.25 * high, 1.5 * high, 2 * high]
+
+
+def _outside(value: float, measured: np.ndarray) -> float:
+    """The factor by which a value lies outside what was measured; 1 within."""
+    return round(max(value / float(measured.max()), float(measured.min()) / value, 1.0), 4)
 
 
 def case(seed: int, number: int) -> Case:
@@ -167,18 +251,21 @@ def case(seed: int, number: int) -> Case:
     exact = closed_form_map(host, springs, truth, levels, forces)
     chart = noisy(exact, rng, 10 ** rng.uniform(-2, -1.4), 10 ** rng.uniform(-4, -3))
     start = LAWS[law](mu * 4 ** rng.uniform(-1, 1), stiffness * 4 ** rng.uniform(-1, 1))
-    return Case(kind, law, truth, host.model(start), chart)
+    return Case(kind, law, host, springs, truth, host.model(start), chart)
 
 
-def one(seed: int, number: int) -> dict[str, Any]:
+def one(seed: int, number: int, simulator: bool) -> dict[str, Any]:
     """The outcome of a case as a row."""
     drawn, start = case(seed, number), time.process_time()
     row = {"seed": seed, "number": number, "joint": drawn.kind, "law": drawn.law, "points": drawn.chart.damping.size}
-    try:
-        row["parameters"] = drawn.outcome()
-    except EmaError as error:
-        row["refused"] = str(error)
-    return row | {"cpu": time.process_time() - start}
+    with nullcontext() if simulator else describing_functions():
+        try:
+            found = drawn.updated()
+            row |= {"parameters": drawn.parameters(found), "cpu": time.process_time() - start}
+            row["predicted"] = drawn.predicted(found)
+        except EmaError as error:
+            row["refused"] = str(error)
+    return {"cpu": time.process_time() - start} | row
 
 
 def section(result: dict[str, Any]) -> str:
@@ -205,16 +292,39 @@ def section(result: dict[str, Any]) -> str:
         )
     head = ["joint", "law fitted", "maps", "held", "held, identifiable", "mu", "k_T", "growth", "CPU s"]
     refused = sum("refused" in row for row in result["rows"])
-    ending = f"From `python -m tests.bench.joint_maps --n {len(result['rows'])} --seed {result['rows'][0]['seed']}`"
-    return "\n\n".join([table(head, lines), f"{ending}, commit {result['commit']}; {refused} maps refused."])
+    return "\n\n".join([table(head, lines), f"{_source(result)}; {refused} maps refused."])
 
 
-def write(text: str) -> str:
-    """The page with the table between its marks."""
-    begin, end = "<!-- joint maps: begin -->", "<!-- joint maps: end -->"
+def _source(result: dict[str, Any]) -> str:
+    command = f"python -m tests.bench.joint_maps --n {len(result['rows'])} --seed {result['rows'][0]['seed']}"
+    return f"From `{command}`, commit {result['commit']}"
+
+
+def predictions(result: dict[str, Any]) -> str:
+    """The counts of predictions as a table of the page on predictions."""
+    rows = [part for row in result["rows"] for part in row.get("predicted", [])]
+    lines = []
+    for level, force in product(OUTSIDE, OUTSIDE):
+        if min(level, force) > 1 and level != force:
+            continue
+        here = [row for row in rows if (row["level"], row["force"]) == (level, force)]
+        known = [row for row in here if np.isfinite(row["damping half"])]
+        line = [f"{level:g}", f"{force:g}", f"{len(known)} of {len(here)}"]
+        for name in ("damping", "frequency"):
+            half, error = (np.median(np.abs([row[f"{name} {what}"] for row in known])) for what in ("half", "error"))
+            line += [f"{100 * np.mean([row[name] for row in known]):.1f}", f"{100 * half:.2g}", f"{100 * error:.2g}"]
+        lines.append(line)
+    head = ["F_E outside by", "F_N outside by", "conditions"]
+    head += [f"{name} {what} [%]" for name in ("ζ", "f") for what in ("held", "half width", "error")]
+    return "\n\n".join([table(head, lines), f"{_source(result)}. Half widths and errors are medians."])
+
+
+def write(text: str, mark: str, part: Callable[[dict[str, Any]], str]) -> str:
+    """A page with one of the tables between its marks."""
+    begin, end = f"<!-- {mark}: begin -->", f"<!-- {mark}: end -->"
     before, rest = text.split(begin)
-    part = section(json.loads(RESULT.read_text(encoding="utf-8"))) + older(("joint_maps",))
-    return f"{before}{begin}\n{part}\n{end}{rest.split(end)[1]}"
+    made = part(json.loads(RESULT.read_text(encoding="utf-8"))) + older(("joint_maps",))
+    return f"{before}{begin}\n{made}\n{end}{rest.split(end)[1]}"
 
 
 def main() -> None:
@@ -223,15 +333,16 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=90)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--publish", action="store_true", help="store the counts for docs/compare.md")
+    parser.add_argument("--simulator", action="store_true", help="resonances of all laws by the simulator")
+    parser.add_argument("--publish", action="store_true", help="store the counts for the docs")
     options = parser.parse_args()
     rows = []
     with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-        for row in pool.map(one, repeat(options.seed), range(options.n)):
+        for row in pool.map(one, repeat(options.seed), range(options.n), repeat(options.simulator)):
             rows.append(row)
             print(json.dumps(row), flush=True)
     result = {"rows": rows} | stamp("tests.bench.joint_maps")
-    print(section(result))
+    print(section(result), predictions(result), sep="\n\n")
     if options.publish:
         RESULT.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 

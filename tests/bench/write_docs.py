@@ -373,9 +373,12 @@ def main() -> None:
         (DOCS / page).write_text("\n\n".join(section.strip() for section in sections) + "\n", encoding="utf-8")
     (DOCS / "files.md").write_text(files.page(), encoding="utf-8")
     stated_errors_page.write()
-    compared = DOCS / "compare.md"
-    if joint_maps.RESULT.exists():
-        compared.write_text(joint_maps.write(compared.read_text(encoding="utf-8")), encoding="utf-8")
+    for name, mark, part in (
+        ("compare.md", "joint maps", joint_maps.section),
+        ("prediction.md", "map predictions", joint_maps.predictions),
+    ):
+        page = DOCS / name
+        page.write_text(joint_maps.write(page.read_text(encoding="utf-8"), mark, part), encoding="utf-8")
 
 
 if __name__ == "__main__":

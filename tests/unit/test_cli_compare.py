@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import acquisition
 from ema import store
 from ema.cli.app import app
-from ema.data import Geometry, MapComparison, ModalModel, ModeComparison, ModelUpdate
+from ema.data import Geometry, MapComparison, MapPrediction, ModalModel, ModeComparison, ModelUpdate
 from ema.data.modal import poles_from
 from ema.dof import Dof
 from ema.simulate import damping_map
@@ -60,11 +60,16 @@ def model(tmp_path):
     return path
 
 
-@pytest.fixture
-def measured(model, tmp_path):
+def simulated(model, levels, forces):
+    """Map of the structure: another mu than that of the model."""
     held = acquisition.open_model(model)
     truth = held.with_law(replace(held.joints[0].law, friction_coefficient=0.2))
-    chart = damping_map(truth, [0.5, 1.0, 2.0], [30.0, 60.0, 120.0, 240.0], "beam 2:2:+Z", "beam 1:2:+Z", (14.0, 60.0))
+    return damping_map(truth, levels, forces, "beam 2:2:+Z", "beam 1:2:+Z", (14.0, 60.0))
+
+
+@pytest.fixture
+def measured(model, tmp_path):
+    chart = simulated(model, [0.5, 1.0, 2.0], [30.0, 60.0, 120.0, 240.0])
     path = tmp_path / "map.h5"
     store.save(path, replace(chart, damping_std=0.01 * chart.damping, frequency_std=1e-4 * chart.frequency))
     return path
@@ -137,6 +142,25 @@ def test_a_map_against_a_model_before_and_after_an_update(measured, model, tmp_p
     assert "Identified: friction_coefficient 0.2" in page and "Best F_N of the model [N]" in page
     points = (tmp_path / "after/comparison_tables/points.csv").read_text(encoding="utf-8").splitlines()
     assert len(points) == 1 + 3 * 4
+    check_prediction(tmp_path / "after/comparison.h5", model, tmp_path / "predicted")
+
+
+def check_prediction(compared, model, folder):
+    """At a level and a normal force between those of the map and one beyond, against the structure itself."""
+    words = [compared, "--model", model, "--force", "0.8 N", "--normal-force", "0.15 kN", "--normal-force", "400 N"]
+    command = [Path(sys.executable).with_name("ema"), "predict", *words, "--output", folder, "--json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    told = json.loads(done.stdout)
+    kept = store.load(folder / "small_prediction.h5")["prediction"]
+    assert kept.normal_forces.tolist() == [150.0, 400.0] and isinstance(kept, MapPrediction)
+    truth = simulated(model, [0.8], [150.0, 400.0])
+    for point, f, zeta in zip(told["points"], truth.frequency[0], truth.damping[0], strict=True):
+        assert point["frequency"][0] < f < point["frequency"][2]
+        assert point["damping"][0] < zeta < point["damping"][2]
+        assert point["damping"][1] == pytest.approx(zeta, rel=0.05)
+    assert "normal force" in told["statement"]
+    assert len(list(folder.glob("*.png"))) == 1
 
 
 def test_two_maps(measured, tmp_path):
@@ -157,5 +181,20 @@ def test_bad_input_is_one_sentence(measured, model, tmp_path):
         ((measured, model, "--update", "mu"), "an unknown parameter"),
     ):
         ended = call(*words, "--output", tmp_path / "out")
+        assert ended.exit_code == 2, ended.output
+        assert said in " ".join(ended.output.split())
+
+
+def test_a_prediction_without_an_updated_model_is_one_sentence(measured, model, tmp_path):
+    at = ("--force", "1 N", "--normal-force", "100 N")
+    for words, said in (
+        ((measured, "--model", model, *at), "no updated model with its map"),
+        ((tmp_path / "none.h5", "--model", model, *at), "no such file"),
+        ((measured, "--model", model), "what is to be predicted?"),
+        ((measured,), "what is to be predicted?"),
+        ((measured, "--amplitude", "1 m/s^2", *at), "what is to be predicted?"),
+        ((measured, "--amplitude", "1 m/s^2"), "not a mode over its amplitude"),
+    ):
+        ended = CliRunner().invoke(app, ["predict", *(str(word) for word in words)])
         assert ended.exit_code == 2, ended.output
         assert said in " ".join(ended.output.split())

@@ -30,7 +30,8 @@ def drawn(rng, share=0.0, count=3):
     common = np.repeat([0.0, 0.02 * rng.standard_normal()], POINTS)
     truth = rng.standard_normal(count)
     values = slopes @ truth + others @ weights + common + std * rng.standard_normal(2 * POINTS)
-    return LinearData(values, slopes, std, load, pressed, damping, others, np.zeros(count), 3.0), truth
+    origin = float(load[0]), 0.5 * float(pressed.min() + pressed.max())
+    return LinearData(values, slopes, std, load, pressed, damping, others, np.zeros(count), 3.0, origin), truth
 
 
 def test_intervals_hold_what_they_say_whether_the_law_is_right_or_one_of_many():
