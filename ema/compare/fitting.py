@@ -17,6 +17,7 @@ from ema.compare.free_parameters import (
     with_parameters,
 )
 from ema.compare.parameter_intervals import (
+    FRICTION_GROWTH,
     LOST,
     PROFILE_DISTANCES,
     LinearData,
@@ -254,8 +255,13 @@ class MapProblem:
         scale = plain.pop(FORCE_SCALE, 1.0)
         return with_parameters(self.model, plain), scale
 
-    def simulated(self, values: np.ndarray, chosen: np.ndarray) -> Float[np.ndarray, "2 point"]:
-        """Logarithms of the equivalent damping and frequency of some points; NaN without a resonance."""
+    def simulated(
+        self, values: np.ndarray, chosen: np.ndarray, growth: float = 0.0, middle: float = 0.0
+    ) -> Float[np.ndarray, "2 point"]:
+        """Logarithms of the equivalent damping and frequency of some points; NaN without a resonance.
+
+        mu is as F_N^``growth``, and that of the parameters at ln F_N = ``middle``.
+        """
         model, scale = self.with_values(values)
         levels, columns = scale * self.points.level[chosen], self.points.column[chosen]
         result = np.full((2, len(chosen)), np.nan)
@@ -264,7 +270,9 @@ class MapProblem:
             forces = self.points.forces[chosen[some]]
             # Joints near one nominal force stand for it: response, level and normal force scale together.
             level = levels[some] * forces.mean() / forces.mean(axis=1)
-            result[:, some] = self._resonances(model.with_normal_force(forces.mean(axis=0).tolist()), level)
+            friction = model.joints[0].law.friction_coefficient * np.exp(growth * (np.log(forces.mean()) - middle))
+            pressed = with_parameters(model, {"friction_coefficient": float(friction)}) if growth else model
+            result[:, some] = self._resonances(pressed.with_normal_force(forces.mean(axis=0).tolist()), level)
         return result
 
     def _resonances(self, model: BeamModel, levels: np.ndarray) -> Float[np.ndarray, "2 point"]:
@@ -327,11 +335,18 @@ class MapProblem:
         differences = np.array(added).T
         return np.where(np.isfinite(differences), differences, LOST * self.std[:, None])
 
+    def friction_growth(self, values: np.ndarray, middle: float) -> Float[np.ndarray, "datum"]:
+        """What a mu that changes with the normal force adds to ln zeta and ln f; 0 where a resonance is lost."""
+        every = np.arange(len(self.points.level))
+        ends = [self.simulated(values, every, sign * FRICTION_GROWTH, middle).ravel() for sign in (1, -1)]
+        return np.nan_to_num(0.5 * (ends[0] - ends[1]))
+
     def linear(self, values: np.ndarray, bias: np.ndarray, differences: np.ndarray, resonant: np.ndarray) -> LinearData:
         """The data about given values where there is a resonance, with central differences for derivatives."""
         known = np.tile(resonant, 2)
         sensitivity = self.sensitivity(differences, partial(self.profile, values, bias))
         log_load, log_normal_force = (each[resonant] for each in self.loads())
+        middle = 0.5 * float(log_normal_force.min() + log_normal_force.max())
         return LinearData(
             residuals=differences[known],
             sensitivity=sensitivity[known],
@@ -340,9 +355,10 @@ class MapProblem:
             log_normal_force=log_normal_force,
             damping=np.exp(self.measured[0])[resonant],
             law_differences=self.law_differences(values)[known],
+            friction_growth=self.friction_growth(values, middle)[known],
             prior_mean=self.initial - values,
             prior_std=_PRIOR,
-            origin=(float(log_load.min()), 0.5 * float(log_normal_force.min() + log_normal_force.max())),
+            origin=(float(log_load.min()), middle),
         )
 
     def sensitivity(self, here: Float[np.ndarray, "datum"], profile: Residuals) -> Float[np.ndarray, "datum parameter"]:

@@ -232,6 +232,7 @@ def _unmeasured(
         log_normal_force=log_normal_force,
         damping=np.exp(elsewhere.measured[0])[resonant],
         law_differences=elsewhere.law_differences(values)[known],
+        friction_growth=elsewhere.friction_growth(values, origin[1])[known],
         prior_mean=elsewhere.initial - values,
         prior_std=1.0,
         origin=origin,
@@ -271,6 +272,7 @@ def _joined(first: LinearData, second: LinearData) -> tuple[LinearData, Bool[np.
         log_normal_force=np.append(first.log_normal_force, second.log_normal_force),
         damping=np.append(first.damping, second.damping),
         law_differences=both(first.law_differences, second.law_differences),
+        friction_growth=both(first.friction_growth, second.friction_growth),
     )
     return joint, both(np.ones(len(first.std), bool), np.zeros(len(second.std), bool))
 

@@ -2,12 +2,14 @@
 
 Near the optimum the data are y = J (theta - theta_0) + c + delta + noise: logarithms of damping ratio and frequency at
 all points, c a common error of the frequencies, delta what the law gets wrong (Kennedy and O'Hagan 2001; Brynjarsdottir
-and O'Hagan 2014). Two parts of delta:
+and O'Hagan 2014). Three parts of delta:
 
 - What other laws of the same mu and k_T give. Masing springs in parallel make every law without a rate (Iwan 1966);
   the model is simulated with sixteen of them (``other_laws``), and delta is a combination of the differences. They are
   small where a joint sticks and where it slips altogether, as mu and k_T are defined there: a map that reaches these
   ends determines them whatever the law, one that does not, does not.
+- What a friction coefficient does that changes with the normal force, as where the area of contact does not grow in
+  proportion to it: mu ~ F_N^g about the middle of the forces, g normal with mean zero (``FRICTION_GROWTH``).
 - A Gaussian process over the load, 0 at the lowest slip: a Wiener process and its integral in the logarithm of
   amplitude over normal force, and another in that of the normal force, with the prior that levels are predicted with
   (``modal_posterior.DISCREPANCY``).
@@ -41,6 +43,10 @@ PROFILE_DISTANCES = (1.0, 1.6, 2.5, 4.0)
 """Distances, over the half width of the interval, at which a profile is asked whether it has closed."""
 _CHANCE = 0.01
 """Chance with which any parameter of a law that is right disagrees with the rest when one level is left out."""
+FRICTION_GROWTH = 0.1
+"""Standard deviation of the exponent of mu over F_N beforehand. Friction is as the area of contact (Bowden and Tabor
+1950): 0 where that is proportional to the force (Archard 1957), -1/3 of a smooth sphere (Hertz). A map over several
+normal forces tells it, one of a single one has no part of it."""
 LOST = 5.0
 """Residual of a datum at which the model has no resonance, in standard deviations: beyond ``_ROBUST``, so that a search
 that loses a point gains nothing by it. Whatever it is, no parameter is identifiable once a point is lost; with twice or
@@ -77,6 +83,8 @@ class LinearData:
         Damping ratios [-].
     law_differences : array of shape (2 point, law)
         What other laws of the same mu and k_T add to ln zeta and ln f.
+    friction_growth : array of shape (2 point,)
+        What mu adds to ln zeta and ln f when it is as F_N^g, g = ``FRICTION_GROWTH``, and the same at the middle force.
     prior_mean : array of shape (parameter,)
         Mean of the prior, relative to the optimum.
     prior_std : float
@@ -92,6 +100,7 @@ class LinearData:
     log_normal_force: Float[np.ndarray, "point"]
     damping: Float[np.ndarray, "point"]
     law_differences: Float[np.ndarray, "datum law"]
+    friction_growth: Float[np.ndarray, "datum"]
     prior_mean: Float[np.ndarray, "parameter"]
     prior_std: float
     origin: tuple[float, float]
@@ -108,6 +117,7 @@ class LinearData:
             log_normal_force=self.log_normal_force[kept],
             damping=self.damping[kept],
             law_differences=self.law_differences[both],
+            friction_growth=self.friction_growth[both],
         )
 
     def about(self, step: Float[np.ndarray, "parameter"]) -> "LinearData":
@@ -130,6 +140,7 @@ class LinearData:
         count, (of_stiffness, of_loss) = len(self.damping), DISCREPANCY[0]
         laws = self.law_differences
         total: np.ndarray = law_share**2 / max(laws.shape[1], 1) * laws @ laws.T
+        total += np.outer(self.friction_growth, self.friction_growth)
         total[:count, :count] += (process_scale * of_loss) ** 2 * self.process_covariance
         # ln f = ln(lambda) / 2 for a change lambda of the stiffness over that of the mode, and the scale of lambda is
         # stated over the loss factor 2 zeta: of_stiffness is that of ln f over zeta

@@ -18,8 +18,9 @@ ANY = np.full(3, 10.0)
 """Limits that every estimate is below: the prior's standard deviation is 3."""
 
 
-def drawn(rng, share=0.0, count=3):
-    """Random linear data with true parameters of the prior's centre: noise, a common error, and other laws' part."""
+def drawn(rng, share=0.0, count=3, growth=0.0):
+    """Random linear data with true parameters of the prior's centre: noise, a common error, other laws' part, and that
+    of a mu that changes with the normal force."""
     load = np.sort(rng.uniform(0, 4, POINTS))
     pressed, damping = rng.uniform(0, 2, POINTS), rng.uniform(0.005, 0.05, POINTS)
     slopes = rng.standard_normal((2 * POINTS, count)) * np.repeat([1.0, 0.02], POINTS)[:, None]
@@ -30,16 +31,18 @@ def drawn(rng, share=0.0, count=3):
     common = np.repeat([0.0, 0.02 * rng.standard_normal()], POINTS)
     truth = rng.standard_normal(count)
     values = slopes @ truth + others @ weights + common + std * rng.standard_normal(2 * POINTS)
+    changed = growth * np.concatenate([pressed - 1, 0.02 * (pressed - 1)])
+    values += changed * rng.standard_normal()
     origin = float(load[0]), 0.5 * float(pressed.min() + pressed.max())
-    return LinearData(values, slopes, std, load, pressed, damping, others, np.zeros(count), 3.0, origin), truth
+    return LinearData(values, slopes, std, load, pressed, damping, others, changed, np.zeros(count), 3.0, origin), truth
 
 
 def test_intervals_hold_what_they_say_whether_the_law_is_right_or_one_of_many():
     rng = np.random.default_rng(5)
-    for share, low, high in ((0.0, 0.93, 0.999), (1.0, 0.91, 0.99)):
+    for share, growth, low, high in ((0.0, 0.0, 0.93, 0.999), (1.0, 0.0, 0.91, 0.99), (0.0, 0.2, 0.93, 0.999)):
         held = []
         for _ in range(150):
-            data, truth = drawn(rng, share)
+            data, truth = drawn(rng, share, growth=growth)
             whole = posterior(data)
             held += list(np.abs(whole.mean - truth) < 1.96 * np.sqrt(np.diag(whole.covariance)))
         # 450 intervals; a share of 95 % has a standard deviation of 1 %

@@ -260,7 +260,7 @@ def test_points_at_which_the_model_has_no_resonance_are_counted(described):
 
 def test_a_search_that_has_not_settled_is_named(described, monkeypatch):
     """One step from a place that is several standard deviations away, where the next one may lead anywhere."""
-    monkeypatch.setattr(fitting._Problem, "optimum", lambda problem, values, bias: values + 0.3)
+    monkeypatch.setattr(fitting.MapProblem, "optimum", lambda problem, values, bias: values + 0.3)
     monkeypatch.setattr(fitting, "_REFINED", 1)
     found = compare.update(CUT.model(Masing(0.2, CUT_TRUTH[1])), cut_map(), FREE[:1], DRIVEN, DRIVEN)
     assert found.identifiable == (False,)
@@ -283,9 +283,10 @@ def test_joint_parameters_from_a_closed_form_map_with_noise(described):
     assert all(found.identifiable)
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [0, 1, 3])
 def test_other_forces_are_predicted_from_a_map(described, number):
-    """A joint of one spring and one of many, both fitted with the law of one, at forces up to twice those of the map.
+    """A joint of one spring, one of many, and one whose mu falls with the normal force, all fitted with the law of one
+    spring, at forces up to twice those of the map.
 
     Bands of one joint lie to the same side of the truth at all conditions: of 24, a right one misses some now and then.
     ``tests/bench/joint_maps.py`` counts over many joints.
