@@ -56,7 +56,7 @@ logarithm above the median."""
 _PAIRED = 0.98
 """Correlation of two parameters from which only their ratio or product is said to be determined: the uncertainty of
 that is at most a fifth of theirs. Twice as far from 1, it is at most two sevenths."""
-_REFINED = 4
+_REFINED = 6
 """Steps at most from the optimum without a discrepancy to the one with it."""
 _CLOSE = 0.3
 """Distance of the mean, in standard deviations, from where the derivatives were taken, up to which they are not taken
@@ -84,6 +84,10 @@ _CUT_OFF = 50.0
 """Residual, in standard uncertainties, of a point whose resonance the band cuts off, in the search: more than a law of
 another form misses a damping ratio by, 65 % of one that is known to 1 %. With five, a place with all points cut off was
 cheaper than the best fit of a law that is wrong by some per cent. Twice or half of it moves no optimum in the band."""
+_EVIDENT = 3.0
+"""Exponent of mu over F_N, over its standard deviation, that is named: chance gives it once in 370 maps."""
+_STEEPEST = 0.5
+"""Exponent of mu over F_N up to which it is followed: five standard deviations of its prior."""
 _JUMP = 20.0
 """Difference of the derivatives to either side, in standard uncertainties per unit, from which it may be a jump."""
 
@@ -165,9 +169,8 @@ def update(
             got=f"{len(points.level)} points",
             expected=f"more than {(len(names) + 1) // 2} for {len(names)} parameters",
         )
-    problem = MapProblem(
-        centred(model, points), chart, points, parameters, at, output, band or search_band(chart), tolerance
-    )
+    limits, middle = band or search_band(chart), middle_force(points)
+    problem = MapProblem(centred(model, points), chart, points, parameters, at, output, limits, tolerance, middle)
     values = problem.start(progress)
     bias, moved = np.zeros(len(points.level)), np.zeros(len(values))
     for number in range(_PASSES):
@@ -181,6 +184,12 @@ def update(
             break
         bias = problem.bias(values)
     return _result(problem, values, bias, moved, [joint.law.reference_force for joint in model.joints])
+
+
+def middle_force(points: MeasuredPoints) -> float:
+    """ln F_N half way between the lowest and the highest normal force."""
+    forces = np.log(points.forces.mean(axis=1))
+    return 0.5 * float(forces.min() + forces.max())
 
 
 def centred(model: BeamModel, points: MeasuredPoints) -> BeamModel:
@@ -200,7 +209,10 @@ def _stated_at(model: BeamModel, forces: Sequence[float]) -> BeamModel:
 
 @dataclass(frozen=True)
 class MapProblem:
-    """A model, a measured map and the parameters that are free: what is simulated, and how far off it is."""
+    """A model, a measured map and the parameters that are free: what is simulated, and how far off it is.
+
+    mu is as F_N^``growth``, and as the parameters say where ln F_N is ``middle``.
+    """
 
     model: BeamModel
     chart: ModalMap
@@ -210,6 +222,8 @@ class MapProblem:
     output: Dof | str
     band: tuple[float, float]
     tolerance: float
+    middle: float
+    growth: float = 0.0
 
     @cached_property
     def measured(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -255,13 +269,8 @@ class MapProblem:
         scale = plain.pop(FORCE_SCALE, 1.0)
         return with_parameters(self.model, plain), scale
 
-    def simulated(
-        self, values: np.ndarray, chosen: np.ndarray, growth: float = 0.0, middle: float = 0.0
-    ) -> Float[np.ndarray, "2 point"]:
-        """Logarithms of the equivalent damping and frequency of some points; NaN without a resonance.
-
-        mu is as F_N^``growth``, and that of the parameters at ln F_N = ``middle``.
-        """
+    def simulated(self, values: np.ndarray, chosen: np.ndarray) -> Float[np.ndarray, "2 point"]:
+        """Logarithms of the equivalent damping and frequency of some points; NaN without a resonance."""
         model, scale = self.with_values(values)
         levels, columns = scale * self.points.level[chosen], self.points.column[chosen]
         result = np.full((2, len(chosen)), np.nan)
@@ -270,8 +279,9 @@ class MapProblem:
             forces = self.points.forces[chosen[some]]
             # Joints near one nominal force stand for it: response, level and normal force scale together.
             level = levels[some] * forces.mean() / forces.mean(axis=1)
-            friction = model.joints[0].law.friction_coefficient * np.exp(growth * (np.log(forces.mean()) - middle))
-            pressed = with_parameters(model, {"friction_coefficient": float(friction)}) if growth else model
+            factor = float(np.exp(self.growth * (np.log(forces.mean()) - self.middle)))
+            friction = factor * model.joints[0].law.friction_coefficient
+            pressed = with_parameters(model, {"friction_coefficient": friction}) if self.growth else model
             result[:, some] = self._resonances(pressed.with_normal_force(forces.mean(axis=0).tolist()), level)
         return result
 
@@ -335,18 +345,18 @@ class MapProblem:
         differences = np.array(added).T
         return np.where(np.isfinite(differences), differences, LOST * self.std[:, None])
 
-    def friction_growth(self, values: np.ndarray, middle: float) -> Float[np.ndarray, "datum"]:
-        """What a mu that changes with the normal force adds to ln zeta and ln f; 0 where a resonance is lost."""
+    def friction_growth(self, values: np.ndarray) -> Float[np.ndarray, "datum"]:
+        """What ``FRICTION_GROWTH`` more in the exponent of mu adds to ln zeta and ln f; 0 where a resonance is lost."""
         every = np.arange(len(self.points.level))
-        ends = [self.simulated(values, every, sign * FRICTION_GROWTH, middle).ravel() for sign in (1, -1)]
-        return np.nan_to_num(0.5 * (ends[0] - ends[1]))
+        ends = [replace(self, growth=self.growth + sign * FRICTION_GROWTH) for sign in (1, -1)]
+        above, below = (end.simulated(values, every).ravel() for end in ends)
+        return np.nan_to_num(0.5 * (above - below))
 
     def linear(self, values: np.ndarray, bias: np.ndarray, differences: np.ndarray, resonant: np.ndarray) -> LinearData:
         """The data about given values where there is a resonance, with central differences for derivatives."""
         known = np.tile(resonant, 2)
         sensitivity = self.sensitivity(differences, partial(self.profile, values, bias))
         log_load, log_normal_force = (each[resonant] for each in self.loads())
-        middle = 0.5 * float(log_normal_force.min() + log_normal_force.max())
         return LinearData(
             residuals=differences[known],
             sensitivity=sensitivity[known],
@@ -355,10 +365,11 @@ class MapProblem:
             log_normal_force=log_normal_force,
             damping=np.exp(self.measured[0])[resonant],
             law_differences=self.law_differences(values)[known],
-            friction_growth=self.friction_growth(values, middle)[known],
+            friction_growth=self.friction_growth(values)[known],
             prior_mean=self.initial - values,
             prior_std=_PRIOR,
-            origin=(float(log_load.min()), middle),
+            growth_offset=self.growth / FRICTION_GROWTH,
+            origin=(float(log_load.min()), self.middle),
         )
 
     def sensitivity(self, here: Float[np.ndarray, "datum"], profile: Residuals) -> Float[np.ndarray, "datum parameter"]:
@@ -461,11 +472,12 @@ class MapProblem:
 class _Optimum:
     """Where the search ended: parameters, the data about them, and the posterior relative to them.
 
-    ``differences`` (datum) of measured and simulated values; ``counted`` (point) what is in the data, ``resonant``
-    (point) those of them at which the model has a resonance at the parameters too; ``settled`` whether another step
-    would change little.
+    ``problem`` has the exponent of mu about which the data are; ``differences`` (datum) of measured and simulated
+    values; ``counted`` (point) what is in the data, ``resonant`` (point) where the model has a resonance at the
+    parameters too; ``settled`` whether another step would change little.
     """
 
+    problem: MapProblem
     values: Float[np.ndarray, "parameter"]
     differences: Float[np.ndarray, "datum"]
     counted: Bool[np.ndarray, "point"]
@@ -479,7 +491,8 @@ def _result(
     problem: MapProblem, values: np.ndarray, bias: np.ndarray, change: np.ndarray, reference: Sequence[float]
 ) -> ModelUpdate:
     optimum = _with_discrepancy(problem, values, bias, change)
-    misfit, quantile = _misfits(problem, optimum)
+    problem = optimum.problem
+    misfit, quantile = _misfits(optimum, bias)
     combinations, estimates = _restated(problem, optimum.values, reference[0])
     covariance = combinations @ optimum.posterior.covariance @ combinations.T
     covariance *= max(1.0, optimum.posterior.misfit**2)
@@ -510,13 +523,16 @@ def _result(
     )
 
 
-def _misfits(problem: MapProblem, optimum: _Optimum) -> tuple[float, float]:
-    """Rms of all residuals in standard uncertainties, ``LOST`` without a resonance, and the quantile of Student's t for
-    95 % intervals from those with one."""
+def _misfits(optimum: _Optimum, bias: np.ndarray) -> tuple[float, float]:
+    """Rms of what the model that is returned leaves, in standard uncertainties, ``LOST`` without a resonance, and the
+    quantile of Student's t for 95 % intervals from the data with one.
+    """
     from scipy.stats import t
 
-    fitted = len(optimum.values) + 1
-    off = np.where(np.tile(optimum.resonant, 2), optimum.differences / problem.std, LOST)
+    fitted, problem, left = len(optimum.values) + 1, optimum.problem, optimum.differences
+    if problem.growth:  # no law has a mu that changes
+        left = np.nan_to_num(replace(problem, growth=0.0).profile(optimum.values, bias, np.zeros_like(optimum.values)))
+    off = np.where(np.tile(optimum.resonant, 2), left / problem.std, LOST)
     misfit = np.sqrt(np.sum(off**2) / max(len(off) - fitted, 1))
     return float(misfit), float(t.ppf(0.975, max(len(optimum.data.residuals) - fitted, 1)))
 
@@ -525,9 +541,11 @@ def _with_discrepancy(problem: MapProblem, values: np.ndarray, bias: np.ndarray,
     """The optimum that knows that the law is only nearly right; ``change`` is the last one of the search before it.
 
     It has settled where that change is small, and the mean of the last posterior lies within ``_CLOSE`` standard
-    deviations of the values about which the derivatives were taken.
+    deviations of the values about which the derivatives were taken; so does that of the exponent of mu over F_N.
     """
+    growth = problem.growth
     for _ in range(_REFINED):
+        problem = replace(problem, growth=growth)
         differences, _, counted = problem.differences(values, bias)
         if not counted.any():
             raise InputError(
@@ -543,17 +561,19 @@ def _with_discrepancy(problem: MapProblem, values: np.ndarray, bias: np.ndarray,
         step = profile.damped(np.clip(whole.mean, -1, 1))
         values = values + step
         close = _CLOSE * np.sqrt(np.diag(whole.covariance))
-        arrived = bool(np.all(np.abs(whole.mean) < close))
+        moved = whole.growth[0] - problem.growth
+        arrived = bool(np.all(np.abs(whole.mean) < close)) and abs(moved) < _CLOSE * whole.growth[1]
         # a step that was shortened is none that led there
-        if arrived or not step.any():
+        if arrived or not (step.any() or moved):
             break
+        growth = float(np.clip(whole.growth[0], -_STEEPEST, _STEEPEST))
     settled = arrived and bool(np.all(change < np.maximum(_SAME, close)))
     # what the optimum could not follow counts as uncertainty
     rest = whole.mean - step
     covariance = whole.covariance + np.outer(rest, rest)
     whole = replace(whole, mean=np.zeros_like(step), covariance=covariance)
     differences, _, resonant = problem.differences(values, bias)
-    return _Optimum(values, differences.ravel(), counted, counted & resonant, data.about(step), whole, settled)
+    return _Optimum(problem, values, differences.ravel(), counted, counted & resonant, data.about(step), whole, settled)
 
 
 def sound_slopes(
@@ -639,6 +659,15 @@ def _findings(
 ) -> tuple[Finding, ...]:
     where, scale = problem.chart.name or "map", optimum.posterior.process_scale
     findings = _not_identifiable(problem, reasons, covariance, pairs=not _common_doubt(optimum))
+    growth, spread = optimum.posterior.growth
+    if abs(growth) > _EVIDENT * spread:
+        way, reach = "falls" if growth < 0 else "grows", 1.96 * spread
+        text = (
+            f"mu {way} with the normal force, as F_N^({growth:.2f} ± {reach:.2f}); what is stated is mu at "
+            f"{np.exp(problem.middle):.4g} N, and no law here lets it change."
+        )
+        advice = "predictions (compare.predict_map) follow it; a model that is simulated does not"
+        findings.append(Finding("warning", "friction-changes", where, text, growth, _EVIDENT * spread, advice))
     if misfit > _MISFIT:
         text = f"the model leaves {misfit:.1f} times what the uncertainties of the map explain."
         advice = "look at the residuals over the map: another law, another mode, or bounds that are too narrow"

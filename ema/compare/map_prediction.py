@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ema.compare.fitting import TOLERANCE, MapProblem, centred
+from ema.compare.fitting import TOLERANCE, MapProblem, centred, middle_force
 from ema.compare.free_parameters import FORCE_SCALE, FreeParameter, free_parameters, initial_values
-from ema.compare.parameter_intervals import LinearData, posterior, scale_weights
+from ema.compare.parameter_intervals import FRICTION_GROWTH, LinearData, posterior, scale_weights
 from ema.compare.replay import MeasuredPoints, measured_points, search_band
 from ema.data import Finding, MapPrediction, ModalMap, ModelUpdate
 from ema.dof import Dof
@@ -28,6 +28,9 @@ from ema.errors import InputError
 _FAR = 2.0
 """Force level or normal force over the highest measured one, or lowest measured one over it, beyond which bands were
 not calibrated."""
+_RELINEARISED, _CLOSE = 4, 0.3
+"""How often derivatives are taken anew about the exponent of mu that the data tell, and the change of it, in standard
+deviations, that is small enough."""
 _CONTAINS = "noise of the map, parameters, form of the law, frequency of the host"
 
 
@@ -89,7 +92,7 @@ def predict_map(
 
     levels, forces = _checked(force_levels, "a force level"), _checked(normal_forces, "a normal force")
     problem, values = _problem(update, chart, at, output, band or search_band(chart))
-    measured, common = _measured(problem, values)
+    problem, measured, common = _measured(problem, values)
     elsewhere, resonant, said = _elsewhere(problem, values, levels, forces)
     shape, quantiles = (len(levels), len(forces)), np.full((3, 2, resonant.size), np.nan)
     if resonant.any():
@@ -156,30 +159,38 @@ def _problem(
         scale = FreeParameter(FORCE_SCALE)
         parameters = (*parameters, scale)
         values = np.append(values, scale.scaled(float(update.values[update.names.index(FORCE_SCALE)])))
-    return MapProblem(model, chart, points, parameters, at, output, band, TOLERANCE), values
+    return MapProblem(model, chart, points, parameters, at, output, band, TOLERANCE, middle_force(points)), values
 
 
-def _measured(problem: MapProblem, values: Float[np.ndarray, "parameter"]) -> tuple[LinearData, float]:
-    """The measured conditions about the parameters, and the common error of the frequencies (logarithm) taken off.
+def _measured(problem: MapProblem, values: Float[np.ndarray, "parameter"]) -> tuple[MapProblem, LinearData, float]:
+    """The measured conditions about the parameters and the exponent of mu that they tell, the problem with that
+    exponent, and the common error of the frequencies (logarithm) taken off.
 
     Raises
     ------
     InputError : the model has no resonance at any of them.
     """
     bias = np.zeros(len(problem.points.level)) if problem.chart.method == "frozen" else problem.bias(values)
-    differences, _, counted = problem.differences(values, bias)
-    if not counted.any():
-        raise InputError(
-            "the updated model has no resonance at any point of the map",
-            where=problem.chart.name or "map",
-            got=f"a search from {problem.band[0]:.4g} to {problem.band[1]:.4g} Hz",
-            expected="the mode of the map",
-            advice="predict from the map and the band that the model was updated with",
-        )
-    data = problem.linear(values, bias, differences.ravel(), counted)
+    for _ in range(_RELINEARISED):
+        differences, _, counted = problem.differences(values, bias)
+        if not counted.any():
+            raise InputError(
+                "the updated model has no resonance at any point of the map",
+                where=problem.chart.name or "map",
+                got=f"a search from {problem.band[0]:.4g} to {problem.band[1]:.4g} Hz",
+                expected="the mode of the map",
+                advice="predict from the map and the band that the model was updated with",
+            )
+        data = problem.linear(values, bias, differences.ravel(), counted)
+        growth, spread = posterior(data).growth
+        if abs(growth - problem.growth) < _CLOSE * spread:
+            break
+        problem = replace(problem, growth=growth)
+    else:
+        problem = replace(problem, growth=data.growth_offset * FRICTION_GROWTH)
     shift = problem.measured[1] - problem.simulated(values, np.arange(len(counted)))[1]
     sensitivity = _slopes(problem, values)[np.tile(counted, 2)]
-    return replace(data, sensitivity=sensitivity), float(np.mean((shift - differences[1])[counted]))
+    return problem, replace(data, sensitivity=sensitivity), float(np.mean((shift - differences[1])[counted]))
 
 
 def _slopes(problem: MapProblem, values: Float[np.ndarray, "parameter"]) -> Float[np.ndarray, "datum parameter"]:
@@ -232,9 +243,10 @@ def _unmeasured(
         log_normal_force=log_normal_force,
         damping=np.exp(elsewhere.measured[0])[resonant],
         law_differences=elsewhere.law_differences(values)[known],
-        friction_growth=elsewhere.friction_growth(values, origin[1])[known],
+        friction_growth=elsewhere.friction_growth(values)[known],
         prior_mean=elsewhere.initial - values,
         prior_std=1.0,
+        growth_offset=0.0,
         origin=origin,
     )
 
@@ -244,13 +256,15 @@ def _conditional(measured: LinearData, other: LinearData) -> _Mixture:
     joint, known = _joined(measured, other)
     nodes, weights, estimates = scale_weights(measured)
     widened = max(1.0, posterior(measured).misfit)
+    # the model at the other conditions has the exponent about which the data are
+    about = measured.growth_offset * other.friction_growth
     means, stds = [], []
     for node, (mean, spread, _) in zip(nodes, estimates, strict=True):
         of_both = joint.law_covariance(*node)
         across, own = of_both[np.ix_(known, ~known)], np.diag(of_both)[~known]
         carried = np.linalg.solve(of_both[np.ix_(known, known)] + np.diag(measured.std**2), across).T
         slopes = other.sensitivity - carried @ measured.sensitivity
-        means.append(slopes @ mean + carried @ measured.residuals)
+        means.append(slopes @ mean + carried @ measured.innovations - about)
         variance = own - np.sum(carried * across.T, axis=1) + np.sum((slopes @ spread) * slopes, axis=1)
         stds.append(widened * np.sqrt(np.maximum(variance, 1e-16)))
     return _Mixture(weights, np.array(means), np.array(stds))

@@ -89,6 +89,8 @@ class LinearData:
         Mean of the prior, relative to the optimum.
     prior_std : float
         Its standard deviation.
+    growth_offset : float
+        The exponent g about which the data are, over ``FRICTION_GROWTH``.
     origin : tuple of (float, float)
         ``log_load`` and ``log_normal_force`` at which the law is taken for right: least slip, middle of the forces.
     """
@@ -103,7 +105,13 @@ class LinearData:
     friction_growth: Float[np.ndarray, "datum"]
     prior_mean: Float[np.ndarray, "parameter"]
     prior_std: float
+    growth_offset: float
     origin: tuple[float, float]
+
+    @property
+    def innovations(self) -> Float[np.ndarray, "datum"]:
+        """The residuals of a mu that does not change, to first order: the prior of the exponent g has its mean at 0."""
+        return self.residuals + self.growth_offset * self.friction_growth
 
     def subset(self, kept: Bool[np.ndarray, "point"]) -> "LinearData":
         """Some of the points."""
@@ -148,10 +156,18 @@ class LinearData:
         total[count:, count:] += np.outer(per_damping, per_damping) * self.process_covariance + _COMMON**2
         return total
 
+    def growth(self, covariance: Float[np.ndarray, "datum datum"], estimate: Estimate) -> tuple[float, float]:
+        """Mean and variance of the exponent g over ``FRICTION_GROWTH``, given the data with a covariance."""
+        mean, spread, _ = estimate
+        weights = np.linalg.solve(covariance, self.friction_growth)
+        slopes = weights @ self.sensitivity
+        variance = 1 - weights @ self.friction_growth + slopes @ spread @ slopes
+        return float(weights @ (self.innovations - self.sensitivity @ mean)), float(max(variance, 0.0))
+
     def estimate(self, covariance: Float[np.ndarray, "datum datum"]) -> Estimate:
         """The parameters with a covariance of the data."""
         factor = np.linalg.cholesky(covariance)
-        white = np.linalg.solve(factor, np.column_stack([self.residuals, self.sensitivity]))
+        white = np.linalg.solve(factor, np.column_stack([self.innovations, self.sensitivity]))
         y, sensitivity = white[:, 0], white[:, 1:]
         information = sensitivity.T @ sensitivity + np.eye(sensitivity.shape[1]) / self.prior_std**2
         spread = np.linalg.inv(information)
@@ -177,6 +193,8 @@ class ParameterPosterior:
         Rms over the posterior of the two scales of what the law gets wrong.
     misfit : float
         Rms of the whitened residuals.
+    growth : tuple of (float, float)
+        Mean and standard deviation of the exponent g of mu over F_N.
     """
 
     mean: Float[np.ndarray, "parameter"]
@@ -185,6 +203,7 @@ class ParameterPosterior:
     law_share: float
     process_scale: float
     misfit: float
+    growth: tuple[float, float]
 
 
 def scale_weights(data: LinearData) -> tuple[Float[np.ndarray, "node 2"], Float[np.ndarray, "node"], list[Estimate]]:
@@ -209,9 +228,21 @@ def posterior(data: LinearData) -> ParameterPosterior:
     covariance += np.einsum("n,ni,nj->ij", weights, off, off)
     law_share, process_scale = np.sqrt(weights @ nodes**2)
     of_data = data.covariance(law_share, process_scale)
-    white = np.linalg.solve(np.linalg.cholesky(of_data), data.residuals - data.sensitivity @ mean)
+    white = np.linalg.solve(np.linalg.cholesky(of_data), data.innovations - data.sensitivity @ mean)
     misfit = float(np.sqrt(np.sum(white**2) / max(len(white) - len(mean), 1)))
-    return ParameterPosterior(mean, covariance, of_data, float(law_share), float(process_scale), misfit)
+    pairs = zip(nodes, estimates, strict=True)
+    each = np.array([data.growth(data.covariance(*node), estimate) for node, estimate in pairs])
+    growth = float(weights @ each[:, 0])
+    spread = float(np.sqrt(weights @ (each[:, 1] + (each[:, 0] - growth) ** 2)))
+    return ParameterPosterior(
+        mean,
+        covariance,
+        of_data,
+        float(law_share),
+        float(process_scale),
+        misfit,
+        (FRICTION_GROWTH * growth, FRICTION_GROWTH * spread),
+    )
 
 
 def other_laws(law: FrictionLaw) -> list[FrictionLaw]:
@@ -289,6 +320,7 @@ class ProfileLikelihood:
         """Chi-square at an offset from the optimum, and the residuals there; ``LOST`` without a resonance."""
         residuals = self.residuals(offset)[self.known]
         residuals = np.where(np.isfinite(residuals), residuals, LOST * self.data.std)
+        residuals = residuals + self.data.growth_offset * self.data.friction_growth
         white = np.linalg.solve(np.linalg.cholesky(self.posterior.data_covariance), residuals)
         prior = np.sum((offset - self.data.prior_mean) ** 2) / self.data.prior_std**2
         return float(white @ white + prior) / max(1.0, self.posterior.misfit**2), residuals

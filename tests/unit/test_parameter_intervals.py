@@ -34,7 +34,9 @@ def drawn(rng, share=0.0, count=3, growth=0.0):
     changed = growth * np.concatenate([pressed - 1, 0.02 * (pressed - 1)])
     values += changed * rng.standard_normal()
     origin = float(load[0]), 0.5 * float(pressed.min() + pressed.max())
-    return LinearData(values, slopes, std, load, pressed, damping, others, changed, np.zeros(count), 3.0, origin), truth
+    return LinearData(
+        values, slopes, std, load, pressed, damping, others, changed, np.zeros(count), 3.0, 0.0, origin
+    ), truth
 
 
 def test_intervals_hold_what_they_say_whether_the_law_is_right_or_one_of_many():
