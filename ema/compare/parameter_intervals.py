@@ -5,7 +5,7 @@ all points, c a common error of the frequencies, delta what the law gets wrong (
 and O'Hagan 2014). Three parts of delta:
 
 - What other laws of the same mu and k_T give. Masing springs in parallel make every law without a rate (Iwan 1966);
-  the model is simulated with sixteen of them (``other_laws``), and delta is a combination of the differences. They are
+  the model is simulated with twenty of them (``other_laws``), and delta is a combination of the differences. They are
   small where a joint sticks and where it slips altogether, as mu and k_T are defined there: a map that reaches these
   ends determines them whatever the law, one that does not, does not.
 - What a friction coefficient does that changes with the normal force, as where the area of contact does not grow in
@@ -54,6 +54,9 @@ half of it, the misfit that is stated then is up to twice or half as large."""
 _ROBUST = 3.0
 """Residual, in standard deviations, from which points lose weight (the scale of the loss of the search)."""
 
+_LATE = ((0.1, 0.4), (0.1, 0.7), (0.25, 0.5), (0.25, 0.75))
+"""Of a soft spring that slips late beside a stiff one: shares of the stiffness and of the slip force. Where no load of a
+map makes it slip, mu is off by what it carries."""
 _POWERS, _FEW, _SPRINGS, _LAST = 8, 8, 12, 0.3
 """Laws of either family, springs of a power law, and the share of that which slips last."""
 
@@ -248,8 +251,9 @@ def posterior(data: LinearData) -> ParameterPosterior:
 def other_laws(law: FrictionLaw) -> list[FrictionLaw]:
     """Masing springs in parallel with the mu and the k_T of a law, which slip in other ways.
 
-    Half of them have a stiffness whose density over the slip force is a power from 0.1 to 1.9 (Segalman 2005, Eq. 10,
-    there -1 to 0), with and without a share that slips last; half have few springs of any size.
+    Eight of them have a stiffness whose density over the slip force is a power from 0.1 to 1.9 (Segalman 2005, Eq. 10,
+    there -1 to 0), with and without a share that slips last; the others have few springs of any size, and a soft spring
+    that slips late.
     """
     from ema.simulate.friction import ParallelMasing
 
@@ -263,6 +267,7 @@ def other_laws(law: FrictionLaw) -> list[FrictionLaw]:
     for number in range(_FEW):
         count = 2 + number % 3
         shares.append((rng.dirichlet(np.full(count, 2.0)), rng.dirichlet(np.full(count, 2.0))))
+    shares += [(np.array([1 - soft, soft]), np.array([1 - late, late])) for soft, late in _LATE]
     others = []
     for stiffness, slip in shares:
         springs = ParallelMasing(law.friction_coefficient, law.contact_stiffness, stiffness.tolist(), slip.tolist())
