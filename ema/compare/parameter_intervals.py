@@ -55,8 +55,8 @@ _ROBUST = 3.0
 """Residual, in standard deviations, from which points lose weight (the scale of the loss of the search)."""
 
 _LATE = ((0.1, 0.4), (0.1, 0.7), (0.25, 0.5), (0.25, 0.75))
-"""Of a soft spring that slips late beside a stiff one: shares of the stiffness and of the slip force. Where no load of a
-map makes it slip, mu is off by what it carries."""
+"""Of a soft spring that slips late beside a stiff one: shares of the stiffness and of the slip force. Where no load of
+a map makes it slip, mu is off by what it carries."""
 _POWERS, _FEW, _SPRINGS, _LAST = 8, 8, 12, 0.3
 """Laws of either family, springs of a power law, and the share of that which slips last."""
 
