@@ -121,7 +121,7 @@ def test_other_laws_have_the_same_stiffness_and_slip_force():
     """At small motion k_T u, in gross slip mu F_N: from the shares of the springs as the simulator divides them."""
     law = Masing(0.3, 2e7, stiffness_exponent=0.4)
     laws = other_laws(law)
-    assert len(laws) == 16 and len({other.parameters for other in laws}) == 16
+    assert len(laws) == 20 and len({other.parameters for other in laws}) == 20
     for other in laws:
         stiffness, slip = springs_of(other)
         assert (2e7 * stiffness).sum() == pytest.approx(2e7) and (0.3 * slip).sum() == pytest.approx(0.3)
