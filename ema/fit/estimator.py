@@ -869,47 +869,6 @@ def shares_of_energy(data: Observations, fit: Fit) -> Float[np.ndarray, "2 mode"
     return result
 
 
-def trial_equations(
-    data: Observations, fit: Fit, trials: Complex[np.ndarray, "trial"]
-) -> tuple[Float[np.ndarray, "trial row row"], Float[np.ndarray, "trial row out"]]:
-    """Normal equations of a free residue matrix at each trial pole, the linear unknowns of ``fit`` eliminated; rows are
-    the real parts for each reference, then the imaginary parts. For observations of one row.
-    """
-    references, modes, count = data.references, len(fit.poles), len(trials)
-    weights, every = data.weights[0], np.concatenate([fit.poles, fit.terms.poles])
-    trial = model.functions(data.s, trials[:0], trials)
-    of_trials = model.sums_over_lines(trial, weights)[..., :count]
-    found = model.functions(data.s, fit.poles, fit.terms.poles)
-    sums = model.sums_over_lines(found, weights)
-    own_p, own_q, p, q = model.trial_products(trials, of_trials, every, modes, sums)
-    mixing, width = fit.terms.mixing, fit.lean.shape[-1] // 2
-    block, overlap = np.zeros((count, 2 * references, 2 * references)), np.zeros((count, 2 * references, 2 * modes))
-    h = model.projections(trial, weights[None] * residual(data, fit)[0])[..., :count]
-    remaining = np.concatenate([h.real, h.imag], axis=1).transpose(2, 1, 0)
-    of_shapes = np.concatenate([np.arange(modes), width + np.arange(modes)])
-    for i, entries in enumerate(fit.participation):
-        rows = np.array([i, references + i])
-        block[:, rows[:, None], rows] = model.real_form(own_p[i][:, None, None], own_q[i][:, None, None])
-        with_shapes = model.real_form(p[i][:, None, :modes] * entries, q[i][:, None, :modes] * entries)
-        with_terms = model.real_form(p[i][:, None, modes:], q[i][:, None, modes:]) @ mixing
-        own_terms = fit.lean[0, i][:, of_shapes]
-        gram = _of_terms(every, modes, sums[[i]], mixing)
-        block[:, rows[:, None], rows] -= with_terms @ inverse(gram) @ with_terms.transpose(0, 2, 1)
-        overlap[:, rows] = with_shapes - with_terms @ own_terms
-    schur = block - overlap @ fit.local[0] @ overlap.transpose(0, 2, 1)
-    ridge = 1e-9 * np.einsum("tii->ti", block)
-    return schur + ridge[:, :, None] * np.eye(2 * references), remaining
-
-
-def _of_terms(
-    every: Complex[np.ndarray, "pole"], modes: int, sums: Complex[np.ndarray, "1 sum"], mixing: np.ndarray
-) -> Float[np.ndarray, "column column"]:
-    """Normal matrix of the residual terms of one reference."""
-    (p, *_), (q, *_) = model.products(every, modes, sums)
-    result: np.ndarray = mixing.T @ model.real_form(p[0, modes:, modes:], q[0, modes:, modes:]) @ mixing
-    return result
-
-
 def bins(
     frequencies: Float[np.ndarray, "freq"], poles: Complex[np.ndarray, "pole"], fineness: float = 0.1
 ) -> Int[np.ndarray, "bin"]:

@@ -19,15 +19,15 @@ from ema.fit.narrow import narrow_peaks
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.record_end import as_recorded, of_whole_vibration
-from ema.fit.refinement import Refined, refined
+from ema.fit.refinement import Refined, Start, refined, with_weak, without_needless
 from ema.fit.scaling import scale_to_unit_modal_mass
-from ema.fit.selection import Dropped, extended, reduced, select, with_weak
+from ema.fit.selection import Dropped, Selection, extended, of_poles, reduced, select
 from ema.fit.stabilisation import stabilise
 from ema.fit.uncertainty import PoleErrors
 from ema.progress import Progress, advance, silent
 
-_SEARCHES = 2
-"""How often single lines are searched for narrow peaks: a strong one may hide another one."""
+_SEARCHES = 6
+"""How often the residual of an optimum is searched for further poles: a strong one may hide another one."""
 _NAMED = 10
 """Poles left out of the fit that are named one by one."""
 
@@ -258,19 +258,18 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
     """Fit and judge all poles of FRFs as they are."""
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
-    chosen = with_weak(select(data, poles, band.added_decay), poles.band)
+    chosen = select(data, poles, band.added_decay)
     advance(progress, "residues", 1, 2)
-    searches = _SEARCHES
+    searches, start = _SEARCHES, None
     while True:
-        optimum = refined(band, data, chosen)
+        optimum = refined(band, data, chosen, start)
         if searches and chosen.trusted and not optimum.misfit:
             searches -= 1
-            more, vectors = narrow_peaks(optimum.data, optimum.fit, poles.band)
-            larger = extended(data, chosen, optimum.kept, poles.band, more, vectors) if len(more) else chosen
-            if len(more) and len(larger.fit.poles) > len(optimum.kept):
-                chosen = larger
+            other, start = _changed(data, chosen, optimum, poles.band)
+            if other is not None:
+                chosen = other
                 continue
-            chosen, searches = replace(chosen, dropped=larger.dropped), 0
+        start, searches = None, 0
         errors = uncertainty.errors_of(optimum)
         # A pole of the background may have taken the place of a mode on the way.
         possible, alone = like_modes(optimum.fit.poles, poles.band), chosen.alone[optimum.kept]
@@ -283,6 +282,31 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
     verdict = judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out)
     shapes = peak_shape.examine(optimum, errors, verdict.possible)
     return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes)
+
+
+def _changed(
+    data: Prepared, chosen: Selection, optimum: Refined, band: tuple[float, float]
+) -> tuple[Selection | None, Start | None]:
+    """The selection with further poles that the residual of an optimum shows (narrow peaks, or else resonances that are
+    weak or hidden under others), or without one that it does not need, and where to begin with it. ``None`` where the
+    poles are what the FRFs ask for.
+    """
+    peaks, vectors = narrow_peaks(optimum.data, optimum.fit, band)
+    if len(peaks):
+        larger = extended(data, chosen, optimum.kept, band, peaks, vectors)
+        if len(larger.fit.poles) > len(optimum.kept):
+            return larger, None
+    start = with_weak(optimum, chosen, band)
+    if start is not None:
+        return of_poles(chosen, optimum.kept, start.fit, band), start
+    fewer = without_needless(optimum, chosen.possible[optimum.kept])
+    if fewer is None:
+        return None, None
+    left, start = fewer
+    gone = np.setdiff1d(np.arange(len(optimum.kept)), left)
+    dropped = tuple(Dropped(complex(optimum.at_optimum.poles[pole]), "the other poles do without it") for pole in gone)
+    smaller = of_poles(chosen, optimum.kept[left], start.fit, band)
+    return replace(smaller, dropped=(*chosen.dropped, *dropped)), start
 
 
 def _named(

@@ -256,19 +256,35 @@ def trial_products(
     poles: Complex[np.ndarray, "pole"],
     modes: int,
     sums: Complex[np.ndarray, "in sum"],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """``P`` and ``Q`` of further poles with themselves, each (in, trial), and ``P`` and ``Q`` with the functions of a
-    model, each (in, trial, b). ``of_trials`` are the sums ``a`` of the further poles.
+) -> "TrialProducts":
+    """``P`` and ``Q`` of further poles with themselves, with the functions of a model, and with the squares that belong
+    to the first ``modes`` poles. ``of_trials`` are the sums ``a`` of the further poles.
     """
     count = len(poles)
-    own_p, own_q = -of_trials.real / trials.real + 0j, -of_trials / trials
-    alpha, one = sums[:, None, :count], sums[:, None, count + modes + 1]
-    p = -(of_trials.conj()[:, :, None] + alpha) / (trials.conj()[:, None] + poles)
-    q = -(of_trials[:, :, None] + alpha) / (trials[:, None] + poles)
+    alpha, beta, one = sums[:, None, :count], sums[:, None, count : count + modes], sums[:, None, count + modes + 1]
+    d, e = trials.conj()[:, None] + poles, trials[:, None] + poles
+    p = -(of_trials.conj()[:, :, None] + alpha) / d
+    q = -(of_trials[:, :, None] + alpha) / e
     lower = (of_trials - 2 * trials * one) / trials**2
     p_static = 0.5 * np.stack([lower.conj(), of_trials.conj()], axis=-1)
     q_static = 0.5 * np.stack([lower, of_trials], axis=-1)
-    return own_p, own_q, np.concatenate([p, p_static], axis=-1), np.concatenate([q, q_static], axis=-1)
+    return TrialProducts(
+        own=(-of_trials.real / trials.real + 0j, -of_trials / trials),
+        first=(np.concatenate([p, p_static], axis=-1), np.concatenate([q, q_static], axis=-1)),
+        # Derivatives with respect to the poles of the model.
+        squares=(-(beta + p[..., :modes]) / d[:, :modes], -(beta + q[..., :modes]) / e[:, :modes]),
+    )
+
+
+@dataclass(frozen=True)
+class TrialProducts:
+    """``P`` and ``Q`` of further poles: with themselves (in, trial), with the functions of a model and with its squares
+    (in, trial, b).
+    """
+
+    own: tuple[Complex[np.ndarray, "in trial"], Complex[np.ndarray, "in trial"]]
+    first: tuple[Complex[np.ndarray, "in trial b"], Complex[np.ndarray, "in trial b"]]
+    squares: tuple[Complex[np.ndarray, "in trial mode"], Complex[np.ndarray, "in trial mode"]]
 
 
 def real_form(p: Complex[np.ndarray, "*row a b"], q: Complex[np.ndarray, "*row a b"]) -> Float[np.ndarray, "*row c d"]:

@@ -4,10 +4,11 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from ema.data import damping_ratios
-from ema.fit import estimator, search
+from ema.fit import search
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
 from ema.fit.policy import POLICY
+from ema.fit.trials import TrialEquations, equations
 
 _PLACES = (np.arange(9) - 4) / 4.5
 _WIDTHS = np.array([0.5, 1.0, 2.0])
@@ -43,7 +44,7 @@ def another_mode(
         1j * (poles.imag[:, None] + reach[:, None] * _PLACES)[:, :, None]
         + np.multiply.outer(poles.real, _WIDTHS)[:, None]
     )
-    schur, remaining = estimator.trial_equations(data, fit, trials.reshape(-1))
+    found = equations(data, fit, trials.reshape(-1))
     noise = search.Noise.of(data, fit)
     level = factor * noise.explains(data, poles, fit.participation.T[places], fit) / noise.required
     vectors = np.unique((fit.participation[:, own] / strength[own]).T, axis=0)
@@ -52,25 +53,23 @@ def another_mode(
         rows = slice(row * trials[0].size, (row + 1) * trials[0].size)
         near = own[np.argsort(np.abs(fit.poles[own] - pole))[:_NEAR]]
         spread = float(np.median(energy[near])) / (2 * outputs)
-        evidence = [_evidence(schur[rows], remaining[rows], vector, level[row], spread) for vector in vectors]
+        evidence = [_evidence(found, rows, vector, level[row], spread) for vector in vectors]
         odds = 2 * reach[row] * density * np.mean(evidence)
         result[row] = odds / (1 + odds)
     return result
 
 
 def _evidence(
-    schur: Float[np.ndarray, "trial row row"],
-    remaining: Float[np.ndarray, "trial row out"],
-    vector: Complex[np.ndarray, "in"],
-    noise: float,
-    spread: float,
+    found: TrialEquations, rows: slice, vector: Complex[np.ndarray, "in"], noise: float, spread: float
 ) -> Float[np.ndarray, "trial"]:
-    """Probability of the residual with a mode of given participation at each trial pole over that without.
+    """Probability of the residual with a mode of given participation at some trial poles over that without.
 
     ``noise`` is the variance of an equation, ``spread`` that of each real component of the shape before the residual
     is looked at.
     """
-    own, right = search.of_rank_one(schur, remaining, np.tile(vector, (len(schur), 1)))
+    some = TrialEquations(found.schur[:, rows], found.remaining[:, rows], found.coupling[:, rows])
+    some = some.of_rank_one(np.tile(vector, (some.schur.shape[1], 1)))
+    own, right = some.schur[0], some.remaining[0]
     ridge = noise / spread * np.eye(2)
     explained = np.einsum("tao,tao->t", right, np.linalg.solve(own + ridge, right)) / noise
     expected = right.shape[2] * np.linalg.slogdet(np.eye(2) + own * (spread / noise))[1]

@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from ema.data import FrfSet
+from ema.data import FrfSet, damping_ratios
 from ema.fit import estimator, model, noise, scatter, search
 from ema.fit.estimator import Fit, Observations
+from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT
-from ema.fit.selection import Dropped, Selection
+from ema.fit.selection import Dropped, Selection, compressed
 
 _ENOUGH = 60_000
 """Values from which the structure of the noise and its correlation are estimated."""
@@ -25,6 +26,8 @@ _ITERATIONS, _CONVERGED, _LOOSE = 25, 1e-13, 1e-4
 standard deviation), and the information that holds the unknowns in their place (`estimator.refine`)."""
 _UNKNOWN = 1e12
 """Variance over what the weights say of a value that the data do not determine: far beyond any prior."""
+_TRIED = 6
+"""Poles that are left out in turn, to see whether the others do without them."""
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
 
@@ -38,10 +41,12 @@ class Refined:
     (mode,) that of shapes: residual energy over that of the assumed noise, times the loss by errors that are correlated
     over lines, times that of a misfit at the peaks, and for poles at least what changes between lines, outputs and
     impacts. ``loss`` (mode,) is the variance of a pole over that for errors independent from line to line; ``basis``
-    says in words what the noise level rests on, ``misfit`` whether the residual is no noise.
+    says in words what the noise level rests on, ``misfit`` whether the residual is no noise. ``fit`` has all residual
+    terms (`_with_all_residual_terms`), ``at_optimum`` those that noise does not explain.
     """
 
     fit: Fit
+    at_optimum: Fit
     data: Observations
     kept: Int[np.ndarray, "mode"]
     dropped: tuple[Dropped, ...]
@@ -52,25 +57,21 @@ class Refined:
     misfit: bool
 
 
-def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
-    """Refine selected poles, participation, shapes and residual terms with a weight for every line of every FRF."""
-    # The noise of each FRF is known by its size, of lines nothing yet: all outputs share one elimination.
-    level = replace(data.noise, lines=np.ones(len(data.frequencies)))
-    observed = estimator.observe(data.frequencies, data.values, data.derivative, level, rotate=False)
-    flat = _by_output(observed, data)
-    fit = _start(observed, data, chosen)
+def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | None" = None) -> Refined:
+    """Refine selected poles, participation, shapes and residual terms with a weight for every line of every FRF.
+
+    Parameters
+    ----------
+    start : where to begin, for the poles of ``chosen``; by default they are fitted with the noise of each FRF first.
+    """
     known, basis = _known(band, data)
-    misfit = _misfit(flat, _by_row(fit, data), data.derivative, known)
-    # What nothing needs is not free to go somewhere else, nor what the noise of single lines explains.
-    fit, kept = estimator.determined(observed, fit)
     dropped: tuple[Dropped, ...] = ()
-    if not misfit:
-        _, left, dropped = _pruned(*_weighted(flat, _by_row(fit, data), data.derivative, known, misfit), chosen, kept)
-        if len(left) < len(kept):
-            fit, kept = estimator.drop(observed, fit, np.isin(kept, left)), left
-    fit, left = estimator.determined(observed, _optimum(observed, fit))
-    fit, kept = _by_row(fit, data), kept[left]
-    terms = fit.terms
+    if start is None:
+        flat, fit, kept, dropped, misfit = _first(data, chosen, known)
+        terms = fit.terms
+    else:
+        flat, fit, terms = start.data, start.fit, start.terms
+        kept, misfit = np.arange(len(fit.poles)), False
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
     # Few values: what the start was still off by shows in their noise.
@@ -101,8 +102,79 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection) -> Refined:
     # At its lower bound a decay rate may as well be anything below: it is known to itself, which is the prior.
     bounded = -fit.poles.real <= (1 + 1e-6) * estimator.narrowest(flat, fit.poles)
     inflation[:modes][bounded] = _UNKNOWN
-    fit = _with_all_residual_terms(flat, fit, terms)
-    return Refined(fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis, misfit)
+    wide = _with_all_residual_terms(flat, fit, terms)
+    return Refined(wide, fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis, misfit)
+
+
+@dataclass(frozen=True)
+class Start:
+    """A fit to begin with, its data, and all residual terms of which it may have some."""
+
+    data: Observations
+    fit: Fit
+    terms: model.Background
+
+
+def with_weak(optimum: Refined, chosen: Selection, band: tuple[float, float]) -> Start | None:
+    """The optimum with the resonances that its residual shows although they are weak or hidden under others
+    (`ema.fit.search.weak`); ``None`` where there is none.
+    """
+    fit, data = optimum.at_optimum, optimum.data
+    poles, vectors = search.weak(chosen.data, compressed(chosen, fit), data, fit, band)
+    for count in dict.fromkeys((len(poles), min(1, len(poles)))):
+        if not count:
+            continue
+        larger = estimator.refine(data, estimator.with_modes(data, fit, poles[:count], vectors[:count]), _ITERATIONS)
+        required = count * search.passes_for_weak(2 * (data.outputs + data.references)) * fit.variance_factor(data)
+        sound = np.all(larger.poles.real < 0) and np.all(larger.share >= estimator.RANK)
+        if sound and fit.cost - larger.cost > required:
+            return Start(data, larger, optimum.fit.terms)
+    return None
+
+
+def without_needless(
+    optimum: Refined, possible: Bool[np.ndarray, "mode"]
+) -> tuple[Int[np.ndarray, "kept"], Start] | None:
+    """The optimum without a pole that the others replace when they adapt, and which poles stay; ``None`` where every
+    pole is needed.
+
+    What a pole explains with the others where they are says how well they share the work, not whether all are needed:
+    of too many wide ones each does, and none is determined. Only those are tried, the least determined first.
+    """
+    fit, data = optimum.at_optimum, optimum.data
+    factor = fit.variance_factor(data)
+    required = search.passes_for_weak(2 * (data.outputs + data.references)) * factor
+    uncertain = np.sqrt(np.maximum(estimator.covariance(fit, factor)[:, 1, 1], 0)) / damping_ratios(fit.poles)
+    doubtful = np.flatnonzero(possible & (uncertain > POLICY.damping_uncertainty))
+    for pole in doubtful[np.argsort(-uncertain[doubtful])][:_TRIED]:
+        kept = np.setdiff1d(np.arange(len(fit.poles)), pole)
+        smaller = estimator.refine(data, estimator.drop(data, fit, kept), _ITERATIONS)
+        if smaller.cost - fit.cost <= required:
+            return kept, Start(data, smaller, optimum.fit.terms)
+    return None
+
+
+def _first(
+    data: Prepared, chosen: Selection, known: Float[np.ndarray, "out in freq"] | None
+) -> tuple[Observations, Fit, Int[np.ndarray, "kept"], tuple[Dropped, ...], bool]:
+    """The selection fitted to all lines with the noise of each FRF: data, fit, which poles it keeps, those in the band
+    that it does not, and whether the residual is no noise.
+    """
+    # The noise of each FRF is known by its size, of lines nothing yet: all outputs share one elimination.
+    level = replace(data.noise, lines=np.ones(len(data.frequencies)))
+    observed = estimator.observe(data.frequencies, data.values, data.derivative, level, rotate=False)
+    flat = _by_output(observed, data)
+    fit = _start(observed, data, chosen)
+    misfit = _misfit(flat, _by_row(fit, data), data.derivative, known)
+    # What nothing needs is not free to go somewhere else, nor what the noise of single lines explains.
+    fit, kept = estimator.determined(observed, fit)
+    dropped: tuple[Dropped, ...] = ()
+    if not misfit:
+        _, left, dropped = _pruned(*_weighted(flat, _by_row(fit, data), data.derivative, known, misfit), chosen, kept)
+        if len(left) < len(kept):
+            fit, kept = estimator.drop(observed, fit, np.isin(kept, left)), left
+    fit, left = estimator.determined(observed, _optimum(observed, fit))
+    return flat, _by_row(fit, data), kept[left], dropped, misfit
 
 
 def _optimum(flat: Observations, start: Fit) -> Fit:

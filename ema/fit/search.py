@@ -10,8 +10,9 @@ from ema.data import damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
-from ema.fit.narrow import TONE, caution, on_narrow_peak, tones
+from ema.fit.narrow import TONE, caution, tones
 from ema.fit.policy import POLICY, passes_for_mode
+from ema.fit.trials import DAMPING, apart, around, beside, gains_at, mode_gains, over_band, peaks, residue_gains
 
 MISFIT = 0.2
 """Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told."""
@@ -26,7 +27,6 @@ _WITHIN_REACH = 4.0
 _FAILURES = 2
 """Places where a mode seems to gain but replaces another one; after so many, the search ends."""
 
-_TRIAL_DAMPING = np.array([0.001, 0.005, 0.02, 0.06])
 _OUTSIDE = np.array([0.003, 0.01, 0.02, 0.04, 0.08, 0.16])
 """Distances from the edges of the band, over its width, at which resonances outside it are tried."""
 _CHANCE = 0.01
@@ -34,7 +34,10 @@ _CHANCE = 0.01
 _TRIED = 200
 """Trial poles in one search: the best of so many explains by chance what a single one hardly ever does."""
 _WEAK = 6
-"""Weak resonances that are added in one search at most. 180 random systems had 62 of them."""
+"""Weak resonances that are added in one search at most."""
+_AGAIN = 24
+"""Trial poles, the best on compressed data, that are judged again with the noise of every line of every FRF: what
+stands out there in a few FRFs that are small is hardly seen in the average."""
 
 
 def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int) -> Fit:
@@ -46,18 +49,18 @@ def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int)
         by_reference, together = estimator.profile(data, fit)
         power = by_reference.mean(axis=0)
         correlation = together.sum() / max(power.sum(), 1e-300)
-        trials = _trials(band, _peaks(data, power))
+        trials = over_band(band, peaks(data, power))
         net = len(trials)
-        trials = np.concatenate([trials, _beside(fit, band)])
+        trials = np.concatenate([trials, beside(fit, band)])
         factor = max(fit.variance_factor(data), 1e-300)
-        gain, vectors = trial_gains(data, fit, trials)
+        gain, vectors = residue_gains(data, fit, trials)
         required = np.full(len(trials), limit * factor)
-        typical = np.median(gain[:net].reshape(-1, len(_TRIAL_DAMPING)), axis=0) / (factor * freedom)
-        required[:net] *= np.tile(np.maximum(typical, 1), net // len(_TRIAL_DAMPING))
+        typical = np.median(gain[:net].reshape(-1, len(DAMPING)), axis=0) / (factor * freedom)
+        required[:net] *= np.tile(np.maximum(typical, 1), net // len(DAMPING))
         required[net:] *= max(1.0, float(typical.max()))
         # What takes a fifth of the whole residual away is no decoration of a misfit: it is a missed mode.
         required = np.minimum(required, max(0.2 * fit.cost, limit * factor))
-        chosen = _apart(trials, gain / required, 1)
+        chosen = apart(trials, gain / required, 1)
         if not chosen:
             break
         larger = estimator.with_modes(data, fit, trials[chosen], vectors[chosen])
@@ -82,10 +85,10 @@ def complete(data: Observations, fit: Fit, band: tuple[float, float], rounds: in
         if hidden(data, fit) > enough:
             break
         noise = Noise.of(data, fit)
-        trials = np.concatenate([_trials(band, _peaks(data, noise.power.mean(axis=0))), _around(fit, band)])
+        trials = np.concatenate([over_band(band, peaks(data, noise.power.mean(axis=0))), around(fit, band)])
         trials = trials[np.all(np.abs(trials[:, None] - tried) > np.abs(trials.real)[:, None], axis=1)]
         gain, vectors = mode_gains(data, fit, trials)
-        chosen = _apart(trials, gain / noise.explains(data, trials, vectors, fit, gain), most)
+        chosen = apart(trials, gain / noise.explains(data, trials, vectors, fit, gain), most)
         if not chosen:
             break
         larger = estimator.with_modes(data, fit, trials[chosen], vectors[chosen])
@@ -118,7 +121,7 @@ def beyond(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
     limit = float(scipy.stats.chi2.isf(_CHANCE, 2 * outputs + 2 * references))
     for edge, width in ((band[0], band[0] - band[1]), (band[1], band[1] - band[0])):
         places = edge + _OUTSIDE * width
-        trials = (2 * np.pi * places[places > 0, None] * (-_TRIAL_DAMPING + 1j)).reshape(-1)
+        trials = (2 * np.pi * places[places > 0, None] * (-DAMPING + 1j)).reshape(-1)
         if not len(trials):
             continue
         required = limit * fit.variance_factor(data)
@@ -133,38 +136,31 @@ def beyond(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
     return fit
 
 
-def weak(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
-    """Add resonances in the band that noise hardly explains, though they explain less than a mode has to.
+def weak(
+    data: Observations, fit: Fit, final: Observations, optimum: Fit, band: tuple[float, float]
+) -> tuple[Complex[np.ndarray, "new"], Complex[np.ndarray, "new in"]]:
+    """Poles, and their participation, of resonances in the band that noise hardly explains, though they explain less
+    than a mode has to.
 
     They stay in the background. Left out, they move wide modes beside them, whose intervals do not know of them. Takes
     the residual for noise.
+
+    Parameters
+    ----------
+    data, fit : compressed data, and the poles of ``optimum`` fitted to them: all trial poles are compared there.
+    final, optimum : every line of every FRF with its own noise: the best of them are judged there.
     """
-    freedom = 2 * (data.outputs + data.references)
-    tried = np.zeros(0, complex)
-    for _ in range(_WEAK):
-        noise = Noise.of(data, fit)
-        trials = np.concatenate([_trials(band, _peaks(data, noise.power.mean(axis=0))), _around(fit, band)])
-        trials = trials[np.all(np.abs(trials[:, None] - tried) > np.abs(trials.real)[:, None], axis=1)]
-        # There noise is largest, and the average over FRFs and lines does not know how large.
-        trials = trials[~on_narrow_peak(trials, fit.poles, data.line)]
-        if not len(trials):
-            break
-        gain, vectors = mode_gains(data, fit, trials)
-        limit = passes_for_weak(freedom) / passes_for_mode(freedom, len(data.s))
-        required = limit * noise.explains(data, trials, vectors, fit, gain)
-        best = int(np.argmax(gain / required))
-        if gain[best] <= required[best]:
-            break
-        larger = estimator.refine(data, estimator.with_modes(data, fit, trials[[best]], vectors[[best]]), 30)
-        sound = np.all(larger.poles.real < 0) and np.all(larger.share >= estimator.RANK)
-        sound &= not on_narrow_peak(larger.poles[-1:], larger.poles[:-1], data.line)[0]
-        if sound and fit.cost - larger.cost > required[best]:
-            fit = larger
-        else:
-            tried = np.append(tried, trials[best])
-            if len(tried) > _FAILURES:
-                break
-    return fit
+    references, outputs = data.references, final.outputs
+    noise = Noise.of(data, fit)
+    trials = np.concatenate([over_band(band, peaks(data, noise.power.mean(axis=0))), around(fit, band)])
+    gain, vectors = mode_gains(data, fit, trials)
+    merit = gain / noise.explains(data, trials, vectors, fit, gain)
+    best = apart(trials, merit / max(float(merit.min()) * (1 - 1e-9), 1e-300), _AGAIN, reach=1.0)
+    trials, vectors = trials[best], vectors[best]
+    required = passes_for_weak(2 * (outputs + references)) * optimum.variance_factor(final)
+    gain = gains_at(final, optimum, trials, vectors)
+    chosen = apart(trials, gain / (required * caution(trials, optimum.poles, final.line)), _WEAK)
+    return trials[chosen], vectors[chosen]
 
 
 def passes_for_weak(freedom: int) -> float:
@@ -332,136 +328,6 @@ def macs(vectors: Complex[np.ndarray, "mode entry"]) -> Float[np.ndarray, "mode 
     return result
 
 
-def _apart(trials: Complex[np.ndarray, "trial"], merit: Float[np.ndarray, "trial"], most: int) -> list[int]:
-    """The best trials with a merit above 1 whose peaks do not overlap."""
-    chosen: list[int] = []
-    for k in np.argsort(-merit):
-        if merit[k] <= 1 or len(chosen) == most:
-            break
-        reach = 4 * (np.abs(trials[chosen].real) + abs(trials[k].real))
-        if np.all(np.abs(trials[chosen] - trials[k]) > reach):
-            chosen.append(int(k))
-    return chosen
-
-
-def _peaks(data: Observations, power: Float[np.ndarray, "bin"]) -> Float[np.ndarray, "peak"]:
-    """Frequencies (Hz) of the sixteen largest maxima of the residual energy."""
-    power = np.convolve(power, np.ones(3), mode="same")
-    inner = power[1:-1]
-    maxima = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
-    return data.s.imag[maxima[np.argsort(-power[maxima])][:16]] / (2 * np.pi)
-
-
-def _trials(band: tuple[float, float], peaks: Float[np.ndarray, "peak"] | None = None) -> Complex[np.ndarray, "trial"]:
-    """Trial poles: 32 places over the band and the given ones, each with four damping ratios."""
-    step = (band[1] - band[0]) / 32
-    places = np.linspace(band[0] + 0.5 * step, band[1] - 0.5 * step, 32)
-    places = places if peaks is None else np.concatenate([places, peaks])
-    return (2 * np.pi * places[:, None] * (-_TRIAL_DAMPING + 1j)[None, :]).reshape(-1)
-
-
-def _around(fit: Fit, band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
-    """Trial poles around every mode, in units of its decay rate: narrower and wider, lower and higher."""
-    own = fit.poles[inside(fit.poles, band) & (damping_ratios(fit.poles) <= POLICY.heaviest)]
-    offsets = [width + place * 1j for place in (-1.5, -0.5, 0.5, 1.5) for width in (0.3, 1.0, 2.5)]
-    trials = np.concatenate([1j * own.imag + own.real * (o.real + 1j * o.imag) for o in offsets])
-    return trials[inside(trials, band) & (damping_ratios(trials) <= POLICY.heaviest)]
-
-
-def _beside(fit: Fit, band: tuple[float, float]) -> Complex[np.ndarray, "trial"]:
-    """Trial poles on both sides of every mode: the second of a pair that one pole has been fitted to."""
-    own = fit.poles[inside(fit.poles, band) & (damping_ratios(fit.poles) <= POLICY.heaviest)]
-    return np.concatenate([own + 0.4j * own.real, own - 0.4j * own.real])
-
-
-def trial_gains(
-    data: Observations, fit: Fit, trials: Complex[np.ndarray, "trial"]
-) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"]]:
-    """Cost that each trial pole alone, with a free residue matrix, would take off; and its leading participation."""
-    gain, vectors, _ = _trial_residues(*estimator.trial_equations(data, fit, trials))
-    return gain, vectors
-
-
-def mode_gains(
-    data: Observations, fit: Fit, trials: Complex[np.ndarray, "trial"]
-) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"]]:
-    """As `trial_gains`, with a residue of rank one: what a mode at each trial pole would take off."""
-    references = data.references
-    schur, remaining = estimator.trial_equations(data, fit, trials)
-    gain, vectors, _ = _trial_residues(schur, remaining)
-    if references == 1:
-        return gain, vectors
-    for _ in range(2):
-        own, reduced = of_rank_one(schur, remaining, vectors)
-        shape = np.linalg.solve(own, reduced)
-        gain = np.einsum("tao,tao->t", reduced, shape)
-        # The participation that fits best to this shape follows from the residue matrix weighted by it.
-        x, y = shape[:, 0], shape[:, 1]
-        energy = np.stack([np.einsum("to,to->t", a, b) for a, b in ((x, x), (x, y), (y, y))])
-        vectors = _participation(schur, remaining, x, y, energy)
-    return gain, vectors
-
-
-def of_rank_one(
-    schur: Float[np.ndarray, "trial row row"],
-    remaining: Float[np.ndarray, "trial row out"],
-    vectors: Complex[np.ndarray, "trial in"],
-) -> tuple[Float[np.ndarray, "trial 2 2"], Float[np.ndarray, "trial 2 out"]]:
-    """Normal equations of shapes (real and imaginary part) at given participation from those of residue matrices."""
-    references = vectors.shape[1]
-    turn = np.zeros((len(vectors), 2 * references, 2))
-    turn[:, :references, 0] = turn[:, references:, 1] = vectors.real
-    turn[:, references:, 0], turn[:, :references, 1] = vectors.imag, -vectors.imag
-    through = turn.transpose(0, 2, 1)
-    return through @ schur @ turn, through @ remaining
-
-
-def _participation(
-    schur: Float[np.ndarray, "trial row row"],
-    remaining: Float[np.ndarray, "trial row out"],
-    x: Float[np.ndarray, "trial out"],
-    y: Float[np.ndarray, "trial out"],
-    energy: Float[np.ndarray, "3 trial"],
-) -> Complex[np.ndarray, "trial in"]:
-    """Best participation ``a + jb`` at given shapes ``x + jy``: rows are the real, then the imaginary parts."""
-    half = schur.shape[1] // 2
-    (rr, ri), (ir, ii) = (
-        (schur[:, :half, :half], schur[:, :half, half:]),
-        (schur[:, half:, :half], schur[:, half:, half:]),
-    )
-    xx, xy, yy = energy[:, :, None, None]
-    # Rows of the residue: real part a x - b y, imaginary part a y + b x.
-    aa = xx * rr + xy * (ri + ir) + yy * ii
-    ab = -xy * rr + xx * ri - yy * ir + xy * ii
-    bb = yy * rr - xy * (ri + ir) + xx * ii
-    matrix = np.concatenate(
-        [np.concatenate([aa, ab], axis=2), np.concatenate([ab.transpose(0, 2, 1), bb], axis=2)], axis=1
-    )
-    real, imaginary = remaining[:, :half], remaining[:, half:]
-    right = np.concatenate(
-        [
-            np.einsum("tio,to->ti", real, x) + np.einsum("tio,to->ti", imaginary, y),
-            np.einsum("tio,to->ti", imaginary, x) - np.einsum("tio,to->ti", real, y),
-        ],
-        axis=1,
-    )
-    ridge = 1e-12 * np.einsum("tii->t", matrix)[:, None, None] * np.eye(2 * half)
-    solved = np.linalg.solve(matrix + ridge, right[:, :, None])[:, :, 0]
-    vectors = solved[:, :half] + 1j * solved[:, half:]
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
-
-
-def _trial_residues(
-    schur: Float[np.ndarray, "trial row row"], remaining: Float[np.ndarray, "trial row out"]
-) -> tuple[Float[np.ndarray, "trial"], Complex[np.ndarray, "trial in"], Complex[np.ndarray, "trial in out"]]:
-    """Gain, leading participation and residue matrix of each trial."""
-    references = schur.shape[1] // 2
-    solution = np.linalg.solve(schur, remaining)
-    residue = solution[:, :references] + 1j * solution[:, references:]
-    vectors = np.linalg.eigh(residue @ residue.conj().transpose(0, 2, 1))[1][:, :, -1]
-    return np.einsum("tio,tio->t", remaining, solution), vectors, residue
-
-
 def misfit(
     data: Observations, fit: Fit, band: tuple[float, float], factor: float, correlation: float
 ) -> Float[np.ndarray, "pole"]:
@@ -474,14 +340,14 @@ def misfit(
     if correlation < 0.25 * MISFIT:
         return np.ones(len(fit.poles))
     references, outputs = data.references, data.outputs
-    trials = _trials(band)
-    gain, _ = trial_gains(data, fit, trials)
-    ratio = np.maximum(gain.reshape(-1, len(_TRIAL_DAMPING)) / (factor * 2 * outputs * references), 1)
+    trials = over_band(band)
+    gain, _ = residue_gains(data, fit, trials)
+    ratio = np.maximum(gain.reshape(-1, len(DAMPING)) / (factor * 2 * outputs * references), 1)
     places = natural_frequencies(trials).reshape(ratio.shape)[:, 0]
     frequency, damping = natural_frequencies(fit.poles), damping_ratios(fit.poles)
     result = np.empty(len(fit.poles))
     for k in range(len(fit.poles)):
         near = np.abs(places - frequency[k]) <= max((band[1] - band[0]) / 6, np.sort(np.abs(places - frequency[k]))[4])
         level = np.log(np.median(ratio[near], axis=0))
-        result[k] = np.exp(np.interp(np.log(max(damping[k], 1e-6)), np.log(_TRIAL_DAMPING), level))
+        result[k] = np.exp(np.interp(np.log(max(damping[k], 1e-6)), np.log(DAMPING), level))
     return result

@@ -20,7 +20,7 @@ from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
 from ema.fit.policy import POLICY, passes_for_mode
 from ema.fit.prepare import Prepared
-from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prune, search, weak
+from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prune, search
 
 _ROUNDS = 100
 """Poles that are taken out one after the other at most: a bound on the work."""
@@ -101,15 +101,6 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
     )
 
 
-def with_weak(chosen: Selection, band: tuple[float, float]) -> Selection:
-    """The selection with the resonances that are too weak to be modes (`ema.fit.search.weak`), where it is noise that
-    they are weak against.
-    """
-    fit = weak(chosen.data, chosen.fit, band) if chosen.trusted else chosen.fit
-    added = np.ones(len(fit.poles) - len(chosen.fit.poles))
-    return replace(chosen, fit=fit, possible=like_modes(fit.poles, band), alone=np.append(chosen.alone, added))
-
-
 def extended(
     prepared: Prepared,
     chosen: Selection,
@@ -142,6 +133,22 @@ def extended(
         alone=alone,
         trusted=chosen.trusted,
         dropped=dropped,
+    )
+
+
+def compressed(chosen: Selection, optimum: Fit) -> Fit:
+    """The poles of an optimum fitted to the compressed data of a selection."""
+    return estimator.evaluate(chosen.data, optimum.poles, optimum.participation, chosen.fit.terms)
+
+
+def of_poles(chosen: Selection, kept: Int[np.ndarray, "kept"], optimum: Fit, band: tuple[float, float]) -> Selection:
+    """The selection with the poles of an optimum: those ``kept``, and further ones behind them."""
+    added = np.ones(len(optimum.poles) - len(kept))
+    return replace(
+        chosen,
+        fit=compressed(chosen, optimum),
+        possible=like_modes(optimum.poles, band),
+        alone=np.concatenate([chosen.alone[kept], added]),
     )
 
 

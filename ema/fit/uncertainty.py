@@ -122,7 +122,10 @@ def _errors(optimum: Refined, root: Float[np.ndarray, "unknown cause"], mode: in
     for place, entry in enumerate(fit.free):
         if entry % modes == mode:
             participation[entry // modes] = by_cause[modes + place]
-    change = estimator.changes_of_shape(fit, mode)[:, 0] @ root
+    # What stands still since rounding alone tells of it (`estimator.ROUNDING`) moves no shape either: the prior that
+    # keeps its own error finite is none of theirs.
+    moving = np.where(np.diag(fit.information)[:, None] > 0, root, 0)
+    change = estimator.changes_of_shape(fit, mode)[:, 0] @ moving
     rows = np.array([mode, modes + mode])
     block = optimum.inflation_of_shapes[mode] * fit.local[:, rows[:, None], rows]
     floor = np.finfo(float).tiny
