@@ -265,9 +265,8 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
         optimum = refined(band, data, chosen, start)
         if searches and chosen.trusted and not optimum.misfit:
             searches -= 1
-            other, start = _changed(data, chosen, optimum, poles.band)
-            if other is not None:
-                chosen = other
+            chosen, start, changed = _changed(data, chosen, optimum, poles.band)
+            if changed:
                 continue
         start, searches = None, 0
         errors = uncertainty.errors_of(optimum)
@@ -286,27 +285,28 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
 
 def _changed(
     data: Prepared, chosen: Selection, optimum: Refined, band: tuple[float, float]
-) -> tuple[Selection | None, Start | None]:
-    """The selection with further poles that the residual of an optimum shows (narrow peaks, or else resonances that are
-    weak or hidden under others), or without one that it does not need, and where to begin with it. ``None`` where the
-    poles are what the FRFs ask for.
+) -> tuple[Selection, Start | None, bool]:
+    """The poles of an optimum with further ones that the residual shows (narrow peaks, or else resonances that are weak
+    or hidden under others), or without one that is not needed; where to begin with these; and whether that changes what
+    the optimum has.
     """
     peaks, vectors = narrow_peaks(optimum.data, optimum.fit, band)
     if len(peaks):
         larger = extended(data, chosen, optimum.kept, band, peaks, vectors)
         if len(larger.fit.poles) > len(optimum.kept):
-            return larger, None
+            return larger, None, True
+        chosen = replace(chosen, dropped=larger.dropped)
     start = with_weak(optimum, chosen, band)
     if start is not None:
-        return of_poles(chosen, optimum.kept, start.fit, band), start
+        return of_poles(chosen, optimum.kept, start.fit, band), start, True
     fewer = without_needless(optimum, chosen.possible[optimum.kept])
     if fewer is None:
-        return None, None
+        return chosen, None, False
     left, start = fewer
     gone = np.setdiff1d(np.arange(len(optimum.kept)), left)
     dropped = tuple(Dropped(complex(optimum.at_optimum.poles[pole]), "the other poles do without it") for pole in gone)
     smaller = of_poles(chosen, optimum.kept[left], start.fit, band)
-    return replace(smaller, dropped=(*chosen.dropped, *dropped)), start
+    return replace(smaller, dropped=(*chosen.dropped, *dropped)), start, True
 
 
 def _named(
