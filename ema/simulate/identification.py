@@ -225,7 +225,8 @@ class _Residual:
     def __call__(self, p: np.ndarray, way: tuple[Any, Any, float] | None = None) -> np.ndarray:
         k, top, m = (float(v) for v in np.exp(p[:3]))
         play = float(p[self.plain]) if len(p) > self.plain else 0.0
-        model = stabilised(*(way or self.way), (k, top, m), play)
+        travel, falling, amplitude = way or self.way
+        model = stabilised(travel, falling, amplitude, (k, top, m), play)
         drift = p[4] * self.ramp if self.plain == 5 else 0.0
         return np.asarray((model - self.force) / self.height + p[3] + drift)
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ema.data import BeamModel, Damping
-from ema.simulate import Masing, damping_map, double_beam, frf, resonance
+from ema.simulate import HarmonicBalance, Masing, damping_map, double_beam, frf, resonance
 from ema.simulate.events import Harmonic, run_reference
 from ema.simulate.harmonic import Condensed, condense
 from ema.simulate.structure import assemble
@@ -98,7 +98,7 @@ def points(ratio: float, quick: bool) -> dict[str, Any]:
     compiled()
     low, high, count = SWEEPS[ratio]
     frequencies, model = np.linspace(low, high, 3 if quick else count), model_at(ratio)
-    fixed, same = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP], harmonics=5))
+    fixed, same = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP], settings=HarmonicBalance(harmonics=5)))
     free, ours = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP]))
     system = assemble(model).contacts
     row: dict[str, Any] = {
@@ -119,7 +119,7 @@ def points(ratio: float, quick: bool) -> dict[str, Any]:
         if name not in theirs:
             continue
         sweep = theirs[name]
-        known = frf(model, np.array(sweep["frequencies"]), 1.0, TIP, [TIP], harmonics=5)
+        known = frf(model, np.array(sweep["frequencies"]), 1.0, TIP, [TIP], settings=HarmonicBalance(harmonics=5))
         row[f"pyHarm {name}"] = {
             "cpu": sweep["cpu"],
             "accepted": sweep["accepted"],
