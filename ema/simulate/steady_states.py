@@ -158,7 +158,8 @@ def _settings(given: HarmonicBalance | float | None, former: _Former) -> Harmoni
     """The settings of a call, in their present or in their former form."""
     asked: dict[str, Any] = dict(former)
     if isinstance(given, float | int):
-        given, asked["tolerance"] = None, float(given)
+        asked["tolerance"] = float(given)
+        given = None
     wrong = set(asked) - {own.name for own in fields(HarmonicBalance)}
     if wrong:
         raise TypeError(f"frf() got an unexpected keyword argument '{min(wrong)}'")

@@ -1,4 +1,4 @@
-"""The frequency solver against pyHarm on the same double beam: points, maps, robustness, peaks. Called by ``simulate``.
+"""The frequency solver against pyHarm on the same double beam: points, maps, peaks. Called by ``simulate``.
 
 pyHarm gets the matrices of the same beams with the slips among the coordinates, its own Jenkins element at every pair and
 its condensation on the nonlinear coordinates. It sweeps with all harmonics up to the fifth, and with 1, 3, 5 alone.
@@ -148,35 +148,6 @@ def map_row(exponent: float, quick: bool) -> dict[str, Any]:
         place = np.flatnonzero(levels == level)[0], np.flatnonzero(forces == force)[0]
         wrong.append(float(abs(chart.modal_amplitude[place] / one.modal_amplitude - 1)))
     return {"levels": count, "forces": count, "cpu": cpu, "errors of peaks": wrong}
-
-
-def robustness(quick: bool) -> dict[str, Any]:
-    """Cold starts at random frequencies, F_N/F_E from 10 to 10 000."""
-    compiled()
-    ratios, each = (20, 10) if quick else (100, 20)
-    generator = np.random.default_rng(3)
-    failed, errors, times, powers = [], [], [], []
-    for ratio in np.geomspace(10, 1e4, ratios):
-        condensed = condense(model_at(float(ratio)), 1.0, TIP, [TIP], 5e-3)
-        for frequency in generator.uniform(10, 40, each):
-            start = process_time()
-            point = condensed.solve(float(frequency))
-            times.append(process_time() - start)
-            if point is None:
-                failed.append((float(ratio), float(frequency)))
-                continue
-            errors.append(point.error)
-            supplied, friction, damping = condensed.powers(point)
-            powers.append(abs(supplied - friction - damping) / supplied)
-    return {
-        "points": ratios * each,
-        "failed": failed,
-        "cpu": float(np.mean(times)),
-        "longest": max(times),
-        "largest error": max(errors),
-        "above the tolerance": sum(e > 5e-3 for e in errors),
-        "power": max(powers),
-    }
 
 
 def steady(condensed: Condensed, point: Any) -> _State:
