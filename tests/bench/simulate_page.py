@@ -196,4 +196,5 @@ def stamp(rows: Rows) -> str:
     quick = [name for name, row in rows.items() if row["quick"]]
     short = f" Short runs (`--quick`): {'; '.join(quick)}." if quick else ""
     processor = next(iter(rows.values()))["machine"]["processor"]
-    return f"Measured {' to '.join(dates)} on {processor}. From `python -m tests.bench.simulate`.{short}"
+    shared = "The machine was shared with other work: ratios within a run hold, single times are too long."
+    return f"Measured {' to '.join(dates)} on {processor}. From `python -m tests.bench.simulate`.{short} {shared}"
