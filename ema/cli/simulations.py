@@ -179,7 +179,8 @@ def frf(
     rows: list[dict[str, Any]] = []
     for pressed, held in _pressed(model, normal).items():
         for level in force or table.force:
-            run = simulate.frf(held, frequencies, level, table.at, outputs, table.tolerance, progress=progress)
+            settings = simulate.HarmonicBalance(table.tolerance)
+            run = simulate.frf(held, frequencies, level, table.at, outputs, settings, progress=progress)
             runs[f"{level:g} N, F_N {pressed}"] = run
             top = peak_in_band(condense(held, level, table.at, outputs[:1], table.tolerance), (low, high))
             frequency, damping, amplitude = (

@@ -256,8 +256,9 @@ def _point(
 ) -> tuple[float, float, float, float]:
     """Frequency, damping, modal amplitude and misfit of one condition; NaN without a resonance in the band."""
     from ema.fit.tracking import track
-    from ema.simulate.harmonic import condense, frf
+    from ema.simulate.harmonic import condense
     from ema.simulate.maps import peak_in_band
+    from ema.simulate.steady_states import HarmonicBalance, frf
 
     peak = peak_in_band(condense(model, level, at, [output], tolerance), band)
     if peak is None:
@@ -266,7 +267,7 @@ def _point(
         return peak.frequency, peak.damping, peak.modal_amplitude, float("nan")
     width = _BANDWIDTHS * peak.damping * peak.frequency
     lines = np.linspace(peak.frequency - width, peak.frequency + width, _LINES)
-    steady = frf(model, lines, level, at, [output], tolerance)
+    steady = frf(model, lines, level, at, [output], HarmonicBalance(tolerance))
     first = steady.values[:, :1, int(np.flatnonzero(steady.orders == 1)[0])]
     good = np.isfinite(first[:, 0])
     values = first[good][:, :, None] / level

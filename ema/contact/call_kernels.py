@@ -24,8 +24,10 @@ ADDRESS, FIRST, END, OWN, ACROSS, LINE = range(6)
 COLUMNS = 6
 
 _TABLE = nb.float64[:, ::1]
-INCREMENT = nb.void(nb.int64[::1], nb.float64, _TABLE, nb.float64[:, :, ::1], _TABLE, _TABLE, _TABLE)
-"""What every law is compiled for: ``law(group, rate, parameters, curves, exchange, before, after)``."""
+_TABLES, _STATES = types.Tuple((_TABLE, nb.float64[:, :, ::1])), types.UniTuple(_TABLE, 2)
+INCREMENT = nb.void(nb.int64[::1], nb.float64, _TABLES, _TABLE, _STATES)
+"""What every law is compiled for: ``law(group, rate, tables, exchange, states)``, with its parameters and the curves in
+``tables``, and the states before and after."""
 OWN_LAW = nb.float64(*[nb.float64] * 8)
 """A law of the user's own, for one contact."""
 
@@ -38,7 +40,7 @@ def address(law: Any) -> int:
 
 
 @intrinsic
-def increments(typingctx, group_address, group, rate, parameters, curves, exchange, before, after):
+def increments(typingctx, group_address, group, rate, tables, exchange, states):
     """Let the law at ``group_address`` take an increment at all contacts of its group."""
 
     def codegen(context, builder, signature, arguments):
@@ -54,16 +56,18 @@ def increments(typingctx, group_address, group, rate, parameters, curves, exchan
 
 
 @intrinsic
-def own_force(typingctx, function_address, force, way, stiffness, limit, p0, p1, p2, p3):
-    """Force of a user's law, compiled as a C function."""
+def own_force(typingctx, function_address, force, way, contact, parameters):
+    """Force of a user's law, compiled as a C function; ``contact``: stiffness and slip force, and four parameters."""
 
     def codegen(context, builder, signature, arguments):
         """The call in the calling convention of C."""
         number = ir.DoubleType()
         pointer = builder.inttoptr(arguments[0], ir.FunctionType(number, [number] * 8).as_pointer())
-        return builder.call(pointer, arguments[1:])
+        numbers = [number for part in arguments[3:] for number in cgutils.unpack_tuple(builder, part)]
+        return builder.call(pointer, [*arguments[1:3], *numbers])
 
-    return types.float64(types.int64, *OWN_LAW.args), codegen
+    pair, four = types.UniTuple(types.float64, 2), types.UniTuple(types.float64, 4)
+    return types.float64(types.int64, types.float64, types.float64, pair, four), codegen
 
 
 @inner
@@ -71,4 +75,4 @@ def evaluate(laws, rate, exchange, before, after):
     """Let every group of contacts take its increment."""
     groups, parameters, curves = laws[0], laws[1], laws[2]
     for n in range(len(groups)):
-        increments(groups[n, ADDRESS], groups[n], rate, parameters, curves, exchange, before, after)
+        increments(groups[n, ADDRESS], groups[n], rate, (parameters, curves), exchange, (before, after))

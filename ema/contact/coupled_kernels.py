@@ -34,27 +34,27 @@ ROOM = 6
 @inner
 def evaluate_coupled(laws, rate, exchange, before, after):
     """Let the normal contacts take their increments, then those that they press; slopes by their gap to ``PRESSED``."""
-    groups, parameters, curves, (_, pressed_by, friction, least, room, _, spare) = laws[0], laws[1], laws[2], laws[3]
+    groups, tables, (_, pressed_by, friction, least, room, _, spare) = laws[0], (laws[1], laws[2]), laws[3]
     pressed, more, pressing, count = room[PRESSED], room[MORE], False, len(groups)
     for i in range(len(pressed)):
         pressed[i] = 0.0
         pressing |= pressed_by[i] >= 0
     if pressing:
         count -= 1
-        increments(groups[count, ADDRESS], groups[count], rate, parameters, curves, exchange, before, after)
+        increments(groups[count, ADDRESS], groups[count], rate, tables, exchange, (before, after))
         for i in range(len(pressed)):
             if pressed_by[i] >= 0:
                 limit = friction[i] * exchange[PRESSURE, pressed_by[i]]
                 more[i] = _SMALL * max(limit, least[i])
                 exchange[LIMIT, i] = limit + more[i]
         for n in range(count):
-            increments(groups[n, ADDRESS], groups[n], rate, parameters, curves, exchange, before, spare)
+            increments(groups[n, ADDRESS], groups[n], rate, tables, exchange, (before, spare))
         for i in range(len(pressed)):
             if pressed_by[i] >= 0:
                 pressed[i] = exchange[EXCESS, i]
                 exchange[LIMIT, i] = friction[i] * exchange[PRESSURE, pressed_by[i]]
     for n in range(count):
-        increments(groups[n, ADDRESS], groups[n], rate, parameters, curves, exchange, before, after)
+        increments(groups[n, ADDRESS], groups[n], rate, tables, exchange, (before, after))
     for i in range(len(pressed)):
         if pressed_by[i] >= 0:
             by_limit = (pressed[i] - exchange[EXCESS, i]) / more[i]

@@ -21,7 +21,7 @@ LEARN, SETTLE, CLOSE, SUM = range(4)
 def step(law, i, rate, after):
     """The increment of contact i."""
     groups, parameters, curves, exchange, states = law
-    increments(groups[i, ADDRESS], groups[i], rate, parameters, curves, exchange, states[0], after)
+    increments(groups[i, ADDRESS], groups[i], rate, (parameters, curves), exchange, (states[0], after))
 
 
 @inner
@@ -185,19 +185,18 @@ def close(begun, tangent):
 
 
 @compiled()
-def cycle(law, lanes, motion, wave, slip, bounds, derive):
+def cycle(law, contact, wave, derive):
     """Fourier coefficients (lane, 2 H) of f - k u of one contact, their Jacobian, and the loss per period.
 
-    law: ``ContactLaws.one_by_one``. lanes: its rows, and motion (lane, sample). wave: cos and sin (sample, 2 H),
-    weights (2 H,) of their integrals, 1/h, and periods at most. slip: slip force (sample,) and its slope by the gap.
-    bounds: number of internal forces, their share of the slip force, whether the law approaches it smoothly. The
-    Jacobian (lane, member, 2 H, 2 H) is by the motion of the lanes, then by that of the gap.
-    Without ``derive`` it is 0.
+    law: ``ContactLaws.one_by_one``. contact: its rows, motion (lane, sample), slip force (sample,) with its slope by
+    the gap, and number of internal forces, their share of the slip force, whether the law approaches it smoothly. wave:
+    cos and sin (sample, 2 H), weights (2 H,) of their integrals, 1/h, and periods at most. The Jacobian (lane, member,
+    2 H, 2 H) is by the motion of the lanes, then by that of the gap. Without ``derive`` it is 0.
 
     The first period brings what springs keep that stick from then on; further ones close the cycle; one more closes the
     tangents, and the last one is summed.
     """
-    periods, (width, _, _), (samples, size) = wave[3], bounds, wave[0].shape
+    (lanes, _, slip, (width, _, _)), periods, (samples, size) = contact, wave[3], wave[0].shape
     states, count, slides = law[4], len(lanes), bool(np.any(slip[1] != 0.0))
     forces, jacobian = np.zeros((count, size)), np.zeros((count, count + 1, size, size))
     changes = np.zeros((count, count + 1, samples if derive else 1, size))
@@ -219,7 +218,7 @@ def cycle(law, lanes, motion, wave, slip, bounds, derive):
         for n in range(samples):
             ago = n - 1 if period + n > 0 else -samples
             place = n, ago, stage, slides, derive
-            lost += follow(law, lanes, motion, wave, slip, bounds, place, (out, room, tangent, force, now))
+            lost += follow(law, contact, wave, place, (out, room, tangent, force, now))
         if stage == SUM:
             break
         drift = 0.0
@@ -241,14 +240,14 @@ def cycle(law, lanes, motion, wave, slip, bounds, derive):
 
 
 @inner
-def follow(law, lanes, motion, wave, slip, bounds, place, books):
+def follow(law, contact, wave, place, books):
     """One sample; returns what is lost, in the period that is summed.
 
     place: sample, that before, which is before the first one where nothing has moved, stage, whether the slip force
     follows a gap, and whether tangents are asked for. books: tangents of the step, room, tangents of the internal
     forces, forces now and before, sums.
     """
-    (basis, _, rate, _), (limit, fall), (_, capacity, smooth) = wave, slip, bounds
+    (basis, _, rate, _), (lanes, motion, (limit, fall), (_, capacity, smooth)) = wave, contact
     (n, ago, stage, slides, derive), (out, (rows, kept), tangent, force, sums) = place, books
     exchange, states, moved, opened, grown = law[3], law[4], rows[0], rows[1], rows[2]
     k, square, begun, lost = exchange[STIFFNESS, lanes[0]], 0.0, ago > -len(limit), 0.0

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ema.compiled import kernel
+from ema.compiled import inner, kernel
 from ema.contact.call_kernels import BY_FORCE, END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
 
 
-@kernel
+@inner
 def dahl_step(k, limit, alpha, du, f0):
     """Force, slope df1/du and tangent df1/df0 of dF/du = k |1 - sgn(v) F/F_C|^alpha after the way ``du``."""
     if limit <= 0.0:
@@ -26,8 +26,9 @@ def dahl_step(k, limit, alpha, du, f0):
 
 
 @kernel
-def dahl(group, rate, parameters, curves, exchange, before, after):
+def dahl(group, rate, tables, exchange, states):
     """Increments of the contacts of a group; ``parameters``: the exponent."""
+    (parameters, _), (before, after) = tables, states
     for i in range(group[FIRST], group[END]):
         k, way = exchange[STIFFNESS, i], exchange[WAY, i]
         force, slope, exchange[BY_FORCE, i] = dahl_step(k, exchange[LIMIT, i], parameters[i, 0], way, before[i, 0])

@@ -79,7 +79,7 @@ class ContactLaws:
             (_address(name), first, end, getattr(own, "address", own), across, _address(line) if line else 0)
             for name, first, end, own, across, line in self.groups
         ]
-        laws = np.array(table, dtype=np.int64), self.parameters, self.curves
+        laws = np.array(table, dtype=np.int64).reshape(-1, 6), self.parameters, self.curves
         if self.couplings is None:
             return laws
         from ema.contact.coupled_kernels import ROOM
@@ -91,6 +91,19 @@ class ContactLaws:
         least[pressed] = np.maximum(_LEAST * ties.friction[pressed] * forces, 1e-12)
         room = np.zeros((ROOM, count)), np.zeros(count, np.int64), np.zeros_like(self.flexibility)
         return *laws, (ties.partner, ties.pressed_by, ties.friction, least, *room)
+
+    def without_contacts(self) -> "ContactLaws":
+        """The same with none of them: what modes see that no contact touches."""
+        ties, none = self.couplings, np.zeros(0, np.int64)
+        return ContactLaws(
+            (),
+            self.stiffness[:0],
+            self.parameters[:0],
+            self.curves,
+            self.flexibility[:0],
+            self.capacity[:0],
+            None if ties is None else Couplings(none, none, np.zeros(0), ties.normals[:0], ties.curve),
+        )
 
     def one_by_one(self) -> tuple[np.ndarray, ...]:
         """What a kernel takes that follows the contacts one after the other: a row of ``groups`` for each of them,

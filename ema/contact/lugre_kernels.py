@@ -7,12 +7,13 @@ from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, ST
 
 
 @kernel
-def lugre(group, rate, parameters, curves, exchange, before, after):
+def lugre(group, rate, tables, exchange, states):
     """Increments of the contacts of a group; ``parameters``: sigma_1, sigma_2, F_S/F_C, Stribeck velocity.
 
     The velocity at the end comes from the last two increments, of second order in the step. Where the motion is slow no
     velocity is left behind: what follows begins at rest.
     """
+    (parameters, _), (before, after) = tables, states
     for i in range(group[FIRST], group[END]):
         k, limit, way, start = exchange[STIFFNESS, i], exchange[LIMIT, i], exchange[WAY, i], before[i, 0] + before[i, 1]
         damping, viscous, peak, stribeck = parameters[i, 0], parameters[i, 1], parameters[i, 2] - 1.0, parameters[i, 3]

@@ -66,11 +66,12 @@ def mean_pull(pair, curve, v0, v1):
 
 
 @kernel
-def normal(group, rate, parameters, curves, exchange, before, after):
+def normal(group, rate, tables, exchange, states):
     """Increments of the contacts of a group; ``parameters``: the table of pairs, ``group[OWN]`` the curve.
 
     Over a step in time their excess is that of a force whose mean with the old one does the work of the way.
     """
+    (parameters, curves), (before, after) = tables, states
     for i in range(group[call.FIRST], group[call.END]):
         pair, curve = parameters[i], curves[group[call.OWN]]
         k, way, v0 = exchange[call.STIFFNESS, i], exchange[call.WAY, i], before[i, 0]

@@ -82,8 +82,9 @@ def circle_step(k, top, way, force):
 
 
 @kernel
-def plane_springs(group, rate, parameters, curves, exchange, before, after):
+def plane_springs(group, rate, tables, exchange, states):
     """Masing springs in parallel, each with its circle; ``parameters``: as those of ``springs``."""
+    (parameters, _), (before, after) = tables, states
     count, across = group[OWN], group[ACROSS]
     for i in range(group[FIRST], group[END]):
         j = i + across
@@ -168,8 +169,9 @@ def smooth_step(k, limit, exponent, way, force):
 
 
 @kernel
-def plane_regularised(group, rate, parameters, curves, exchange, before, after):
+def plane_regularised(group, rate, tables, exchange, states):
     """Eq. (5); ``parameters``: ``shape`` of ``bouc_wen_step``. Where force and motion are parallel by its curve."""
+    (parameters, curves), (before, after) = tables, states
     for i in range(group[FIRST], group[END]):
         j = i + group[ACROSS]
         k, limit, shape = exchange[STIFFNESS, i], exchange[LIMIT, i], parameters[i]
@@ -180,7 +182,8 @@ def plane_regularised(group, rate, parameters, curves, exchange, before, after):
             force, slopes = smooth_step(k, limit, (shape[0], shape[3]), (ux, uy), start)
         if limit > 0.0 and r > 0.0 and abs(start[0] * uy - start[1] * ux) <= 1e-13 * size * r:
             dx, dy = ux / r, uy / r
-            size, slope, _, _, _, _ = bouc_wen_step(k, limit, shape, curves, r, start[0] * dx + start[1] * dy, 0.0, 0.0)
+            state = start[0] * dx + start[1] * dy, 0.0, 0.0
+            size, slope, _, _, _, _ = bouc_wen_step((k, limit), shape, curves, r, state)
             turn = slopes[0] * dy * dy - (slopes[1] + slopes[2]) * dx * dy + slopes[3] * dx * dx
             force, skew = (size * dx, size * dy), (slope - turn) * dx * dy
             slopes = slope * dx * dx + turn * dy * dy, skew, skew, slope * dy * dy + turn * dx * dx
@@ -220,8 +223,9 @@ def approach_step(k, limit, alpha, way, force):
 
 
 @kernel
-def plane_dahl(group, rate, parameters, curves, exchange, before, after):
+def plane_dahl(group, rate, tables, exchange, states):
     """Dahl's law; ``parameters``: the exponent."""
+    (parameters, _), (before, after) = tables, states
     for i in range(group[FIRST], group[END]):
         j = i + group[ACROSS]
         way, start = (exchange[WAY, i], exchange[WAY, j]), (before[i, 0], before[j, 0])
@@ -231,9 +235,10 @@ def plane_dahl(group, rate, parameters, curves, exchange, before, after):
 
 
 @kernel
-def plane_lugre(group, rate, parameters, curves, exchange, before, after):
+def plane_lugre(group, rate, tables, exchange, states):
     """LuGre: bristles that follow the motion, and what depends on the speed; states and parameters as in one
     direction."""
+    (parameters, _), (before, after) = tables, states
     for i in range(group[FIRST], group[END]):
         j = i + group[ACROSS]
         limit, damping, viscous = exchange[LIMIT, i], parameters[i, 0], parameters[i, 1]
@@ -271,21 +276,21 @@ def _trial(k, way, force):
 
 
 @kernel
-def plane_projected(group, rate, parameters, curves, exchange, before, after):
+def plane_projected(group, rate, tables, exchange, states):
     """Any law of one internal force that is odd and elastic with k at first, along the force of an elastic increment.
 
     What it lacks of that force is taken off along it (radial return, Wilkins 1964): an increment dF = dF(du) along the
     force, k du across it. Of first order in the angle by which the force turns in an increment. The law in one
     direction is that at ``group[LINE]``, with its parameters and states in lane i.
     """
-    across = group[ACROSS]
+    across, (before, after) = group[ACROSS], states
     for i in range(group[FIRST], group[END]):
         # lane i takes what the law in one direction sees; lane j keeps what that overwrites until it is read below
         j, way, start = i + across, exchange[WAY, i], before[i, 0]
         _, nx, ny = _trial(exchange[STIFFNESS, i], (way, exchange[WAY, j]), (start, before[j, 0]))
         exchange[FORCE, j], exchange[EXCESS, j] = way, start
         exchange[WAY, i], before[i, 0] = way * nx + exchange[WAY, j] * ny, start * nx + before[j, 0] * ny
-    increments(group[LINE], group, rate, parameters, curves, exchange, before, after)
+    increments(group[LINE], group, rate, tables, exchange, states)
     for i in range(group[FIRST], group[END]):
         j, k = i + across, exchange[STIFFNESS, i]
         exchange[WAY, i], before[i, 0] = exchange[FORCE, j], exchange[EXCESS, j]

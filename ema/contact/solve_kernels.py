@@ -65,8 +65,10 @@ def renew(compliance, tangents, inverse, column):
 
 
 @inner
-def follow_tangents(compliance, exchange, share, inverse, tangents, used, column):
+def follow_tangents(compliance, exchange, share, memory):
     """Let Y follow the tangents that have changed by more than ``share`` of what holds their contact."""
+    inverse, tangents, used, workspace, _ = memory
+    column = workspace[2]
     for i in range(len(tangents)):
         tangent = exchange[SLOPE, i]
         if abs(tangent - tangents[i]) * inverse[i, i] > share:
@@ -126,7 +128,7 @@ def solve(laws, problem, displacements, exchange, states, memory):
     if len(laws) > 3:
         return solve_coupled(laws, problem, displacements, exchange, states, memory)
     (compliance, norm, rate, tolerance), (free, u0, u1) = problem, displacements
-    (before, after), (inverse, tangents, used, workspace, x) = states, memory
+    (before, after), (inverse, tangents, _, workspace, x) = states, memory
     rest, change, way = workspace[0], workspace[1], workspace[2]
     size = begin(compliance, x, free, u0, u1)
     iterations, start, length, low, high, worst = 0, 0.0, 1.0, 0.0, np.inf, 0.0
@@ -147,7 +149,7 @@ def solve(laws, problem, displacements, exchange, states, memory):
             length += longer
         else:
             share = _LOOSE if iterations < _EARLY else _TIGHT
-            follow_tangents(compliance, exchange, share, inverse, tangents, used, way)
+            follow_tangents(compliance, exchange, share, memory)
             times(inverse, rest, change)
             start = 0.0
             for i in range(len(x)):

@@ -5,8 +5,9 @@ from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, OWN, SLOP
 
 
 @kernel
-def spring(group, rate, parameters, curves, exchange, before, after):
+def spring(group, rate, tables, exchange, states):
     """One spring per contact; without parameters."""
+    before, after = states
     for i in range(group[FIRST], group[END]):
         k, top = exchange[STIFFNESS, i], exchange[LIMIT, i]
         trial = before[i, 0] + k * exchange[WAY, i]
@@ -18,11 +19,12 @@ def spring(group, rate, parameters, curves, exchange, before, after):
 
 
 @kernel
-def springs(group, rate, parameters, curves, exchange, before, after):
+def springs(group, rate, tables, exchange, states):
     """Return map of Eq. (4) (Gaul, Roseira and Becker 2008).
 
     ``parameters``: stiffnesses of the springs, then their shares of the slip force.
     """
+    (parameters, _), (before, after) = tables, states
     count = group[OWN]
     for i in range(group[FIRST], group[END]):
         limit, way = exchange[LIMIT, i], exchange[WAY, i]

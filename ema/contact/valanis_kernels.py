@@ -6,14 +6,14 @@ spring in the limit kappa = 1 (Gaul and Nitsche 2001, Eq. 33 with E_t = 0).
 
 import numpy as np
 
-from ema.compiled import kernel
+from ema.compiled import inner, kernel
 from ema.contact.call_kernels import BY_FORCE, END, EXCESS, FIRST, FORCE, LIMIT, SLOPE, STIFFNESS, WAY
 
 _MOST, _SETTLED = 100, 1e-9
 """Steps of Newton's method, and the relative step after which it ends: what is left is at most 500 times its square."""
 
 
-@kernel
+@inner
 def valanis_step(k, limit, kappa, du, f0):
     """Force, slope df1/du and tangent df1/df0 after the way ``du``.
 
@@ -40,8 +40,9 @@ def valanis_step(k, limit, kappa, du, f0):
 
 
 @kernel
-def valanis(group, rate, parameters, curves, exchange, before, after):
+def valanis(group, rate, tables, exchange, states):
     """Increments of the contacts of a group; ``parameters``: kappa."""
+    (parameters, _), (before, after) = tables, states
     for i in range(group[FIRST], group[END]):
         k, way = exchange[STIFFNESS, i], exchange[WAY, i]
         force, slope, exchange[BY_FORCE, i] = valanis_step(k, exchange[LIMIT, i], parameters[i, 0], way, before[i, 0])

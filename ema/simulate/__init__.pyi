@@ -21,7 +21,6 @@ from ema.simulate.friction import RegularisedMasing as RegularisedMasing
 from ema.simulate.friction import Valanis as Valanis
 from ema.simulate.friction import register_law as register_law
 from ema.simulate.friction_rig import FrictionRig as FrictionRig
-from ema.simulate.harmonic import frf as frf
 from ema.simulate.hysteresis import measured_loop as measured_loop
 from ema.simulate.identification import identify as identify
 from ema.simulate.inputs import Blow as Blow
@@ -39,6 +38,8 @@ from ema.simulate.maps import resonance as resonance
 from ema.simulate.maps import resonances as resonances
 from ema.simulate.nonlinear_modes import backbone as backbone
 from ema.simulate.rig import RingCell as RingCell
+from ema.simulate.steady_states import HarmonicBalance as HarmonicBalance
+from ema.simulate.steady_states import frf as frf
 from ema.simulate.structure import assemble as assemble
 from ema.simulate.transient import respond as respond
 from ema.simulate.transient import snapback as snapback

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from ema.data import BeamModel, Finding, HarmonicResponse
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate.harmonic import frf
+from ema.simulate.steady_states import HarmonicBalance, frf
 
 _STATES = ("values", "slips", "input_power", "friction_power", "damping_power", "error_estimate", "converged")
 """What a response has for every frequency."""
@@ -77,8 +77,9 @@ def frf_up_and_down(
             got=f"{frequencies.size} values",
             expected="at least 2, one after the other, each above the one before",
         )
-    up = frf(model, frequencies, force, at, outputs, tolerance, verify=verify)
-    down = _reversed(frf(model, frequencies[::-1], force, at, outputs, tolerance, verify=verify))
+    settings = HarmonicBalance(tolerance, verify=verify)
+    up = frf(model, frequencies, force, at, outputs, settings)
+    down = _reversed(frf(model, frequencies[::-1], force, at, outputs, settings))
     up, down = _filled(up, down), _filled(down, up)
     findings = _differences(up, down)
     return replace(up, findings=(*up.findings, *findings)), replace(down, findings=(*down.findings, *findings))

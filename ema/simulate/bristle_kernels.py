@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from ema.compiled import compiled, inner, inner_with_arrays
-from ema.simulate.period_kernels import motion, turning_points, waves
+from ema.simulate.period_kernels import motion, waves
 
 _STAGES = 4
 _PANELS, _PER_TURN = 3, 1.5
@@ -72,17 +72,17 @@ def _invert(matrix):
 
 
 @inner_with_arrays
-def _nodes(orders, turns, ends, fine, widths, place):
+def _nodes(orders, turns, ends, fine, widths):
     """Panels of all stretches: where the points are and their weights, (panel, stage)."""
-    total = 0
+    number, place, total = turns[0], turns[1], 0
     for m in range(ends):
-        half = 0.5 * (place[m] - (place[m - 1] if m > 0 else place[turns - 1] - 2 * np.pi))
+        half = 0.5 * (place[m] - (place[m - 1] if m > 0 else place[number - 1] - 2 * np.pi))
         for side in range(2):
             total += _panels(orders, fine, half, np.arcsinh(half / widths[m, side]))
     where, weight = np.empty((total, _STAGES)), np.empty((total, _STAGES))
     row = 0
     for m in range(ends):
-        low = place[m - 1] if m > 0 else place[turns - 1] - 2 * np.pi
+        low = place[m - 1] if m > 0 else place[number - 1] - 2 * np.pi
         half = 0.5 * (place[m] - low)
         for side in range(2):
             width = widths[m, side]
@@ -121,10 +121,10 @@ def _panel(law, omega, rate, weight, out, matrix):
 
 
 @inner
-def _follow(law, amplitudes, wave, panels, points, solved):
+def _follow(law, wave, instant, panels, points, solved):
     """Motion and bristle force at all points from an unstressed start; returns the force at the end, and what is left
-    there of 1 N at the start."""
-    (k, _, _), (orders, omega, here_c, here_s), (where, weight) = law, wave, panels
+    there of 1 N at the start. ``instant``: angular frequency, and room for the waves of an instant."""
+    (k, _, _), (amplitudes, orders), (omega, here_c, here_s), (where, weight) = law, wave, instant, panels
     (u, rate, z, basis, slope), (chain, inverse, rows) = points, solved
     gone, left = 0.0, 1.0
     for n in range(len(where)):
@@ -149,42 +149,32 @@ def _follow(law, amplitudes, wave, panels, points, solved):
 
 
 @compiled(error_model="numpy")
-def bristle_period(law, amplitudes, period, room, forces, jacobian, derive):
-    """Fourier coefficients ``forces`` (2 H,) of f - k u of one contact in its cycle, their Jacobian; returns the loss.
+def bristle_period(law, wave, period, turns, out):
+    """Fourier coefficients (2 H,) of f - k u of one contact in its cycle, their Jacobian; returns the loss.
 
-    law: stiffness, slip force F_C, and sigma_1, sigma_2, F_S/F_C, v_S. The rest as in ``smooth_period``.
+    law: stiffness, slip force F_C, and sigma_1, sigma_2, F_S/F_C, v_S. ``period``: whether the motion is odd, a factor
+    on the number of nodes, and the angular frequency. The rest as in ``masing_period``.
     """
-    (k, limit, par), (orders, odd, fine, omega), (rates, bends, place, value, cosine, sine) = law, period, room
-    size = len(amplitudes)
-    for r in range(size):
-        forces[r] = 0.0
-        for c in range(size):
-            jacobian[r, c] = 0.0
-    turns = turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine)
-    if turns < 2 or limit <= 0.0:
-        for r in range(size):
-            forces[r] = -k * amplitudes[r] if turns >= 2 else 0.0
-            jacobian[r, r] = -k
-        return 0.0
-    ends = turns // 2 if odd else turns
+    (k, limit, par), (amplitudes, orders), (odd, fine, omega) = law, wave, period
+    (number, place, _, cosine, sine), (forces, jacobian, derive), size = turns, out, len(amplitudes)
+    ends = number // 2 if odd else number
     widths = np.empty((ends, 2))
     for m in range(ends):
-        before = m - 1 if m > 0 else turns - 1
+        before = m - 1 if m > 0 else number - 1
         half = 0.5 * (place[m] - place[before] + (0.0 if m > 0 else 2 * np.pi))
         for side in range(2):
             turn = m if side else before
             bend = motion(amplitudes, orders, cosine[turn], sine[turn])[2]
             widths[m, side] = _width(bend, par[2] * limit / k, par[3] / omega, half)
-    where, weight = _nodes(orders, turns, ends, fine, widths, place)
+    where, weight = _nodes(orders, turns, ends, fine, widths)
     count = len(where)
     u, rate, z = np.empty((count, _STAGES)), np.empty((count, _STAGES)), np.empty((count, _STAGES))
     basis, slope = np.empty((count, _STAGES, size)), np.empty((count, _STAGES, size))
     rows = np.empty((count, 3, _STAGES))
     chain, inverse = np.empty((count, _STAGES)), np.empty((count, _STAGES, _STAGES))
     points, solved = (u, rate, z, basis, slope), (chain, inverse, rows)
-    gone, left = _follow(
-        law, amplitudes, (orders, omega, cosine[len(place) - 1], sine[len(place) - 1]), (where, weight), points, solved
-    )
+    # the last row has room for an instant
+    gone, left = _follow(law, wave, (omega, cosine[-1], sine[-1]), (where, weight), points, solved)
     closing = 1.0 + left if odd else 1.0 - left
     # what a motion that hardly slips leaves behind is not lost for many periods: it begins unstressed
     start = 0.0 if closing < 1e-9 else (-gone if odd else gone) / closing
@@ -206,10 +196,6 @@ def bristle_period(law, amplitudes, period, room, forces, jacobian, derive):
                 forces[r] += scale * share * basis[n, s, r] * (force - k * u[n, s])
     if derive:
         _differentiate((k, scale, closing, odd), (inverse, chain, weight), (basis, slope, spread), jacobian)
-    if orders[0] == 0:
-        forces[0] *= 0.5
-        for c in range(size):
-            jacobian[0, c] *= 0.5
     return lost * (2.0 if odd else 1.0)
 
 

@@ -1,7 +1,10 @@
 """Compiled exact motion from one change of stick and slip to the next.
 
 Between changes every mode is mean + exp(-half t) (re cos wt - im sin wt), and where a harmonic force acts the forced
-motion is added. All modes of a phase share ``half``, which mass-proportional damping gives.
+motion is added. All modes of a phase share ``half``, which mass-proportional damping gives. ``beat``: that and the
+angular frequency of the harmonic force, 0 where there is none. A spring is given by how it slides (-1, 0 stuck, 1), its
+stiffness, its limit and the displacement at which it rests; what is ``sought`` by the spacing of the instants at which
+springs are looked at, and by displacement and velocity that are rounding.
 """
 
 import numpy as np
@@ -20,22 +23,23 @@ TERMS = 60
 
 
 @fast_with_arrays
-def motion(wave, half, pulse, t):
+def motion(wave, beat, t):
     """Displacements and velocities (rows X, V) at time t after the start of a phase."""
-    fade, c, s = np.exp(-half * t), np.cos(pulse * t), np.sin(pulse * t)
+    fade = np.exp(-beat[0] * t)
     for r in range(wave.shape[1]):
         cosine, sine = fade * np.cos(wave[OMEGA, r] * t), fade * np.sin(wave[OMEGA, r] * t)
-        a = wave[RE, r] * cosine - wave[IM, r] * sine
-        b = wave[RE, r] * sine + wave[IM, r] * cosine
-        drive = wave[TIDE_RE, r] * c - wave[TIDE_IM, r] * s
-        turned = wave[TIDE_RE, r] * s + wave[TIDE_IM, r] * c
-        wave[X, r] = wave[MEAN, r] + a + drive
-        wave[V, r] = -half * a - wave[OMEGA, r] * b - pulse * turned
+        wave[NOW_RE, r] = wave[RE, r] * cosine - wave[IM, r] * sine
+        wave[NOW_IM, r] = wave[RE, r] * sine + wave[IM, r] * cosine
+    present(wave, beat, t)
 
 
 @fast_with_arrays
-def begin(wave, q, p, vectors, squares, slips, force, load, half, pulse, angle):
-    """Waves of a phase that starts with the modal state q, p under contact forces ``force`` and a harmonic load."""
+def begin(wave, modes, state, force, beat, harmonic):
+    """Waves of a phase of ``modes`` that starts with the modal state q, p under contact forces ``force``.
+
+    ``harmonic``: amplitude and angle of the harmonic load.
+    """
+    (squares, vectors, slips), (q, p), (half, pulse), (load, angle) = modes, state, beat, harmonic
     into_modes(slips, force, wave[MEAN])
     into_modes(vectors, q, wave[X])
     into_modes(vectors, p, wave[V])
@@ -65,13 +69,13 @@ def grown(rate, t):
 
 
 @inner_with_arrays
-def books(wave, half, pulse, t):
+def books(wave, beat, t):
     """Loss to damping and work of the harmonic load over the first t s of a phase, in closed form.
 
     The velocity of a mode is Re(a exp(rate t) + b exp(j pulse t)), its load Re(g exp(j pulse t)); the integral of
     Re(x exp(s t)) Re(y exp(z t)) is half the real part of x y grown(s + z) + x y* grown(s + z*).
     """
-    lost, supplied = 0.0, 0.0
+    (half, pulse), lost, supplied = beat, 0.0, 0.0
     if half == 0.0 and pulse == 0.0:
         return lost, supplied
     still, twice = grown(complex(-2.0 * half, 0.0), t), grown(complex(0.0, 2.0 * pulse), t)
@@ -93,30 +97,28 @@ def books(wave, half, pulse, t):
 
 
 @compiled()
-def books_over(wave, half, pulse, times, out):
+def books_over(wave, beat, times, out):
     """The same up to each of ``times``, in the columns of ``out``."""
     for n in range(len(times)):
-        out[n, 0], out[n, 1] = books(wave, half, pulse, times[n])
+        out[n, 0], out[n, 1] = books(wave, beat, times[n])
 
 
 @inner_with_arrays
-def excess(slide, k, limit, rest, u, v, blur, still):
-    """Positive once a spring has to change: a stuck one above its limit, a sliding one whose velocity reverses.
-
-    Displacements below ``blur`` and velocities below ``still`` are rounding.
-    """
+def excess(spring, u, v, sought):
+    """Positive once a spring has to change: a stuck one above its limit, a sliding one whose velocity reverses."""
+    (slide, k, limit, rest), (_, blur, still) = spring, sought
     if slide == 0.0:
         return k * (abs(u - rest) - blur) - limit
     return -slide * v - still
 
 
 @fast_with_arrays
-def series(row, wave, half, pulse, t, dt, out):
+def series(row, wave, beat, t, dt, out):
     """Taylor coefficients of the relative displacement of one contact about the time t of the rows NOW_RE, NOW_IM.
 
     Returns how many it takes up to t + dt.
     """
-    top, size = 0.0, 1.0
+    (half, pulse), top, size = beat, 0.0, 1.0
     out[:] = 0.0
     for r in range(len(row)):
         out[0] += row[r] * wave[MEAN, r]
@@ -143,18 +145,22 @@ def series(row, wave, half, pulse, t, dt, out):
 
 
 @fast_with_arrays
-def polynomial(terms, count, s):
+def polynomial(terms, s):
     """Value and derivative of a polynomial."""
     value, slope = 0.0, 0.0
-    for n in range(count - 1, -1, -1):
+    for n in range(len(terms) - 1, -1, -1):
         slope = slope * s + value
         value = value * s + terms[n]
     return value, slope
 
 
 @inner_with_arrays
-def crossing(terms, count, dt, slide, k, limit, rest, blur, still, start, end):
-    """Share of ``dt`` at which a spring changes, by the Illinois form of false position on the exact motion."""
+def crossing(terms, dt, spring, sought, ends):
+    """Share of ``dt`` at which a spring changes, by the Illinois form of false position on the exact motion.
+
+    ``ends``: its ``excess`` at the begin and at the end.
+    """
+    start, end = ends
     if start >= 0.0:
         return 0.0
     low, high = 0.0, 1.0
@@ -162,8 +168,8 @@ def crossing(terms, count, dt, slide, k, limit, rest, blur, still, start, end):
         middle = (low * end - high * start) / (end - start)
         if not low < middle < high:
             middle = 0.5 * (low + high)
-        u, v = polynomial(terms, count, middle)
-        value = excess(slide, k, limit, rest, u, v / dt, blur, still)
+        u, v = polynomial(terms, middle)
+        value = excess(spring, u, v / dt, sought)
         if value > 0.0:
             high, end = middle, value
             start *= 0.5
@@ -185,8 +191,9 @@ def turn(wave):
 
 
 @fast_with_arrays
-def present(wave, half, pulse, t):
+def present(wave, beat, t):
     """Displacements and velocities at the rows NOW_RE and NOW_IM."""
+    half, pulse = beat
     c, s = np.cos(pulse * t), np.sin(pulse * t)
     for r in range(wave.shape[1]):
         wave[X, r] = wave[MEAN, r] + wave[NOW_RE, r]
@@ -198,13 +205,13 @@ def present(wave, half, pulse, t):
 
 
 @inner_with_arrays
-def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still, room):
+def next_event(slips, wave, beat, springs, horizon, sought, room):
     """First time up to ``horizon`` at which a spring sticks or slips, and that spring (-1: none)."""
     contact, k, limit, rest, slide, _ = springs
     u, v, terms, before, after = room
-    steps = max(int(np.ceil(horizon / spacing)), 1)
+    steps = max(int(np.ceil(horizon / sought[0])), 1)
     dt = horizon / steps
-    fade = np.exp(-half * dt)
+    fade = np.exp(-beat[0] * dt)
     for r in range(wave.shape[1]):
         wave[NOW_RE, r], wave[NOW_IM, r] = wave[RE, r], wave[IM, r]
         wave[COS, r], wave[SIN, r] = fade * np.cos(wave[OMEGA, r] * dt), fade * np.sin(wave[OMEGA, r] * dt)
@@ -214,14 +221,14 @@ def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still,
     for n in range(steps + 1):
         if n > 0:
             turn(wave)
-        present(wave, half, pulse, n * dt)
+        present(wave, beat, n * dt)
         matvec(slips, wave[X], u)
         if anything:
             matvec(slips, wave[V], v)
         found, when, ready = -1, 2.0, False
         for j in range(len(k)):
-            i = contact[j]
-            after[j] = excess(slide[j], k[j], limit[j], rest[j], u[i], v[i], blur, still)
+            i, spring = contact[j], (slide[j], k[j], limit[j], rest[j])
+            after[j] = excess(spring, u[i], v[i], sought)
             if n > 0 and after[j] > 0.0:
                 if not ready:
                     # back to the start of the interval
@@ -230,8 +237,8 @@ def next_event(slips, wave, half, pulse, springs, horizon, spacing, blur, still,
                         a, b = wave[NOW_RE, r], wave[NOW_IM, r]
                         wave[NOW_RE, r], wave[NOW_IM, r] = (a * c[r] + b * s[r]) / size, (b * c[r] - a * s[r]) / size
                     ready = True
-                count = series(slips[i], wave, half, pulse, (n - 1) * dt, dt, terms)
-                at = crossing(terms, count, dt, slide[j], k[j], limit[j], rest[j], blur, still, before[j], after[j])
+                count = series(slips[i], wave, beat, (n - 1) * dt, dt, terms)
+                at = crossing(terms[:count], dt, spring, sought, (before[j], after[j]))
                 if at < when:
                     found, when = j, at
         if found >= 0:
@@ -264,9 +271,9 @@ def pulls(springs, force):
 
 
 @inner_with_arrays
-def keep(sample, slip, q, p, springs, lost, samples):
+def keep(sample, slip, state, springs, lost, samples):
     """One sample: modal state, forces of the springs and friction loss of the contacts so far."""
-    contact, k, limit, rest, slide, begun = springs
+    (contact, k, limit, rest, slide, begun), (q, p) = springs, state
     out_q, out_p, out_force, out_lost, _ = samples
     copy_into(out_q[sample], q)
     copy_into(out_p[sample], p)
@@ -283,43 +290,43 @@ def keep(sample, slip, q, p, springs, lost, samples):
 
 
 @compiled()
-def follow(numbers, times, last, search, base, springs, state, sums, half, harmonic, phases, used, samples, most):
-    """Go on from event to event until sample ``last`` is kept; ``numbers`` says where the motion is.
+def follow(clock, sought, structure, springs, state, books_of, harmonic, phases):
+    """Go on from event to event until a sample is kept.
 
-    search: spacing s of the instants looked at, displacement and velocity that are rounding; base: squared
-    frequencies, rows of the relative displacements and stiffness of the contacts in the stuck structure; sums: friction
-    loss and time of sliding of every contact, loss to damping and work of the load; harmonic: modal load, rad/s and
-    rad. Returns False where springs change without end.
+    clock: ``numbers``, which say where the motion is, times of the samples, the last sample, and changes without
+    progress at most. structure: squared frequencies, rows of the relative displacements and stiffness of the contacts
+    in the stuck structure, half the decay. springs: contact, stiffness, limit, where they rest, how they slide, where
+    that began. state: q, p. books_of: friction loss and time of sliding of every contact, loss to damping and work of
+    the load, samples. harmonic: modal load, rad/s and rad. phases: see ``phase_kernels``. Returns False where springs
+    change without end.
     """
-    (squares, slip, total), (q, p), (lost, slid, booked) = base, state, sums
-    (spacing, blur, still), (load, pulse, angle) = search, harmonic
-    contact, k, _, _, slide, _ = springs
-    wave, force = np.zeros((12, len(squares))), np.empty(len(total))
+    (numbers, times, last, most), (squares, slip, total, half), (load, pulse, angle) = clock, structure, harmonic
+    (contact, k, _, _, slide, _), (lost, slid, booked, samples), (q, p) = springs, books_of, state
+    wave, force, beat = np.zeros((12, len(squares))), np.empty(len(total)), (half, pulse)
     room = (np.zeros(len(total)), np.zeros(len(total)), np.empty(TERMS), np.empty(len(k)), np.empty(len(k)))
     here, speed = np.empty(len(squares)), np.empty(len(squares))
-    all_squares, all_vectors, all_slips, _, _ = phases
     end = times[len(times) - 1]
     while numbers[SAMPLE] <= last:
         now, sample = numbers[NOW], int(numbers[SAMPLE])
-        n = phase_of(slide, contact, k, total, squares, slip, phases, used, int(numbers[PHASE]), int(numbers[CHANGED]))
+        n = phase_of(springs, (squares, slip, total), phases, int(numbers[PHASE]), int(numbers[CHANGED]))
+        modes = phases[0][n], phases[1][n], phases[2][n]
         pulls(springs, force)
-        begin(wave, q, p, all_vectors[n], all_squares[n], all_slips[n], force, load, half, pulse, pulse * now + angle)
-        horizon = min(end - now, HORIZON) + 1e-12
-        length, spring = next_event(all_slips[n], wave, half, pulse, springs, horizon, spacing, blur, still, room)
+        begin(wave, modes, state, force, beat, (load, pulse * now + angle))
+        length, spring = next_event(modes[2], wave, beat, springs, min(end - now, HORIZON) + 1e-12, sought, room)
         while sample < len(times) and times[sample] <= now + length:
-            motion(wave, half, pulse, times[sample] - now)
-            matvec(all_vectors[n], wave[X], here)
-            matvec(all_vectors[n], wave[V], speed)
-            keep(sample, slip, here, speed, springs, lost, samples)
-            damped, worked = books(wave, half, pulse, times[sample] - now)
+            motion(wave, beat, times[sample] - now)
+            matvec(modes[1], wave[X], here)
+            matvec(modes[1], wave[V], speed)
+            keep(sample, slip, (here, speed), springs, lost, samples)
+            damped, worked = books(wave, beat, times[sample] - now)
             samples[4][sample, 0], samples[4][sample, 1] = booked[0] + damped, booked[1] + worked
             sample += 1
-        damped, worked = books(wave, half, pulse, length)
+        damped, worked = books(wave, beat, length)
         booked[0] += damped
         booked[1] += worked
-        motion(wave, half, pulse, length)
-        matvec(all_vectors[n], wave[X], q)
-        matvec(all_vectors[n], wave[V], p)
+        motion(wave, beat, length)
+        matvec(modes[1], wave[X], q)
+        matvec(modes[1], wave[V], p)
         for j in range(len(k)):
             slid[contact[j]] += length * abs(slide[j])
         numbers[NOW], numbers[SAMPLE], numbers[PHASE], numbers[CHANGED] = now + length, sample, n, spring

@@ -98,8 +98,8 @@ class _Reference:
             np.empty((room, count, modes)),
             np.zeros((room, springs), np.bool_),
             np.full(4 * room, -1),
+            np.zeros(1, np.int64),
         )
-        self.used = np.zeros(1, np.int64)
         self.numbers = np.array([0.0, 1, 0, 0, -1, -1])
 
     def rounding(self) -> tuple[float, float]:
@@ -120,24 +120,19 @@ class _Reference:
         if self.harmonic is not None:
             harmonic = (self.load, 2 * np.pi * self.harmonic.frequency, self.harmonic.phase)
         search, count = (spacing, *self.rounding()), len(times)
-        base = (self.squares, self.slip, self.problem.system.contacts.stiffness)
+        structure = self.squares, self.slip, self.problem.system.contacts.stiffness, 0.5 * self.mass_factor
+        books = self.lost, self.slid_time, self.booked, self.samples
         for last in np.unique(np.linspace(1, count - 1, _CHUNKS).astype(np.int64)):
             advance(progress, "events", int(last), count - 1)
             ended = kernels.follow(
-                self.numbers,
-                times,
-                int(last),
+                (self.numbers, times, int(last), _MOST_AT_ONCE * len(self.springs.contact)),
                 search,
-                base,
+                structure,
                 self.springs.arguments,
                 (self.q, self.p),
-                (self.lost, self.slid_time, self.booked),
-                0.5 * self.mass_factor,
+                books,
                 harmonic,
                 self.phases,
-                self.used,
-                self.samples,
-                _MOST_AT_ONCE * len(self.springs.contact),
             )
             if not ended:
                 raise FailureError(
@@ -356,6 +351,6 @@ def _free_modes(
         (kernels.TIDE_IM, tide.imag),
     ):
         waves[row] = values
-    kernels.books_over(waves, float(half.max(initial=0.0)), pulse, times, booked)
+    kernels.books_over(waves, (float(half.max(initial=0.0)), pulse), times, booked)
     moving, forced = wave * np.exp(rates * times[:, None]), tide * np.exp(1j * pulse * times[:, None])
     return (moving + forced).real, (rates * moving).real - pulse * forced.imag, booked

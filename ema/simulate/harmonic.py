@@ -9,17 +9,16 @@ matters.
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from ema.data import BeamModel, Finding, HarmonicResponse
+from ema.data import BeamModel, HarmonicResponse
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.progress import Progress, advance, silent
 from ema.simulate.checks import positive
 from ema.simulate.factors import Factors
 from ema.simulate.transient import Problem, prepare, sampled_normal_forces
@@ -304,13 +303,13 @@ class Condensed:
         jacobian, slips = tangents
         if np.count_nonzero(slips) * rest.shape[1] > _DENSE:
             coarse = self.coarse(omega, gains)
-            system = gains, jacobian, self.members, slips, rest, coarse.shapes, coarse.weights
+            system, shapes = (gains, jacobian, self.members, slips), (coarse.shapes, coarse.weights)
             step, turns = rest, -1
             if coarse.inverse:
-                step, turns = self.kernels.krylov_step(*system, *coarse.inverse, forcing)
+                step, turns = self.kernels.krylov_step(system, rest, (*shapes, *coarse.inverse), forcing)
             if coarse.shapes.shape[1] and turns < 0:
                 coarse.inverse = self._coarse_inverse(coarse, gains, jacobian, slips)
-                step, turns = self.kernels.krylov_step(*system, *coarse.inverse, forcing)
+                step, turns = self.kernels.krylov_step(system, rest, (*shapes, *coarse.inverse), forcing)
             if turns > _MANY_TURNS + gains.shape[1] // 2:
                 coarse.inverse = ()  # of no use any more: the next step makes a new one
             if turns >= 0:
@@ -662,151 +661,6 @@ class Branch:
         return guess
 
 
-def frf(
-    model: BeamModel,
-    frequencies: Float[np.ndarray, "freq"],
-    force: float,
-    at: Dof | str,
-    outputs: Sequence[Dof | str],
-    tolerance: float = 5e-3,
-    modes: int | None = None,
-    harmonics: int | None = None,
-    progress: Progress = silent,
-    normal_forces: Float[np.ndarray, "joint phase"] | None = None,
-    verify: bool = False,
-    *,
-    budget: int = BUDGET,
-) -> HarmonicResponse:
-    """Compute steady states over frequency at one force level, each with its error estimate.
-
-    Parameters
-    ----------
-    model : BeamModel
-        The model.
-    frequencies : array of shape (freq,)
-        Frequencies [Hz].
-    force : float
-        Amplitude of the force [N].
-    at : Dof or str
-        DOF of the force.
-    outputs : sequence of Dof or str
-        DOFs whose amplitudes are computed.
-    tolerance : float, default 0.005
-        Relative error of the first harmonic of the slips that is aimed at; harmonics are added until it is met.
-    modes : int, optional
-        Number of modes kept besides the static corrections; all by default.
-    harmonics : int, optional
-        Highest harmonic kept, instead of as many as the tolerance asks for.
-    progress : Progress, optional
-        Called during the computation.
-    normal_forces : array of shape (joint, phase), optional
-        Normal forces of every joint [N] at even phases of a period of the exciting force, which begins where it is
-        largest, linear in between; those of the model by default. k_T stays that of the model.
-    verify : bool, default False
-        Let the time solver go on from every solution until it settles; the error is the distance from there. A state
-        that it leaves is unstable, which a finding says, and has an error of 1.
-    budget : int, default 4 000 000
-        Unknowns and 200 more, summed over the evaluations of the contact forces, that the search at one frequency may
-        take. Where it ends the search, the best solution is returned with its error, and the finding ``budget-spent``
-        says so. The default is twice what the slowest of 379 cold starts took, which was 40 s on a busy core.
-
-    Returns
-    -------
-    HarmonicResponse
-        Steady states.
-
-    Raises
-    ------
-    InputError
-        If the force, the budget or a frequency is not positive, a normal force is negative, or ``verify`` is asked for
-        contacts that depend on each other.
-
-    Examples
-    --------
-    >>> from ema.examples import beam_model
-    >>> response = frf(beam_model(), np.array([60.0, 70.0]), force=1.0, at="1:+X", outputs=["1:+X"])
-    >>> response.converged
-    array([ True,  True])
-    """
-    from ema.simulate.verification import verified
-
-    positive(model.name, budget=budget)
-    condensed = condense(model, force, at, outputs, tolerance, modes, normal_forces)
-    condensed.budget = budget
-    condensed.keep(harmonics)
-    if verify and type(condensed) is not Condensed:
-        raise InputError(
-            "verify=True follows friction in one direction under constant normal forces",
-            where=model.name,
-            got="contacts that depend on each other",
-            advice="check such a state by ema.simulate.respond",
-        )
-    if not len(frequencies) or not np.all(np.isfinite(frequencies)) or np.min(frequencies) <= 0:
-        raise InputError(
-            "not frequencies of excitation",
-            where=model.name,
-            got=f"{len(frequencies)} values",
-            expected="finite, above 0 Hz",
-        )
-    rows = np.array([condensed.problem.base.row(condensed.problem.system, dof) for dof in condensed.problem.outputs])
-    points: list[_Point | None] = []
-    unstable: list[float] = []
-    ended: list[tuple[float, int, _Point | None]] = []
-    branch = Branch(condensed.tolerance)
-    for number, frequency in enumerate(frequencies):
-        advance(progress, "frequencies", number, len(frequencies))
-        point = condensed.solve(float(frequency), branch.start(float(frequency)))
-        branch.add(point)
-        if condensed.left < 0:
-            ended.append((float(frequency), budget - condensed.left, point))
-        if verify and point is not None:
-            seen = verified(condensed, point)
-            point = replace(point, error=seen.error)
-            unstable += [] if seen.settles else [float(frequency)]
-        points.append(point)
-    response = _response(condensed, np.asarray(frequencies), points, rows)
-    findings = *response.findings, *_ended(condensed, ended), *_instability(condensed, unstable)
-    response = replace(response, findings=findings)
-    return condensed.completed(response, points)
-
-
-def _ended(condensed: Condensed, searches: list[tuple[float, int, _Point | None]]) -> list[Finding]:
-    """A finding where the budget ended the search: frequencies in Hz, what was spent, what there is."""
-    if not searches:
-        return []
-    frequency, spent, point = max(searches, key=lambda search: np.inf if search[2] is None else search[2].error)
-    what = "no steady state was found" if point is None else f"the error estimate is {point.error:.1e}"
-    return [
-        Finding(
-            "warning",
-            "budget-spent",
-            condensed.problem.system.name,
-            f"the budget ended the search at {len(searches)} frequencies; at {frequency:.5g} Hz {what} after {spent}, "
-            "counted in unknowns and 200 more for each evaluation of the contact forces.",
-            float(spent),
-            float(condensed.budget),
-            "Ask for fewer harmonics (harmonics), a looser tolerance, or a larger budget (budget).",
-        )
-    ]
-
-
-def _instability(condensed: Condensed, frequencies: list[float]) -> list[Finding]:
-    """A finding where the motion leaves its steady state."""
-    if not frequencies:
-        return []
-    return [
-        Finding(
-            "warning",
-            "unstable-state",
-            condensed.problem.system.name,
-            f"the motion in time leaves the steady state at {len(frequencies)} frequencies.",
-            frequencies[0],
-            None,
-            "Use the time solver, ema.simulate.respond, there.",
-        )
-    ]
-
-
 def condense(
     model: BeamModel,
     force: float,
@@ -834,77 +688,3 @@ def condense(
         phases = np.arange(np.asarray(normal_forces).shape[-1]) / np.asarray(normal_forces).shape[-1]
         pressing = sampled_normal_forces(model, normal_forces, phases)
     return JoinedCondensed(problem, driven, force, tolerance, pressing=pressing)
-
-
-def _response(
-    condensed: Condensed, frequencies: np.ndarray, points: list[_Point | None], rows: np.ndarray
-) -> HarmonicResponse:
-    most = max((point.count for point in points if point is not None), default=1)
-    count, contacts = len(points), len(condensed.limits)
-    values = np.full((count, len(rows), most), np.nan, complex)
-    slips = np.full((count, contacts, most), np.nan, complex)
-    powers, error = np.full((count, 3), np.nan), np.full(count, np.nan)
-    for n, point in enumerate(points):
-        if point is None:
-            continue
-        values[n], slips[n] = 0, 0
-        values[n, :, : point.count] = condensed.outputs(point, rows)
-        slips[n, :, : point.count] = point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2]
-        powers[n], error[n] = condensed.powers(point), point.error
-    where, findings = condensed.problem.system.name, list(condensed.problem.findings)
-    solved = np.isfinite(error)
-    if not solved.all():
-        lost = frequencies[~solved]
-        findings.append(
-            Finding(
-                "error",
-                "no-steady-state",
-                where,
-                f"no steady state found at {len(lost)} frequencies.",
-                float(lost[0]),
-                None,
-                "Use the time solver, ema.simulate.respond, or a softer contact there.",
-            )
-        )
-    if solved.any() and np.nanmax(error) > condensed.tolerance:
-        worst = int(np.nanargmax(error))
-        findings.append(
-            Finding(
-                "warning",
-                "harmonics",
-                where,
-                f"error estimate {error[worst]:.1e} at {frequencies[worst]:.5g} Hz.",
-                float(error[worst]),
-                condensed.tolerance,
-                "Check it in time.",
-            )
-        )
-    response = HarmonicResponse(
-        frequencies,
-        condensed.orders(most),
-        values,
-        condensed.problem.outputs,
-        slips,
-        condensed.force,
-        condensed.driven,
-        powers[:, 0],
-        powers[:, 1],
-        powers[:, 2],
-        error,
-        solved,
-        (),
-        where,
-    )
-    if solved.any() and response.power_error > 1e-4:
-        findings.append(
-            Finding(
-                "warning",
-                "power-balance",
-                where,
-                f"the power balance is off by {response.power_error:.1e}.",
-                response.power_error,
-                1e-4,
-                "Lower the tolerance.",
-            )
-        )
-    return HarmonicResponse(**{**response.__dict__, "findings": tuple(findings)})

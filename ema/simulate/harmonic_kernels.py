@@ -6,15 +6,15 @@ deviation g = f - k u from a stuck spring, so that a stuck contact needs no equa
 
 import numpy as np
 
-from ema.compiled import compiled
+from ema.compiled import compiled, fast, inner
 from ema.contact.call_kernels import LIMIT
 from ema.contact.linear_kernels import matvec
 from ema.simulate.bristle_kernels import bristle_period
-from ema.simulate.period_kernels import masing_period
+from ema.simulate.period_kernels import masing_period, turning_points
 from ema.simulate.quadrature_kernels import smooth_period
 
 
-@compiled(error_model="numpy")
+@inner
 def largest(row):
     """The largest absolute value of a row."""
     top = 0.0
@@ -23,7 +23,7 @@ def largest(row):
     return top
 
 
-@compiled(error_model="numpy")
+@inner
 def reach(amplitudes):
     """What a motion cannot exceed: the sum of the sizes of its harmonics."""
     total = 0.0
@@ -32,13 +32,22 @@ def reach(amplitudes):
     return total
 
 
-@compiled(error_model="numpy")
+@inner
 def weakest(stiffness, limit, shares_k, shares_f, count):
     """Displacement at which the first of parallel springs slides."""
     least = np.inf
     for j in range(count):
         least = min(least, limit * shares_f[j] / (stiffness * shares_k[j]))
     return least
+
+
+@inner
+def free(stiffness, amplitudes, turns, out):
+    """Results of a contact without slip force, or of one that does not move."""
+    forces, jacobian, _ = out
+    for r in range(len(forces)):
+        forces[r] = -stiffness * amplitudes[r] if turns >= 2 else 0.0
+        jacobian[r, r] = -stiffness
 
 
 @compiled(error_model="numpy")
@@ -55,52 +64,38 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
     all. Either is None where no contact asks for it, and its quadrature is then not compiled.
     """
     (orders, basis, odd, fine, omega), (stiffness, limits, members) = period, contact
-    counts, shares_k, shares_f = springs
-    contacts, size = amplitudes.shape
+    (counts, shares_k, shares_f), (contacts, size) = springs, amplitudes.shape
     forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts if derive else 1, members.shape[1], size, size))
     lost, slips = np.zeros(contacts), np.zeros(contacts, np.bool_)
     length, highest = 4 * orders[-1] + 8, 2 * orders[-1] + 1
-    place, value = np.empty(length), np.empty(length)
-    cosine, sine = np.empty((length, highest)), np.empty((length, highest))
-    rates, bends = np.empty(basis.shape[1]), np.empty(basis.shape[1])
+    samples = np.empty(basis.shape[1]), np.empty(basis.shape[1])
+    room = np.empty(length), np.empty(length), np.empty((length, highest)), np.empty((length, highest))
     if smooth is not None:
         smooth[3][LIMIT] = limits
     for i in range(contacts):
-        masing = counts[i] > 0
-        at = i if derive else 0
+        masing, wave = counts[i] > 0, (amplitudes[i], orders)
+        out = forces[i], jacobian[i if derive else 0, 0], derive
         if masing and reach(amplitudes[i]) <= weakest(stiffness[i], limits[i], shares_k[i], shares_f[i], counts[i]):
             continue
-        matvec(basis[0], amplitudes[i], rates)
-        matvec(basis[1], amplitudes[i], bends)
-        if masing:
-            lost[i] = masing_period(
-                amplitudes[i],
-                orders,
-                rates,
-                bends,
-                odd,
-                stiffness[i],
-                limits[i],
-                shares_k[i],
-                shares_f[i],
-                counts[i],
-                place,
-                value,
-                cosine,
-                sine,
-                forces[i],
-                jacobian[at, 0],
-                derive,
-            )
-            slips[i] = largest(forces[i]) > 0.0
-            continue
-        period, room = (orders, odd, fine, omega), (rates, bends, place, value, cosine, sine)
-        if bristles is not None and bristles[0][i]:
+        matvec(basis[0], amplitudes[i], samples[0])
+        matvec(basis[1], amplitudes[i], samples[1])
+        out[1][:] = 0.0
+        number = turning_points(wave, samples, odd, room)
+        turns = number, room[0], room[1], room[2], room[3]
+        if number < 2 or limits[i] <= 0.0:
+            free(stiffness[i], amplitudes[i], number, out)
+        elif masing:
+            parallel = stiffness[i], limits[i], counts[i], shares_k[i], shares_f[i]
+            lost[i] = masing_period(parallel, wave, odd, turns, out)
+        elif bristles is not None and bristles[0][i]:
             law = stiffness[i], limits[i], bristles[1][i]
-            lost[i] = bristle_period(law, amplitudes[i], period, room, forces[i], jacobian[at, 0], derive)
+            lost[i] = bristle_period(law, wave, (odd, fine, omega), turns, out)
         elif smooth is not None:
-            lost[i] = smooth_period(i, smooth, amplitudes[i], period, room, forces[i], jacobian[at, 0], derive)
-        slips[i] = largest(forces[i]) > 1e-12 * limits[i]
+            lost[i] = smooth_period(i, smooth, wave, (odd, fine), turns, out)
+        if orders[0] == 0 and number >= 2 and limits[i] > 0.0:
+            forces[i, 0] *= 0.5
+            out[1][0] *= 0.5
+        slips[i] = largest(forces[i]) > (0.0 if masing else 1e-12 * limits[i])
     return forces, jacobian, lost, slips
 
 
@@ -167,8 +162,8 @@ def linear_change(change, jacobian, members, slips):
     return out
 
 
-@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def inner(left, right):
+@fast
+def scalar_product(left, right):
     """Scalar product of two arrays (contact, 2 H)."""
     total = 0.0
     for i in range(left.shape[0]):
@@ -177,7 +172,7 @@ def inner(left, right):
     return total
 
 
-@compiled(error_model="numpy")
+@inner
 def add(factor, what, out):
     """out += factor what, for arrays (contact, 2 H)."""
     for i in range(what.shape[0]):
@@ -185,12 +180,14 @@ def add(factor, what, out):
             out[i, c] += factor * what[i, c]
 
 
-@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def precondition(vector, shapes, weights, inverse, blocks, seen, out):
+@fast
+def precondition(vector, coarse, seen, out):
     """A coarse inverse on what the shapes see of a vector (contact, 2 H), the identity on the rest.
 
-    ``inverse`` holds the lowest orders together, ``blocks`` (order, 2 shape, 2 shape) the higher ones one by one.
+    ``coarse``: shapes, weights, the inverse that holds the lowest orders together, and blocks (order, 2 shape, 2 shape)
+    of the higher ones one by one.
     """
+    shapes, weights, inverse, blocks = coarse
     contacts, count = shapes.shape
     width = len(inverse) // count
     for a in range(count):
@@ -220,28 +217,29 @@ def precondition(vector, shapes, weights, inverse, blocks, seen, out):
 
 
 @compiled(error_model="numpy")
-def krylov_step(gains, jacobian, members, slips, rest, shapes, weights, inverse, blocks, forcing):
+def krylov_step(system, rest, coarse, forcing):
     """Solve (I + Z dG/dU) step = rest by GMRES with the coarse inverse to the share ``forcing`` of the rest.
 
-    Returns the step and the number of turns (-1: it takes too many).
+    ``system``: receptances Z, Jacobian, its members, who slips; ``coarse`` as in ``precondition``. Returns the step and
+    the number of turns (-1: it takes too many).
     """
-    most = 80
+    (gains, jacobian, members, slips), most = system, 80
     contacts, width = rest.shape
     zero, step = np.zeros((contacts, width)), np.zeros((contacts, width))
     turned, held = np.empty((most + 1, contacts, width)), np.empty((most, contacts, width))
-    seen = np.empty((shapes.shape[1], width))
+    seen = np.empty((coarse[0].shape[1], width))
     triangle, target = np.zeros((most + 1, most)), np.zeros(most + 1)
     cosine, sine = np.zeros(most), np.zeros(most)
-    norm = np.sqrt(inner(rest, rest))
+    norm = np.sqrt(scalar_product(rest, rest))
     turned[0] = rest / norm
     target[0] = norm
     for n in range(most):
-        precondition(turned[n], shapes, weights, inverse, blocks, seen, held[n])
+        precondition(turned[n], coarse, seen, held[n])
         new = residual(held[n], zero, gains, linear_change(held[n], jacobian, members, slips))
         for m in range(n + 1):
-            triangle[m, n] = inner(new, turned[m])
+            triangle[m, n] = scalar_product(new, turned[m])
             add(-triangle[m, n], turned[m], new)
-        size = np.sqrt(inner(new, new))
+        size = np.sqrt(scalar_product(new, new))
         for m in range(n):
             upper, lower = triangle[m, n], triangle[m + 1, n]
             triangle[m, n] = cosine[m] * upper + sine[m] * lower

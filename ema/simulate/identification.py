@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 from ema.data import Finding, Loop
 from ema.errors import InputError
 from ema.simulate.checks import positive
+from ema.simulate.loops import stabilised
 
 _SLIDES = 1.2
 _MOST_SAMPLES = 20_000
@@ -199,10 +200,6 @@ class _Residual:
     """
 
     def __init__(self, motion: _Motion, phase: np.ndarray, f: np.ndarray, cycles: int) -> None:
-        from ema.simulate import hysteresis_kernels
-
-        kernels: Any = hysteresis_kernels
-        self.stabilised = kernels.stabilised
         self.motion, self.ramp = motion, phase - phase.mean()
         self.way = motion.travel(motion.coefficients)
         self.amplitude, falling = self.way[2], self.way[1]
@@ -228,7 +225,8 @@ class _Residual:
     def __call__(self, p: np.ndarray, way: tuple[Any, Any, float] | None = None) -> np.ndarray:
         k, top, m = (float(v) for v in np.exp(p[:3]))
         play = float(p[self.plain]) if len(p) > self.plain else 0.0
-        model = self.stabilised(*(way or self.way), k, top, m, play)
+        travel, falling, amplitude = way or self.way
+        model = stabilised(travel, falling, amplitude, (k, top, m), play)
         drift = p[4] * self.ramp if self.plain == 5 else 0.0
         return np.asarray((model - self.force) / self.height + p[3] + drift)
 

@@ -71,7 +71,8 @@ def joined_forces(amplitudes, wave, limits, law, ties, bounds, derive):
         paths = np.empty((len(lanes), samples))
         for o in range(len(lanes)):
             paths[o] = motion[lanes[o]]
-        own, tangent, lost[i] = cycle(law, lanes, paths, around, slip, (widths[i], capacity[i], smooth[i]), derive)
+        contact = lanes, paths, slip, (widths[i], capacity[i], smooth[i])
+        own, tangent, lost[i] = cycle(law, contact, around, derive)
         for o in range(len(lanes)):
             forces[lanes[o]] = own[o]
             if not derive:

@@ -1,7 +1,7 @@
 """Hysteresis loops: of a law under prescribed motion, and the energy of any loop."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ema.contact.curves import virgin_rate
 from ema.contact.laws import Couplings, contact_laws
@@ -11,6 +11,9 @@ from ema.simulate.checks import not_negative, positive
 from ema.simulate.friction import check_isotropic
 
 _FEWEST = 8
+_NODES = 36.0 * np.linspace(0, 1, 161) ** 4
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_POINTS, _WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
 
 
 def drive(
@@ -164,6 +167,42 @@ def regularised_area(stiffness: float, slip_force: float, amplitude: float, expo
     way = 2 * amplitude * stiffness / slip_force
     y = brentq(lambda q: part(q, False) - np.expm1(-q) - way, 1e-12, 36 + exponent * way, xtol=1e-14)
     return float(2 * (slip_force**2 / stiffness) * (part(y, True) - 0.5 * np.expm1(-y) ** 2))
+
+
+def stabilised(
+    travel: Float[np.ndarray, "sample"],
+    falling: Bool[np.ndarray, "sample"],
+    amplitude: float,
+    parameters: tuple[float, float, float],
+    play: float = 0.0,
+) -> Float[np.ndarray, "sample"]:
+    """Force in N of the stabilised loop of Eq. (5) at ``travel`` m after the last reversal.
+
+    ``parameters``: k_T in N/m, F_C in N and the exponent; ``play`` in m. Elastic to zero, across the play, then along
+    the virgin curve, of which one quadrature gives the way at its nodes.
+    """
+    from scipy.optimize import brentq
+
+    stiffness, slip_force, exponent = parameters
+    unit, steps = slip_force / stiffness, np.diff(_NODES)
+    inside = virgin_rate(np.maximum(_NODES[:-1, None] + steps[:, None] * _POINTS, 1e-12), exponent) @ _WEIGHTS
+    places = np.concatenate([[0.0], np.cumsum(inside * steps)])
+    slopes = 1 / virgin_rate(np.maximum(_NODES, 1e-12), exponent)
+
+    def virgin(x: np.ndarray) -> np.ndarray:
+        """Force over F_C at way x in F_C/k_T: cubic in -ln(1 - F/F_C) between the nodes."""
+        cell = np.clip(np.searchsorted(places, x, side="right") - 1, 0, len(places) - 2)
+        d, rise = places[cell + 1] - places[cell], steps[cell]
+        s, a, b = np.clip((x - places[cell]) / d, 0.0, 1.0), slopes[cell] * d, slopes[cell + 1] * d
+        y = _NODES[cell] + s * (a + s * (3 * rise - 2 * a - b + s * (a + b - 2 * rise)))
+        return np.asarray(np.where(x >= places[-1], 1.0, -np.expm1(-y)))
+
+    whole = max(2 * amplitude - play, 1e-9 * amplitude) / unit
+    turn = brentq(lambda way: float(virgin(np.array(way))) + way - whole, 0.0, whole, xtol=1e-16)
+    top = float(virgin(np.array(turn)))
+    e = travel / unit
+    value = np.where(e < top, top - e, -virgin(np.maximum(e - top - play / unit, 0.0)))
+    return np.where(falling, slip_force, -slip_force) * value
 
 
 def dahl_area(stiffness: float, slip_force: float, amplitude: float) -> float:

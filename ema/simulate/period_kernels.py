@@ -3,17 +3,20 @@
 A motion u(x) = sum_h a_h cos(h x) + b_h sin(h x), x = w t, is monotone between its turning points. A Masing spring
 moves through these stretches one by one: it is stuck, then slides from a place that is found, to the end of one.
 So the Fourier integrals of its force, their derivatives and its loss are sums of closed forms, without samples.
+
+``wave``: amplitudes (2 H,) and orders; ``here``: cos(n x) and sin(n x) of an instant; ``turns``: number, places,
+displacements, cos(n x) and sin(n x) of the turning points, with room for more.
 """
 
 import numpy as np
 
-from ema.compiled import compiled
+from ema.compiled import compiled, fast, inner
 from ema.contact.linear_kernels import copy_into
 
 _CLOSE = 1e-7
 
 
-@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@fast
 def waves(x, count, cosine, sine):
     """cos(n x) and sin(n x) for n = 0 ... count - 1."""
     c, s = np.cos(x), np.sin(x)
@@ -23,7 +26,7 @@ def waves(x, count, cosine, sine):
         sine[n] = sine[n - 1] * c + cosine[n - 1] * s
 
 
-@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@fast
 def motion(amplitudes, orders, cosine, sine):
     """Displacement and its first three derivatives from the waves at an instant."""
     u, du, ddu, dddu = 0.0, 0.0, 0.0, 0.0
@@ -38,7 +41,7 @@ def motion(amplitudes, orders, cosine, sine):
     return u, du, ddu, dddu
 
 
-@compiled(error_model="numpy")
+@inner
 def _next_place(x, value, slope, low, high, before):
     """Newton's next place, or the middle where it leaves the bracket or moves by more than half the step ``before``.
 
@@ -50,37 +53,40 @@ def _next_place(x, value, slope, low, high, before):
     return new, abs(new - x)
 
 
-@compiled(error_model="numpy")
-def _root(amplitudes, orders, second, x, low, high, rising, cosine, sine):
-    """Zero of the first (or ``second``) derivative in a stretch where it changes its sign; leaves its waves behind.
+@inner
+def seek(wave, derivative, target, x, bracket, here):
+    """Where the motion, or its first or second ``derivative``, passes ``target``; leaves its waves behind.
 
-    ``x`` is a guess; the derivative grows through the zero if ``rising``. What the zero is needed for is of second
-    order in its error.
+    ``x`` is a guess; ``bracket``: a stretch in which that happens once, and whether upwards. What the place is needed
+    for is of second order in its error.
     """
+    (amplitudes, orders), (low, high, rising), (cosine, sine) = wave, bracket, here
     need, change = orders[-1] + 1, 2.0 * (high - low)
     for _ in range(60):
         waves(x, need, cosine, sine)
-        _, du, ddu, dddu = motion(amplitudes, orders, cosine, sine)
-        value, slope = (ddu, dddu) if second else (du, ddu)
+        parts = motion(amplitudes, orders, cosine, sine)
+        value = parts[derivative] - target
         if (value > 0.0) != rising:
             low = x
         else:
             high = x
-        x, change = _next_place(x, value, slope, low, high, change)
+        x, change = _next_place(x, value, parts[derivative + 1], low, high, change)
         if change < _CLOSE or high - low < _CLOSE:
             break
     waves(x, len(cosine), cosine, sine)
     return x
 
 
-@compiled(error_model="numpy")
-def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine):
-    """Turning points of a motion in ascending order: their ``place`` x, ``value`` u and waves; returns their number.
+@inner
+def turning_points(wave, samples, odd, room):
+    """Turning points of a motion in ascending order: places x, displacements and waves go to ``room``; returns how
+    many there are.
 
-    Samples of the first and second derivative over the whole period, ``rates`` and ``bends`` (sample,), say where to
-    look: where the rate changes its sign, and where it comes close to zero in between. An odd motion turns half a
-    period later at the opposite place: its second half is mirrored.
+    ``samples`` of the first and second derivative over the whole period say where to look: where the rate changes its
+    sign, and where it comes close to zero in between. An odd motion turns half a period later at the opposite place:
+    its second half is mirrored.
     """
+    (amplitudes, orders), (rates, bends), (place, value, cosine, sine) = wave, samples, room
     count, highest = len(rates), cosine.shape[1]
     length, end = 2 * np.pi / count, count // 2 if odd else count
     found, most = 0, len(place) // 2 - 2
@@ -96,7 +102,7 @@ def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, 
             if bent == bent_after or up == bent:
                 continue
             middle = low + length * bends[n] / (bends[n] - bends[after])
-            middle = _root(amplitudes, orders, True, middle, low, high, not bent, cosine[found], sine[found])
+            middle = seek(wave, 2, 0.0, middle, (low, high, not bent), (cosine[found], sine[found]))
             _, between, _, _ = motion(amplitudes, orders, cosine[found], sine[found])
             up_middle = between > 0.0
             if up_middle == up:
@@ -108,7 +114,7 @@ def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, 
             x = 0.5 * (left + right)
             if middle == low and rates[n] * rates[after] < 0.0:
                 x = low + length * rates[n] / (rates[n] - rates[after])
-            place[found] = _root(amplitudes, orders, False, x, left, right, rising, cosine[found], sine[found])
+            place[found] = seek(wave, 1, 0.0, x, (left, right, rising), (cosine[found], sine[found]))
             value[found], _, _, _ = motion(amplitudes, orders, cosine[found], sine[found])
             found += 1
     if odd:
@@ -121,33 +127,26 @@ def turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, 
     return found
 
 
-@compiled(error_model="numpy")
-def crossing(amplitudes, orders, target, low, high, u_low, u_high, cosine, sine):
-    """Place in a monotone stretch at which the motion reaches ``target``; leaves its waves behind."""
-    left, right = low, high
+@inner
+def crossing(wave, target, start, end, here):
+    """Place in a monotone stretch at which the motion reaches ``target``; leaves its waves behind.
+
+    ``start``, ``end``: place and displacement.
+    """
+    (low, u_low), (high, u_high) = start, end
     share = (target - u_low) / (u_high - u_low)
     # between two turning points a motion is close to half a cosine
     x = low + (high - low) * np.arccos(min(max(1.0 - 2.0 * share, -1.0), 1.0)) / np.pi
-    rising = u_high > u_low
-    need, change = orders[-1] + 1, 2.0 * (high - low)
-    for _ in range(60):
-        waves(x, need, cosine, sine)
-        u, du, _, _ = motion(amplitudes, orders, cosine, sine)
-        rest = u - target
-        if (rest > 0.0) == rising:
-            right = x
-        else:
-            left = x
-        x, change = _next_place(x, rest, du, left, right, change)
-        if change < _CLOSE or right - left < _CLOSE:
-            break
-    waves(x, len(cosine), cosine, sine)
-    return x
+    return seek(wave, 0, target, x, (low, high, u_high > u_low), here)
 
 
-@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _add_stretch(from_x, from_c, from_s, to_x, to_c, to_s, orders, weight, out):
-    """Add ``weight`` times the integrals of cos(h x) and sin(h x) over a stretch for the orders h."""
+@fast
+def _add_stretch(start, end, orders, weight, out):
+    """Add ``weight`` times the integrals of cos(h x) and sin(h x) over a stretch for the orders h.
+
+    ``start``, ``end``: place and waves.
+    """
+    (from_x, from_c, from_s), (to_x, to_c, to_s) = start, end
     for h in range(len(orders)):
         n = orders[h]
         if n == 0:
@@ -157,9 +156,10 @@ def _add_stretch(from_x, from_c, from_s, to_x, to_c, to_s, orders, weight, out):
             out[2 * h + 1] -= weight * (to_c[n] - from_c[n]) / n
 
 
-@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _add_moments(from_x, from_c, from_s, to_x, to_c, to_s, weight, even_only, cosine, sine):
+@fast
+def _add_moments(start, end, weight, even_only, moments):
     """Add ``weight`` times the integrals of cos(n x) and sin(n x) over a stretch for all n."""
+    (from_x, from_c, from_s), (to_x, to_c, to_s), (cosine, sine) = start, end, moments
     cosine[0] += weight * (to_x - from_x)
     step = 2 if even_only else 1
     for n in range(step, len(cosine), step):
@@ -167,7 +167,7 @@ def _add_moments(from_x, from_c, from_s, to_x, to_c, to_s, weight, even_only, co
         sine[n] -= weight * (to_c[n] - from_c[n]) / n
 
 
-@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@fast
 def _products(orders, cosine, sine, out):
     """Integrals of all products of cos(h x), sin(h x) from the moments of cos(n x) and sin(n x)."""
     for i in range(len(orders)):
@@ -186,16 +186,16 @@ def _products(orders, cosine, sine, out):
             out[r + 1, c], out[c, r + 1] = sc, sc
 
 
-@compiled(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _add_memory(memory, turns, orders, cosine, sine, jacobian):
+@fast
+def _add_memory(memory, orders, turns, jacobian):
     """Add what stuck stretches owe to the turning points at which they began, with ``memory`` (turn, 2 H)."""
-    size = memory.shape[1]
-    for m in range(turns + 1):
+    size, (number, _, _, cosine, sine) = memory.shape[1], turns
+    for m in range(number + 1):
         for r in range(size):
             weight = memory[m, r]
             if weight == 0.0:
                 continue
-            if m == turns:
+            if m == number:
                 jacobian[r, 0] += weight
                 continue
             for h in range(size // 2):
@@ -203,87 +203,69 @@ def _add_memory(memory, turns, orders, cosine, sine, jacobian):
                 jacobian[r, 2 * h + 1] += weight * sine[m, orders[h]]
 
 
-@compiled(error_model="numpy")
-def masing_period(
-    amplitudes,
-    orders,
-    rates,
-    bends,
-    odd,
-    stiffness,
-    limit,
-    shares_k,
-    shares_f,
-    count,
-    place,
-    value,
-    cosine,
-    sine,
-    forces,
-    jacobian,
-    derive,
-):
-    """Fourier coefficients ``forces`` (2 H,) of f - k u of parallel Masing springs, their Jacobian; returns the loss.
+@inner
+def _follow(spring, wave, turns, ends, sums):
+    """Follow one spring, unstressed at first, over a period; returns its loss.
 
-    Without ``derive`` the Jacobian is not made: its place is then workspace.
-    The springs start unstressed and settle during one period. Order 0 has its mean in the first of its two places.
-    The last arguments up to ``sine`` are workspace, with room for all turning points and twice the highest order.
+    ``spring``: stiffness, slip force and the mean of the motion. ``ends``: the stretches that count, and whether they
+    are half of an odd motion. ``sums``: what stuck stretches owe to turning points, constant part of the integrals,
+    moments of the sliding ones, waves of an instant, and room.
     """
-    size, highest = len(amplitudes), cosine.shape[1]
-    for r in range(size):
-        forces[r] = 0.0
-        for c in range(size):
-            jacobian[r, c] = 0.0
-    turns = turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine)
-    if turns < 2:
-        return 0.0
+    (k, top, mean), (count, odd), (number, place, value, cosine, sine) = spring, ends, turns
+    (memory, constant, moments, here, before), orders, lost = sums, wave[1], 0.0
+    reach = top / k
+    rest, last = min(max(0.0, mean - reach), mean + reach), number
+    if rest == 0.0:
+        last = -1
+    for m in range(number):
+        if abs(value[m] - rest) > reach:
+            rest, last = value[m] - (reach if value[m] > rest else -reach), m
+    for m in range(count):
+        begun = m - 1 if m > 0 else number - 1
+        x = place[begun] if m > 0 else place[begun] - 2 * np.pi
+        start, end = (x, cosine[begun], sine[begun]), (place[m], cosine[m], sine[m])
+        slides, sign, target = abs(value[m] - rest) > reach, 1.0 if value[m] > rest else -1.0, value[begun]
+        if not slides:
+            leave = end
+        elif (rest + sign * reach - value[begun]) * sign > 0.0:
+            target = rest + sign * reach
+            x = crossing(wave, target, (x, value[begun]), (place[m], value[m]), here)
+            leave = x, here[0], here[1]
+        else:
+            leave = start
+        if slides:
+            _add_stretch(leave, end, orders, sign * top, constant)
+            _add_moments(leave, end, k, odd, moments)
+            lost += top * abs(value[m] - target)
+        if last >= 0:
+            held = memory[last]
+            copy_into(before, held)
+            _add_stretch(start, leave, orders, k, held)
+            for r in range(len(held)):
+                constant[r] -= rest * (held[r] - before[r])
+        if slides:
+            rest, last = value[m] - sign * reach, m
+    return lost
+
+
+@compiled(error_model="numpy")
+def masing_period(law, wave, odd, turns, out):
+    """Fourier coefficients (2 H,) of f - k u of parallel Masing springs, their Jacobian; returns the loss.
+
+    law: stiffness, slip force, number of springs and their shares of both. out: both results, which are zero, and
+    whether the Jacobian is asked for; its place is workspace where it is not. The springs start unstressed and settle
+    during one period. Order 0 has its mean in the first of its two places.
+    """
+    (stiffness, limit, count, shares_k, shares_f), (amplitudes, orders), (forces, jacobian, derive) = law, wave, out
+    size, highest, number = len(amplitudes), turns[3].shape[1], turns[0]
     mean = amplitudes[0] if orders[0] == 0 else 0.0
-    memory = np.zeros((turns + 1, size))
-    cos_moments, sin_moments = np.zeros(highest), np.zeros(highest)
-    constant, before = np.zeros(size), np.empty(size)
-    cos_here, sin_here = np.empty(highest), np.empty(highest)
-    lost = 0.0
-    ends = turns // 2 if odd else turns
+    memory, moments = np.zeros((number + 1, size)), (np.zeros(highest), np.zeros(highest))
+    constant, before, here = np.zeros(size), np.empty(size), (np.empty(highest), np.empty(highest))
+    lost, ends = 0.0, (number // 2 if odd else number, odd)
     for j in range(count):
-        k, top = stiffness * shares_k[j], limit * shares_f[j]
-        reach = top / k
-        rest, last = min(max(0.0, mean - reach), mean + reach), turns
-        if rest == 0.0:
-            last = -1
-        for m in range(turns):
-            if abs(value[m] - rest) > reach:
-                rest, last = value[m] - (reach if value[m] > rest else -reach), m
-        for m in range(ends):
-            start = m - 1 if m > 0 else turns - 1
-            from_x = place[start] if m > 0 else place[start] - 2 * np.pi
-            slides = abs(value[m] - rest) > reach
-            if slides:
-                sign = 1.0 if value[m] > rest else -1.0
-                target = rest + sign * reach
-                if (target - value[start]) * sign > 0.0:
-                    x = crossing(
-                        amplitudes, orders, target, from_x, place[m], value[start], value[m], cos_here, sin_here
-                    )
-                else:
-                    x, target = from_x, value[start]
-                    copy_into(cos_here, cosine[start])
-                    copy_into(sin_here, sine[start])
-                _add_stretch(x, cos_here, sin_here, place[m], cosine[m], sine[m], orders, sign * top, constant)
-                _add_moments(x, cos_here, sin_here, place[m], cosine[m], sine[m], k, odd, cos_moments, sin_moments)
-                lost += top * abs(value[m] - target)
-            else:
-                x = place[m]
-                copy_into(cos_here, cosine[m])
-                copy_into(sin_here, sine[m])
-            if last >= 0:
-                held = memory[last]
-                copy_into(before, held)
-                _add_stretch(from_x, cosine[start], sine[start], x, cos_here, sin_here, orders, k, held)
-                for r in range(size):
-                    constant[r] -= rest * (held[r] - before[r])
-            if slides:
-                rest, last = value[m] - sign * reach, m
-    _products(orders, cos_moments, sin_moments, jacobian)
+        spring = stiffness * shares_k[j], limit * shares_f[j], mean
+        lost += _follow(spring, wave, turns, ends, (memory, constant, moments, here, before))
+    _products(orders, moments[0], moments[1], jacobian)
     scale = (2.0 if odd else 1.0) / np.pi
     for r in range(size):
         total = constant[r]
@@ -291,12 +273,8 @@ def masing_period(
             total -= jacobian[r, c] * amplitudes[c]
         forces[r] = scale * total
     if derive:
-        _add_memory(memory, turns, orders, cosine, sine, jacobian)
+        _add_memory(memory, orders, turns, jacobian)
         for r in range(size):
             for c in range(size):
                 jacobian[r, c] *= -scale
-    if orders[0] == 0:
-        forces[0] *= 0.5
-        for c in range(size):
-            jacobian[0, c] *= 0.5
     return lost * (2.0 if odd else 1.0)

@@ -159,9 +159,10 @@ def find(sliding, keys, slots):
 
 
 @inner_with_arrays
-def solve_whole(sliding, contact, k, stuck, total, squares, slip, phases, number):
+def solve_whole(springs, structure, phases, number):
     """Modes of a pattern from its whole matrix."""
-    matrix = np.zeros((len(squares), len(squares)))
+    (contact, k, _, _, sliding, _), (squares, slip, total) = springs, structure
+    matrix, stuck = np.zeros((len(squares), len(squares))), np.empty(len(total))
     for r in range(len(squares)):
         matrix[r, r] = squares[r]
     for i in range(len(total)):
@@ -176,16 +177,22 @@ def solve_whole(sliding, contact, k, stuck, total, squares, slip, phases, number
                 for s in range(len(squares)):
                     matrix[r, s] += weight * slip[i, s]
     values, vectors = np.linalg.eigh(matrix)
-    all_squares, all_vectors, all_slips, _, _ = phases
+    all_squares, all_vectors, all_slips, _, _, _ = phases
     copy_into(all_squares[number], values)
     copy_table(all_vectors[number], vectors)
     np.dot(slip, all_vectors[number], all_slips[number])
 
 
 @inner_with_arrays
-def phase_of(sliding, contact, k, total, squares, slip, phases, used, before, changed):
-    """Number of the modes of a pattern; ``before`` is that of a pattern in which spring ``changed`` alone differs."""
-    all_squares, all_vectors, all_slips, keys, slots = phases
+def phase_of(springs, structure, phases, before, changed):
+    """Number of the modes of a pattern; ``before`` is that of a pattern in which spring ``changed`` alone differs.
+
+    springs: as in ``event_kernels``. structure: squared frequencies, rows of the relative displacements and stiffness
+    of the contacts in the stuck structure. phases: squares, vectors and rows of all modes that are kept, their
+    patterns, the table of places, and how many there are.
+    """
+    (contact, k, _, _, sliding, _), squares = springs, structure[0]
+    all_squares, all_vectors, all_slips, keys, slots, used = phases
     place = find(sliding, keys, slots)
     if slots[place] >= 0:
         return slots[place]
@@ -205,7 +212,7 @@ def phase_of(sliding, contact, k, total, squares, slip, phases, used, before, ch
             np.dot(all_vectors[before], rotation, all_vectors[number])
             np.dot(all_slips[before], rotation, all_slips[number])
     if not done:
-        solve_whole(sliding, contact, k, np.empty(len(total)), total, squares, slip, phases, number)
+        solve_whole(springs, structure, phases, number)
     used[0] += 1
     slots[place] = number
     for j in range(len(sliding)):

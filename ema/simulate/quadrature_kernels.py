@@ -6,51 +6,52 @@ crowd behind a turning point, where the force changes fastest.
 
 import numpy as np
 
-from ema.compiled import compiled
+from ema.compiled import compiled, inner
 from ema.contact.call_kernels import ADDRESS, BY_FORCE, FORCE, LIMIT, SLOPE, STIFFNESS, WAY, increments
-from ema.simulate.period_kernels import motion, turning_points, waves
+from ema.simulate.period_kernels import motion, waves
 
 _GAUSS = np.array([0.069431844202973712, 0.33000947820757187, 0.66999052179242813, 0.93056815579702629])
 _WEIGHTS = np.array([0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693])
 
 
-@compiled(error_model="numpy")
-def _count_nodes(orders, odd, fine, turns, place):
-    """Number of nodes that ``_nodes`` makes."""
-    total = 0
-    for m in range(turns // 2 if odd else turns):
-        length = place[m] - place[m - 1] if m > 0 else place[0] - place[turns - 1] + 2 * np.pi
-        total += 4 * fine * (5 + int(np.ceil(length * orders[-1] / np.pi))) + 1
-    return total
+@inner
+def _panels(orders, fine, place, m, number):
+    """Begin and length of the stretch before turning point m, and number of its panels."""
+    low = place[m - 1] if m > 0 else place[number - 1] - 2 * np.pi
+    length = place[m] - low
+    return low, length, fine * (5 + int(np.ceil(length * orders[-1] / np.pi)))
 
 
 @compiled(error_model="numpy")
-def _nodes(amplitudes, orders, odd, fine, turns, place, cosine, sine, where, weight, u, rate, basis):
-    """Places, weights, displacement, its derivative, and cos and sin of the orders.
+def _nodes(wave, turns, ends, fine):
+    """Weights, displacement, its derivative, cos and sin of the orders at the nodes of the first ``ends`` stretches.
 
     Turning points are nodes of weight 0.
     """
-    row = 0
-    for m in range(turns // 2 if odd else turns):
-        low = place[m - 1] if m > 0 else place[turns - 1] - 2 * np.pi
-        length = place[m] - low
-        panels = fine * (5 + int(np.ceil(length * orders[-1] / np.pi)))
+    (amplitudes, orders), (number, place, _, cosine, sine), total, row = wave, turns, 0, 0
+    for m in range(ends):
+        total += 4 * _panels(orders, fine, place, m, number)[2] + 1
+    weight, u, rate, basis = np.empty(total), np.empty(total), np.empty(total), np.empty((total, len(amplitudes)))
+    # the last row has room for an instant
+    cosine, sine = cosine[-1], sine[-1]
+    for m in range(ends):
+        low, length, panels = _panels(orders, fine, place, m, number)
         for n in range(4 * panels + 1):
             if n == 4 * panels:
                 x, weight[row] = place[m], 0.0
             else:
                 s = (n // 4 + _GAUSS[n % 4]) / panels
                 x, weight[row] = low + length * s * s, _WEIGHTS[n % 4] / panels * 2 * length * s
-            where[row] = x
             waves(x, len(cosine), cosine, sine)
             u[row], rate[row], _, _ = motion(amplitudes, orders, cosine, sine)
             for h in range(len(orders)):
                 order = orders[h]
                 basis[row, 2 * h], basis[row, 2 * h + 1] = cosine[order], sine[order]
             row += 1
+    return weight, u, rate, basis
 
 
-@compiled(error_model="numpy")
+@inner
 def _follow(i, law, start, start_u, nodes, out):
     """Forces along the nodes from the internal force ``start``, and its tangents; returns its last value."""
     groups, parameters, curves, exchange, states = law
@@ -60,7 +61,7 @@ def _follow(i, law, start, start_u, nodes, out):
     before[i, 0] = start
     for n in range(len(nodes)):
         exchange[WAY, i] = nodes[n] - place
-        increments(groups[i, ADDRESS], groups[i], 0.0, parameters, curves, exchange, before, after)
+        increments(groups[i, ADDRESS], groups[i], 0.0, (parameters, curves), exchange, (before, after))
         start = force[n] = exchange[FORCE, i]
         a[n], b[n] = exchange[BY_FORCE, i], exchange[SLOPE, i] + k
         before, after, place = after, before, nodes[n]
@@ -68,9 +69,12 @@ def _follow(i, law, start, start_u, nodes, out):
 
 
 @compiled(error_model="numpy")
-def _differentiate(odd, k, first_basis, basis, weight, a, b, scale, jacobian):
-    """Jacobian of the Fourier coefficients from the tangents ``a``, ``b`` along the nodes."""
-    count, size = basis.shape
+def _differentiate(numbers, first_basis, nodes, tangents, jacobian):
+    """Jacobian of the Fourier coefficients from the tangents along the nodes.
+
+    ``numbers``: stiffness, factor of the integrals, whether the nodes are half of an odd motion.
+    """
+    (k, scale, odd), (weight, _, _, basis), (a, b), (count, size) = numbers, nodes, tangents, nodes[3].shape
     # d state / d amplitudes = chain * (that of the start) + grown
     chain, grown = np.empty(count), np.empty((count, size))
     product = 1.0
@@ -97,53 +101,34 @@ def _differentiate(odd, k, first_basis, basis, weight, a, b, scale, jacobian):
 
 
 @compiled(error_model="numpy")
-def smooth_period(i, law, amplitudes, period, room, forces, jacobian, derive):
-    """Fourier coefficients ``forces`` (2 H,) of f - k u of one contact in its cycle, their Jacobian, the loss.
+def smooth_period(i, law, wave, period, turns, out):
+    """Fourier coefficients (2 H,) of f - k u of one contact in its cycle, their Jacobian; returns the loss.
 
-    ``law`` as ``ContactLaws.one_by_one`` gives it, with the slip forces in its table. ``period``: orders, whether the
-    motion is odd, a factor on the number of nodes, and the angular frequency. ``room`` and the rest are those of
-    ``masing_period``.
+    ``law`` as ``ContactLaws.one_by_one`` gives it, with the slip forces in its table. ``period``: whether the motion is
+    odd, and a factor on the number of nodes. The rest as in ``masing_period``.
     """
-    (orders, odd, fine, _), (rates, bends, place, value, cosine, sine) = period, room
-    k, limit = law[3][STIFFNESS, i], law[3][LIMIT, i]
-    size = len(amplitudes)
-    for r in range(size):
-        forces[r] = 0.0
-        for c in range(size):
-            jacobian[r, c] = 0.0
-    turns = turning_points(amplitudes, orders, rates, bends, odd, place, value, cosine, sine)
-    if turns < 2 or limit <= 0.0:
-        for r in range(size):
-            forces[r] = -k * amplitudes[r] if turns >= 2 else 0.0
-            jacobian[r, r] = -k
-        return 0.0
-    count = _count_nodes(orders, odd, fine, turns, place)
-    where, weight, u, rate = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
-    basis, first_basis = np.empty((count, size)), np.empty(size)
+    (orders, (odd, fine)), (number, _, value, cosine, sine), (forces, jacobian, derive) = (wave[1], period), turns, out
+    k, size = law[3][STIFFNESS, i], len(forces)
+    nodes = _nodes(wave, turns, number // 2 if odd else number, fine)
+    (weight, u, rate, basis), count, first_basis = nodes, len(nodes[0]), np.empty(size)
     for h in range(size // 2):
-        first_basis[2 * h], first_basis[2 * h + 1] = cosine[turns - 1, orders[h]], sine[turns - 1, orders[h]]
-    last = len(place) - 1
-    _nodes(amplitudes, orders, odd, fine, turns, place, cosine[last], sine[last], where, weight, u, rate, basis)
+        first_basis[2 * h], first_basis[2 * h + 1] = cosine[number - 1, orders[h]], sine[number - 1, orders[h]]
     force, a, b = np.empty(count), np.empty(count), np.empty(count)
-    start_u, out = value[turns - 1], (force, a, b)
-    start = _settle(i, law, start_u, odd, u, out)
-    _follow(i, law, start, start_u, u, out)
+    start_u, along = value[number - 1], (force, a, b)
+    start = _settle(i, law, start_u, odd, u, along)
+    _follow(i, law, start, start_u, u, along)
     scale, lost = (2.0 if odd else 1.0) / np.pi, 0.0
     if derive:
-        _differentiate(odd, k, first_basis, basis, weight, a, b, scale, jacobian)
+        _differentiate((k, scale, odd), first_basis, nodes, (a, b), jacobian)
     for n in range(count):
         lost += weight[n] * force[n] * rate[n]
         force[n] = weight[n] * (force[n] - k * u[n])
         for r in range(size):
             forces[r] += scale * basis[n, r] * force[n]
-    if orders[0] == 0:
-        forces[0] *= 0.5
-        for c in range(size):
-            jacobian[0, c] *= 0.5
     return lost * (2.0 if odd else 1.0)
 
 
-@compiled(error_model="numpy")
+@inner
 def _settle(i, law, start_u, odd, nodes, out):
     """Internal force at the first turning point with which the cycle closes."""
     start, limit, a = 0.0, law[3][LIMIT, i], out[1]

@@ -138,63 +138,72 @@ class Stepper:
         into: dict[str, np.ndarray] | None = None,
     ) -> dict[str, np.ndarray]:
         """Take ``steps`` steps and return samples of q, p (mode), u, f (contact) and energies (6)."""
-        from ema.simulate import transient_kernels
-
-        kernels: Any = transient_kernels
         run = room_for(self.problem, steps // every) if into is None else into
-        q, p, u, f, energy = (run[name] for name in ("q", "p", "u", "f", "energy"))
-        state = self.q[0], self.p[0], self.u, self.f, self.z
-        sweeps, residual = self._advance(steps, every, limits, loads, state, (q, p, u, f, energy))
+        samples = tuple(run[name] for name in ("q", "p", "u", "f", "energy"))
+        sweeps, residual = self._advance((steps, every), limits, loads, samples)
         self.sweeps, self.residual = max(self.sweeps, sweeps), max(self.residual, residual)
-        if len(loads):
-            flow, loss = self.flow[1], self.loss[1]
-        else:
-            (flow, loss), steps, every = self._leap(every), steps // every, 1
-        kernels.advance_linear(
-            steps,
-            every,
-            flow,
-            loss,
-            self.squares[1],
-            loads,
-            self.rows[1],
-            self.q[1],
-            self.p[1],
-            self.energies[1],
-            self.free,
-            q,
-            p,
-            energy,
-        )
+        if len(self.free):
+            self._advance_freely((steps, every), loads, samples)
+        self.done += steps
         return run
 
     def _advance(
-        self, steps: int, every: int, limits: np.ndarray, loads: np.ndarray, state: Any, samples: Any
+        self, count: tuple[int, int], limits: np.ndarray, loads: np.ndarray, samples: Any
     ) -> tuple[int, float]:
-        """Steps of the modes that the contacts see."""
+        """Steps of the modes that the contacts see; ``count``: all of them, and those from sample to sample."""
         from ema.simulate import transient_kernels
 
         kernels: Any = transient_kernels
-        laws = self.problem.laws
+        laws, every = self.problem.laws, count[1]
         arguments = laws.arguments()
         compliance = self.gains, float(np.abs(self.gains).sum(axis=1).max())
         springs = laws.flexibility, laws.capacity
-        contact = self.slip, laws.stiffness, springs, compliance, self.exchange, self.memory
-        books = self.energies[0], self.dissipated, self.sliding, self.limits, self.coupled, samples
         strides = self._strides(every if len(limits) == 1 else 1)
         reach = np.zeros((len(strides[2]), len(self.u))), np.zeros(1, np.int64)
         most, worst = kernels.advance(
-            (steps, every, 1 / self.h),
+            (*count, 1 / self.h),
             (self.flow[0], self.loss[0], self.squares[0]),
-            contact,
+            (self.slip, laws.stiffness, springs, compliance, self.exchange, self.memory),
             (limits, loads, self.rows[0]),
             arguments if laws.couplings is None else (*arguments, (self.kept, self.done)),
-            state,
-            books,
+            (self.q[0], self.p[0], self.u, self.f, self.z),
+            (self.energies[0], self.dissipated, self.sliding, self.limits, self.coupled, samples),
             (*strides, _quiet(loads), (*self.room, *reach)),
         )
-        self.done += steps
         return int(most), float(worst)
+
+    def _advance_freely(self, count: tuple[int, int], loads: np.ndarray, samples: Any) -> None:
+        """Steps of the modes that no contact sees: without loads from sample to sample at once."""
+        from ema.simulate import transient_kernels
+
+        kernels: Any = transient_kernels
+        (steps, every), laws, none = count, self.problem.laws.without_contacts(), np.zeros(0)
+        if len(loads):
+            flow, loss, h = self.flow[1], self.loss[1], self.h
+        else:
+            (flow, loss), h, steps, every = self._leap(every), every * self.h, steps // every, 1
+        modes, square = len(self.free), np.zeros((0, 0))
+        state = self.q[1], self.p[1], none, none, np.zeros_like(laws.flexibility)
+        strides = np.zeros((0, *flow.shape)), np.zeros((0, *loss.shape)), np.zeros((0, 0, modes))
+        room = np.zeros((7, modes)), np.zeros((4, 0)), np.zeros(2 * modes), state[-1].copy(), square, np.zeros(1, int)
+        arguments = laws.arguments()
+        kernels.advance(
+            (steps, every, 1 / h),
+            (flow, loss, self.squares[1]),
+            (
+                np.zeros((0, modes)),
+                none,
+                (laws.flexibility, laws.capacity),
+                (square, 0.0),
+                laws.exchange(),
+                laws.memory(square),
+            ),
+            (np.zeros((1, 0)), loads, self.rows[1]),
+            arguments if laws.couplings is None else (*arguments, (self.kept[:0], self.done)),
+            state,
+            (self.energies[1], none, none, none, self.free, samples),
+            (*strides, 0, room),
+        )
 
     def _strides(self, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coefficients of the coupled modes over 2, 4, 8 ... steps, and how far they move the contact forces meanwhile.

@@ -7,7 +7,7 @@ output each: the compiler turns these into vector instructions.
 
 import numpy as np
 
-from ema.compiled import FAST, compiled, fast, inner, kernel
+from ema.compiled import fast, inner, kernel
 from ema.contact.call_kernels import EXCESS, FORCE, LIMIT, PRESSURE, SLOPE, STIFFNESS
 from ema.contact.linear_kernels import add_rows, copy_into, copy_table, matvec
 from ema.contact.solve_kernels import solve
@@ -69,8 +69,12 @@ def pushes(squares, q, p, force, x):
 
 
 @inner
-def move(flow, squares, q, p, force, x, q1, p1):
-    """State of the modes after a step: each by itself, or all together where damping couples them (three axes)."""
+def move(flow, squares, begun, x, ends):
+    """State of the modes after a step: each by itself, or all together where damping couples them (three axes).
+
+    ``begun``: q, p and the mean force; ``ends``: q and p then, which are returned; ``x`` is room to work in.
+    """
+    (q, p, force), (q1, p1) = begun, ends
     if flow.ndim == 2:
         propagate(flow, Q_Q, q, p, force, q1)
         propagate(flow, P_Q, q, p, force, p1)
@@ -83,8 +87,9 @@ def move(flow, squares, q, p, force, x, q1, p1):
 
 
 @inner
-def lost(flow, loss, squares, q, p, force, x):
+def lost(flow, loss, squares, begun, x):
     """Energy lost to damping over a step; ``x`` is room to work in."""
+    q, p, force = begun
     if flow.ndim == 2:
         return damping_loss(loss, q, p, force) if loss.shape[0] > 0 else 0.0
     else:  # noqa: RET505 - the compiler leaves out the branch of the other number of axes
@@ -132,30 +137,6 @@ def modal_energy(squares, q, p):
     return total
 
 
-@compiled(error_model="numpy", fastmath=FAST)
-def advance_linear(steps, every, flow, loss, squares, loads, rows, q, p, energies, places, out_q, out_p, out_energy):
-    """The modes that no contact sees: the same exact steps without contact forces."""
-    force, q1, p1 = np.zeros_like(q), np.empty_like(q), np.empty_like(q)
-    for n in range(steps):
-        if loads.shape[0] > 0:
-            mean_load(rows, loads, n, force)
-        propagate(flow, Q_Q, q, p, force, q1)
-        propagate(flow, P_Q, q, p, force, p1)
-        if loss.shape[0] > 0:
-            energies[DAMPING] += damping_loss(loss, q, p, force)
-        if loads.shape[0] > 0:
-            energies[SUPPLIED] += work(force, q1, q)
-        copy_into(q, q1)
-        copy_into(p, p1)
-        if (n + 1) % every == 0:
-            sample = (n + 1) // every - 1
-            for r in range(len(places)):
-                out_q[sample, places[r]], out_p[sample, places[r]] = q[r], p[r]
-            for e in range(4):
-                out_energy[sample, e] += energies[e]
-            out_energy[sample, 5] += modal_energy(squares, q, p)
-
-
 @inner
 def across(laws, i):
     """The contact of the same pair in the other direction, -1 where there is none."""
@@ -165,12 +146,12 @@ def across(laws, i):
 
 
 @inner
-def lower_limits(limit, last, bounds, laws, f, z, energies):
+def lower_limits(limit, last, bounds, laws, state, energies):
     """Bring friction forces below slip forces that fell, in two directions straight back to the circle.
 
     The forces jump, and with them the accelerations; returns whether one did.
     """
-    (flexibility, capacity), fell = bounds, False
+    (flexibility, capacity), (f, z), fell = bounds, state, False
     for i in range(len(limit)):
         other = across(laws, i)
         if limit[i] < last[i] and not 0 <= other < i:
@@ -271,8 +252,12 @@ def contact_pull(slip, stiffness, u, f, g, pull):
 
 
 @fast
-def accept(change, slip, flow, g, q1, p1, pull, force, moved):
-    """Let the changes of the contact forces over the step act on the modes."""
+def accept(change, slip, flow, ends, forces):
+    """Let the changes of the contact forces over the step act on the modes.
+
+    ``ends``: q and p at the end of the step; ``forces``: g, what it does to the modes, their mean force, and room.
+    """
+    (q1, p1), (g, pull, force, moved) = ends, forces
     for r in range(len(moved)):
         moved[r] = 0.0
     add_rows(slip, change, moved)
@@ -329,8 +314,14 @@ def stride(spans, amplitude, reach, known, margin, left):
 
 
 @inner
-def glide(flow, loss, slip, stiffness, flexibility, g, q, p, force, pull, q1, p1, u, f, z):
-    """A stride in which every contact sticks: exact over any length. Returns the loss to damping."""
+def glide(tables, contact, modes, forces, state):
+    """A stride in which every contact sticks: exact over any length. Returns the loss to damping.
+
+    ``tables``: flow and loss over its length; ``contact``: rows, stiffness and flexibility; ``modes``: q and p, and
+    those at the end; ``forces``: g, what it does to the modes, and their mean force; ``state``: u, f, z.
+    """
+    (flow, loss), (slip, stiffness, flexibility), (q, p, q1, p1) = tables, contact, modes
+    (g, pull, force), (u, f, z) = forces, state
     for r in range(len(q)):
         force[r] = -pull[r]
     propagate(flow, Q_Q, q, p, force, q1)
@@ -359,7 +350,7 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
     where contacts depend on each other also what is kept of the normal ones, and the steps taken before. strides:
     tables of 2, 4, 8 ... steps at once, ``spans`` of ``stride``, and the step from which on they may be taken: that
     motion is the same, with fewer looks at contacts that stick; and room to work in. Returns the largest number of
-    Newton steps and the worst residual.
+    Newton steps and the worst residual. Modes that no contact sees have no contacts.
     """
     (steps, every, rate), (flow, loss, squares), (q, p, u, f, z) = count, modal, state
     slip, stiffness, bounds, compliance, exchange, memory = contact
@@ -372,6 +363,7 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
     problem, x = (compliance[0], compliance[1], rate, _COUPLED if len(laws) > 3 else _ALONE), memory[4]
     contact_pull(slip, stiffness, u, f, g, pull)
     worst, most, loaded, n, stuck = 0.0, 0, loads.shape[0] > 0, 0, False
+    contact_rows = slip, stiffness, bounds[0]
     known[0] = 0
     while n < steps:
         limit = limits[n if limits.shape[0] > 1 else 0]
@@ -383,28 +375,28 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
             margins(limit, bounds, stiffness, z0, margin)
             level = stride(spans, amplitude, reach, known, margin, every - n % every)
         if level >= 0:
-            energies[DAMPING] += glide(
-                flows[level], losses[level], slip, stiffness, bounds[0], g, q0, p0, force, pull, q1, p1, u, f, z0
-            )
+            modes, forces = (q0, p0, q1, p1), (g, pull, force)
+            energies[DAMPING] += glide((flows[level], losses[level]), contact_rows, modes, forces, (u, f, z0))
             n += 2 << level
         else:
             if n == 0 or limits.shape[0] > 1:
-                if lower_limits(limit, last_limits, bounds, laws, f, z0, energies):
+                if lower_limits(limit, last_limits, bounds, laws, (f, z0), energies):
                     contact_pull(slip, stiffness, u, f, g, pull)
                 copy_into(exchange[LIMIT], limit)
             if loaded:
                 mean_load(rows, loads, n, outside)
             for r in range(len(force)):
                 force[r] = outside[r] - pull[r]
-            move(flow, squares, q0, p0, force, both, q1, p1)
+            begun, ends = (q0, p0, force), (q1, p1)
+            move(flow, squares, begun, both, ends)
             matvec(slip, q1, free)
             iterations, residual = solve(laws, problem, (free, u, u1), exchange, (z0, z1), memory)
             most, worst = max(most, iterations), max(worst, residual)
             stuck = total(x) == 0.0
             if not stuck:
-                accept(exchange[EXCESS], slip, flow, g, q1, p1, pull, force, moved)
+                accept(exchange[EXCESS], slip, flow, ends, (g, pull, force, moved))
                 known[0] = 0
-            energies[DAMPING] += lost(flow, loss, squares, q0, p0, force, both)
+            energies[DAMPING] += lost(flow, loss, squares, begun, both)
             if loaded:
                 energies[SUPPLIED] += work(outside, q1, q0)
             book(exchange, bounds[0], (u, f, z0), (u1, z1), (energies, dissipated, sliding))
@@ -418,7 +410,7 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
         q0, q1, p0, p1 = q1, q0, p1, p0
         if n % every == 0:
             contact_pull(slip, stiffness, u, f, g, pull)
-            record(n // every - 1, stiffness, bounds[0], squares, (q0, p0, u, f, z0), energies, places, samples)
+            record(n // every - 1, contact_rows, squares, (q0, p0, u, f, z0), energies, (places, samples))
             if loss.shape[0] > 0:
                 known[0] = 0
     copy_into(q, q0)
@@ -428,9 +420,10 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
 
 
 @inner
-def record(sample, stiffness, flexibility, squares, state, energies, places, samples):
+def record(sample, contact, squares, state, energies, kept):
     """Keep one sample; the modes go to their ``places`` among all modes."""
-    (q, p, u, f, z), (out_q, out_p, out_u, out_f, out_energy) = state, samples
+    (_, stiffness, flexibility), (q, p, u, f, z) = contact, state
+    places, (out_q, out_p, out_u, out_f, out_energy) = kept
     for r in range(len(places)):
         out_q[sample, places[r]], out_p[sample, places[r]] = q[r], p[r]
     springs = 0.0

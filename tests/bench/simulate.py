@@ -4,7 +4,7 @@
 it ended, and rows of ``--quick`` (short runs, few points) are replaced by those of a full run. ``--only WORD`` takes the
 rows whose name begins with it, ``--again`` measures them anew. One thread; processor time, best of a few repeats for
 short runs. The truth of every error in time is the reference mode at half its spacing; errors are the largest over the
-run, divided by the initial deflection.
+run, divided by the initial deflection. Snap-backs last as long as contacts slip, not until the motion has died.
 """
 
 import os
@@ -25,7 +25,21 @@ from typing import Any
 
 import numpy as np
 
-from ema.simulate import Masing, double_beam, snapback, snapback_reference
+from ema.dof import Dof
+from ema.simulate import (
+    BoucWen,
+    Dahl,
+    Iwan,
+    LuGre,
+    Masing,
+    ParallelMasing,
+    RegularisedMasing,
+    Valanis,
+    double_beam,
+    snapback,
+    snapback_reference,
+)
+from ema.simulate.transient import Drive, integrate, prepare, released
 from tests.bench import provenance
 from tests.bench.environments import interpreter
 
@@ -38,6 +52,10 @@ ALLOWED = 1e-3
 TIP, LOAD, RATE, MU, STIFFNESS = "beam 2:20:+Z", 20.0, 5000.0, 0.3, 1e9
 SHARES = np.append(np.ones(19), 0.5) / 19.5
 LONG = 5.0
+ACTIVE = 0.1
+"""s: a snap-back at 1 kN slips that long; what follows is linear."""
+STEP, COUNT, PRESSED = 1e-5, 1000, 1000.0
+"""s, steps and N of the rows about single steps: the first 10 ms, in which contacts slide."""
 
 FIRST_CALLS = {
     "double_beam and snapback": "s.snapback(model, 20.0, tip, 0.01)",
@@ -133,6 +151,7 @@ def snapbacks(force: float, duration: float) -> dict:
     row = {
         "force": force,
         "duration": duration,
+        "active": float(fast.slip_time.max()),
         "fast": {
             "cpu": cpu_fast / duration,
             "deviation": deviation(fast.displacements[0], truth),
@@ -173,7 +192,44 @@ def snapback_row(force: float, quick: bool) -> dict:
     """Both modes and the peer at one normal force."""
     compiled(snapback)
     compiled(snapback_reference)
-    return snapbacks(force, 0.1 if quick else 1.0)
+    return snapbacks(force, ACTIVE)
+
+
+def steps_row(quick: bool) -> dict:
+    """Processor time of a step of every law, us, and its share of a step of Masing's in the same run."""
+    k = STIFFNESS
+    laws = {
+        "masing": Masing(MU, k),
+        "parallel masing, 3 springs": ParallelMasing(MU, k, [0.5, 0.3, 0.2], [0.2, 0.3, 0.5]),
+        "iwan, 60 springs": Iwan(MU, k, -0.5, 1.0, 60),
+        "dahl": Dahl(MU, k),
+        "valanis": Valanis(MU, k),
+        "regularised masing, m = 8": RegularisedMasing(MU, k, 8.0),
+        "bouc wen": BoucWen(MU, k, 2.0, 0.2),
+        "lugre": LuGre(MU, k, 1e3, 10.0, 1.2, 1e-2),
+    }
+    prepared = {}
+    for name, law in laws.items():
+        problem = prepare(double_beam(law, PRESSED), [TIP])
+        prepared[name] = problem, released(problem, LOAD, Dof.parse(TIP))
+
+    def run(name: str) -> float:
+        start = process_time()
+        integrate(*prepared[name], STEP, 10, COUNT // 10, Drive(np.zeros(1)))
+        return 1e6 * (process_time() - start) / COUNT
+
+    for name in laws:
+        run(name)  # compiled, or read from the cache
+    turns = [{name: run(name) for name in laws} for _ in range(3 if quick else 9)]
+    return {
+        "laws": {
+            name: {
+                "us": min(turn[name] for turn in turns),
+                "ratio": float(np.median([turn[name] / turn["masing"] for turn in turns])),
+            }
+            for name in laws
+        }
+    }
 
 
 def jobs() -> dict[str, Callable[[bool], dict]]:
@@ -187,7 +243,7 @@ def jobs() -> dict[str, Callable[[bool], dict]]:
     rows |= {f"snap-back, {force:g} N": partial(snapback_row, force) for force in FORCES}
     rows |= {f"point, {ratio:g}": partial(frequency.points, ratio) for ratio in frequency.SWEEPS}
     rows |= {f"map, {name}": partial(frequency.map_row, exponent) for name, exponent in frequency.MAPS.items()}
-    return rows | {"robustness": frequency.robustness, "peaks": frequency.peaks}
+    return rows | {"steps": steps_row, "peaks": frequency.peaks}
 
 
 def main() -> None:
@@ -201,11 +257,11 @@ def main() -> None:
     rows = json.loads(told.out.read_text())["rows"] if told.out.exists() else {}
     for name, job in jobs().items():
         known = rows.get(name)
-        done = known is not None and (told.quick or not known["quick"])
+        done = known is not None and not provenance.outdated(known) and (told.quick or not known["quick"])
         if not name.startswith(told.only) or (done and not told.again):
             continue
-        # a first call is always a whole one
-        quick = told.quick and not name.startswith("first call")
+        # a first call and a snap-back are always whole ones
+        quick = told.quick and not name.startswith(("first call", "snap-back"))
         row = {"quick": quick, **provenance.stamp("tests.bench.simulate")}
         rows[name] = row | job(quick)
         print(name, {key: value for key, value in rows[name].items() if key != "machine"}, flush=True)

@@ -1,4 +1,4 @@
-"""The frequency solver against pyHarm on the same double beam: points, maps, robustness, peaks. Called by ``simulate``.
+"""The frequency solver against pyHarm on the same double beam: points, maps, peaks. Called by ``simulate``.
 
 pyHarm gets the matrices of the same beams with the slips among the coordinates, its own Jenkins element at every pair and
 its condensation on the nonlinear coordinates. It sweeps with all harmonics up to the fifth, and with 1, 3, 5 alone.
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ema.data import BeamModel, Damping
-from ema.simulate import Masing, damping_map, double_beam, frf, resonance
+from ema.simulate import HarmonicBalance, Masing, damping_map, double_beam, frf, resonance
 from ema.simulate.events import Harmonic, run_reference
 from ema.simulate.harmonic import Condensed, condense
 from ema.simulate.structure import assemble
@@ -98,7 +98,7 @@ def points(ratio: float, quick: bool) -> dict[str, Any]:
     compiled()
     low, high, count = SWEEPS[ratio]
     frequencies, model = np.linspace(low, high, 3 if quick else count), model_at(ratio)
-    fixed, same = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP], harmonics=5))
+    fixed, same = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP], settings=HarmonicBalance(harmonics=5)))
     free, ours = timed(lambda: frf(model, frequencies, 1.0, TIP, [TIP]))
     system = assemble(model).contacts
     row: dict[str, Any] = {
@@ -119,7 +119,7 @@ def points(ratio: float, quick: bool) -> dict[str, Any]:
         if name not in theirs:
             continue
         sweep = theirs[name]
-        known = frf(model, np.array(sweep["frequencies"]), 1.0, TIP, [TIP], harmonics=5)
+        known = frf(model, np.array(sweep["frequencies"]), 1.0, TIP, [TIP], settings=HarmonicBalance(harmonics=5))
         row[f"pyHarm {name}"] = {
             "cpu": sweep["cpu"],
             "accepted": sweep["accepted"],
@@ -148,35 +148,6 @@ def map_row(exponent: float, quick: bool) -> dict[str, Any]:
         place = np.flatnonzero(levels == level)[0], np.flatnonzero(forces == force)[0]
         wrong.append(float(abs(chart.modal_amplitude[place] / one.modal_amplitude - 1)))
     return {"levels": count, "forces": count, "cpu": cpu, "errors of peaks": wrong}
-
-
-def robustness(quick: bool) -> dict[str, Any]:
-    """Cold starts at random frequencies, F_N/F_E from 10 to 10 000."""
-    compiled()
-    ratios, each = (20, 10) if quick else (100, 20)
-    generator = np.random.default_rng(3)
-    failed, errors, times, powers = [], [], [], []
-    for ratio in np.geomspace(10, 1e4, ratios):
-        condensed = condense(model_at(float(ratio)), 1.0, TIP, [TIP], 5e-3)
-        for frequency in generator.uniform(10, 40, each):
-            start = process_time()
-            point = condensed.solve(float(frequency))
-            times.append(process_time() - start)
-            if point is None:
-                failed.append((float(ratio), float(frequency)))
-                continue
-            errors.append(point.error)
-            supplied, friction, damping = condensed.powers(point)
-            powers.append(abs(supplied - friction - damping) / supplied)
-    return {
-        "points": ratios * each,
-        "failed": failed,
-        "cpu": float(np.mean(times)),
-        "longest": max(times),
-        "largest error": max(errors),
-        "above the tolerance": sum(e > 5e-3 for e in errors),
-        "power": max(powers),
-    }
 
 
 def steady(condensed: Condensed, point: Any) -> _State:

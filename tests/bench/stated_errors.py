@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from ema.simulate import frf, respond, snapback
+from ema.simulate import HarmonicBalance, frf, respond, snapback
 from ema.simulate.harmonic import condense
 from tests.bench import provenance
 from tests.bench.friction_draws import LAWS, Draw, draw
@@ -90,8 +90,7 @@ def in_frequency(case: Draw, rng: np.random.Generator, verify: bool = False) -> 
     low, high = 0.7 * min(case.sliding, case.lowest), 1.6 * case.lowest
     frequency = float(rng.uniform(low, high))
     begun = process_time()
-    options: dict[str, Any] = {"verify": True} if verify else {}
-    found = frf(case.model, np.array([frequency]), case.force, case.at, [case.output], **options)
+    found = frf(case.model, np.array([frequency]), case.force, case.at, [case.output], HarmonicBalance(verify=verify))
     row: Row = {"kind": "steady", "frequency": frequency, "cpu": process_time() - begun}
     row |= {"solved": bool(found.converged[0]), "tolerance": 5e-3, "highest": int(found.orders[-1])}
     condensed = condense(case.model, case.force, case.at, [case.output], 5e-3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.simulate.period_kernels import masing_period
+from ema.simulate.harmonic_kernels import contact_forces
 
 ODD = 2 * np.arange(24) + 1
 WAVY = 1e-3 * np.array(
@@ -63,31 +63,20 @@ WAVY = 1e-3 * np.array(
 
 def closed_form(amplitudes, limit):
     """Harmonics of f - k u with k = 1, in closed form."""
-    size, highest = len(amplitudes), 2 * ODD[-1] + 1
+    size = len(amplitudes)
     angle = 2 * np.pi * np.arange(8 * ODD[-1] + 8)[:, None] / (8 * ODD[-1] + 8) * ODD
-    rates = np.stack([-ODD * np.sin(angle), ODD * np.cos(angle)], -1).reshape(-1, size) @ amplitudes
-    bends = np.stack([-(ODD**2) * np.cos(angle), -(ODD**2) * np.sin(angle)], -1).reshape(-1, size) @ amplitudes
-    room, forces, jacobian = 4 * ODD[-1] + 8, np.empty(size), np.empty((size, size))
-    lost = masing_period(
-        amplitudes,
-        ODD,
-        rates,
-        bends,
-        True,
-        1.0,
-        limit,
-        np.ones(1),
-        np.ones(1),
-        1,
-        np.empty(room),
-        np.empty(room),
-        np.empty((room, highest)),
-        np.empty((room, highest)),
-        forces,
-        jacobian,
+    rates = np.stack([-ODD * np.sin(angle), ODD * np.cos(angle)], -1).reshape(-1, size)
+    bends = np.stack([-(ODD**2) * np.cos(angle), -(ODD**2) * np.sin(angle)], -1).reshape(-1, size)
+    forces, jacobian, lost, _ = contact_forces(
+        amplitudes[None],
+        (ODD, np.array([rates, bends]), True, 1, 1.0),
+        (np.ones(1), np.array([limit]), np.zeros((1, 1), np.int64)),
+        (np.ones(1, np.int64), np.ones((1, 1)), np.ones((1, 1))),
+        None,
+        None,
         True,
     )
-    return forces, lost, jacobian
+    return forces[0], lost[0], jacobian[0, 0]
 
 
 def followed(amplitudes, limit, count=20000):

@@ -89,7 +89,7 @@ def test_responses_come_down_as_full_steady_states_say(table, aim, limit):
     told = float(scores(here, place.Objective(aim))[0, 0])
     model = place.model_at(bare, surface, spot(), 0, JOINT, force)
     lines = np.linspace(460, 530, 71)
-    run = simulate.frf(model, lines, 30.0, AT, [AT], tolerance=1e-2)
+    run = simulate.frf(model, lines, 30.0, AT, [AT], settings=simulate.HarmonicBalance(tolerance=1e-2))
     with_beam = run.values[:, 0, list(run.orders).index(1)] / 30.0
     fine, drive = np.linspace(480, 520, 2001), np.real(bare.shapes[[str(d) for d in bare.dofs].index(AT), 0]) ** 2
     omega, pole = 2 * np.pi * fine, bare.poles[0]

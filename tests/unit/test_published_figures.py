@@ -1,7 +1,5 @@
 """A published figure belongs to the present code: each result carries the fingerprint of the code that made it."""
 
-import json
-
 import pytest
 
 from tests.bench import files, provenance
@@ -13,18 +11,11 @@ WITHOUT = {
     "placement",
     "study",
     "uff",
-    *(
-        f"simulate, {part}"
-        for part in json.loads((provenance.ROOT / "tests/bench/results/simulate.json").read_text(encoding="utf-8"))[
-            "rows"
-        ]
-    ),
 }
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
     "archive",
     "joint_maps",
-    *(f"stated_errors, {kind}" for kind in ("time", "verified")),
 }
 """Measured before the steady states of contacts that depend on each other took less work, and their pages say so: an
 entry goes when its bench has run again."""

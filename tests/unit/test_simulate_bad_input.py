@@ -14,6 +14,7 @@ from ema.simulate import (
     Coulomb,
     Dahl,
     FrictionRig,
+    HarmonicBalance,
     Iwan,
     LuGre,
     Masing,
@@ -57,7 +58,7 @@ def model(law=LAW, force=500.0, **more):
 
 
 def lines(*frequencies, level=2.0, at=TIP, outputs=(TIP,), **more):
-    return frf(model(), np.array(frequencies), level, at, list(outputs), **more)
+    return frf(model(), np.array(frequencies), level, at, list(outputs), HarmonicBalance(**more))
 
 
 def mapped(levels=(1.0,), normals=(100.0,), band=(10.0, 30.0), **more):

@@ -9,7 +9,7 @@ from scipy.linalg import eigh, expm
 from ema.data import Damping, ModalModel, Residuals, poles_from
 from ema.errors import InputError
 from ema.estimate import phases, ring_down
-from ema.simulate import Masing, double_beam, frf, resonance, respond, snapback, snapback_reference
+from ema.simulate import HarmonicBalance, Masing, double_beam, frf, resonance, respond, snapback, snapback_reference
 from ema.simulate.flow import joint_coefficients
 from ema.simulate.harmonic import condense
 from ema.simulate.reduction import modal_base, stuck_stiffness
@@ -103,7 +103,7 @@ def test_the_damping_of_the_host_arrives_in_time():
 def test_time_and_steady_states_agree_on_a_host_whose_damping_couples_modes():
     model = models(ratio=0.02, force=150.0)[1]
     frequency, rate = 20.0, 2000.0
-    steady = frf(model, np.array([frequency]), 1.0, TIP, [TIP], tolerance=1e-3)
+    steady = frf(model, np.array([frequency]), 1.0, TIP, [TIP], settings=HarmonicBalance(tolerance=1e-3))
     times = np.arange(round(3.0 * rate)) / rate
     run = respond(model, (np.minimum(5 * times, 1) * np.cos(2 * np.pi * frequency * times))[None], [TIP], rate, [TIP])
     last = slice(-round(10 * rate / frequency), None)

@@ -97,7 +97,7 @@ def increment(laws, exchange, before, way, rate=1 / STEP):
     after, (rows, parameters, curves) = np.zeros_like(before), laws.arguments()
     exchange[WAY] = way
     for row, (name, *_) in zip(rows, laws.groups, strict=True):
-        compiled(name)(row, rate, parameters, curves, exchange, before, after)
+        compiled(name)(row, rate, (parameters, curves), exchange, (before, after))
     return exchange[:, 0].copy(), after
 
 
@@ -273,7 +273,8 @@ law = springs_kernels.spring
 call_kernels.address(law)
 exchange, after = np.ones((call_kernels.ROWS, 1)), np.zeros((1, 1))
 exchange[call_kernels.WAY] = 5.0
-law(np.array([0, 0, 1, 1]), 1.0, np.zeros((1, 1)), np.zeros((1, 3, 2)), exchange, np.zeros((1, 1)), after)
+tables = np.zeros((1, 1)), np.zeros((1, 3, 2))
+law(np.array([0, 0, 1, 1]), 1.0, tables, exchange, (np.zeros((1, 1)), after))
 print(after[0, 0], len(law.stats.cache_hits), len(law.stats.cache_misses))
 """
 

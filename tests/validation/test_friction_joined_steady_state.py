@@ -15,6 +15,7 @@ from ema.errors import InputError
 from ema.simulate import (
     BoucWen,
     Dahl,
+    HarmonicBalance,
     Iwan,
     LuGre,
     Masing,
@@ -136,7 +137,7 @@ def test_the_isotropic_law_has_no_preferred_direction():
 @pytest.mark.parametrize("law", [*LAWS, *PROJECTED], ids=lambda law: law.name)
 def test_isotropic_friction_against_the_time_solver(law):
     model = oscillator(law)
-    found = frf(model, np.array([103.0]), 60.0, "1:+X", ["1:+Y"], tolerance=1e-3)
+    found = frf(model, np.array([103.0]), 60.0, "1:+X", ["1:+Y"], settings=HarmonicBalance(tolerance=1e-3))
     assert found.converged.all() and found.power_error <= 1e-4 and found.error_estimate[0] <= 1e-3
     assert abs(first(found) / in_time(model, 103.0, 60.0, "1:+Y")[0] - 1) <= 3e-3
 
@@ -150,7 +151,7 @@ def test_normal_forces_that_change_against_the_time_solver(law):
     once = (FC + 15 * np.cos(PHASES + 1) + 5 * np.sin(2 * PHASES))[None]
     twice = (FC + 20 * np.cos(2 * PHASES + 1))[None]
     for model, pressing in ((oscillator(law, ONE), once), (oscillator(law), twice)):
-        found = frf(model, np.array([103.0]), 40.0, "1:+X", ["1:+X"], 1e-3, normal_forces=pressing)
+        found = frf(model, np.array([103.0]), 40.0, "1:+X", ["1:+X"], HarmonicBalance(1e-3), normal_forces=pressing)
         assert found.converged.all() and found.power_error <= 1e-4
         motion, mean = in_time(model, 103.0, 40.0, "1:+X", pressing)
         assert abs(first(found) / motion - 1) <= 3e-3
@@ -162,7 +163,7 @@ def test_normal_forces_that_change_against_the_time_solver(law):
 def test_a_constant_normal_force_is_the_one_of_the_model(law):
     model, frequencies = oscillator(law, ONE), np.array([95.0, 103.0])
     one, two = (
-        frf(model, frequencies, 40.0, "1:+X", ["1:+X"], 1e-3, normal_forces=pressing)
+        frf(model, frequencies, 40.0, "1:+X", ["1:+X"], HarmonicBalance(1e-3), normal_forces=pressing)
         for pressing in (None, np.full((1, 8), FC))
     )
     np.testing.assert_allclose(two.values[:, 0, 0], one.values[:, 0, 0], rtol=2e-3)
@@ -174,7 +175,7 @@ def test_a_constant_normal_force_is_the_one_of_the_model(law):
 @pytest.mark.parametrize("law", [Masing(0.5, 2e5), OWN(0.5, 2e5)], ids=["masing", "own"])
 def test_normal_contact_against_the_time_solver(contact, force, law):
     model = oscillator(law, ONE, lift=0.2, normal_contact=contact, normal_stiffness=2e5)
-    found = frf(model, np.array([112.0]), force, "1:+X", ["1:+X"], tolerance=1e-3)
+    found = frf(model, np.array([112.0]), force, "1:+X", ["1:+X"], settings=HarmonicBalance(tolerance=1e-3))
     assert found.converged.all() and found.power_error <= 1e-4
     motion, mean = in_time(model, 112.0, force, "1:+X")
     assert abs(first(found) / motion - 1) <= 3e-3

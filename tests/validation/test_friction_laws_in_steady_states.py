@@ -18,6 +18,7 @@ from ema.simulate import (
     BoucWen,
     Coulomb,
     Dahl,
+    HarmonicBalance,
     Iwan,
     LuGre,
     Masing,
@@ -176,7 +177,9 @@ LAWS = [
 def found_and_expected(law, area, force=60.0):
     """Loss per cycle as the solver books it, and the area of the loop at the amplitude of the slip it found."""
     frequencies = np.array([95.0, 101.0, 108.0])
-    found = frf(oscillator(law), frequencies, force, "1:+X", ["1:+X", "wall:1:+X"], harmonics=1)
+    found = frf(
+        oscillator(law), frequencies, force, "1:+X", ["1:+X", "wall:1:+X"], settings=HarmonicBalance(harmonics=1)
+    )
     assert found.converged.all()
     slips = np.abs(found.values[:, 0, 0] - found.values[:, 1, 0])
     return found.friction_power / frequencies, np.array([area(*pair) for pair in zip(slips, frequencies, strict=True)])

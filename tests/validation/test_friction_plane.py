@@ -142,7 +142,7 @@ def two_lanes(law):
     def increment(way, state):
         exchange, after = laws.exchange(), np.zeros_like(state)
         exchange[WAY], exchange[LIMIT] = way, FC
-        compiled(laws.groups[0][0])(row, 1e4, parameters, curves, exchange, state.copy(), after)
+        compiled(laws.groups[0][0])(row, 1e4, (parameters, curves), exchange, (state.copy(), after))
         (xx, yy), (xy, yx) = exchange[SLOPE] + K, exchange[CROSS]
         return exchange[FORCE].copy(), np.array([[xx, xy], [yx, yy]]), exchange[EXCESS].copy()
 

@@ -13,6 +13,7 @@ from ema.errors import InputError
 from ema.simulate import (
     Coulomb,
     Dahl,
+    HarmonicBalance,
     Iwan,
     LuGre,
     Masing,
@@ -269,7 +270,9 @@ def test_the_higher_one_of_two_summits_is_found(ratio):
     """Superharmonic resonance of the second mode splits the peak: summits lie within 5 % in height."""
     model = double_beam(Masing(0.3, 1e9), ratio, damping=Damping(mass_factor=1.0))
     peak = resonance(model, 1.0, TIP, TIP, (10.0, 36.0), tolerance=1e-2)
-    swept = frf(model, np.linspace(0.85, 1.15, 31) * peak.frequency, 1.0, TIP, [TIP], harmonics=27)
+    swept = frf(
+        model, np.linspace(0.85, 1.15, 31) * peak.frequency, 1.0, TIP, [TIP], settings=HarmonicBalance(harmonics=27)
+    )
     assert abs(peak.amplitude) >= 0.99 * np.abs(swept.values[:, 0, 0]).max()
 
 
@@ -328,7 +331,7 @@ def test_a_point_without_solution_ends_and_names_the_time_solver(monkeypatch):
         return (0 if level > 1.001 and len(counted) % 2 else -1, start, 0 * start, None, 0, np.ones(4, bool), None)
 
     monkeypatch.setattr(Condensed, "_run", fails)
-    found = frf(model, np.array([20.0, 21.0]), 1.0, tip, [tip], budget=400 * EVALUATION)
+    found = frf(model, np.array([20.0, 21.0]), 1.0, tip, [tip], settings=HarmonicBalance(budget=400 * EVALUATION))
     assert not found.converged.any()
     assert 2 <= len(counted) <= 2 * 401
     advice = next(finding.advice for finding in found.findings if finding.code == "no-steady-state")
@@ -338,4 +341,17 @@ def test_a_point_without_solution_ends_and_names_the_time_solver(monkeypatch):
 def test_no_harmonics_are_refused():
     model = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
     with pytest.raises(InputError, match=r"not a harmonic.*0"):
-        frf(model, np.array([10.0]), 1.0, "beam 2:2:+Z", ["beam 2:2:+Z"], harmonics=0)
+        frf(model, np.array([10.0]), 1.0, "beam 2:2:+Z", ["beam 2:2:+Z"], settings=HarmonicBalance(harmonics=0))
+
+
+def test_settings_are_still_taken_as_keywords_with_a_warning():
+    """Calls of the release before give what they gave; a word that is no setting is refused as ever."""
+    tip, frequencies = "beam 2:2:+Z", np.array([12.0, 20.0])
+    model = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
+    call = model, frequencies, 1.0, tip, [tip]
+    present = frf(*call, HarmonicBalance(1e-2, harmonics=5))
+    with pytest.warns(DeprecationWarning, match=r"HarmonicBalance\(harmonics=5, tolerance=0.01\)"):
+        former = frf(*call, 1e-2, harmonics=5)
+    np.testing.assert_array_equal(former.values, present.values)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'tolerences'"):
+        frf(*call, tolerences=1e-2)

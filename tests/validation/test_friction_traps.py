@@ -16,6 +16,7 @@ from ema.errors import InputError
 from ema.simulate import (
     Coulomb,
     Dahl,
+    HarmonicBalance,
     Iwan,
     LuGre,
     Masing,
@@ -186,14 +187,14 @@ def test_superharmonics_that_meet_the_second_mode_need_many_harmonics():
     model = double_beam(Masing(MU, 1e9), 300.0, elements=6, damping=Damping(ratio=0.003))
 
     def heights(**options):
-        found = frf(model, frequencies, 1.0, tip, [tip], **options)
+        found = frf(model, frequencies, 1.0, tip, [tip], HarmonicBalance(**options))
         assert found.converged.all()
         return np.abs(found.values[:, 0, 0])
 
     exact = heights(harmonics=161)
     worst = [float(np.abs(heights(harmonics=highest) / exact - 1).max()) for highest in (1, 3, 5, 7)]
     assert worst[0] > 0.3 and worst[1] > 0.1 and worst[2] > 0.05 and worst[3] > 0.03
-    chosen = frf(model, frequencies, 1.0, tip, [tip], tolerance=2e-3)
+    chosen = frf(model, frequencies, 1.0, tip, [tip], settings=HarmonicBalance(tolerance=2e-3))
     true = np.abs(np.abs(chosen.values[:, 0, 0]) / exact - 1)
     assert true.max() < 0.01
     assert chosen.orders[-1] > 15
@@ -221,7 +222,7 @@ def test_the_frozen_stress_of_stuck_contacts_is_none_when_nothing_pressed_them_b
     wave = np.exp(-2j * np.pi * np.arange(256) / 128) / 128
     heights = [abs(run.displacements[0, last] @ wave) for run in (fresh, pushed)]
     assert heights[1] == pytest.approx(heights[0], rel=1e-3)
-    steady = frf(model, np.array([frequency]), 1.0, tip, [tip], tolerance=1e-3)
+    steady = frf(model, np.array([frequency]), 1.0, tip, [tip], settings=HarmonicBalance(tolerance=1e-3))
     assert np.all(steady.orders % 2 == 1)
     assert abs(steady.values[0, 0, 0]) == pytest.approx(heights[0], rel=5e-3)
 

@@ -220,7 +220,14 @@ def test_absorber_and_contact_resonances_are_flagged(table):
         )
         flags.append({finding.code for finding in place.rank(task, here, draws=0).best.findings})
         model = place.model_at(task.bare, task.surface, here, 0, joint, 60.0)
-        run = simulate.frf(model, np.linspace(380, 600, 80), 3.0, table.dofs[-1], [table.dofs[-1]], tolerance=2e-2)
+        run = simulate.frf(
+            model,
+            np.linspace(380, 600, 80),
+            3.0,
+            table.dofs[-1],
+            [table.dofs[-1]],
+            settings=simulate.HarmonicBalance(tolerance=2e-2),
+        )
         height = np.abs(run.values[:, 0, list(run.orders).index(1)])
         inner = (height[1:-1] > height[:-2]) & (height[1:-1] > height[2:]) & (height[1:-1] > 0.1 * height.max())
         peaks.append(int(inner.sum()))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ema.errors import InputError
-from ema.simulate import Coulomb, Masing, double_beam, frf
+from ema.simulate import Coulomb, HarmonicBalance, Masing, double_beam, frf
 from ema.simulate.factors import Factors
 
 TIP = "beam 2:4:+Z"
@@ -13,7 +13,9 @@ FREQUENCIES = np.array([27.0, 28.0, 29.0])
 
 def swept(budget=None):
     model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4)
-    return frf(model, FREQUENCIES, 5.0, TIP, [TIP], tolerance=1e-4, **({} if budget is None else {"budget": budget}))
+    return frf(
+        model, FREQUENCIES, 5.0, TIP, [TIP], HarmonicBalance(1e-4, **({} if budget is None else {"budget": budget}))
+    )
 
 
 def first(response):
@@ -76,5 +78,7 @@ def test_kept_factors_solve_the_matrices_that_follow():
 def test_rigid_friction_at_many_pairs_balances_its_power():
     """Hardly any step is found by the coarse inverse here: kept factors carry the search."""
     model = double_beam(Coulomb(0.3, 3e10), 138.0)
-    response = frf(model, np.array([47.8]), 1.0, "beam 2:20:+Z", ["beam 2:20:+Z"], tolerance=2e-2)
+    response = frf(
+        model, np.array([47.8]), 1.0, "beam 2:20:+Z", ["beam 2:20:+Z"], settings=HarmonicBalance(tolerance=2e-2)
+    )
     assert response.converged.all() and response.power_error <= 1e-6

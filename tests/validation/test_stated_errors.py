@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from ema.data import Damping
 from ema.errors import InputError
-from ema.simulate import Masing, double_beam, frf
+from ema.simulate import HarmonicBalance, Masing, double_beam, frf
 from ema.simulate.verification import limit_of
 from tests.bench import stated_errors
 from tests.bench.friction_draws import draw
@@ -147,4 +147,12 @@ def test_verify_refuses_contacts_that_depend_on_each_other():
     model = double_beam(Masing(0.3, 1e9), 300.0, elements=2, damping=Damping(mass_factor=2.0))
     pressing = np.array([[300.0, 200.0, 300.0, 400.0]])
     with pytest.raises(InputError, match="verify=True follows friction in one direction"):
-        frf(model, np.array([20.0]), 1.0, "beam 2:2:+Z", ["beam 2:2:+Z"], normal_forces=pressing, verify=True)
+        frf(
+            model,
+            np.array([20.0]),
+            1.0,
+            "beam 2:2:+Z",
+            ["beam 2:2:+Z"],
+            normal_forces=pressing,
+            settings=HarmonicBalance(verify=True),
+        )

@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 
 from ema.data import Damping
-from ema.simulate import BoucWen, Dahl, Iwan, LuGre, Masing, RegularisedMasing, Valanis, double_beam, frf, resonance
+from ema.simulate import (
+    BoucWen,
+    Dahl,
+    HarmonicBalance,
+    Iwan,
+    LuGre,
+    Masing,
+    RegularisedMasing,
+    Valanis,
+    double_beam,
+    frf,
+    resonance,
+)
 from ema.simulate.continuation import lowered_slip_forces
 from ema.simulate.harmonic import condense
 
@@ -64,7 +76,7 @@ def test_no_frequency_beside_a_peak_responds_more(draw):
     peak = resonance(model, 1.0, tip, tip, (12.0, 45.0))
     width = float(np.clip(3 * peak.frequency_error, 0.3 * peak.damping, 0.15))
     grid = peak.frequency * np.linspace(1 - width, 1 + width, 31)
-    line = frf(model, grid, 1.0, tip, [tip], tolerance=2e-3)
+    line = frf(model, grid, 1.0, tip, [tip], settings=HarmonicBalance(tolerance=2e-3))
     heights = np.abs(line.values[:, 0, 0])
     highest = int(np.nanargmax(heights))
     doubt = peak.error_estimate + line.error_estimate[highest]

@@ -1,0 +1,285 @@
+"""Steady states over frequency at one force level: settings, the sweep, and what is said about it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypedDict, Unpack
+from warnings import warn
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data import BeamModel, Finding, HarmonicResponse
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.progress import Progress, advance, silent
+from ema.simulate.checks import positive
+from ema.simulate.harmonic import BUDGET, Branch, Condensed, _Point, condense
+from ema.simulate.verification import verified
+
+
+@dataclass(frozen=True)
+class HarmonicBalance:
+    """How steady states are computed.
+
+    Parameters
+    ----------
+    tolerance : float, default 0.005
+        Relative error of the first harmonic of the slips that is aimed at; harmonics are added until it is met.
+    modes : int, optional
+        Number of modes kept besides the static corrections; all by default.
+    harmonics : int, optional
+        Highest harmonic kept, instead of as many as the tolerance asks for.
+    verify : bool, default False
+        Let the time solver go on from every solution until it settles; the error is the distance from there. A state
+        that it leaves is unstable, which a finding says, and has an error of 1.
+    budget : int, default 4 000 000
+        Unknowns and 200 more, summed over the evaluations of the contact forces, that the search at one frequency may
+        take. Where it ends the search, the best solution is returned with its error, and the finding ``budget-spent``
+        says so. The default is twice what the slowest of 379 cold starts took, which was 40 s on a busy core.
+
+    Examples
+    --------
+    >>> HarmonicBalance(harmonics=5).tolerance
+    0.005
+    """
+
+    tolerance: float = 5e-3
+    modes: int | None = None
+    harmonics: int | None = None
+    verify: bool = False
+    budget: int = BUDGET
+
+
+class _Former(TypedDict, total=False):
+    """The fields of ``HarmonicBalance`` as keywords."""
+
+    tolerance: float
+    modes: int | None
+    harmonics: int | None
+    verify: bool
+    budget: int
+
+
+def frf(
+    model: BeamModel,
+    frequencies: Float[np.ndarray, "freq"],
+    force: float,
+    at: Dof | str,
+    outputs: Sequence[Dof | str],
+    settings: HarmonicBalance | float | None = None,
+    *,
+    normal_forces: Float[np.ndarray, "joint phase"] | None = None,
+    progress: Progress = silent,
+    **former: Unpack[_Former],
+) -> HarmonicResponse:
+    """Compute steady states over frequency at one force level, each with its error estimate.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The model.
+    frequencies : array of shape (freq,)
+        Frequencies [Hz].
+    force : float
+        Amplitude of the force [N].
+    at : Dof or str
+        DOF of the force.
+    outputs : sequence of Dof or str
+        DOFs whose amplitudes are computed.
+    settings : HarmonicBalance, optional
+        Tolerance, modes, harmonics, verification and budget.
+    normal_forces : array of shape (joint, phase), optional
+        Normal forces of every joint [N] at even phases of a period of the exciting force, which begins where it is
+        largest, linear in between; those of the model by default. k_T stays that of the model.
+    progress : Progress, optional
+        Called during the computation.
+    **former
+        Fields of ``HarmonicBalance`` as keywords, and a number as ``settings`` for its tolerance: accepted for one
+        release more, with a ``DeprecationWarning``.
+
+    Returns
+    -------
+    HarmonicResponse
+        Steady states.
+
+    Raises
+    ------
+    InputError
+        If the force, the budget or a frequency is not positive, a normal force is negative, or ``verify`` is asked for
+        contacts that depend on each other.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> response = frf(beam_model(), np.array([60.0, 70.0]), force=1.0, at="1:+X", outputs=["1:+X"])
+    >>> response.converged
+    array([ True,  True])
+    """
+    chosen = _settings(settings, former)
+    positive(model.name, budget=chosen.budget)
+    condensed = condense(model, force, at, outputs, chosen.tolerance, chosen.modes, normal_forces)
+    condensed.budget = chosen.budget
+    condensed.keep(chosen.harmonics)
+    if chosen.verify and type(condensed) is not Condensed:
+        raise InputError(
+            "verify=True follows friction in one direction under constant normal forces",
+            where=model.name,
+            got="contacts that depend on each other",
+            advice="check such a state by ema.simulate.respond",
+        )
+    if not len(frequencies) or not np.all(np.isfinite(frequencies)) or np.min(frequencies) <= 0:
+        raise InputError(
+            "not frequencies of excitation",
+            where=model.name,
+            got=f"{len(frequencies)} values",
+            expected="finite, above 0 Hz",
+        )
+    points: list[_Point | None] = []
+    unstable: list[float] = []
+    ended: list[tuple[float, int, _Point | None]] = []
+    branch = Branch(condensed.tolerance)
+    for number, frequency in enumerate(frequencies):
+        advance(progress, "frequencies", number, len(frequencies))
+        point = condensed.solve(float(frequency), branch.start(float(frequency)))
+        branch.add(point)
+        if condensed.left < 0:
+            ended.append((float(frequency), chosen.budget - condensed.left, point))
+        if chosen.verify and point is not None:
+            seen = verified(condensed, point)
+            point = replace(point, error=seen.error)
+            unstable += [] if seen.settles else [float(frequency)]
+        points.append(point)
+    response = _response(condensed, np.asarray(frequencies), points)
+    findings = *response.findings, *_ended(condensed, ended), *_instability(condensed, unstable)
+    return condensed.completed(replace(response, findings=findings), points)
+
+
+def _settings(given: HarmonicBalance | float | None, former: _Former) -> HarmonicBalance:
+    """The settings of a call, in their present or in their former form."""
+    asked: dict[str, Any] = dict(former)
+    if isinstance(given, float | int):
+        asked["tolerance"] = float(given)
+        given = None
+    wrong = set(asked) - {own.name for own in fields(HarmonicBalance)}
+    if wrong:
+        raise TypeError(f"frf() got an unexpected keyword argument '{min(wrong)}'")
+    if asked:
+        told = ", ".join(f"{name}={value!r}" for name, value in asked.items())
+        warn(f"frf takes settings=HarmonicBalance({told}) in the next release", DeprecationWarning, stacklevel=3)
+    return replace(given or HarmonicBalance(), **asked)
+
+
+def _ended(condensed: Condensed, searches: list[tuple[float, int, _Point | None]]) -> list[Finding]:
+    """A finding where the budget ended the search: frequencies in Hz, what was spent, what there is."""
+    if not searches:
+        return []
+    frequency, spent, point = max(searches, key=lambda search: np.inf if search[2] is None else search[2].error)
+    what = "no steady state was found" if point is None else f"the error estimate is {point.error:.1e}"
+    return [
+        Finding(
+            "warning",
+            "budget-spent",
+            condensed.problem.system.name,
+            f"the budget ended the search at {len(searches)} frequencies; at {frequency:.5g} Hz {what} after {spent}, "
+            "counted in unknowns and 200 more for each evaluation of the contact forces.",
+            float(spent),
+            float(condensed.budget),
+            "Ask for fewer harmonics (harmonics), a looser tolerance, or a larger budget (budget).",
+        )
+    ]
+
+
+def _instability(condensed: Condensed, frequencies: list[float]) -> list[Finding]:
+    """A finding where the motion leaves its steady state."""
+    if not frequencies:
+        return []
+    return [
+        Finding(
+            "warning",
+            "unstable-state",
+            condensed.problem.system.name,
+            f"the motion in time leaves the steady state at {len(frequencies)} frequencies.",
+            frequencies[0],
+            None,
+            "Use the time solver, ema.simulate.respond, there.",
+        )
+    ]
+
+
+def _response(condensed: Condensed, frequencies: np.ndarray, points: list[_Point | None]) -> HarmonicResponse:
+    """Responses, powers and errors of all points, and what is suspicious about them."""
+    most = max((point.count for point in points if point is not None), default=1)
+    count, contacts, rows = len(points), len(condensed.limits), condensed.rows
+    values = np.full((count, len(rows), most), np.nan, complex)
+    slips = np.full((count, contacts, most), np.nan, complex)
+    powers, error = np.full((count, 3), np.nan), np.full(count, np.nan)
+    for n, point in enumerate(points):
+        if point is None:
+            continue
+        values[n], slips[n] = 0, 0
+        values[n, :, : point.count] = condensed.outputs(point, rows)
+        slips[n, :, : point.count] = point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2]
+        powers[n], error[n] = condensed.powers(point), point.error
+    solved = np.isfinite(error)
+    response = HarmonicResponse(
+        frequencies,
+        condensed.orders(most),
+        values,
+        condensed.problem.outputs,
+        slips,
+        condensed.force,
+        condensed.driven,
+        powers[:, 0],
+        powers[:, 1],
+        powers[:, 2],
+        error,
+        solved,
+        (),
+        condensed.problem.system.name,
+    )
+    return replace(response, findings=(*condensed.problem.findings, *_judged(condensed, response)))
+
+
+def _judged(condensed: Condensed, response: HarmonicResponse) -> list[Finding]:
+    """Findings where there is no state, where its error is above the tolerance, and where the powers do not balance."""
+    frequencies, error, solved = response.frequencies, response.error_estimate, response.converged
+    where, findings = response.name, list[Finding]()
+    if not solved.all():
+        lost = frequencies[~solved]
+        findings.append(
+            Finding(
+                "error",
+                "no-steady-state",
+                where,
+                f"no steady state found at {len(lost)} frequencies.",
+                float(lost[0]),
+                None,
+                "Use the time solver, ema.simulate.respond, or a softer contact there.",
+            )
+        )
+    if solved.any() and np.nanmax(error) > condensed.tolerance:
+        worst = int(np.nanargmax(error))
+        findings.append(
+            Finding(
+                "warning",
+                "harmonics",
+                where,
+                f"error estimate {error[worst]:.1e} at {frequencies[worst]:.5g} Hz.",
+                float(error[worst]),
+                condensed.tolerance,
+                "Check it in time.",
+            )
+        )
+    if solved.any() and response.power_error > 1e-4:
+        findings.append(
+            Finding(
+                "warning",
+                "power-balance",
+                where,
+                f"the power balance is off by {response.power_error:.1e}.",
+                response.power_error,
+                1e-4,
+                "Lower the tolerance.",
+            )
+        )
+    return findings
