@@ -263,8 +263,10 @@ def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
         text = rest[: closing.start()]
         if b"\0" in text:
             raise ValueError(text)
-        numbers = np.array([float(word) for word in text.split()])
-        values = numbers[::2] + 1j * numbers[1::2] if frf else numbers
+        words = re.sub(rb"(?<=\d)[dD](?=[+-]\d)", b"e", text).split()  # Fortran's exponents
+        numbers = np.array([float(word) for word in words])
+        with np.errstate(all="ignore"):
+            values = numbers[::2] + 1j * numbers[1::2] if frf else numbers
     if len(values) != points:
         raise ValueError(points)
     name = side(30) + (f"/{side(55)}" if frf else "")

@@ -14,8 +14,9 @@ _TITLES = {
     "frequency": ("f", "freq", "frequency", "frequenz"),
     "real": ("re", "real", "real part", "realteil"),
     "imaginary": ("im", "imag", "imaginary", "imaginary part", "imaginärteil"),
-    "amplitude": ("amplitude", "magnitude", "mag", "modulus", "abs", "level", "gain", "betrag", "pegel"),
-    "phase": ("phase", "angle", "argument", "arg", "phasenwinkel"),
+    "amplitude": ("amplitude", "magnitude", "mag", "modulus", "abs", "level", "gain", "betrag", "pegel", "log mag")
+    + ("log magnitude", "logmag"),
+    "phase": ("phase", "phase angle", "angle", "argument", "arg", "phasenwinkel", "winkel"),
     "coherence": ("coherence", "kohärenz", "coh"),
     "node": ("node", "point", "nr", "id", "knoten"),
     "x": ("x",),
