@@ -124,8 +124,8 @@ def test_words_of_logarithms_are_never_linear(tmp_path: Path, heading: str, opti
 
 @pytest.mark.parametrize(
     "phase",
-    ["Phase [pi rad]", "Phase [π rad]", "Phase (deg/10)", "Phase (x10 deg)", "Phase (-deg)", "Phase (0.01 deg)"]
-    + ["Phase (mrad)", "Phase deg (mrad)", "Phase rad (deg)", "Phase (turns)"],
+    [f"Phase {unit}" for unit in ("[pi rad]", "[π rad]", "(deg/10)", "(x10 deg)", "(-deg)", "(0.01 deg)", "(mrad)")]
+    + [f"Phase {unit}" for unit in ("deg (mrad)", "rad (deg)", "(turns)")],
 )
 def test_other_units_of_phase_are_asked_about(tmp_path: Path, phase: str) -> None:
     # a thousandth of a turn would be within any bound: only the words can tell
@@ -408,7 +408,7 @@ def test_constant_columns_are_findings(tmp_path: Path) -> None:
     rows = "".join(f"{f:.6f},{np.sin(f):.6f},0\n" for f in LINES)
     (tmp_path / "a.csv").write_text("Frequency,Level (dB re 1),Phase (deg)\n" + rows)
     assert [finding.code for finding in acquisition.read(tmp_path / "a.csv").findings] == ["constant"]
-    (tmp_path / "b.csv").write_text("time,force [N],acc [g]\n" + rows)
+    (tmp_path / "b.csv").write_text("time [s],force [N],acc [g]\n" + rows)
     (finding,) = acquisition.read(tmp_path / "b.csv").findings
     assert (finding.code, finding.where) == ("constant", "b.csv, acc")
 

@@ -88,6 +88,11 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "first-row.csv": lambda one: "holds no numbers" in one.refusal,
     "two-rows.csv": lambda one: "holds no numbers" in one.refusal,
     "last-row.csv": lambda one: "begins with no number" in one.refusal,
+    # both rows at the end are none, and the last begins with what could be its name
+    "two-rows-damaged.csv": lambda one: "holds no numbers" in one.refusal,
+    # a digit became the letter d, which Fortran writes for an exponent, but never without a sign: 0.0109001 was 0.1
+    "digit-d.csv": lambda one: "holds no numbers" in one.refusal,
+    "digit-d-2.csv": lambda one: "holds no numbers" in one.refusal,
     "behind.csv": lambda one: "holds no numbers" in one.refusal,
     # 0.565x56 was read as 0.565; two entries on one line; a header line that is blank
     "number.mtx": lambda one: "no entry" in one.refusal,
