@@ -185,6 +185,49 @@ def test_mdf_counts_and_lengths(tmp_path: Path) -> None:
     refused(path, "the version of the file is stated twice and differs")
 
 
+def test_mdf_records_that_are_there_are_salvaged(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    path = tmp_path / "a.mf4"
+    times = np.arange(200) / 100
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(row, times, name=name, unit="N") for row, name in zip(TRUTH, "ab", strict=True)])
+        file.save(path, overwrite=True)
+    whole = path.read_bytes()
+    records, group = whole.index(b"##DT"), whole.index(b"##CG")
+    count = group + 24 + 8 * int.from_bytes(whole[group + 16 : group + 24], "little") + 8
+    assert whole[count : count + 8] == struct.pack("<Q", 200)
+
+    for cycles in (0, 150, 300):  # the logger did not come to write how many there are
+        path.write_bytes(whole[:count] + struct.pack("<Q", cycles) + whole[count + 8 :])
+        refused(path, "other data than the header announces.*salvage=true")
+        np.testing.assert_array_equal(salvaged(path), TRUTH)
+    # the records stand at the end, as loggers write them, and the file is cut within them
+    length = int.from_bytes(whole[records + 8 : records + 16], "little")
+    link = whole.index(struct.pack("<Q", records), whole.index(b"##DG"))
+    behind = whole + bytes(-len(whole) % 8)
+    behind = behind[:link] + struct.pack("<Q", len(behind)) + behind[link + 8 :] + whole[records : records + length]
+    path.write_bytes(behind)
+    np.testing.assert_array_equal(acquisition.read(path).recordings[0].signals, TRUTH)
+    for lost in (1, 24, 1000, 4000):
+        path.write_bytes(behind[:-lost])
+        refused(path, "a block does not fit into the file.*salvage=true")
+        there = salvaged(path)
+        assert there.shape[1] == 200 - -(-lost // 24)  # records of three numbers
+        np.testing.assert_array_equal(there, TRUTH[:, : there.shape[1]])
+    # a record of another length: nothing tells where the next one begins
+    path.write_bytes(whole[: count + 16] + struct.pack("<I", 40) + whole[count + 20 :])
+    refused(path, "other data than the header announces", salvage=True)
+
+
+def test_tdms_channels_of_texts_are_named(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        force = nptdms.ChannelObject("g", "force", TRUTH[0], {"wf_increment": 0.01, "unit_string": "N"})
+        writer.write_segment([force, nptdms.ChannelObject("g", "state", ["on", "off"], {})])
+    contents = acquisition.read(tmp_path / "a.tdms")
+    assert [(f.code, f.where) for f in contents.findings] == [("not-read", "a.tdms, state")]
+
+
 # wave audio -------------------------------------------------------------------------------------------------------------
 
 
