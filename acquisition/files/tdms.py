@@ -96,7 +96,7 @@ def _announced(path: Path, layout: Layout) -> list[Finding]:
 
 
 def channels(path: Path) -> dict[str, Any]:
-    """The numeric ``channels`` of a file, its ``metadata``, whether its last segment is ``cut``, and what is ``left`` out.
+    """The numeric ``channels`` of a file, its ``metadata``, if its last segment is ``cut``, and what is ``left`` out.
 
     Each channel has its ``channel`` name, a ``name`` that is its own in the file, ``unit``, ``samples`` and the
     ``step`` in s, 0 where none is stated.
