@@ -185,8 +185,6 @@ class Uff:
             blind = "values exchanged within a function"
         if what == "line moved" and 2 <= row < 7 and owner[goal][0] == number and 2 <= owner[goal][1] < 7:
             free = True
-        if 7 <= row < 13 and what in ("line blanked", "line shortened"):
-            blind = "a header line that is shortened"
         what += f", row {row} of set {number}" + (
             f" to row {owner[goal][1]} of set {owner[goal][0]}" if goal != place else ""
         )
