@@ -75,6 +75,10 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "sign-of-a-shape.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 6,
     # the first digit of modal A lost: it became 0, and all modes lost their scale
     "modal-a-cut.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
+    # the last node blanked: the set holds no count, and the blank record was taken for none
+    "blank-last-node.unv": lambda one: one.named == 1 and _count(one, "node") == 6,
+    # the node of a response lost with the bytes that keep its columns: it became node 0
+    "node-lost.uff": lambda one: one.named >= 1 and "0:-Z" not in one.signals,
     # the title of a channel lost; the tab behind the title of the times, which became a channel
     "title-lost.lvm": lambda one: one.named == 1 and len(one.signals) == 2,
     "title-of-the-times.lvm": lambda one: "other time columns" in one.refusal,
