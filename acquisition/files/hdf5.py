@@ -1,5 +1,6 @@
 """HDF5 files of any layout; arrays are named by their path: ``InputTask/data``."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,7 +17,16 @@ from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError
 
-_SCALES, _ABSENT = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
+_FACTORS = re.compile(
+    r"scale|scaling|gain|calibration|sensitivity|conversion|multiplier|slope|(^|_)factor", re.IGNORECASE
+)
+_OFFSETS = re.compile(r"offset|intercept", re.IGNORECASE)
+"""Names of attributes by which numbers are multiplied or shifted; 1 and 0 change nothing."""
+_ABSENT = ("_FillValue", "missing_value")
+_CLOCKS = re.compile(
+    r"fs|sampl(e|ing)[ _-]?(rate|freq\w*|interval)|dt|delta[ _-]?t|wf_increment|time[ _-]?step", re.IGNORECASE
+)
+"""Names of attributes that state a sampling rate or interval, which are numbers of the file like any other."""
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
@@ -106,6 +116,7 @@ def tree(path: Path) -> dict[str, Any]:
     found = _Found()
     with untrusted.opened(path) as file:
         try:
+            _attributes(file, "", found)
             _gather(file, "", found, set())
         except InputError as error:
             raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
@@ -169,7 +180,10 @@ def _meaning(item: Any, array: Any, name: str, found: _Found) -> None:
 
     Source: NetCDF Climate and Forecast conventions, 2.5.1 and 8.1, whose attributes others use too.
     """
-    scaled = [key for key in _SCALES if key in item.attrs]
+    neutral = {
+        key: 1.0 if _FACTORS.search(key) else 0.0 for key in item.attrs if _FACTORS.search(key) or _OFFSETS.search(key)
+    }
+    scaled = [key for key, none in neutral.items() if _is_number(item, key) and np.any(item.attrs[key] != none)]
     if scaled:
         found.meant.append((name, f"its attributes {' and '.join(scaled)} are not applied to the numbers"))
     absent = [item.attrs[key] for key in _ABSENT if key in item.attrs and np.size(item.attrs[key]) == 1]
@@ -177,6 +191,11 @@ def _meaning(item: Any, array: Any, name: str, found: _Found) -> None:
     count = max((int(np.count_nonzero(array == value)) for value in absent), default=0)
     if count:
         found.meant.append((name, f"{count} of {array.size} numbers are those that the file states for missing ones"))
+
+
+def _is_number(item: Any, key: str) -> bool:
+    """Whether an attribute is a number or some."""
+    return item.attrs.get_id(key).dtype.kind in "iuf"
 
 
 def _texts(item: Any) -> Any:
@@ -188,13 +207,15 @@ def _texts(item: Any) -> Any:
 def _attributes(item: Any, name: str, found: _Found) -> None:
     for key in item.attrs:
         if item.attrs.get_id(key).dtype.kind not in "OS":
-            continue  # a number; texts are all that is used
+            if _CLOCKS.fullmatch(key) and _is_number(item, key) and np.size(item.attrs[key]) == 1:
+                found.arrays.setdefault(f"{name}/{key}".lstrip("/"), np.asarray(item.attrs[key]).reshape(()))
+            continue  # other numbers are not used
         value = item.attrs[key]
         if isinstance(value, bytes):
             value = value.decode("utf-8", "replace")
         if isinstance(value, str):
-            found.metadata.append((f"{name}/{key}", value))
-            if key.lower() in ("unit", "units"):
+            found.metadata.append((f"{name}/{key}".lstrip("/"), value))
+            if name and key.lower() in ("unit", "units"):
                 found.stated[name] = value
 
 

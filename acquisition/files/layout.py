@@ -44,7 +44,7 @@ class Layout:
     axis: Literal["columns", "rows", ""] = ""
     time: str | None = None
     sampling_rate: float | str | None = None
-    time_unit: str = "s"
+    time_unit: str | None = None
     names: Names | None = None
     units: Names | Mapping[str, str] | None = None
     frequency: str | None = None

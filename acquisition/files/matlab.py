@@ -14,6 +14,7 @@ from acquisition.files.arrays import Arrays
 from acquisition.files.hdf5 import compare_length, not_read
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
+from acquisition.files.reconcile import refuse_doubles
 from acquisition.files.scales import is_unit
 from acquisition.isolated import call
 from ema.errors import InputError
@@ -59,9 +60,10 @@ def tree(path: Path) -> dict[str, Any]:
         except InputError as error:
             raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
     else:
-        from scipy.io import loadmat
+        from scipy.io import loadmat, whosmat
 
         with quiet():
+            refuse_doubles([name for name, _, _ in whosmat(path)], path)
             top = loadmat(path, simplify_cells=True)
     leaves = [leaf for key, value in top.items() if not key.startswith("__") for leaf in _walk(key, value)]
     left += [name for name, value in leaves if isinstance(value, _Object)]

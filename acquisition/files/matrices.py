@@ -69,11 +69,15 @@ def entries(path: Path) -> dict[str, Any]:
 
     Raises
     ------
-    InputError : too large to be held in full.
+    InputError : too large to be held in full, or a pattern.
     """
     from scipy.io import mminfo, mmread
 
     height, width, _, layout, field, _ = mminfo(path)
+    if field == "pattern":
+        raise InputError(
+            "a pattern without values", where=str(path), expected="real entries", advice="export it with its values"
+        )
     shape = [int(height), int(width)]
     harwell_boeing.check_size(max(shape), path)
     _check_lines(path, layout == "coordinate", field)
@@ -96,7 +100,7 @@ def _check_lines(path: Path, coordinate: bool, field: str) -> None:
     ------
     ValueError : there is one.
     """
-    values = {"pattern": 0, "complex": 2}.get(field, 1)
+    values = 2 if field == "complex" else 1
     words = [rb"\d++"] * (2 if coordinate else 0) + [_NUMBER] * values
     line = rb"[ \t]*+" + rb"[ \t]++".join(words) + rb"[ \t\r]*+(?:\n|\Z)"
     body = path.read_bytes().partition(b"\n")[2]

@@ -1,8 +1,10 @@
 """ASAM MDF, versions 3 and 4."""
 
+import io
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from acquisition.contents import Contents
 from acquisition.files import mdf4_blocks
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
+from acquisition.files.reconcile import differs
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import rate_of
 from acquisition.isolated import call
@@ -25,7 +28,7 @@ def read(path: Path, layout: Layout) -> Contents:
     MissingExtraError : asammdf is not installed.
     InputError : damaged, without channels, or with a time axis that is not even.
     """
-    there = call("mdf4", path)
+    there = call("mdf4", path, salvage=layout.salvage)
     if not there["channels"]:
         raise InputError("no numeric channel in the file", where=path.name)
     sampled = [Sampled(one["name"], one["unit"], one["samples"], one["rate"]) for one in there["channels"]]
@@ -38,23 +41,33 @@ def read(path: Path, layout: Layout) -> Contents:
         Finding("warning", "invalid-values", f"{path.name}, {name}", "values marked as invalid are NaN.")
         for name in there["invalid"]
     ]
+    for stated, right in there["corrected"]:
+        notes += differs(
+            "other data than the header announces",
+            where=path.name,
+            layout=layout,
+            got=right,
+            expected=stated,
+            recovered="the whole records that are there are read",
+        )
     return replace(contents, findings=(*notes, *contents.findings))
 
 
-def channels(path: Path) -> dict[str, Any]:
+def channels(path: Path, salvage: bool = False) -> dict[str, Any]:
     """The ``channels`` of a file, each with ``name``, ``unit``, ``samples`` and ``rate`` in Hz, and its ``metadata``.
 
-    ``skipped`` names channels that are no numbers, ``invalid`` those with values that the logger marked as invalid.
+    ``skipped`` names channels that are no numbers, ``invalid`` those with values that the logger marked as invalid;
+    ``corrected`` are numbers that contradicted the file, and what they must be, where ``salvage`` was asked for.
 
     Raises
     ------
     InputError : a time axis that is not even; more or less in the file than it announces.
     """
     asammdf = require("asammdf", "formats")
-    cycles = mdf4_blocks.check(path) if _version(path) == 4 else None
+    cycles, corrections = mdf4_blocks.check(path, salvage) if _version(path) == 4 else (None, [])
     found, skipped, invalid = [], [], []
     # handed an open file: by name the package may open it for writing
-    with quiet("asammdf"), path.open("rb") as raw, asammdf.MDF(raw) as file:
+    with quiet("asammdf"), _corrected(path, corrections) as raw, asammdf.MDF(raw) as file:
         metadata = [("version", str(file.version)), ("start", str(file.start_time))]
         announced = [int(group.channel_group.cycles_nr) for group in file.groups]
         if cycles is not None and announced != cycles:
@@ -80,7 +93,18 @@ def channels(path: Path) -> dict[str, Any]:
                     samples = np.where(np.asarray(marked, dtype=bool), np.nan, samples.astype(np.float64))
                 rate = rate_of(np.asarray(signal.timestamps, dtype=np.float64), f"{path.name}, {name}")
                 found.append({"name": name, "unit": str(signal.unit or ""), "samples": samples, "rate": rate})
-    return {"channels": found, "metadata": metadata, "skipped": skipped, "invalid": invalid}
+    pairs = [[one.stated, one.right] for one in corrections]
+    return {"channels": found, "metadata": metadata, "skipped": skipped, "invalid": invalid, "corrected": pairs}
+
+
+def _corrected(path: Path, corrections: Sequence[mdf4_blocks.Correction]) -> BinaryIO:
+    """The file, or a copy of it in memory with some numbers corrected."""
+    if not corrections:
+        return path.open("rb")
+    data = bytearray(path.read_bytes())
+    for one in corrections:
+        data[one.place : one.place + 8] = one.right.to_bytes(8, "little")
+    return io.BytesIO(data)
 
 
 def _version(path: Path) -> int:

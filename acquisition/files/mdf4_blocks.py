@@ -55,18 +55,41 @@ class _Block:
         return self.begin + self.length - self.content
 
 
+@dataclass(frozen=True)
+class Correction:
+    """A number of eight bytes at ``place`` that contradicts the file: ``stated`` there, and what it must be."""
+
+    place: int
+    stated: int
+    right: int
+
+
 @dataclass
 class Blocks:
-    """All blocks of a file that its header leads to, by address."""
+    """All blocks of a file that its header leads to, by address; with ``salvage``, what has to be corrected in it."""
 
     file: BinaryIO
     where: str
     end: int
+    salvage: bool = False
     found: dict[int, _Block] = field(default_factory=dict)
+    corrections: list[Correction] = field(default_factory=list)
 
-    def damaged(self, what: str, got: object = None, expected: object = None) -> InputError:
+    def damaged(self, what: str, got: object = None, expected: object = None, more: str = "") -> InputError:
         """The sentence about damage."""
-        return InputError(what, where=self.where, got=got, expected=expected, advice="copy or export the file again")
+        advice = f"copy or export the file again{more}"
+        return InputError(what, where=self.where, got=got, expected=expected, advice=advice)
+
+    def correct(self, place: int, stated: int, right: int, refusal: InputError) -> None:
+        """Note that a number has to be corrected.
+
+        Raises
+        ------
+        InputError : ``refusal``, where salvage was not asked for.
+        """
+        if not self.salvage:
+            raise refusal
+        self.corrections.append(Correction(place, stated, right))
 
     def walk(self) -> None:
         """Find all blocks.
@@ -110,12 +133,16 @@ class Blocks:
         kind = name[2:].decode("latin-1")
         if name[:2] != b"##" or kind not in _KINDS:
             raise self.damaged("a link leads to no block", f"byte {address} from {source}")
-        if not _HEAD.size + 8 * count <= length <= self.end - address:
-            raise self.damaged(
-                "a block does not fit into the file",
-                f"{kind} at byte {address} with {length} bytes and {count} links",
-                f"at most {self.end - address} bytes",
-            )
+        rest = self.end - address
+        if not _HEAD.size + 8 * count <= length <= rest:
+            what = f"{kind} at byte {address} with {length} bytes and {count} links"
+            records = kind == "DT" and not count
+            more = SALVAGE if records else ""
+            refusal = self.damaged("a block does not fit into the file", what, f"at most {rest} bytes", more)
+            if not records:
+                raise refusal
+            self.correct(address + 8, length, rest, refusal)  # records up to the end, where the logger stopped
+            length = rest
         return _Block(kind, address, length, struct.unpack(f"<{count}Q", self.file.read(8 * count)))
 
     def chain(self, address: int) -> Iterator[_Block]:
@@ -146,12 +173,16 @@ class Blocks:
         return struct.unpack(f"<{form}", self.file.read(struct.calcsize(f"<{form}")))
 
 
-def check(path: Path) -> list[int]:
+SALVAGE = ", or read it with salvage=true"
+
+
+def check(path: Path, salvage: bool = False) -> tuple[list[int], list[Correction]]:
     """Compare what an MDF 4 file announces with what it holds.
 
     Returns
     -------
     list : cycles of every group of channels that holds records of one length, in the order of the file.
+    list : what has to be corrected in the file before it is parsed; none without ``salvage``.
 
     Raises
     ------
@@ -159,12 +190,12 @@ def check(path: Path) -> list[int]:
     """
     with path.open("rb") as file:
         end = file.seek(0, 2)
-        blocks = Blocks(file, path.name, end)
+        blocks = Blocks(file, path.name, end, salvage)
         blocks.walk()
         cycles = []
         for data in blocks.chain(blocks.found[_FIRST].links[0]):
             cycles += _group(blocks, data)
-    return cycles
+    return cycles, blocks.corrections
 
 
 def _group(blocks: Blocks, data: _Block) -> list[int]:
@@ -172,37 +203,48 @@ def _group(blocks: Blocks, data: _Block) -> list[int]:
     (number,) = blocks.fields(data, "B")
     if number not in (0, 1, 2, 4, 8) or len(data.links) < 4:
         raise blocks.damaged("a block is damaged", f"DG at byte {data.begin}")
-    announced, cycles = 0, []
-    for group in blocks.chain(data.links[1]):
+    announced, cycles, groups, filled = 0, [], list(blocks.chain(data.links[1])), False
+    for group in groups:
         _, count, flags, _, size, invalid = blocks.fields(group, "QQHH4xII")
         if flags & _VARIABLE:  # the two lengths are one number: bytes of all records together
             announced += count * (number + 4) + (invalid << 32) + size
         else:
             announced += count * (number + size + invalid)
             cycles.append(count)
-            _channels(blocks, group, size)
+            filled = _channels(blocks, group, size) == size
     there = _length(blocks, data.links[2])
-    if there is not None and there != announced:
-        raise blocks.damaged(
-            "other data than the header announces",
-            f"{there} bytes at byte {data.links[2]}",
-            f"{announced} bytes of {sum(cycles)} cycles",
-        )
-    return cycles
+    if there is None or there == announced:
+        return cycles
+    # records of one kind, whose channels fill them: of any other length they would be told apart at the wrong places
+    alone = len(groups) == 1 and len(cycles) == 1 and number == 0 and filled
+    refusal = blocks.damaged(
+        "other data than the header announces",
+        f"{there} bytes at byte {data.links[2]}",
+        f"{announced} bytes of {sum(cycles)} cycles",
+        SALVAGE if alone else "",
+    )
+    width = size + invalid if groups else 0
+    if not alone or not width:
+        raise refusal
+    blocks.correct(groups[0].content + 8, cycles[0], there // width, refusal)
+    return [there // width]
 
 
-def _channels(blocks: Blocks, group: _Block, size: int) -> None:
-    """Every channel lies within the record."""
+def _channels(blocks: Blocks, group: _Block, size: int) -> int:
+    """Bytes that the channels fill, each of which has to lie within the record."""
     if len(group.links) < 2:
         raise blocks.damaged("a block is damaged", f"CG at byte {group.begin}")
+    last = 0
     for channel in blocks.chain(group.links[1]):
         kind, _, _, bit, byte, bits = blocks.fields(channel, "BBBBII")
+        last = max(last, 0 if kind in _VIRTUAL else byte + (bit + bits + 7) // 8)
         if kind not in _VIRTUAL and byte + (bit + bits + 7) // 8 > size:
             raise blocks.damaged(
                 "a channel lies outside of its record",
                 f"{bits} bits from byte {byte}, CN at byte {channel.begin}",
                 f"a record of {size} bytes",
             )
+    return last
 
 
 def _length(blocks: Blocks, address: int) -> int | None:

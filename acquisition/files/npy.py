@@ -12,7 +12,7 @@ from acquisition.files.arrays import Arrays
 from acquisition.files.hdf5 import not_read
 from acquisition.files.layout import Layout
 from acquisition.files.quiet import quiet
-from acquisition.files.reconcile import differs
+from acquisition.files.reconcile import differs, refuse_doubles
 from acquisition.isolated import call
 from acquisition.isolated.limits import check_zip
 from ema.data import Finding
@@ -43,11 +43,12 @@ def members(path: Path) -> dict[str, Any]:
 
     Raises
     ------
-    InputError : they grow beyond measure when they are unpacked.
+    InputError : they grow beyond measure when they are unpacked, or two have one name.
     """
     check_zip(path)
     arrays, left = {}, []
     with np.load(path, allow_pickle=False) as archive:
+        refuse_doubles(archive.files, path)
         for name in archive.files:
             array = archive[name]
             if isinstance(array, np.ndarray) and array.dtype.kind in "biufcSU":

@@ -18,7 +18,9 @@ from acquisition.files.scales import (
     PhaseScale,
     amplitude_in_words,
     amplitude_scale,
+    phase_in_words,
     phase_scale,
+    says_logarithmic,
     says_unwrapped,
 )
 from ema.data import Finding
@@ -112,8 +114,9 @@ def _amplitude_scale(arrays: Arrays, layout: Layout) -> tuple[AmplitudeScale | N
                 error.what, where=arrays.where, got=error.got, expected=error.expected, advice=ASK_REFERENCE
             ) from error
         stated = None
-    if given is None and stated is None and layout.unit is not None and units.parse(layout.unit).stated:
-        given = AmplitudeScale(layout.unit)
+    unit = layout.unit is not None and units.parse(layout.unit).stated and not says_logarithmic(arrays.title(place))
+    if given is None and stated is None and unit:
+        given = AmplitudeScale(str(layout.unit))
     if given is None or stated is None:
         return given or stated, ()
     if given.decibels == stated.decibels:
@@ -128,10 +131,9 @@ def _phase_scale(arrays: Arrays, layout: Layout) -> tuple[PhaseScale | None, tup
     """The unit that the layout states, else the file; a finding where both do and differ."""
     label, title = arrays.label(str(layout.phase)), arrays.title(str(layout.phase))
     given = phase_scale(layout.phase_unit) if layout.phase_unit is not None else None
-    stated = phase_scale(label) or phase_scale(title)
-    unwrapped = says_unwrapped(title)
+    stated = phase_in_words(label, title)
     chosen = given or stated
-    if chosen is not None and unwrapped:
+    if chosen is not None and says_unwrapped(title):
         chosen = replace(chosen, unwrapped=True)
     if given is None or stated is None or given.unit == stated.unit:
         return chosen, ()

@@ -10,7 +10,7 @@ from acquisition.contents import Contents
 from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.polar import Polar, to_complex, unit_overruled
-from acquisition.files.scales import phase_scale
+from acquisition.files.scales import phase_scale, says_logarithmic
 from ema.data import Finding, FrfSet
 from ema.dof import Dof
 from ema.errors import InputError
@@ -207,7 +207,7 @@ def _refuse_polar(arrays: Arrays, place: str) -> None:
     InputError : it does.
     """
     title = arrays.title(place)
-    if "dB" in title or phase_scale(arrays.label(place)) is not None:
+    if says_logarithmic(title) or phase_scale(arrays.label(place)) is not None:
         raise InputError(
             "not real and imaginary part", where=arrays.where, got=repr(title), advice="say amplitude and phase"
         )

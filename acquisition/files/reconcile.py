@@ -1,5 +1,8 @@
 """What a file announces and what it delivers: a difference is an error, or where salvage is asked for a finding."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 from acquisition.files.layout import Layout
 from ema.data import Finding
 from ema.errors import InputError
@@ -24,3 +27,15 @@ def differs(
         raise InputError(what, where=where, got=got, expected=expected, advice=advice)
     numbers = f" ({got} instead of {expected})" if got is not None and expected is not None else ""
     return (Finding("error", "salvaged", where, f"{what}{numbers}; {recovered}.", advice="Export the file again."),)
+
+
+def refuse_doubles(names: Sequence[str], path: Path) -> None:
+    """Refuse a container with two arrays of one name, of which a library delivers the last alone.
+
+    Raises
+    ------
+    InputError : it has.
+    """
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError("two arrays of one name", where=str(path), got=", ".join(twice), advice="export it again")

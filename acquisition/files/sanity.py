@@ -10,12 +10,15 @@ from acquisition.files.ratios import check_frequencies
 from acquisition.files.signals import same_rate
 from ema.data import Finding, FrfSet, Recording
 
+LARGEST = 1e30
+"""Magnitude in SI that no measurement has: the power of a star in W is 1e27. At 1e15 or 1e60, bytes in the wrong order,
+which make any exponent, are found as well."""
 _PEEK = 4096
 """Samples that are compared first: a channel that is not constant mostly shows it here."""
 
 
 def examine(contents: Contents, sampling_rate: float | str | None = None) -> tuple[Finding, ...]:
-    """Findings about channels and FRFs that are one and the same number throughout.
+    """Findings about channels and FRFs that are one and the same number throughout, or beyond what can be measured.
 
     ``sampling_rate`` in Hz is what the layout says of all recordings; a text names a place and was used by the reader.
 
@@ -30,6 +33,8 @@ def examine(contents: Contents, sampling_rate: float | str | None = None) -> tup
         check_frequencies(frfs.frequencies, frfs.name)
     found = [_channels(recording) for recording in contents.recordings]
     found += [_frfs(frfs) for frfs in contents.frfs]
+    found += [_beyond(one.signals, one.name) for one in contents.recordings]
+    found += [_beyond(one.values, one.name) for one in contents.frfs]
     return tuple(note for notes in found for note in notes)
 
 
@@ -75,3 +80,16 @@ def _frfs(frfs: FrfSet) -> tuple[Finding, ...]:
             "A channel was dead, or a column was filled in; leave it out.",
         ),
     )
+
+
+def _beyond(values: Any, where: str) -> tuple[Finding, ...]:
+    """A finding where a number is larger than any measured."""
+    parts = (values.real, values.imag) if np.iscomplexobj(values) else (values,)
+    with np.errstate(invalid="ignore"):
+        # NaN is no larger; infinite numbers have a finding of their own
+        ends = [max(float(np.fmax.reduce(part, axis=None)), -float(np.fmin.reduce(part, axis=None))) for part in parts]
+    if not LARGEST < max(ends, default=0.0) < np.inf:
+        return ()
+    message = f"numbers up to {max(ends):.3g} are none that can be measured."
+    advice = "The order of the bytes or the type of the numbers is wrong, or they are damaged; export the file again."
+    return (Finding("error", "implausible", where, message, max(ends), LARGEST, advice),)

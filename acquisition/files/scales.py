@@ -1,7 +1,7 @@
 """What a text says of polar data: whether an amplitude is linear or in dB re what, and the unit of a phase."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,11 +10,18 @@ from ema.errors import UnitError
 from ema.units import UNSTATED
 
 _LINEAR = re.compile(r"^(lin|linear)$", re.IGNORECASE)
-_DECIBEL = re.compile(r"(?<![A-Za-z])d[Bb](?![A-Za-z])\s*(?P<rest>.*)$")
+_DECIBEL = re.compile(r"(?<![A-Za-z])(?:[dD][bB]|decibels?|[dD]ezibel)(?![A-Za-z])\s*(?P<rest>.*)$")
+_LOGARITHMIC = re.compile(
+    r"dB|(?<![A-Za-z])(?:db|DB|[lL]og(?!g)|LOG)|(?<![A-Za-z])(?i:decibel|dezibel|level|pegel)(?![A-Za-z])"
+)
+"""Words of a logarithmic amplitude, whether they say which one or not."""
 _REFERENCE = re.compile(r"^(?:(?:re|ref|rel)\b\.?|reference|relative\s+to|:)\s*", re.IGNORECASE)
 _NUMBER = re.compile(r"^([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*[*·]?\s*(.*)$")
-_DEGREES = re.compile(r"(?<![A-Za-z])deg(?:rees?|s)?(?![A-Za-z])|°", re.IGNORECASE)
+_DEGREES = re.compile(r"(?<![A-Za-z])(?:(?i:deg(?:rees?|s)?)|Grad)(?![A-Za-z])|°")
 _RADIANS = re.compile(r"(?<![A-Za-z])rad(?:ians?|s)?(?![A-Za-z])(?!\s*/)", re.IGNORECASE)
+_FACTOR_BEFORE = re.compile(r"(?:\d|pi|π|[*·×])\s*[*·×/]?\s*$|(?:^|[(\[])\s*[-−+]\s*$", re.IGNORECASE)
+_FACTOR_BEHIND = re.compile(r"^\s*(?:[*·×/^²]|\d|pi|π)", re.IGNORECASE)
+"""Factors and signs beside a unit of phase, which make another unit of it: ``pi rad``, ``deg/10``, ``-deg``."""
 _LINEAR_WORD = re.compile(r"(?<![A-Za-z])lin(ear)?(?![A-Za-z])", re.IGNORECASE)
 _SCALE_ALONE = re.compile(
     r"lin(ear)?|d[Bb](?![A-Za-z]).*|(unwrapp?ed\s+)?(deg(rees?|s)?|°|rad(ians?|s)?)([,\s]+unwrapp?ed)?", re.IGNORECASE
@@ -86,10 +93,24 @@ def _decibels(rest: str, text: str) -> AmplitudeScale:
 def phase_scale(text: str) -> PhaseScale | None:
     """The unit that a text states: ``deg``, ``°``, ``rad``, ``unwrapped rad`` and the like; else ``None``."""
     unwrapped = says_unwrapped(text)
-    degrees, radians = _DEGREES.search(text) is not None, _RADIANS.search(text) is not None
-    if degrees == radians:
+    degrees, radians = _DEGREES.search(text), _RADIANS.search(text)
+    found = degrees or radians
+    if found is None or (degrees and radians):
+        return None
+    if _FACTOR_BEFORE.search(text[: found.start()]) or _FACTOR_BEHIND.search(text[found.end() :]):
         return None
     return PhaseScale("deg", np.pi / 180, unwrapped) if degrees else PhaseScale("rad", 1.0, unwrapped)
+
+
+def phase_in_words(label: str, title: str) -> PhaseScale | None:
+    """What stands where a unit belongs, else what the words of the title say; ``None`` where they contradict."""
+    there = [phase_scale(label), phase_scale(title)]
+    said = {scale.unit for scale in there if scale is not None}
+    both = _DEGREES.search(title) and _RADIANS.search(title)
+    if both or len(said) != 1 or (there[0] is None and label and units.known(label) is not None):
+        return None
+    chosen = there[0] or there[1]
+    return None if chosen is None else replace(chosen, unwrapped=says_unwrapped(title) or says_unwrapped(label))
 
 
 def says_unwrapped(text: str) -> bool:
@@ -125,16 +146,46 @@ def is_unit(cell: str) -> bool:
 def bare_title(title: str) -> str:
     """The title of a column without the words that state its scale: ``FRF magnitude dB`` -> ``magnitude``."""
     words = re.split(r"[\s_\-.,:;()\[\]]+", _DECIBEL.sub("", title).lower().replace("°", ""))
-    drop = re.compile(r"^(|deg(rees?|s)?|rad(ians?|s)?|lin|linear|unwrapp?ed|wrapped|in|of|the|frf|h[12v])$")
-    return " ".join(word for word in words if not drop.match(word))
+    drop = re.compile(r"^(|deg(rees?|s)?|grad|rad(ians?|s)?|lin|linear|unwrapp?ed|wrapped|in|of|the|frf|h[12v])$")
+    sign = "-" if re.match(r"^\s*[-−]\s*[^\W\d]", title) else ""  # of a turned phase
+    return sign + " ".join(word for word in words if not drop.match(word))
 
 
 def amplitude_in_words(label: str, title: str) -> AmplitudeScale | None:
-    """What stands where a unit belongs, else what the words of the title say."""
+    """What stands where a unit belongs and the words of the title say together; ``None`` where they say too little.
+
+    A unit beside dB is the reference (``Magnitude dB (g/N)``). A unit beside other words of logarithms is no statement.
+
+    Raises
+    ------
+    UnitError : a reference that is none.
+    """
     scale = amplitude_scale(label)
-    if scale is not None:
+    if scale is not None and scale.decibels:
         return scale
     decibel = _DECIBEL.search(title)
     if decibel is not None:
-        return _decibels(decibel["rest"], title)
-    return AmplitudeScale() if _LINEAR_WORD.search(title) else None
+        if scale is not None and scale.unit != UNSTATED:
+            return _beside(scale.unit, decibel["rest"], title)
+        return None if _LINEAR_WORD.search(title) else _decibels(decibel["rest"], title)
+    if _LOGARITHMIC.search(title):
+        return None
+    return scale or (AmplitudeScale() if _LINEAR_WORD.search(title) else None)
+
+
+def _beside(unit: str, rest: str, title: str) -> AmplitudeScale:
+    """The scale in dB re a unit that stands apart from what is said of dB: ``Level (dB re 1e-6) [m/N]``.
+
+    Raises
+    ------
+    UnitError : what stands behind dB names another unit.
+    """
+    scale = _decibels(re.sub(r"[()\[\]]", " ", rest.replace(unit, " ")).strip(" /"), title)
+    if scale.reference is None:
+        return AmplitudeScale(unit, True)
+    return replace(scale, unit=unit) if scale.unit == UNSTATED else scale
+
+
+def says_logarithmic(title: str) -> bool:
+    """Whether a title speaks of dB, levels or logarithms."""
+    return _LOGARITHMIC.search(title) is not None

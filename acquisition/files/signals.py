@@ -1,5 +1,6 @@
 """Time signals in named arrays become a recording."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import PLACE, Arrays, not_finite
 from acquisition.files.layout import Layout
-from ema.data import Channel, Recording
+from ema.data import Channel, Finding, Recording
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import QUANTITIES, UNSTATED
@@ -18,6 +19,12 @@ from ema.units import QUANTITIES, UNSTATED
 CLOCK = 1e-3
 """Relative difference of two statements of one sampling rate: clocks are ten times better, rounded steps as good.
 Halved or doubled, a rate given with three digits is refused or taken."""
+
+SLOW = 50.0
+"""Sampling rate in Hz below which times without a unit are named. Joints and their hosts vibrate above 25 Hz as a rule;
+at twice that, loggers of slow quantities are named more often, at half, times in ms of 50 kHz and more no longer."""
+_RATES = ("fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency", "samplefreq")
+_INTERVALS = ("dt", "ts", "deltat", "samplinginterval", "sampleinterval", "timestep", "wfincrement")
 
 
 def rate_of(times: Float[np.ndarray, "sample"], where: str) -> float:
@@ -128,7 +135,37 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
         signals = signals.astype(np.float64)
     rate = _rate(arrays, layout, signals.shape[1])
     record = make_recording(signals, names, channel_units(arrays, layout, names), rate, arrays.where)
-    return Contents(recordings=(record,), findings=not_finite(record.signals, arrays.where))
+    notes = (*_assumed_seconds(arrays, layout, rate), *_overruled_rate(arrays, layout))
+    return Contents(recordings=(record,), findings=(*not_finite(record.signals, arrays.where), *notes))
+
+
+def _assumed_seconds(arrays: Arrays, layout: Layout, rate: float) -> tuple[Finding, ...]:
+    """A finding where nothing states the unit of the times and seconds make a rate that hardly shows vibration."""
+    if layout.time is None or layout.time_unit or arrays.label(layout.time) or rate >= SLOW:
+        return ()
+    message = f"nothing states the unit of the times; taken as seconds, they make {rate:.4g} samples a second."
+    advice = "Say time_unit='s' or time_unit='ms'."
+    return (Finding("warning", "time-unit-assumed", arrays.where, message, rate, SLOW, advice),)
+
+
+def _overruled_rate(arrays: Arrays, layout: Layout) -> tuple[Finding, ...]:
+    """A finding where the layout states a sampling rate and a number of the file beside the signals another one."""
+    if not isinstance(layout.sampling_rate, (int, float)) or layout.time is not None:
+        return ()
+    notes = []
+    for name, array in arrays.arrays.items():
+        word = re.sub(r"[\s_-]", "", re.split(r"[./]", name)[-1].lower())
+        if word not in _RATES + _INTERVALS or np.size(array) != 1 or np.asarray(array).dtype.kind not in "iuf":
+            continue
+        number = float(np.ravel(array)[0])
+        stated = number if word in _RATES else 1 / number if number else 0.0
+        if stated <= 0 or abs(stated / layout.sampling_rate - 1) > CLOCK:
+            message = (
+                f"the file says {number:g} of {name}, the layout {layout.sampling_rate:g} Hz; the layout is taken."
+            )
+            advice = "Make sure that the layout is right."
+            notes.append(Finding("warning", "rate-overruled", arrays.where, message, stated, None, advice))
+    return tuple(notes)
 
 
 def _rows(kept: Bool[np.ndarray, "channel"]) -> "slice | Bool[np.ndarray, 'channel']":
@@ -197,7 +234,7 @@ def _rate(arrays: Arrays, layout: Layout, samples: int) -> float:
             raise InputError(
                 "time axis and signals differ in length", where=arrays.where, got=len(times), expected=samples
             )
-        label = arrays.label(layout.time) if layout.time_unit == "s" else layout.time_unit
+        label = layout.time_unit or arrays.label(layout.time)
         unit = units.known(label or "s")
         if unit is None or unit.quantity != "time":
             raise units.UnitError(

@@ -42,7 +42,7 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError("no numeric channel in the file", where=path.name)
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
     notes += [
-        Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no values.") for name in there["empty"]
+        Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no numbers.") for name in there["left"]
     ]
     if there["cut"]:
         notes.append(
@@ -96,20 +96,19 @@ def _announced(path: Path, layout: Layout) -> list[Finding]:
 
 
 def channels(path: Path) -> dict[str, Any]:
-    """The numeric ``channels`` of a file, its ``metadata``, whether its last segment is ``cut``, and ``empty`` ones.
+    """The numeric ``channels`` of a file, its ``metadata``, if its last segment is ``cut``, and what is ``left`` out.
 
     Each channel has its ``channel`` name, a ``name`` that is its own in the file, ``unit``, ``samples`` and the
     ``step`` in s, 0 where none is stated.
     """
     nptdms = require("nptdms", "formats")
-    made, empty = [], []
+    made, left = [], []
     with quiet("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
         groups = file.groups()
         for group in groups:
             for channel in group.channels():
-                if len(channel) == 0:
-                    empty.append(str(channel.name))
                 if len(channel) == 0 or np.asarray(channel[:1]).dtype.kind not in "biuf":
+                    left.append(str(channel.name))
                     continue
                 properties = channel.properties
                 made.append(
@@ -126,5 +125,5 @@ def channels(path: Path) -> dict[str, Any]:
             "channels": made,
             "metadata": metadata,
             "cut": bool(file.file_status.incomplete_final_segment),
-            "empty": empty,
+            "left": left,
         }

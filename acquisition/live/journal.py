@@ -9,6 +9,7 @@ import numpy as np
 
 from acquisition.live.take_files import TakeFile, from_name
 from ema import store
+from ema.cells import as_text
 from ema.data import Recording
 from ema.errors import EmaError
 from ema.store.atomic import replacing
@@ -105,12 +106,12 @@ def _row(take: TakeFile, record: Recording | None) -> Row:
     row = {
         "file": take.label,
         "start": "" if take.start is None else take.start.isoformat(),
-        "run": identity.run,
+        "run": as_text(identity.run),
         "point": str(identity.point),
         "number": str(identity.number),
         "accepted": "yes" if take.accepted else "no",
-        "reason": " ".join(identity.reasons),
-        "remarks": " ".join(identity.remarks),
+        "reason": as_text(" ".join(identity.reasons)),
+        "remarks": as_text(" ".join(identity.remarks)),
         "peak [N]": "",
     }
     if record is None:

@@ -26,7 +26,7 @@ _MODEL = tuple(
 )
 _ISOLATED = ("acquisition/isolated", "acquisition/files/reconcile.py")
 _READ = ("acquisition/registry.py", "acquisition/files/sanity.py", "tests/fuzz/cases.py", "tests/fuzz/mutations.py")
-_ARRANGED = tuple(f"acquisition/files/table/{name}.py" for name in ("reading", "titles", "segment"))
+_ARRANGED = tuple(f"acquisition/files/table/{name}.py" for name in ("reading", "titles", "segment", "announced"))
 _TEXT = (*_READ, *_ARRANGED, "acquisition/files/signals.py", "tests/fuzz/tables.py")
 _TABLE = (*_TEXT, *(f"acquisition/files/table/{name}.py" for name in ("blocks", "damage", "numbers")))
 _CONTAINER = (*_READ, *_ISOLATED, "acquisition/files/signals.py", "tests/fuzz/containers.py")

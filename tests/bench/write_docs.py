@@ -257,18 +257,20 @@ def universal_files(result: dict) -> str:
         for title, own in result.items()
         if title.startswith("1 GB")
     ]
-    return "\n\n".join(
-        [
-            f"## Universal files: 160 sets x 6401 complex lines, against {peer} in the same run",
-            table(["format", "read [MB/s]", f"{peer} reads", "write [MB/s]", f"{peer} writes"], lines),
+    rates = ["read", f"{peer} reads", "write", f"{peer} writes"]
+    parts = [
+        f"## Universal files: 160 sets x 6401 complex lines, against {peer} in the same run",
+        "Megabytes per second of processor time, from `python -m tests.bench.uff`:",
+        table(["format", *rates], lines),
+    ]
+    if listed:
+        columns = ["format", "sets", "lines per set", "list [ms]", "reading the sets takes", "reading to FRFs takes"]
+        parts += [
             "Listing the sets of a 1 GB file without reading their values:",
-            table(
-                ["format", "sets", "lines per set", "list [ms]", "reading the sets takes", "reading to FRFs takes"],
-                listed,
-            ),
-            "The last two columns are multiples of the time to list. From `python -m tests.bench.uff`.",
+            table(columns, listed),
+            "The last two columns are multiples of the time to list.",
         ]
-    )
+    return "\n\n".join(parts)
 
 
 _RECORDS = {"one": "five of one impact", "many": "one of five impacts", "lone": "one of one impact"}

@@ -72,6 +72,75 @@ def test_decibels_and_degrees_of_the_header(
 
 
 @pytest.mark.parametrize(
+    "heading",
+    [
+        "Frequency,Magnitude dB (um/s^2/N),Phase (deg)",
+        "Frequency [Hz],Magnitude (dB) [µm/s²/N],Phase [°]",
+        "f,Magnitude DB (um/s^2/N),Phase deg",
+        "Frequency,Amplitude dB / (um/s^2/N),Phase / °",
+        "Frequency,Amplitude in decibel (um/s^2/N),Phase angle (deg)",
+        "Frequenz [Hz],Betrag in dB [um/s^2/N],Phase in Grad",
+        "Frequenz,Betrag dB(µm/s²/N),Winkel [°]",
+        "Frequency,Magnitude (dB),Phase\nHz,um/s^2/N,deg",
+        "Frequency,Log Mag dB,Phase\nHz,um/s^2/N,deg",
+        "Frequency,Magnitude (dB re 1e-6) [(m/s^2)/N],Phase [deg]",
+    ],
+)
+def test_decibels_with_their_unit_apart(tmp_path: Path, heading: str) -> None:
+    # all levels are positive: taken as linear, nothing would contradict them
+    truth = single_mode(11)
+    assert np.abs(truth).min() > 1e-6
+    contents = acquisition.read(write_table(tmp_path / "a.csv", heading, truth, reference=1e-6))
+    (frfs,) = contents.frfs
+    np.testing.assert_allclose(frfs.values[:, 0, 0], truth, rtol=1e-9)
+    assert (frfs.unit, contents.findings) == ("(m/s^2)/N", ())
+
+
+@pytest.mark.parametrize(
+    ("heading", "options"),
+    [
+        ("Frequency,Log Mag (um/s^2/N),Phase (deg)", {}),
+        ("Frequency,Level [um/s^2/N],Phase (deg)", {}),
+        ("Frequenz,Pegel (um/s^2/N),Phase (deg)", {}),
+        ("Frequency,Log magnitude,Phase\nHz,um/s^2/N,deg", {}),
+        ("Frequency,Log magnitude,Phase (deg)", {"unit": "um/s^2/N"}),
+        (
+            "Frequency,20 log10|H| (um/s^2/N),Phase (deg)",
+            {"frequency": "Frequency", "amplitude": "column 1", "phase": "column 2"},
+        ),
+        (
+            "Frequency,Magnitude dBref1 [um/s^2/N],Phase (deg)",
+            {"frequency": "Frequency", "amplitude": "column 1", "phase": "column 2"},
+        ),
+    ],
+)
+def test_words_of_logarithms_are_never_linear(tmp_path: Path, heading: str, options: dict[str, Any]) -> None:
+    truth = single_mode(12)
+    path = write_table(tmp_path / "a.csv", heading, truth, reference=1e-6)
+    assert "whether its amplitude is linear or in dB" in asked(path, **options)
+    (frfs,) = acquisition.read(path, amplitude_unit="dB re 1 um/s^2/N", **options).frfs
+    np.testing.assert_allclose(frfs.values[:, 0, 0], truth, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "phase",
+    [f"Phase {unit}" for unit in ("[pi rad]", "[π rad]", "(deg/10)", "(x10 deg)", "(-deg)", "(0.01 deg)", "(mrad)")]
+    + [f"Phase {unit}" for unit in ("deg (mrad)", "rad (deg)", "(turns)")],
+)
+def test_other_units_of_phase_are_asked_about(tmp_path: Path, phase: str) -> None:
+    # a thousandth of a turn would be within any bound: only the words can tell
+    heading = f"Frequency,Magnitude (g/N),{phase}"
+    path = write_table(tmp_path / "a.csv", heading, 1.0 + 0.02j * single_mode(13), "linear rad")
+    assert "the unit of its phase" in asked(path)
+
+
+def test_a_phase_with_a_sign_in_front_is_no_phase(tmp_path: Path) -> None:
+    path = write_table(tmp_path / "a.csv", "Frequency,Magnitude (g/N),-Phase (deg)", single_mode(14), "linear deg")
+    with pytest.raises(InputError, match="does not say what its arrays are"):
+        acquisition.read(path)
+
+
+@pytest.mark.parametrize(
     ("heading", "form"),
     [
         ("Frequency,Magnitude ((m/s^2)/N),Phase (rad)", "linear rad"),
@@ -339,7 +408,7 @@ def test_constant_columns_are_findings(tmp_path: Path) -> None:
     rows = "".join(f"{f:.6f},{np.sin(f):.6f},0\n" for f in LINES)
     (tmp_path / "a.csv").write_text("Frequency,Level (dB re 1),Phase (deg)\n" + rows)
     assert [finding.code for finding in acquisition.read(tmp_path / "a.csv").findings] == ["constant"]
-    (tmp_path / "b.csv").write_text("time,force [N],acc [g]\n" + rows)
+    (tmp_path / "b.csv").write_text("time [s],force [N],acc [g]\n" + rows)
     (finding,) = acquisition.read(tmp_path / "b.csv").findings
     assert (finding.code, finding.where) == ("constant", "b.csv, acc")
 

@@ -6,6 +6,7 @@ Every file is written here by plain formatting or by a foreign library, then dam
 import json
 import struct
 import wave
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -184,6 +185,49 @@ def test_mdf_counts_and_lengths(tmp_path: Path) -> None:
     refused(path, "the version of the file is stated twice and differs")
 
 
+def test_mdf_records_that_are_there_are_salvaged(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    path = tmp_path / "a.mf4"
+    times = np.arange(200) / 100
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(row, times, name=name, unit="N") for row, name in zip(TRUTH, "ab", strict=True)])
+        file.save(path, overwrite=True)
+    whole = path.read_bytes()
+    records, group = whole.index(b"##DT"), whole.index(b"##CG")
+    count = group + 24 + 8 * int.from_bytes(whole[group + 16 : group + 24], "little") + 8
+    assert whole[count : count + 8] == struct.pack("<Q", 200)
+
+    for cycles in (0, 150, 300):  # the logger did not come to write how many there are
+        path.write_bytes(whole[:count] + struct.pack("<Q", cycles) + whole[count + 8 :])
+        refused(path, "other data than the header announces.*salvage=true")
+        np.testing.assert_array_equal(salvaged(path), TRUTH)
+    # the records stand at the end, as loggers write them, and the file is cut within them
+    length = int.from_bytes(whole[records + 8 : records + 16], "little")
+    link = whole.index(struct.pack("<Q", records), whole.index(b"##DG"))
+    behind = whole + bytes(-len(whole) % 8)
+    behind = behind[:link] + struct.pack("<Q", len(behind)) + behind[link + 8 :] + whole[records : records + length]
+    path.write_bytes(behind)
+    np.testing.assert_array_equal(acquisition.read(path).recordings[0].signals, TRUTH)
+    for lost in (1, 24, 1000, 4000):
+        path.write_bytes(behind[:-lost])
+        refused(path, "a block does not fit into the file.*salvage=true")
+        there = salvaged(path)
+        assert there.shape[1] == 200 - -(-lost // 24)  # records of three numbers
+        np.testing.assert_array_equal(there, TRUTH[:, : there.shape[1]])
+    # a record of another length: nothing tells where the next one begins
+    path.write_bytes(whole[: count + 16] + struct.pack("<I", 40) + whole[count + 20 :])
+    refused(path, "other data than the header announces", salvage=True)
+
+
+def test_tdms_channels_of_texts_are_named(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        force = nptdms.ChannelObject("g", "force", TRUTH[0], {"wf_increment": 0.01, "unit_string": "N"})
+        writer.write_segment([force, nptdms.ChannelObject("g", "state", ["on", "off"], {})])
+    contents = acquisition.read(tmp_path / "a.tdms")
+    assert [(f.code, f.where) for f in contents.findings] == [("not-read", "a.tdms, state")]
+
+
 # wave audio -------------------------------------------------------------------------------------------------------------
 
 
@@ -347,6 +391,8 @@ def test_a_logger_states_its_sampling_rate_in_the_header(tmp_path: Path) -> None
         ("Sample rate: 50 Hz", 50),
         ("Sampling frequency [kHz],0.05", 50),
         ("Fs = 50 Hz", 50),
+        ("Sampling interval (ms),20", 50),
+        ("dt = 0.02 s", 50),
     ):
         (tmp_path / "a.csv").write_text(LOGGER.replace("Sampling Rate(Hz),50", line) + rows)
         (record,) = acquisition.read(tmp_path / "a.csv").recordings
@@ -356,6 +402,111 @@ def test_a_logger_states_its_sampling_rate_in_the_header(tmp_path: Path) -> None
     timed = "".join(f"{k / 100},{a:.6f},{b:.6f}\n" for k, (a, b) in enumerate(TRUTH.T))
     (tmp_path / "b.csv").write_text(LOGGER.replace("No.", "Time (s)") + timed)
     refused(tmp_path / "b.csv", "contradicts the time axis")
+
+
+SCOPE = "Model,A 3014\nHorizontal Units,s\nSample Interval,{interval}\nRecord Length,{count}\n\nTIME,CH1,CH2\n"
+
+
+@pytest.mark.parametrize("interval", ["0.01", "1.000000e-02", "10", "10000"])  # without a unit: s, ms or us
+@pytest.mark.parametrize("count", ["200", "2", "200,200"])  # or the length in s
+def test_a_table_as_its_header_announces_it(tmp_path: Path, interval: str, count: str) -> None:
+    rows = "".join(f"{k / 100:.2f},{a:.6f},{b:.6f}\n" for k, (a, b) in enumerate(TRUTH.T))
+    (tmp_path / "a.csv").write_text(SCOPE.format(interval=interval, count=count) + rows)
+    contents = acquisition.read(tmp_path / "a.csv")
+    assert contents.findings == ()
+    np.testing.assert_array_equal(contents.recordings[0].signals, TRUTH)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Record Length,250", "MaxLength: 250", "Number of samples;250;250", "Number of points = 250", "Anzahl Werte: 250"],
+)
+def test_a_table_shorter_than_its_header_announces(tmp_path: Path, line: str) -> None:
+    rows = "".join(f"{k / 100:.2f},{a:.6f},{b:.6f}\n" for k, (a, b) in enumerate(TRUTH.T))
+    (tmp_path / "a.csv").write_text(f"a logger\n{line}\nt [s],a,b\n" + rows)
+    refused(tmp_path / "a.csv", "another number of rows than the header announces; got 200, expected 250")
+    np.testing.assert_array_equal(salvaged(tmp_path / "a.csv"), TRUTH)
+
+
+@pytest.mark.parametrize("interval", ["0.02", "0.015", "2.000000e-02", "0.002"])
+def test_an_interval_that_contradicts_the_time_axis(tmp_path: Path, interval: str) -> None:
+    rows = "".join(f"{k / 100:.2f},{a:.6f},{b:.6f}\n" for k, (a, b) in enumerate(TRUTH.T))
+    (tmp_path / "a.csv").write_text(SCOPE.format(interval=interval, count=200) + rows)
+    refused(tmp_path / "a.csv", "the sampling rate contradicts the time axis")
+
+
+def test_times_without_a_unit_that_make_a_slow_record_are_named(tmp_path: Path) -> None:
+    for title, factor, codes in (
+        ("Time", 1000, ["time-unit-assumed"]),
+        ("Time (ms)", 1000, []),
+        ("Time", 1, []),
+    ):
+        rows = "".join(f"{k / 100 * factor:.2f},{a:.6f}\n" for k, a in enumerate(TRUTH[0]))
+        (tmp_path / "a.csv").write_text(f"{title},a\n" + rows)
+        assert [f.code for f in acquisition.read(tmp_path / "a.csv").findings] == codes
+    (tmp_path / "b.csv").write_text("Time,a\n" + "".join(f"{k * 10},{a:.6f}\n" for k, a in enumerate(TRUTH[0])))
+    assert acquisition.read(tmp_path / "b.csv", time_unit="s").findings == ()
+    assert acquisition.read(tmp_path / "b.csv", time_unit="ms").recordings[0].sampling_rate == 100
+
+
+@pytest.mark.parametrize("name", ["fs", "Fs", "sampling_rate", "SampleRate", "dt"])
+def test_a_sampling_rate_beside_the_signals_that_the_layout_overrules(tmp_path: Path, name: str) -> None:
+    import h5py
+    import scipy.io
+
+    number = 0.005 if name == "dt" else 200.0
+    np.savez(tmp_path / "a.npz", data=TRUTH, **{name: number})
+    scipy.io.savemat(tmp_path / "a.mat", {"run": {"data": TRUTH, name: number}})
+    (tmp_path / "a.json").write_text(json.dumps({"data": TRUTH.tolist(), name: number}))
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["data"] = TRUTH
+        file["data"].attrs[name] = number
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["data"] = TRUTH
+        file.attrs[name] = number
+    for path in sorted(tmp_path.iterdir()):
+        layout = {"signals": "run.data" if path.suffix == ".mat" else "data", "axis": "rows"}
+        contents = acquisition.read(path, sampling_rate=100.0, **layout)
+        assert [(f.code, f.value) for f in contents.findings] == [("rate-overruled", 200.0)], path.name
+        assert contents.recordings[0].sampling_rate == 100
+        assert acquisition.read(path, sampling_rate=200.0, **layout).findings == ()
+
+
+def test_two_arrays_of_one_name(tmp_path: Path) -> None:
+    import scipy.io
+
+    for number, values in enumerate((TRUTH, -TRUTH)):
+        np.save(tmp_path / f"{number}.npy", values)
+        scipy.io.savemat(tmp_path / f"{number}.mat", {"data": values})
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive, pytest.warns(UserWarning, match="Duplicate"):
+        for number in range(2):
+            archive.writestr("data.npy", (tmp_path / f"{number}.npy").read_bytes())
+    (tmp_path / "a.mat").write_bytes((tmp_path / "0.mat").read_bytes() + (tmp_path / "1.mat").read_bytes()[128:])
+    for name in ("a.npz", "a.mat"):
+        refused(tmp_path / name, "two arrays of one name; got data", signals="data", sampling_rate=100.0)
+
+
+def test_numbers_that_cannot_be_measured_are_named(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", TRUTH)
+    data = bytearray((tmp_path / "a.npy").read_bytes())
+    (tmp_path / "b.npy").write_bytes(data.replace(b"<f8", b">f8"))  # the bytes in the wrong order
+    layout = {"axis": "rows", "sampling_rate": 100.0}
+    assert acquisition.read(tmp_path / "a.npy", **layout).findings == ()
+    assert [f.code for f in acquisition.read(tmp_path / "b.npy", **layout).findings] == ["implausible"]
+
+
+def test_fortran_writes_exponents_with_a_sign(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],a\n" + "".join(f"{k / 100:.2f},{k + 1}.5D-01\n" for k in range(30)))
+    np.testing.assert_allclose(acquisition.read(path).recordings[0].signals[0], 0.1 * (np.arange(30) + 1.5), rtol=1e-15)
+    path.write_text(path.read_text().replace("8.5D-01", "8.5D001"))
+    refused(path, "a row that holds no numbers")
+
+
+def test_a_pattern_is_no_matrix(tmp_path: Path) -> None:
+    (tmp_path / "a.mtx").write_text("%%MatrixMarket matrix coordinate pattern symmetric\n2 2 2\n1 1\n2 2\n")
+    with pytest.raises(InputError, match="a pattern without values"):
+        read_matrix(tmp_path / "a.mtx")
 
 
 @pytest.mark.parametrize(("spoken", "unit"), [("Newtons", "N"), ("Volts", "V"), ("Meters", "m"), ("Pascals", "Pa")])
@@ -510,11 +661,17 @@ def test_attributes_that_scale_numbers_or_stand_for_missing_ones_are_named(tmp_p
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["raw"] = np.arange(200)
         file["raw"].attrs["scale_factor"] = 0.01
+        file["raw"].attrs["add_offset"] = 0.0
+        for name, key, value in (("gain", "Gain", 2.0), ("mV", "sensitivity_mV_per_g", 100.0), ("one", "gain", 1.0)):
+            file[name] = np.arange(200) * 1.0
+            file[name].attrs[key] = value
         file.create_dataset("gap", data=np.where(np.arange(200) == 7, -9999.0, 1.5), fillvalue=-9999.0)
         file["zero"] = np.arange(200) * 1.0
     contents = acquisition.read(tmp_path / "a.h5", signals=["raw", "gap", "zero"], sampling_rate=10.0)
     assert [(f.code, f.where, f.message.split()[0]) for f in contents.findings] == [
+        ("meaning", "a.h5, gain", "its"),
         ("meaning", "a.h5, gap", "1"),
+        ("meaning", "a.h5, mV", "its"),
         ("meaning", "a.h5, raw", "its"),
     ]
 

@@ -56,7 +56,7 @@ def test_units_in_a_line_of_their_own(tmp_path: Path) -> None:
 
 
 def test_an_unknown_unit_in_a_title_is_a_finding(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("time,force [wobble]\n0,1\n1,3\n2,4\n")
+    (tmp_path / "a.csv").write_text("time [s],force [wobble]\n0,1\n1,3\n2,4\n")
     contents = acquisition.read(tmp_path / "a.csv")
     assert contents.recordings[0].channels[0].unit == "unstated"
     assert [finding.code for finding in contents.findings] == ["unknown-unit"]

@@ -174,3 +174,26 @@ def test_the_list_of_functions_refuses_damage(tmp_path: Path) -> None:
     (tmp_path / "a.uff").write_bytes(sets[0] + b"".join(lines[:20] + lines[21:]) + sets[2])
     with pytest.raises(InputError, match="data set 2"):
         uff.functions(tmp_path / "a.uff")
+
+
+@pytest.mark.parametrize("record", [6, 7])
+def test_a_record_of_the_header_cut_short_anywhere(tmp_path: Path, record: int) -> None:
+    """Of the DOFs, a node would become another one; of the axis, a step of 1.0E-03 would become 1."""
+    truth = signals(11)
+    parts = write(tmp_path, truth)
+    lines = lines_of(parts[1])
+    whole = lines[record + 1].rstrip()
+    enough = {6: 51, 7: 56}[record]  # the reference and the value on the third axis do not belong to a time record
+    for length in range(len(whole)):
+        cut = [*lines[: record + 1], whole[:length] + b"\n", *lines[record + 2 :]]
+        (tmp_path / "a.uff").write_bytes(parts[0] + b"".join(cut) + parts[2])
+        contents = acquisition.read(tmp_path / "a.uff")
+        count = sum(len(r.channels) for r in contents.recordings)
+        assert count == 2 if length < enough else count in (2, 3)
+        if count == 2:
+            others_are_exact_and_damage_is_named(contents, truth)
+        elif (record, length) < (6, 55):  # the direction alone is missing
+            assert any(finding.severity != "info" for finding in contents.findings)
+        else:
+            found = [row for record in contents.recordings for row in record.signals]
+            np.testing.assert_array_equal(found, truth)

@@ -19,6 +19,8 @@ SECONDS = 5
 """Processor time from which a case is a hang."""
 MEMORY = 1 << 30
 """Bytes by which a case may make the process grow."""
+_DISK = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+"""Where the files of the cases are: in memory where there is such a disk, since others wait for what is overwritten."""
 
 
 @dataclass
@@ -55,7 +57,7 @@ def run(subject: Subject, seed: int, numbers: range) -> Campaign:
 
 def _forked(subject: Subject, seed: int, numbers: range) -> tuple[list[tuple[int, str, str]], tuple[int, str] | None]:
     """Outcomes of the cases until the end or a crash, and where and how it crashed."""
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder, mmap.mmap(-1, 16) as shared:
+    with tempfile.TemporaryDirectory(prefix="fuzz-", dir=_DISK) as folder, mmap.mmap(-1, 16) as shared:
         path = Path(folder) / f"a{subject.suffix}"
         report = Path(folder) / "report"
         child = os.fork()

@@ -75,6 +75,10 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "sign-of-a-shape.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 6,
     # the first digit of modal A lost: it became 0, and all modes lost their scale
     "modal-a-cut.unv": lambda one: one.named == 1 and _count(one, "mode") == 1 + 3,
+    # the last node blanked: the set holds no count, and the blank record was taken for none
+    "blank-last-node.unv": lambda one: one.named == 1 and _count(one, "node") == 6,
+    # the node of a response lost with the bytes that keep its columns: it became node 0
+    "node-lost.uff": lambda one: one.named >= 1 and "0:-Z" not in one.signals,
     # the title of a channel lost; the tab behind the title of the times, which became a channel
     "title-lost.lvm": lambda one: one.named == 1 and len(one.signals) == 2,
     "title-of-the-times.lvm": lambda one: "other time columns" in one.refusal,
@@ -88,6 +92,11 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "first-row.csv": lambda one: "holds no numbers" in one.refusal,
     "two-rows.csv": lambda one: "holds no numbers" in one.refusal,
     "last-row.csv": lambda one: "begins with no number" in one.refusal,
+    # both rows at the end are none, and the last begins with what could be its name
+    "two-rows-damaged.csv": lambda one: "holds no numbers" in one.refusal,
+    # a digit became the letter d, which Fortran writes for an exponent, but never without a sign: 0.0109001 was 0.1
+    "digit-d.csv": lambda one: "holds no numbers" in one.refusal,
+    "digit-d-2.csv": lambda one: "holds no numbers" in one.refusal,
     "behind.csv": lambda one: "holds no numbers" in one.refusal,
     # 0.565x56 was read as 0.565; two entries on one line; a header line that is blank
     "number.mtx": lambda one: "no entry" in one.refusal,

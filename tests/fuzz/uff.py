@@ -185,8 +185,6 @@ class Uff:
             blind = "values exchanged within a function"
         if what == "line moved" and 2 <= row < 7 and owner[goal][0] == number and 2 <= owner[goal][1] < 7:
             free = True
-        if 7 <= row < 13 and what in ("line blanked", "line shortened"):
-            blind = "a header line that is shortened"
         what += f", row {row} of set {number}" + (
             f" to row {owner[goal][1]} of set {owner[goal][0]}" if goal != place else ""
         )
@@ -263,8 +261,10 @@ def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
         text = rest[: closing.start()]
         if b"\0" in text:
             raise ValueError(text)
-        numbers = np.array([float(word) for word in text.split()])
-        values = numbers[::2] + 1j * numbers[1::2] if frf else numbers
+        words = re.sub(rb"(?<=\d)[dD](?=[+-]\d)", b"e", text).split()  # Fortran's exponents
+        numbers = np.array([float(word) for word in words])
+        with np.errstate(all="ignore"):
+            values = numbers[::2] + 1j * numbers[1::2] if frf else numbers
     if len(values) != points:
         raise ValueError(points)
     name = side(30) + (f"/{side(55)}" if frf else "")

@@ -157,8 +157,8 @@ class UffModel:
 
 
 def _set(number: int, lines: list[str]) -> dict[str, tuple[Any, Any]]:
-    # a sign behind a digit begins a number, as in fixed columns without blanks between them
-    rows = [re.sub(r"(?<=\d)(?=[+-]\d\.)", " ", line).split() for line in lines]
+    # a sign behind a digit begins a number, as in fixed columns without blanks between them; Fortran's exponents are d
+    rows = [re.sub(r"(?<=\d)(?=[+-]\d\.)", " ", re.sub(r"(?<=\d)[dD](?=[+-]\d)", "e", line)).split() for line in lines]
     if number == 15:
         return {f"node {int(row[0])}": _signal([float(x) for x in row[4:]]) for row in rows}
     if number == 2411:

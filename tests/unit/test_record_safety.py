@@ -217,6 +217,20 @@ def test_a_journal_that_cannot_be_written_costs_no_take(tmp_path: Path, monkeypa
     assert len(journal(folder)) == 3
 
 
+def test_a_journal_runs_no_formula_of_a_take(tmp_path: Path):
+    """A take may come from anybody: what it says of itself is text in a spreadsheet."""
+    folder = rig_folder(tmp_path, points=(1,), takes=3)
+    (taken,) = take(folder, 1, 0)
+    formula = '=cmd|"/c calc"!A1'
+    record = store.load(taken.path)
+    identity = replace(record.identity, run="-2+3", number=7, key="b", reasons=(formula,), remarks=("@SUM(1)",))
+    store.save(folder / "raw" / "other_1_007.h5", replace(record, identity=identity))
+    for _ in range(2):  # made, and read again
+        session(folder)
+        (row,) = [row for row in journal(folder) if row["number"] == "7"]
+        assert [row[name] for name in ("run", "reason", "remarks")] == ["'-2+3", f"'{formula}", "'@SUM(1)"]
+
+
 def test_runs_with_other_joints_have_their_columns(tmp_path: Path):
     folder = rig_folder(tmp_path, points=(1,), takes=1, ring=False)
     bare = session(folder, "bare")

@@ -29,7 +29,9 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
         if len(before.values) < 2 or before.labels:
             continue
         if after.labels:
-            if not gap and len(after.labels) == 1 and columns == expected - 1 and _titled(before):
+            if any(_broken(line, delimiter, decimal) for line in gap):
+                what = "a row that holds no numbers"
+            elif not gap and len(after.labels) == 1 and columns == expected - 1 and _titled(before):
                 what = "a row that begins with no number"
         elif after is segments[-1]:
             if any(_broken(line, delimiter, decimal, expected) for line in gap):

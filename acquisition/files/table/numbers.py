@@ -7,6 +7,8 @@ import numpy as np
 
 from acquisition.files.layout import Layout
 
+_FORTRAN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[dD][-+]\d{2,3}")
+"""A number in double precision as Fortran writes it: with a sign and two or three digits behind the letter."""
 _ODD = re.compile(r"[\0-\x08\x0e-\x1f\xa0]|\d_\d")
 """What a conversion to numbers skips and no number holds: control characters, and lines between digits."""
 
@@ -41,7 +43,9 @@ def _number(cell: str) -> complex:
             return float("nan")
         if cell[-1:] in "ij)" and cell[:1] in "+-.(0123456789":
             return complex(cell.replace("i", "j").replace(" ", ""))
-        return float(cell.replace("D", "E").replace("d", "e"))
+        if _FORTRAN.fullmatch(cell):
+            cell = cell.replace("D", "E").replace("d", "e")
+        return float(cell)
 
 
 def numbers(cells: list[str]) -> list[complex] | None:

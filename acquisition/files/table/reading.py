@@ -11,9 +11,12 @@ from acquisition.files import sniff
 from acquisition.files.arrange import arrange
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
+from acquisition.files.reconcile import differs
+from acquisition.files.signals import same_rate
+from acquisition.files.table import announced
 from acquisition.files.table.blocks import parse
 from acquisition.files.table.segment import Segment
-from acquisition.files.table.titles import by_titles, distinct, header_rate, metadata
+from acquisition.files.table.titles import by_titles, distinct, metadata
 from ema.data import Finding
 
 
@@ -84,16 +87,45 @@ def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
     )
     open_question = not layout.kind or (layout.kind == "signals" and layout.signals is None and layout.time is None)
     chosen = replace(by_titles(names, layout, where) if open_question else layout, axis="columns")
-    rate = header_rate(segment.header)
-    if rate is not None and chosen.sampling_rate is None and chosen.kind in ("", "signals"):
+    clock = announced.rate(segment.header)
+    if clock is not None and chosen.sampling_rate is None and chosen.kind in ("", "signals"):
         signals = chosen.signals or [name for name in names if name != chosen.time]
         kept = [n for n in signals if not _counts(n, pool)] if isinstance(signals, list) else signals
-        chosen = replace(chosen, sampling_rate=rate, signals=kept)
+        rounded = clock.rounding > 0 and chosen.time is not None  # then the time axis knows better
+        chosen = replace(chosen, sampling_rate=None if rounded else clock.rate, signals=kept)
     contents = arrange(pool, chosen)
+    contents = replace(contents, findings=(*contents.findings, *_reconciled(segment, contents, layout, where)))
     stated = layout.units is not None or layout.unit is not None
     polar = (chosen.amplitude, chosen.phase)
     notes = [] if stated else [_unknown_unit(where, n, text) for n, text in unknown.items() if n not in polar]
     return replace(contents, findings=(*segment.notes, *contents.findings, *notes))
+
+
+def _reconciled(segment: Segment, contents: Contents, layout: Layout, where: str) -> tuple[Finding, ...]:
+    """Compare the rows and the interval that a header announces with those of a record.
+
+    Raises
+    ------
+    InputError : they differ; of rows, where salvage was not asked for.
+    """
+    if not contents.recordings:
+        return ()
+    (record,), samples = contents.recordings, len(segment.values)
+    stated = announced.contradiction(segment.header, record.sampling_rate)
+    if stated is not None:
+        same_rate(record.sampling_rate, stated, samples, where)
+    count = announced.rows(segment.header)
+    # a length may be one in seconds
+    if count is None or count == samples or abs(count * record.sampling_rate / samples - 1) < 0.01:
+        return ()
+    return differs(
+        "another number of rows than the header announces",
+        where=where,
+        layout=layout,
+        got=samples,
+        expected=count,
+        recovered=f"the {samples} rows are read",
+    )
 
 
 _COUNTERS = ("sample", "samples", "no", "no.", "nr", "nr.", "index", "#", "count", "scan", "record", "number")

@@ -1,4 +1,4 @@
-"""What the lines above a table say: titles and units of columns, what they mean, sampling rate, metadata."""
+"""What the lines above a table say of its columns: titles and units, and what they mean; metadata."""
 
 import csv
 import re
@@ -14,8 +14,21 @@ _TITLES = {
     "frequency": ("f", "freq", "frequency", "frequenz"),
     "real": ("re", "real", "real part", "realteil"),
     "imaginary": ("im", "imag", "imaginary", "imaginary part", "imaginärteil"),
-    "amplitude": ("amplitude", "magnitude", "mag", "modulus", "abs", "level", "gain", "betrag", "pegel"),
-    "phase": ("phase", "angle", "argument", "arg", "phasenwinkel"),
+    "amplitude": (
+        "amplitude",
+        "magnitude",
+        "mag",
+        "modulus",
+        "abs",
+        "level",
+        "gain",
+        "betrag",
+        "pegel",
+        "log mag",
+        "log magnitude",
+        "logmag",
+    ),
+    "phase": ("phase", "phase angle", "angle", "argument", "arg", "phasenwinkel", "winkel"),
     "coherence": ("coherence", "kohärenz", "coh"),
     "node": ("node", "point", "nr", "id", "knoten"),
     "x": ("x",),
@@ -60,26 +73,6 @@ def _texts(line: str, delimiter: str) -> list[str]:
 
 def _unbracketed(cell: str) -> str:
     return cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
-
-
-_RATE = re.compile(
-    r"^\W*(?:sampl\w*[ _-]?(?:rate|freq\w*)|abtast\w*|fs)\s*[(\[]?\s*(?P<before>[kM]?Hz|[kM]?S/s)?\s*[)\]]?"
-    r"[\s\"]*[:=,;\t]?[\s\"]*(?P<number>\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*\"?[,;\s]*(?P<after>[kM]?Hz|[kM]?S/s)?[\s;,\"]*$",
-    re.IGNORECASE,
-)
-
-
-def header_rate(header: tuple[str, ...]) -> float | None:
-    """The sampling rate in Hz that a line such as ``Sampling Rate(Hz),50`` states with its unit."""
-    for line in header:
-        found = _RATE.match(line)
-        unit = (found["before"] or found["after"]) if found else None
-        if found and unit:
-            prefix = (
-                {"k": 1e3, "m": 1e6}.get(unit[0].lower(), 1.0) if len(unit) > 2 and unit[0].lower() in "km" else 1.0
-            )
-            return float(found["number"].replace(",", ".")) * prefix
-    return None
 
 
 def distinct(names: list[str]) -> list[str]:

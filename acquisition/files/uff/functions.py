@@ -237,16 +237,25 @@ def _recording(
     return Recording(signals, rate, tuple(channels), name=name)
 
 
+_BASE = {"frequency": ("Hz", "hz", "cps"), "time": ("s", "sec", "secs")}
+"""The unit in which an axis is taken that states none, and other spellings of it, in small letters."""
+
+
 def _abscissa(made: Gathered, header: Header, quantity: str, where: str) -> Scale:
-    """Scale of an axis of time or frequency; a unit of anything else is named and not used."""
-    found = scale(header.abscissa, 0, UnitSystem())
-    if not found.stated or found.quantity == quantity:
-        return found
+    """Scale of an axis of time or frequency; a unit that is none of it, or a data type of anything else, is named."""
+    found, unit = scale(header.abscissa, 0, UnitSystem()), header.abscissa.unit
     if (found.quantity, quantity) == ("angular velocity", "frequency"):
         return Scale(quantity, found.factor / (2 * np.pi), stated=True)
-    message = f"the unit {header.abscissa.unit!r} of the axis is none of {quantity}, and not used."
-    made.findings.append(Finding("warning", "unit-doubtful", where, message, advice="Check the axis."))
-    return Scale(quantity)
+    taken, message = found, ""
+    if found.quantity not in (quantity, "unstated"):
+        taken = Scale(quantity)
+        source = f"unit {unit!r}" if found.stated else "data type"
+        message = f"the {source} of the axis is none of {quantity}, and not used."
+    elif found.note and unit.lower() not in _BASE[quantity]:
+        message = f"{found.note}; the axis is taken in {unit if found.stated else _BASE[quantity][0]}."
+    if message:
+        made.findings.append(Finding("warning", "unit-doubtful", where, message, advice="Check the axis."))
+    return taken
 
 
 def _channel(header: Header, found: Scale) -> Channel:

@@ -66,8 +66,12 @@ class Parts:
 
 def nodes15(parts: Parts, lines: list[bytes]) -> None:
     """Nodes with coordinates in their definition system."""
-    rows, nodes = [], dict[int, tuple[int, int, Any]]()
-    for line in records.inside(lines):
+    rows, nodes, there = [], dict[int, tuple[int, int, Any]](), records.inside(lines)
+    if len(there) < len(lines):
+        message = f"{len(lines) - len(there)} blank records behind its nodes, whose number it does not state."
+        advice = "Make sure that no node is missing."
+        parts.findings.append(Finding("warning", "blank-record", "data set 15", message, advice=advice))
+    for line in there:
         row = records.words(line)
         if len(row) < 7:  # numbers that touch: fixed columns
             text = text_of(line)

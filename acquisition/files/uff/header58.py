@@ -195,6 +195,10 @@ def parse(number_line: bytes, records: Sequence[bytes]) -> Header:
         header = replace(header, byte_order=integer(first, 7, 13, 1), float_format=integer(first, 13, 19, 2))
     if not dof[:5].strip() or dof[80:].strip():
         raise ValueError("the record of its DOFs does not keep to its columns")
+    if not dof[41:51].strip() or (header.function == FRF and not dof[66:76].strip()):
+        raise ValueError("the number of a node is missing")  # where there is none, a 0 stands there
+    if len(form.rstrip()) < 56:
+        raise ValueError("the record of its axis ends too early")  # within the step, of which digits would be lost
     if header.kind not in (2, 4, 5, 6):
         raise ValueError(f"ordinate data type {header.kind} is none of 2, 4, 5, 6")
     if header.points < 1:
