@@ -3,13 +3,14 @@
 import math
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ema.errors import InputError
 
 
+@runtime_checkable
 class Stored(Protocol):
     """Where the values of a window are: an array in a file, opened for each read."""
 

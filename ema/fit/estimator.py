@@ -19,6 +19,7 @@ from jaxtyping import Bool, Complex, Float, Int
 from ema.fit import model
 from ema.fit.model import Background, Functions
 from ema.fit.noise import NoiseLevel
+from ema.fit.range_finder import DIRECTIONS, range_finder
 
 EDGE = 2.0
 """Fixed poles of the residual terms lie at the band edges divided and multiplied by this."""
@@ -977,13 +978,19 @@ def _rotated(
     """
     outputs = len(signals)
     flat = (signals * np.sqrt(weights)).reshape(outputs, -1).view(float)
-    energy, directions = np.linalg.eigh(flat @ flat.T)
-    # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967).
-    ratio = np.sqrt(min(outputs / flat.shape[1], 0.25))
-    noise = max(float(flat.shape[1]), float(energy[0]) / (1 - ratio) ** 2)
-    floor = min(float(np.median(energy)), noise) * (1 + ratio) ** 2
-    kept = int(np.clip(np.count_nonzero(energy > 1.05 * floor) + 2, FEWEST, outputs))
-    leading = np.ascontiguousarray(directions[:, -kept:].T)
+    rank = DIRECTIONS
+    while True:
+        found = range_finder(lambda: [flat], outputs, rank)
+        # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967).
+        ratio = np.sqrt(min(outputs / flat.shape[1], 0.25))
+        least = float(found.energies[-1]) / (1 - ratio) ** 2 if not found.others else 0.0
+        floor = min(found.floor, max(float(flat.shape[1]), least)) * (1 + ratio) ** 2
+        above = int(np.count_nonzero(found.energies > 1.05 * floor))
+        if above < len(found.energies) or not found.others:
+            break
+        rank *= 2
+    kept = int(np.clip(above + 2, FEWEST, len(found.energies)))
+    leading = np.ascontiguousarray(found.directions[:, :kept].T[::-1])
     rotated = leading @ np.ascontiguousarray(signals).reshape(outputs, -1).view(float)
     return rotated.view(complex).reshape(kept, *signals.shape[1:])
 
