@@ -56,7 +56,9 @@ def _rows(container: Any) -> list[tuple[str, str]]:
 
 
 def _is_default(value: Any, default: Any) -> bool:
-    return default is not MISSING and not isinstance(value, np.ndarray | Window) and (value is default or value == default)
+    return (
+        default is not MISSING and not isinstance(value, np.ndarray | Window) and (value is default or value == default)
+    )
 
 
 def brief(value: Any, depth: int = 0) -> str:

@@ -234,9 +234,10 @@ class FrfSet(Container):
         >>> frfs.in_memory() is frfs
         True
         """
-        names = ("values", "coherence", "variance")
-        left = {name: np.asarray(value) for name in names if isinstance(value := getattr(self, name), Window)}
-        return replace(self, **left) if left else self
+        if not self.in_file:
+            return self
+        coherence, variance = (None if one is None else np.asarray(one) for one in (self.coherence, self.variance))
+        return replace(self, values=np.asarray(self.values), coherence=coherence, variance=variance)
 
     def lines(self, keep: "np.ndarray | slice") -> "FrfSet":
         """Return the set on a subset of its frequency lines.
@@ -324,7 +325,7 @@ class FrfSet(Container):
         rows = list(range(len(self.outputs))) if outputs is None else list(outputs)
         columns = list(range(len(self.inputs))) if inputs is None else list(inputs)
 
-        def cut(array: "np.ndarray | None") -> "np.ndarray | None":
+        def cut(array: Any) -> Any:
             return None if array is None else array[:, rows][:, :, columns]
 
         return replace(

@@ -41,6 +41,8 @@ class Window:
         The array.
     axes : sequence of integer arrays, optional
         Positions along each axis; all by default.
+    memory : dict, optional
+        What was computed from the file and is kept with it; all windows on it that come from one share it.
 
     Examples
     --------
@@ -54,10 +56,12 @@ class Window:
            [6., 7., 8.]]))
     """
 
-    def __init__(self, source: Stored, axes: Sequence[np.ndarray] | None = None) -> None:
+    def __init__(
+        self, source: Stored, axes: Sequence[np.ndarray] | None = None, memory: dict[str, Any] | None = None
+    ) -> None:
         self.source = source
         self.axes = tuple(np.arange(length) for length in source.shape) if axes is None else tuple(axes)
-        self.memory: dict[Any, Any] = {}
+        self.memory: dict[str, Any] = {} if memory is None else memory
 
     def __getstate__(self) -> tuple[Stored, tuple[np.ndarray, ...]]:
         return self.source, self.axes
@@ -104,8 +108,10 @@ class Window:
                 expected="one of them for each axis",
                 advice="read its values first, by numpy.asarray",
             )
-        cut = [axis[np.asarray(p) if not isinstance(p, slice) else p] for axis, p in zip(self.axes, parts, strict=False)]
-        return Window(self.source, [*cut, *self.axes[len(parts) :]])
+        cut = [
+            axis[np.asarray(p) if not isinstance(p, slice) else p] for axis, p in zip(self.axes, parts, strict=False)
+        ]
+        return Window(self.source, [*cut, *self.axes[len(parts) :]], self.memory)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """The values, read now."""

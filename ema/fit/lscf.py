@@ -64,7 +64,7 @@ def principal_outputs(
     """FRFs over their noise, with the outputs rotated onto the directions whose energy exceeds that of noise alone
     (`ema.fit.range_finder`); with fewer than 12 outputs nothing is dropped.
     """
-    _, outputs, references = values.shape
+    outputs = values.shape[1]
     own, per_output = 1 / noise.references, 1 / noise.outputs
     if outputs < 12:
         return values * (per_output[:, None] * own)
