@@ -149,5 +149,6 @@ def test_range_finder_keeps_the_energy_that_a_decomposition_keeps():
     np.testing.assert_allclose(found.directions.T @ matrix, found.compressed, atol=1e-6 * strength[0])
     left = np.linalg.norm(matrix - found.directions @ (found.directions.T @ matrix)) ** 2
     assert found.left_out == pytest.approx(left, rel=1e-6)
-    assert left < 1.05 * np.sum(strength[80:] ** 2)
+    # Theorem 10.5: twice the best of 40 directions at most is left out on the average, of 80 that were looked for.
+    assert left < np.sum(strength[40:] ** 2)
     assert found.above(1.1) == np.count_nonzero(strength**2 > 1.1 * found.floor * (1 + np.sqrt(500 / 900)) ** 2)
