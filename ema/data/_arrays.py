@@ -6,6 +6,7 @@ from typing import Any, Union, get_args, get_origin
 
 import numpy as np
 
+from ema.data.window import Window
 from ema.errors import InputError
 
 
@@ -19,10 +20,12 @@ def read_only(values: Any, dtype: Any = None) -> Any:
 
 
 def freeze(container: Any, **dtypes: Any) -> None:
-    """Turn the named fields of a frozen dataclass into read-only arrays of the given dtype; ``None`` stays ``None``."""
+    """Turn the named fields of a frozen dataclass into read-only arrays of the given dtype; ``None`` and windows on
+    files stay what they are.
+    """
     for name, dtype in dtypes.items():
         value = getattr(container, name)
-        if value is not None:
+        if value is not None and not isinstance(value, Window):
             object.__setattr__(container, name, read_only(value, dtype))
 
 

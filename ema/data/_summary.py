@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ema.data.window import Window
+
 LONGEST_TEXT = 60
 """Characters of a text that are shown; a line of a console has 80 to 120."""
 MOST_ITEMS = 4
@@ -54,7 +56,9 @@ def _rows(container: Any) -> list[tuple[str, str]]:
 
 
 def _is_default(value: Any, default: Any) -> bool:
-    return default is not MISSING and not isinstance(value, np.ndarray) and (value is default or value == default)
+    return (
+        default is not MISSING and not isinstance(value, np.ndarray | Window) and (value is default or value == default)
+    )
 
 
 def brief(value: Any, depth: int = 0) -> str:

@@ -14,12 +14,20 @@ from ema.data.deviations import Deviations
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
 from ema.data.set_ups import SetUps
+from ema.data.window import Window
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import FRF_UNIT, UNSTATED, FrfQuantity
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    # A window gives its values to numpy wherever an array does: to type checkers it is one.
+    FrfValues = Complex[np.ndarray, "freq out in"]
+    FrfWeights = Float[np.ndarray, "freq out in"]
+else:
+    FrfValues = Complex[np.ndarray, "freq out in"] | Complex[Window, "freq out in"]
+    FrfWeights = Float[np.ndarray, "freq out in"] | Float[Window, "freq out in"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -31,7 +39,8 @@ class FrfSet(Container):
     frequencies : array of shape (freq,)
         Frequency lines [Hz], increasing.
     values : complex array of shape (freq, out, in)
-        FRFs in SI; bare numbers where ``unit`` is ``"unstated"``.
+        FRFs in SI; bare numbers where ``unit`` is ``"unstated"``. Those of a set that is larger than memory stay in
+        their file (:meth:`ema.store.Writer.begin`): ``numpy.asarray(frfs.pick(...).values)`` reads a part of them.
     outputs, inputs : tuple of Dof
         DOFs of the responses and of the forces. A roving hammer with 2 accelerometers and 80 points is (freq, 2, 80).
     quantity : {"receptance", "mobility", "accelerance", "unstated"}
@@ -76,13 +85,13 @@ class FrfSet(Container):
     """
 
     frequencies: Float[np.ndarray, "freq"]
-    values: Complex[np.ndarray, "freq out in"]
+    values: FrfValues
     outputs: tuple[Dof, ...]
     inputs: tuple[Dof, ...]
     quantity: FrfQuantity
     unit: str = UNSTATED
-    coherence: Float[np.ndarray, "freq out in"] | None = None
-    variance: Float[np.ndarray, "freq out in"] | None = None
+    coherence: FrfWeights | None = None
+    variance: FrfWeights | None = None
     estimator: str = ""
     averages: Float[np.ndarray, "out in"] | None = None
     added_decay: float = 0.0
@@ -190,7 +199,8 @@ class FrfSet(Container):
             self.label(output, input_) for output in range(len(self.outputs)) for input_ in range(len(self.inputs))
         ]
         index = pd.Index(self.frequencies, name="frequency [Hz]")
-        table = pd.DataFrame(self.values.reshape(len(self.frequencies), -1), index=index, columns=labels)
+        values = np.asarray(self.values).reshape(len(self.frequencies), -1)
+        table = pd.DataFrame(values, index=index, columns=labels)
         table.attrs |= {"quantity": self.quantity, "unit": self.unit}
         return table
 
@@ -203,6 +213,31 @@ class FrfSet(Container):
     def scaled(self) -> bool:
         """Whether the values are in SI."""
         return self.unit != UNSTATED
+
+    @property
+    def in_file(self) -> bool:
+        """Whether the values stay in their file until they are used."""
+        return isinstance(self.values, Window)
+
+    def in_memory(self) -> "FrfSet":
+        """Return the set with all its values read.
+
+        Returns
+        -------
+        FrfSet
+            The same set; itself where nothing stays in a file.
+
+        Examples
+        --------
+        >>> from ema.examples import frf_set
+        >>> frfs = frf_set()
+        >>> frfs.in_memory() is frfs
+        True
+        """
+        if not self.in_file:
+            return self
+        coherence, variance = (None if one is None else np.asarray(one) for one in (self.coherence, self.variance))
+        return replace(self, values=np.asarray(self.values), coherence=coherence, variance=variance)
 
     def lines(self, keep: "np.ndarray | slice") -> "FrfSet":
         """Return the set on a subset of its frequency lines.
@@ -290,7 +325,7 @@ class FrfSet(Container):
         rows = list(range(len(self.outputs))) if outputs is None else list(outputs)
         columns = list(range(len(self.inputs))) if inputs is None else list(inputs)
 
-        def cut(array: "np.ndarray | None") -> "np.ndarray | None":
+        def cut(array: Any) -> Any:
             return None if array is None else array[:, rows][:, :, columns]
 
         return replace(

@@ -1,6 +1,6 @@
 """Modes and candidates: what a pole has to show, on the final values and their intervals, to be accepted as a mode."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.special
@@ -92,7 +92,7 @@ def judge(
         elif std_f[pole] > 0.5 * apart[pole]:
             reason = f"its frequency is uncertain by {std_f[pole]:.2g} Hz, {apart[pole]:.2g} Hz from a neighbour"
         elif scatter[pole] > policy.shape_scatter and not members[pole]:
-            reason = f"its shape is uncertain: a MAC of {1 / (1 + scatter[pole]):.2f} with the true one is expected"
+            reason = _uncertain_shape(scatter[pole])
         elif alone[pole] < policy.alone:
             reason = (
                 f"the data do not tell it from modes that overlap; the probability that it is one is {alone[pole]:.0%}"
@@ -101,6 +101,21 @@ def judge(
             reason = f"the probability that it is a mode with this frequency and shape is {confidence[pole]:.0%}"
         reasons[pole], accepted[pole] = reason, not reason
     return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy, unresolved, tones)
+
+
+def with_shapes(verdict: Verdict, scatter: Float[np.ndarray, "pole"], policy: SelectionPolicy) -> Verdict:
+    """The verdict where the variance of shapes on all outputs is larger than that on some channels."""
+    members = np.bincount(verdict.group, minlength=len(verdict.group) + 1)[verdict.group] > 1
+    doubtful = verdict.accepted & (scatter > policy.shape_scatter) & ~members
+    reasons = tuple(
+        _uncertain_shape(value) if doubt else reason
+        for value, doubt, reason in zip(scatter, doubtful, verdict.reasons, strict=True)
+    )
+    return replace(verdict, accepted=verdict.accepted & ~doubtful, reasons=reasons)
+
+
+def _uncertain_shape(scatter: float) -> str:
+    return f"its shape is uncertain: a MAC of {1 / (1 + scatter):.2f} with the true one is expected"
 
 
 def _tones(

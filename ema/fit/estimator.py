@@ -19,6 +19,7 @@ from jaxtyping import Bool, Complex, Float, Int
 from ema.fit import model
 from ema.fit.model import Background, Functions
 from ema.fit.noise import NoiseLevel
+from ema.fit.range_finder import DIRECTIONS, range_finder
 
 EDGE = 2.0
 """Fixed poles of the residual terms lie at the band edges divided and multiplied by this."""
@@ -783,37 +784,65 @@ def with_terms(data: Observations, fit: Fit, columns: int) -> Fit:
     return evaluate(data, fit.poles, fit.participation, terms, (fit.shapes, fit.rest[..., :columns]))
 
 
-def cost_of_fewer_terms(fit: Fit, columns: int) -> float:
-    """Increase of the cost when the first residual terms only are kept and everything else adapts, linearised.
-
-    With the values c of the others at the optimum and their covariance C it is ``c^T C^-1 c``. They belong to one
-    output each, but for the shared unknowns: ``C = D + J S J^T`` with D the covariance (by output) while these are
-    held, S that of these, and J how the terms follow them; inverted by Woodbury's identity.
+@dataclass(frozen=True)
+class FewerTerms:
+    """What it costs to keep the first residual terms only, as a function of a change d of the shared unknowns:
+    ``cost + 2 d gradient + d information d``. Those of some outputs add up to that of all.
     """
-    modes, outer = len(fit.poles), fit.lean.shape[-1] // 2
-    of_shapes = np.r_[:modes, outer : outer + modes]
-    lean = fit.lean[:, :, columns:]
-    rows, references, count = lean.shape[:3]
-    flat = lean.reshape(rows, references * count, -1)
-    by_shape = flat[..., of_shapes]
-    held = by_shape @ fit.local @ by_shape.transpose(0, 2, 1)
-    for i in range(references):
-        own = slice(i * count, (i + 1) * count)
-        held[:, own, own] += fit.of_rest[:, i, columns:, columns:]
-    follow = by_shape @ fit.slope - np.delete(flat, of_shapes, axis=-1)
-    real, imaginary = (part[:, None] for part in np.split(follow, 2, axis=-1))
-    psi = fit.shapes[:, :, None, fit.owners]
-    jacobian = np.concatenate([real * psi.real + imaginary * psi.imag, imaginary * psi.real - real * psi.imag], axis=-1)
-    by_cause = root(fit)
-    values = fit.rest[..., columns:].reshape(*fit.shapes.shape[:2], -1)
-    values = values + jacobian @ (by_cause @ (by_cause.T @ fit.gradient))
-    inverted = inverse(held)[:, None]
-    weighted = (inverted @ values[..., None])[..., 0]
-    along = jacobian.reshape(values.size, jacobian.shape[-1])
-    information = along.T @ (inverted @ jacobian).reshape(along.shape)
-    pulled = by_cause.T @ (along.T @ weighted.reshape(-1))
-    inner = by_cause.T @ information @ by_cause + np.eye(len(pulled))
-    return float(np.sum(values * weighted) - pulled @ np.linalg.solve(inner, pulled))
+
+    cost: float
+    gradient: Float[np.ndarray, "unknown"]
+    information: Float[np.ndarray, "unknown unknown"]
+
+    @classmethod
+    def of(cls, fit: Fit, columns: int) -> "FewerTerms":
+        """For the first ``columns`` of a fit.
+
+        With the values c of the others at the optimum and their covariance D while the shared unknowns are held it is
+        ``(c + J d)^T D^-1 (c + J d)``, J how the terms follow the shared unknowns. They belong to one output each.
+        """
+        modes, outer = len(fit.poles), fit.lean.shape[-1] // 2
+        of_shapes = np.r_[:modes, outer : outer + modes]
+        lean = fit.lean[:, :, columns:]
+        rows, references, count = lean.shape[:3]
+        flat = lean.reshape(rows, references * count, -1)
+        by_shape = flat[..., of_shapes]
+        held = by_shape @ fit.local @ by_shape.transpose(0, 2, 1)
+        for i in range(references):
+            own = slice(i * count, (i + 1) * count)
+            held[:, own, own] += fit.of_rest[:, i, columns:, columns:]
+        follow = by_shape @ fit.slope - np.delete(flat, of_shapes, axis=-1)
+        real, imaginary = (part[:, None] for part in np.split(follow, 2, axis=-1))
+        psi = fit.shapes[:, :, None, fit.owners]
+        jacobian = np.concatenate(
+            [real * psi.real + imaginary * psi.imag, imaginary * psi.real - real * psi.imag], axis=-1
+        )
+        values = fit.rest[..., columns:].reshape(*fit.shapes.shape[:2], -1)
+        inverted = inverse(held)[:, None]
+        weighted = (inverted @ values[..., None])[..., 0]
+        along = jacobian.reshape(values.size, jacobian.shape[-1])
+        return cls(
+            float(np.sum(values * weighted)),
+            along.T @ weighted.reshape(-1),
+            along.T @ (inverted @ jacobian).reshape(along.shape),
+        )
+
+    def __add__(self, other: "FewerTerms") -> "FewerTerms":
+        return FewerTerms(self.cost + other.cost, self.gradient + other.gradient, self.information + other.information)
+
+    def increase(self, fit: Fit) -> float:
+        """Increase of the cost from the optimum next to ``fit`` to that with fewer terms (Woodbury's identity)."""
+        by_cause = root(fit)
+        step = by_cause @ (by_cause.T @ fit.gradient)
+        cost = self.cost + float(step @ (2 * self.gradient + self.information @ step))
+        pulled = by_cause.T @ (self.gradient + self.information @ step)
+        inner = by_cause.T @ self.information @ by_cause + np.eye(len(pulled))
+        return float(cost - pulled @ np.linalg.solve(inner, pulled))
+
+
+def cost_of_fewer_terms(fit: Fit, columns: int) -> float:
+    """Increase of the cost when the first residual terms only are kept and everything else adapts, linearised."""
+    return FewerTerms.of(fit, columns).increase(fit)
 
 
 def covariance(fit: Fit, factor: float) -> Float[np.ndarray, "mode 2 2"]:
@@ -936,13 +965,19 @@ def _rotated(
     """
     outputs = len(signals)
     flat = (signals * np.sqrt(weights)).reshape(outputs, -1).view(float)
-    energy, directions = np.linalg.eigh(flat @ flat.T)
-    # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967).
-    ratio = np.sqrt(min(outputs / flat.shape[1], 0.25))
-    noise = max(float(flat.shape[1]), float(energy[0]) / (1 - ratio) ** 2)
-    floor = min(float(np.median(energy)), noise) * (1 + ratio) ** 2
-    kept = int(np.clip(np.count_nonzero(energy > 1.05 * floor) + 2, FEWEST, outputs))
-    leading = np.ascontiguousarray(directions[:, -kept:].T)
+    rank = DIRECTIONS
+    while True:
+        found = range_finder(lambda: [flat], outputs, rank)
+        # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967).
+        ratio = np.sqrt(min(outputs / flat.shape[1], 0.25))
+        least = float(found.energies[-1]) / (1 - ratio) ** 2 if not found.others else 0.0
+        floor = min(found.floor, max(float(flat.shape[1]), least)) * (1 + ratio) ** 2
+        above = int(np.count_nonzero(found.energies > 1.05 * floor))
+        if above < len(found.energies) or not found.others:
+            break
+        rank *= 2
+    kept = int(np.clip(above + 2, FEWEST, len(found.energies)))
+    leading = np.ascontiguousarray(found.directions[:, :kept].T[::-1])
     rotated = leading @ np.ascontiguousarray(signals).reshape(outputs, -1).view(float)
     return rotated.view(complex).reshape(kept, *signals.shape[1:])
 

@@ -13,7 +13,7 @@ The FRFs (rows over the references) are modelled as ``H(z) A(z) = B(z)`` with po
 All normal matrices are Toeplitz blocks of a few sequences, which on a uniform grid are inverse FFTs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ import scipy.linalg
 from jaxtyping import Complex, Float
 
 from ema.fit.noise import NoiseLevel
+from ema.fit.range_finder import range_finder
 
 CIRCLE = 1.2
 """Length of the circle over the length of the band."""
@@ -36,8 +37,8 @@ times less by rounding, but those of close pairs that the data hardly tell apart
 _LEAST, _MOST = 1e-14, 1e-6
 """Bounds of that weight over the energy of the FRFs: rounding, and what data that are nothing but noise may ask for."""
 
-_BLOCK = 2048
-"""Columns (lines times references) of the FRFs that are correlated at a time: memory alone, no value depends on it."""
+_BLOCK = 256
+"""Outputs that are taken together: memory alone, no value depends on it."""
 
 
 @dataclass(frozen=True)
@@ -60,26 +61,25 @@ class Polynomials:
 def principal_outputs(
     values: Complex[np.ndarray, "freq out in"], weights: Float[np.ndarray, "freq"], noise: NoiseLevel
 ) -> Complex[np.ndarray, "freq kept in"]:
-    """FRFs over their noise, with the outputs rotated onto the directions whose energy exceeds that of noise alone.
-
-    The floor is the median eigenvalue of the output correlation, widened by the Marchenko-Pastur edge of a noise matrix
-    of this size; with fewer than 12 outputs nothing is dropped.
+    """FRFs over their noise, with the outputs rotated onto the directions whose energy exceeds that of noise alone
+    (`ema.fit.range_finder`); with fewer than 12 outputs nothing is dropped.
     """
-    lines, outputs, references = values.shape
+    outputs = values.shape[1]
     own, per_output = 1 / noise.references, 1 / noise.outputs
     if outputs < 12:
         return values * (per_output[:, None] * own)
-    correlation = np.zeros((outputs, outputs), complex)
-    block = max(1, _BLOCK // references)
-    for first in range(0, lines, block):
-        part = values[first : first + block] * (weights[first : first + block, None, None] * own)
-        rows = part.transpose(1, 0, 2).reshape(outputs, -1)
-        correlation += rows @ rows.conj().T
-    correlation *= np.outer(per_output, per_output)
-    energy, directions = np.linalg.eigh(correlation)
-    floor = np.median(energy) * (1 + np.sqrt(outputs / (lines * references))) ** 2
-    kept = int(np.clip(np.count_nonzero(energy > 1.1 * floor) + 1, 4, outputs))
-    rotation = (directions[:, -kept:].conj() * per_output[:, None]).T
+
+    def slabs() -> Iterator[np.ndarray]:
+        for first in range(0, outputs, _BLOCK):
+            part = values[:, first : first + _BLOCK] * (weights[:, None, None] * own)
+            part = part.transpose(1, 0, 2).reshape(part.shape[1], -1)
+            yield part * per_output[first : first + _BLOCK, None]
+
+    found = range_finder(slabs, outputs)
+    while (above := found.above(1.1)) == len(found.energies) < outputs:
+        found = range_finder(slabs, outputs, 2 * len(found.energies))
+    kept = int(np.clip(above + 1, 4, len(found.energies)))
+    rotation = (found.directions[:, :kept].conj() * per_output[:, None]).T
     return np.matmul(rotation, values) * own
 
 

@@ -11,10 +11,12 @@ from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residual
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
 from ema.fit import channel_delay, leakage, peak_shape, set_up_shifts, set_ups, uncertainty
-from ema.fit.acceptance import Verdict, judge, surplus
+from ema.fit.acceptance import Verdict, judge, surplus, with_shapes
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
+from ema.fit.compression import compressed
 from ema.fit.estimator import Fit
+from ema.fit.full_set import FullSet, full_set
 from ema.fit.narrow import narrow_peaks
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, prepare
@@ -49,7 +51,8 @@ def modes(
     Parameters
     ----------
     frfs : FrfSet
-        The FRFs; the band is that of ``poles``.
+        The FRFs; the band is that of ``poles``. A set in a file that is larger than memory is read twice more, a few
+        outputs at a time.
     poles : PoleTable
         Poles of all model orders (:func:`stabilise`).
     near : sequence of float, optional
@@ -91,8 +94,9 @@ class Estimate:
     """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`).
 
     ``shapes`` are residuals that have the shape of a peak; ``compared`` are the modes of the set-ups of a test;
-    ``uncorrected`` (mode,) are the accepted poles that FRFs of Hann blocks show before their leakage is taken off,
-    ``former`` (mode,) those of the last fit but one where that did not converge.
+    ``full_set`` has the outputs of a set that is larger than memory; ``uncorrected`` (mode,) are the accepted poles
+    that FRFs of Hann blocks show before their leakage is taken off, ``former`` (mode,) those of the last fit but one
+    where that did not converge.
     """
 
     frfs: FrfSet
@@ -107,6 +111,7 @@ class Estimate:
     compared: set_ups.Comparison | None = None
     uncorrected: Complex[np.ndarray, "first"] | None = None
     former: Complex[np.ndarray, "last"] | None = None
+    full_set: FullSet | None = None
 
     def model(self, near: Sequence[float] | None = None, index: Sequence[int] | None = None) -> ModalModel:
         """The accepted modes, or those named (`modes`).
@@ -121,8 +126,16 @@ class Estimate:
         else:
             order = np.array(_named(fit, verdict, self.table, near, index, self.frfs), int)
         order = order[np.argsort(np.abs(fit.poles[order]), kind="stable")]
-        whole = of_whole_vibration(self.optimum, self.errors, order, self.band)
-        model = _model(self.band, self.data, *whole, verdict, order)
+
+        def made(data: Prepared, optimum: Refined, errors: PoleErrors) -> ModalModel:
+            return _model(self.band, data, *of_whole_vibration(optimum, errors, order, self.band), verdict, order)
+
+        if self.full_set is None:
+            model = made(self.data, self.optimum, self.errors)
+        else:
+            model = self.full_set.model(made)
+            model = replace(model, findings=(*model.findings, self.full_set.finding))
+        model = replace(model, findings=(*model.findings, *companions(model)))
         if self.compared is not None and self.band.set_ups is not None:
             model = set_up_shifts.stated(model, self.compared, self.band.set_ups)
         model = self._unsettled(model)
@@ -185,6 +198,8 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
     InputError : the FRFs cannot be fitted.
     """
     band = frfs.band(*poles.band)
+    if band.in_file:
+        return _of_file(frfs, band, poles, progress)
     table, compared = poles, None
     parts = set_ups.split(band)
     if parts:
@@ -198,6 +213,23 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
             table = stabilise(band, np.unique(poles.order).tolist())
     found = _fitted(band, table, progress)
     return replace(found, frfs=frfs, table=poles, compared=compared)
+
+
+def _of_file(frfs: FrfSet, band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
+    """Fit and judge all poles of FRFs that stay in their file: on their channels, then on all outputs."""
+    packed = compressed(band, progress)
+    found = _fitted(packed.frfs, poles, progress)
+    whole = full_set(band, packed, found.data, found.optimum, found.verdict.possible, progress=progress)
+    return replace(
+        found,
+        frfs=frfs,
+        band=band,
+        data=whole.data,
+        optimum=whole.optimum,
+        errors=whole.errors,
+        verdict=with_shapes(found.verdict, whole.errors.scatter, POLICY),
+        full_set=whole,
+    )
 
 
 def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
@@ -399,7 +431,6 @@ def _model(
         name=band.name,
     )
     model = scale_to_unit_modal_mass(model) if band.scaled else model
-    model = replace(model, findings=(*model.findings, *companions(model)))
     return uncertainty.attach(model, optimum, errors, order)
 
 

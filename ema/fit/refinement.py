@@ -7,21 +7,20 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import FrfSet, damping_ratios
 from ema.fit import estimator, model, noise, scatter, search
+from ema.fit.compression import SAMPLE
 from ema.fit.estimator import Fit, Observations
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT
 from ema.fit.selection import Dropped, Selection, compressed
 
-_ENOUGH = 60_000
-"""Values from which the structure of the noise and its correlation are estimated."""
 _BEYOND = 3.0
 """Energy of the residual over that of the known noise from which on the noise is not what limits the fit."""
 _AT_ONCE = 400_000
 """Values that are worked on at a time."""
 _ROUNDS = 5
 """Optima at which the poles are judged again."""
-_ITERATIONS, _CONVERGED, _LOOSE = 25, 1e-13, 1e-4
+_ITERATIONS, _CONVERGED, LOOSE = 25, 1e-13, 1e-4
 """Steps to the optimum at most, what they may still promise for each unknown in units of the noise (a millionth of a
 standard deviation), and the information that holds the unknowns in their place (`estimator.refine`)."""
 _UNKNOWN = 1e12
@@ -75,7 +74,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
     # Few values: what the start was still off by shows in their noise.
-    again = 2 if known is None and not misfit and flat.signals.size <= _ENOUGH else 1
+    again = 2 if known is None and not misfit and flat.signals.size <= SAMPLE else 1
     for turn in range(_ROUNDS):
         if turn:
             fit, left = estimator.determined(flat, fit)
@@ -91,19 +90,33 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
             break
         fit = _optimum(flat, _spared(flat, fit))
     factor = fit.variance_factor(flat)
-    of_poles, of_shapes = _loss(flat, fit)
+    of_poles, of_shapes = loss(flat, fit)
     between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
     basis += of_what
-    at_peaks = _at_peaks(flat, fit) if misfit else np.ones(len(fit.poles))
-    inflation = np.tile((factor * of_poles * at_peaks)[fit.owners], 2)
+    at_peaks = misfit_at_peaks(flat, fit) if misfit else np.ones(len(fit.poles))
+    inflation = inflation_of(flat, fit, factor * of_poles, at_peaks, between)
+    wide = _with_all_residual_terms(flat, fit, terms)
+    return Refined(wide, fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis, misfit)
+
+
+def inflation_of(
+    flat: Observations,
+    fit: Fit,
+    of_poles: Float[np.ndarray, "mode"],
+    at_peaks: Float[np.ndarray, "mode"],
+    between: Float[np.ndarray, "2 mode"],
+) -> Float[np.ndarray, "unknown"]:
+    """Variance of each shared unknown over what the weights say: that of its pole by noise, by a misfit at the peaks,
+    and by what changes between FRFs.
+    """
+    inflation = np.tile((of_poles * at_peaks)[fit.owners], 2)
     half, modes = len(inflation) // 2, len(fit.poles)
     inflation[:modes] *= np.maximum(between[0] / at_peaks, 1)
     inflation[half : half + modes] *= np.maximum(between[1] / at_peaks, 1)
     # At its lower bound a decay rate may as well be anything below: it is known to itself, which is the prior.
     bounded = -fit.poles.real <= (1 + 1e-6) * estimator.narrowest(flat, fit.poles)
     inflation[:modes][bounded] = _UNKNOWN
-    wide = _with_all_residual_terms(flat, fit, terms)
-    return Refined(wide, fit, flat, kept, dropped, inflation, factor * of_shapes * at_peaks, of_poles, basis, misfit)
+    return inflation
 
 
 @dataclass(frozen=True)
@@ -179,7 +192,7 @@ def _first(
 
 def _optimum(flat: Observations, start: Fit) -> Fit:
     """The optimum next to a start: where the search came from does not show in it, nor in the weights made from it."""
-    return estimator.refine(flat, start, _ITERATIONS, tolerance=_CONVERGED, prior=_LOOSE, free_outside=True)
+    return estimator.refine(flat, start, _ITERATIONS, tolerance=_CONVERGED, prior=LOOSE, free_outside=True)
 
 
 def _by_output(observed: Observations, data: Prepared) -> Observations:
@@ -238,7 +251,7 @@ def _between(
     is_mode: Bool[np.ndarray, "mode"],
 ) -> tuple[Float[np.ndarray, "2 mode"], str]:
     """Factors for what noise alone does not explain, and what it is in words."""
-    change = scatter.Changes.of(flat, fit, variance)
+    change = scatter.Changes.of(fit, fit.variance_factor(flat), variance)
     found = {
         "noise that the FRFs share": scatter.between_lines(flat, fit, change),
         "scatter between the FRFs": scatter.between_outputs(flat, fit, change),
@@ -246,6 +259,13 @@ def _between(
     if band.deviations is not None:
         impacts = _single_impacts(band, data, flat)
         found["scatter between the impacts"] = scatter.between_impacts(flat, fit, change, *impacts)
+    return largest(found, is_mode)
+
+
+def largest(
+    found: dict[str, Float[np.ndarray, "2 mode"]], is_mode: Bool[np.ndarray, "mode"]
+) -> tuple[Float[np.ndarray, "2 mode"], str]:
+    """The largest of the factors by several causes, and the causes that widen a mode."""
     words = [name for name, factor in found.items() if np.any(factor[:, is_mode] > 1)]
     basis = f"; of some poles, {' and '.join(words)}, which is beyond that" if words else ""
     return np.max(list(found.values()), axis=0), basis
@@ -257,26 +277,27 @@ def _spared(flat: Observations, fit: Fit) -> Fit:
     A set of terms is left out when its gain, poles adapted, stays within two standard deviations of what noise gives to
     as many unknowns.
     """
-    per_column, columns = flat.outputs * flat.references, fit.rest.shape[-1]
-
-    def within_noise(lost: float, count: int) -> bool:
-        return bool(lost <= fit.variance_factor(flat) * (count + estimator.DOUBT * np.sqrt(2 * count)))
-
+    per_column, columns, factor = flat.outputs * flat.references, fit.rest.shape[-1], fit.variance_factor(flat)
     lost, all_columns = 0.0, columns
     while columns:
         fewer = max(columns - 2, 0)
         without = estimator.cost_of_fewer_terms(fit, fewer)
-        if not within_noise(without - lost, per_column * (columns - fewer)):
+        if not within_noise(without - lost, per_column * (columns - fewer), factor):
             break
         lost, columns = without, fewer
     # Far from the optimum the linearisation promises too much.
     while columns < all_columns:
         found = estimator.with_terms(flat, fit, columns)
         lost = found.cost - _promised(found) - (fit.cost - _promised(fit))
-        if within_noise(lost, per_column * (all_columns - columns)):
+        if within_noise(lost, per_column * (all_columns - columns), factor):
             return found
         columns = min(columns + 2, all_columns)
     return fit
+
+
+def within_noise(lost: float, count: int, factor: float) -> bool:
+    """Whether noise of a variance factor explains what so many unknowns gain."""
+    return bool(lost <= factor * (count + estimator.DOUBT * np.sqrt(2 * count)))
 
 
 def _with_all_residual_terms(flat: Observations, fit: Fit, terms: model.Background) -> Fit:
@@ -390,32 +411,60 @@ def _weights(
 
     A ``misfit`` that is larger than the noise may shape them within narrow limits only.
     """
-    curve = np.abs(data.s) ** (2 * derivative)
-
-    def powers(rows: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Noise power (stated, or that of the residual) and squared size of the fitted FRF for some rows."""
-        fitted = estimator.fitted(data, fit, rows)[:, 0]
-        size = (fitted.real**2 + fitted.imag**2) * curve
-        if known is not None:
-            return known[rows], size
-        residual = data.signals[rows, 0] - fitted
-        return (residual.real**2 + residual.imag**2) * curve, size
-
-    some = _some(data)
-    power, size = powers(some)
-    found = noise.structure(power, size, plain=misfit)
-    if known is None and len(fit.poles):
-        left = 1 - _leverage(data, fit, curve / found.variance(power, size))
-        found = noise.structure(power, size, left, plain=misfit)
-    typical = float(np.median(_relative(found.variance(power, size), size))) if misfit else 0.0
+    shape = noise_shape(data, fit, derivative, known, misfit)
     weights = np.empty(data.weights.shape)
     for rows in data.row_blocks(data.signals[0].size, _AT_ONCE):
-        power, size = powers(rows)
+        weights[rows] = shape.weights(data, fit, rows, known)
+    return weights
+
+
+@dataclass(frozen=True)
+class NoiseShape:
+    """What makes the weights of any FRF from its residuals or its variance: ``structure``, and the ``typical`` noise
+    over the size of an FRF where it is a misfit. ``derivative`` turns a receptance into the data.
+    """
+
+    structure: noise.Structure
+    typical: float
+    derivative: int
+
+    def weights(
+        self, data: Observations, fit: Fit, rows: slice, known: Float[np.ndarray, "out in freq"] | None
+    ) -> Float[np.ndarray, "some in freq"]:
+        """Weights of some rows."""
+        power, size = _powers(data, fit, rows, self.derivative, known)
+        found, curve = self.structure, np.abs(data.s) ** (2 * self.derivative)
         variance = found.variance(power, size) if known is None else noise.pooled(power, found, size)
         # An FRF that is fitted well draws the poles to itself and is fitted better: none counts more than the typical.
-        variance *= np.maximum(typical / _relative(variance, size), 1)
-        weights[rows] = 2 * curve / variance
-    return weights
+        variance *= np.maximum(self.typical / _relative(variance, size), 1)
+        return np.asarray(2 * curve / variance)
+
+
+def noise_shape(
+    data: Observations, fit: Fit, derivative: int, known: Float[np.ndarray, "out in freq"] | None, misfit: bool
+) -> NoiseShape:
+    """What some outputs say of the noise of all."""
+    some = _some(data)
+    power, size = _powers(data, fit, some, derivative, known)
+    found = noise.structure(power, size, plain=misfit)
+    if known is None and len(fit.poles):
+        left = 1 - _leverage(data, fit, np.abs(data.s) ** (2 * derivative) / found.variance(power, size))
+        found = noise.structure(power, size, left, plain=misfit)
+    typical = float(np.median(_relative(found.variance(power, size), size))) if misfit else 0.0
+    return NoiseShape(found, typical, derivative)
+
+
+def _powers(
+    data: Observations, fit: Fit, rows: slice, derivative: int, known: Float[np.ndarray, "out in freq"] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Noise power (stated, or that of the residual) and squared size of the fitted FRF for some rows."""
+    curve = np.abs(data.s) ** (2 * derivative)
+    fitted = estimator.fitted(data, fit, rows)[:, 0]
+    size = (fitted.real**2 + fitted.imag**2) * curve
+    if known is not None:
+        return known[rows], size
+    residual = data.signals[rows, 0] - fitted
+    return (residual.real**2 + residual.imag**2) * curve, size
 
 
 def _relative(variance: Float[np.ndarray, "out in freq"], size: Float[np.ndarray, "out in freq"]) -> np.ndarray:
@@ -449,10 +498,10 @@ def _leverage(data: Observations, fit: Fit, weights: Float[np.ndarray, "some in 
 
 def _some(data: Observations) -> slice:
     """Outputs that stand for all."""
-    return slice(None, None, max(1, data.signals.size // _ENOUGH))
+    return slice(None, None, max(1, data.signals.size // SAMPLE))
 
 
-def _loss(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
+def loss(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
     """Variance of poles and of shapes over that for errors independent from line to line, each mode.
 
     The errors correlate as the residual does; what counts is how far the sensitivity of a mode reaches over lines:
@@ -475,7 +524,7 @@ def _loss(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "mode"], Floa
     return result[0], result[1]
 
 
-def _at_peaks(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
+def misfit_at_peaks(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
     """Residual energy where it moves each pole over that of all lines, at least 1: what is fitted badly is worst there.
 
     It is made up for what the pole and the shapes have followed of these lines.

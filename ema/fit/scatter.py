@@ -34,10 +34,10 @@ class Changes:
     noise: Float[np.ndarray, "2 mode"]
 
     @classmethod
-    def of(cls, data: Observations, fit: Fit, variance: Float[np.ndarray, "mode"]) -> "Changes":
-        """For the ``variance`` of each pole over what the weights say."""
+    def of(cls, fit: Fit, level: float, variance: Float[np.ndarray, "mode"]) -> "Changes":
+        """For the ``variance`` of each pole over what the weights say, of noise of a ``level`` over what they say."""
         modes, half = len(fit.poles), len(fit.gradient) // 2
-        level = max(fit.variance_factor(data), np.finfo(float).tiny)
+        level = max(level, np.finfo(float).tiny)
         by_cause = estimator.root(fit, level)
         rows = np.concatenate([np.arange(modes), half + np.arange(modes)])
         covariance = by_cause @ by_cause[rows].T / level
@@ -56,15 +56,22 @@ def between_outputs(data: Observations, fit: Fit, changes: Changes) -> Float[np.
     place: each FRF is clean and has a pole of its own. Leaving out one output after the other shows that (one step of
     the jackknife, Wu 1986; sandwich variance over groups, Liang and Zeger 1986).
     """
-    modes = len(fit.poles)
-    if data.outputs < 3 or not modes:
-        return np.ones((2, modes))
-    share = np.minimum(_shares(data, fit), _LARGEST_SHARE)
-    freedom = np.maximum(1 / np.sum(share**2, axis=0) - 1, 1)
-    usual = np.sum(share / (1 - share), axis=0)
+    if data.outputs < 3 or not len(fit.poles):
+        return np.ones((2, len(fit.poles)))
+    told = np.concatenate([told_by_outputs(data, fit, rows) for rows in _blocks(data)])
     pull = np.concatenate(
         [estimator.pulls(data, fit, estimator.residual(data, fit, rows), rows)[:, 0] for rows in _blocks(data)]
     )
+    return of_outputs(fit, changes, told, pull)
+
+
+def of_outputs(
+    fit: Fit, changes: Changes, told: Float[np.ndarray, "out mode"], pull: Float[np.ndarray, "out unknown"]
+) -> Float[np.ndarray, "2 mode"]:
+    """`between_outputs` from what each output tells of each pole, and from its pull on the shared unknowns."""
+    share = np.minimum(told / np.maximum(np.sum(told, axis=0), np.finfo(float).tiny), _LARGEST_SHARE)
+    freedom = np.maximum(1 / np.sum(share**2, axis=0) - 1, 1)
+    usual = np.sum(share / (1 - share), axis=0)
     seen = np.sum((changes.parts(pull) / (1 - share)) ** 2, axis=1) / usual
     return _factors(seen, np.array([freedom, freedom]), fit, changes, 0.5 * (freedom + 1))
 
@@ -76,15 +83,29 @@ def between_lines(data: Observations, fit: Fit, changes: Changes) -> Float[np.nd
     more than one. What the residuals of all FRFs on a line do to a pole shows that (sandwich variance over groups of
     lines, Liang and Zeger 1986).
     """
-    modes = len(fit.poles)
-    if data.outputs * data.references < 2 or not modes or len(data.s) < 4 * _GROUPS:
-        return np.ones((2, modes))
+    if data.outputs * data.references < 2:
+        return np.ones((2, len(fit.poles)))
     pull = np.zeros((_GROUPS, len(fit.gradient)))
-    for rows in _blocks(data):
-        residual = estimator.residual(data, fit, rows)
-        for group in range(_GROUPS):
-            lines = slice(group, None, _GROUPS)
-            pull[group] += estimator.pulls(data.lines(lines), fit, residual[..., lines], rows).sum(axis=(0, 1))
+    if len(fit.poles) and len(data.s) >= 4 * _GROUPS:
+        for rows in _blocks(data):
+            pull += pulls_of_lines(data, fit, rows).sum(axis=1)
+    return of_lines(fit, changes, pull, len(data.s))
+
+
+def pulls_of_lines(data: Observations, fit: Fit, rows: slice) -> Float[np.ndarray, "group out unknown"]:
+    """Pulls of the residuals of some outputs on the shared unknowns, for each group of lines."""
+    residual = estimator.residual(data, fit, rows)
+    groups = [slice(group, None, _GROUPS) for group in range(_GROUPS)]
+    return np.stack([estimator.pulls(data.lines(own), fit, residual[..., own], rows)[:, 0] for own in groups])
+
+
+def of_lines(
+    fit: Fit, changes: Changes, pull: Float[np.ndarray, "group unknown"], lines: int
+) -> Float[np.ndarray, "2 mode"]:
+    """`between_lines` from the pulls of all outputs together, for each group of lines."""
+    modes = len(fit.poles)
+    if not modes or lines < 4 * _GROUPS:
+        return np.ones((2, modes))
     parts = changes.parts(pull)
     left = (parts - np.mean(parts, axis=1, keepdims=True)) ** 2
     seen = np.sum(left, axis=1) * _GROUPS / (_GROUPS - 1)
@@ -219,12 +240,8 @@ def _log_density(
     return found - scipy.special.betaln(first / 2, second / 2)
 
 
-def _shares(data: Observations, fit: Fit) -> Float[np.ndarray, "out mode"]:
-    """Share of each output in what the data tell of each pole."""
+def told_by_outputs(data: Observations, fit: Fit, rows: slice) -> Float[np.ndarray, "out mode"]:
+    """What some outputs tell of each pole, up to a factor common to all outputs."""
     near, size = np.abs(data.s - fit.poles[:, None]) ** -4, np.abs(fit.participation) ** 2
-    share = np.empty((data.outputs, len(fit.poles)))
-    for rows in _blocks(data):
-        found = np.einsum("oif,mf,im->om", data.weights[rows], near, size, optimize=True)
-        share[rows] = found * np.abs(fit.shapes[rows, 0]) ** 2
-    result: np.ndarray = share / np.maximum(np.sum(share, axis=0), np.finfo(float).tiny)
-    return result
+    found = np.einsum("oif,mf,im->om", data.weights[rows], near, size, optimize=True)
+    return np.asarray(found * np.abs(fit.shapes[rows, 0]) ** 2)

@@ -8,6 +8,7 @@ from jaxtyping import Complex
 from ema.data import FrfSet, PoleTable, damping_ratios, natural_frequencies
 from ema.errors import InputError
 from ema.fit import lscf
+from ema.fit.compression import compressed
 from ema.fit.prepare import Prepared, prepare
 from ema.progress import Progress, advance, silent
 
@@ -26,7 +27,8 @@ def stabilise(
     Parameters
     ----------
     frfs : FrfSet
-        FRFs of the band to be analysed (``frfs.band(200, 1350)``); the shorter side serves as references.
+        FRFs of the band to be analysed (``frfs.band(200, 1350)``); the shorter side serves as references. A set in a
+        file that is larger than memory is read twice and compressed (`ema.fit.compression`).
     orders : iterable of int, optional
         Model orders, counted as usual: an order gives half as many modes per reference. Odd orders count as the next
         even one. Default: thirty orders up to 60 (up to 200 for a single reference), fewer where there are few lines.
@@ -57,6 +59,8 @@ def stabilise(
     >>> sorted(set(poles.order.tolist()))
     [4, 6, 8]
     """
+    if frfs.in_file:
+        frfs = compressed(frfs.lines(frfs.frequencies > 0), progress).frfs
     data = prepare(frfs)
     return stabilise_prepared(data, frfs, orders, tolerances, progress)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ema import data
 from ema.data import Lazy
+from ema.data.window import Window
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.store.meaning import Meaning, meaning
@@ -31,7 +32,7 @@ class Parts:
     ``nodes`` are the places of the arrays in the tree, where whoever writes them notes their checksums.
     """
 
-    arrays: dict[str, tuple[np.ndarray, Meaning]] = field(default_factory=dict)
+    arrays: dict[str, tuple[np.ndarray | Window, Meaning]] = field(default_factory=dict)
     nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
     sequences: dict[str, Sequence[Any]] = field(default_factory=dict)
 
@@ -46,7 +47,7 @@ def encode(value: Any, parts: Parts, path: str = "", what: Meaning | None = None
     match value:
         case None | bool() | int() | str():
             return value
-        case np.ndarray():
+        case np.ndarray() | Window():
             parts.arrays[path] = (value, what or Meaning())
             parts.nodes[path] = {"$array": path}
             return parts.nodes[path]
@@ -85,8 +86,14 @@ def _below(path: str, name: str) -> str:
     return f"{path}/{name}" if path else name
 
 
-def decode(tree: Any, array: Callable[[str, int | None], np.ndarray], item: Callable[[str, int], Any]) -> Any:
-    """The value of a ``tree``; ``array(path, checksum)`` delivers its arrays, ``item(path, place)`` items of sequences.
+def decode(
+    tree: Any,
+    array: Callable[[str, int | None], np.ndarray],
+    item: Callable[[str, int], Any],
+    window: Callable[[str], Window] | None = None,
+) -> Any:
+    """The value of a ``tree``; ``array(path, checksum)`` delivers its arrays, ``item(path, place)`` items of sequences,
+    ``window(path)`` arrays that were written in blocks, which are read whole without it.
 
     Raises
     ------
@@ -96,7 +103,9 @@ def decode(tree: Any, array: Callable[[str, int | None], np.ndarray], item: Call
         case None | bool() | int() | float() | str():
             return tree
         case list():
-            return tuple(decode(member, array, item) for member in tree)
+            return tuple(decode(member, array, item, window) for member in tree)
+        case {"$array": str() as path, "in_blocks": True} if window is not None:
+            return window(path)
         case {"$array": str() as path}:
             return array(path, tree.get("crc32"))
         case {"$float": str() as text}:
@@ -108,7 +117,7 @@ def decode(tree: Any, array: Callable[[str, int | None], np.ndarray], item: Call
         case {"$items": str() as path, "count": int() as count}:
             return Lazy([lambda place=place: item(path, place) for place in range(count)])  # type: ignore[misc]
         case {"$noun": str() as name}:
-            members = {key: decode(member, array, item) for key, member in tree.items() if key != "$noun"}
+            members = {key: decode(member, array, item, window) for key, member in tree.items() if key != "$noun"}
             return _build(name, members)
     raise InputError("holds something that this version does not know", got=str(tree)[:60])
 

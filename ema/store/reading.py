@@ -14,11 +14,13 @@ import h5py
 import numpy as np
 
 from ema.data import Lazy, Recording
+from ema.data.window import Window
 from ema.errors import EmaError, InputError
 from ema.store import untrusted
 from ema.store.document import decode
 from ema.store.layout import CONTENTS, DOCUMENT, FORMAT, ITEMS, SCHEMA_VERSION
 from ema.store.migrations import migrated
+from ema.store.window import StoredArray
 
 _FILTERS = frozenset({h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
 _PIECE = 1 << 20
@@ -73,7 +75,8 @@ def load(path: str | Path) -> Any:
     """Read what ``save`` wrote.
 
     Sequences of records inside a data type (a run in a campaign) are ``Lazy``: signals stay on disk until they are
-    used.
+    used. FRFs that were written in blocks (:meth:`Writer.begin`) stay on disk too; :func:`ema.fit.stabilise` and
+    :func:`ema.fit.modes` read them piece by piece.
 
     Parameters
     ----------
@@ -300,7 +303,15 @@ def _item(file: h5py.File, group: str, path: Path, state: tuple[int, int, int]) 
         tree,
         lambda part, checksum: _array(file[group], part, checksum),
         lambda part, place: _maker(path, f"{group}/{part}/{place}", state)(),
+        lambda part: _window(file[group], part, path, state),
     )
+
+
+def _window(group: h5py.Group, part: str, path: Path, state: tuple[int, int, int]) -> Window:
+    """The array at ``part``, which stays in the file; each of its chunks has a checksum."""
+    values = _dataset(group, part)
+    chunks = values.chunks or values.shape
+    return Window(StoredArray(path.resolve(), f"{group.name}/{part}", state, values.shape, values.dtype, chunks))
 
 
 def _check_sequences(file: h5py.File, group: str, tree: Any) -> None:

@@ -3,18 +3,20 @@
 import contextlib
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, overload
 
 import h5py
 import numpy as np
 from jaxtyping import Float
 
 from ema import __version__
-from ema.data import Lazy, Recording
+from ema.data import FrfSet, Lazy, Recording
+from ema.data.window import Window
+from ema.dof import Dof
 from ema.errors import InputError
 from ema.store.atomic import replacing, write_failure
 from ema.store.document import Parts, encode
@@ -28,6 +30,12 @@ _COMPRESS_FROM = 4096
 _COMPRESSIONS = ("", "gzip")
 _SIGNAL_CHUNK = 65536
 """Samples of a signal that lie together in a file, half a megabyte of float64."""
+_FRF_CHUNK = 256, 64, 4
+"""Lines, outputs and inputs that lie together in the file of a set in blocks, a megabyte of complex128: a band of lines
+of all outputs, and all lines of some outputs, are read without anything else.
+"""
+_IN_BLOCKS = ("values", "variance", "coherence")
+"""Fields of a set of FRFs that are written in blocks."""
 
 
 def save(path: str | Path, content: Any, exclusive: bool = False, *, compression: str = "") -> None:
@@ -118,6 +126,7 @@ class Writer(AbstractContextManager["Writer"]):
             raise InputError("unknown compression", got=compression, expected='"gzip", or "" for none')
         self.path, self.kind, self.compression, self._exclusive = Path(path), kind, compression, exclusive
         self._names: list[str] = []
+        self._started: list[FrfBlockWriter] = []
 
     def __enter__(self) -> "Writer":
         with contextlib.ExitStack() as exits:
@@ -138,7 +147,8 @@ class Writer(AbstractContextManager["Writer"]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with deferred():
-            if error is None:
+            unfinished = [one for one in self._started if not one.complete] if error is None else []
+            if error is None and not unfinished:
                 # texts of fixed length lie beside their names, others in a heap of their own
                 self._file.attrs.update(
                     format=np.bytes_(FORMAT),
@@ -150,6 +160,8 @@ class Writer(AbstractContextManager["Writer"]):
             self._sink.close()
         if error is None:
             self.check()
+        if unfinished:
+            raise unfinished[0].missing()
 
     def add(self, noun: Any, name: str = "") -> None:
         """Write one item; its arrays may be dropped by the caller afterwards.
@@ -177,26 +189,33 @@ class Writer(AbstractContextManager["Writer"]):
         """
         self._new_item(noun, name)
 
-    def begin(self, header: Recording, name: str = "") -> "BlockWriter":
-        """Start a record that arrives in blocks.
+    @overload
+    def begin(self, header: Recording, name: str = "") -> "BlockWriter": ...
+
+    @overload
+    def begin(self, header: FrfSet, name: str = "") -> "FrfBlockWriter": ...
+
+    def begin(self, header: Recording | FrfSet, name: str = "") -> "BlockWriter | FrfBlockWriter":
+        """Start a record, or a set of FRFs, that arrives in blocks.
 
         Parameters
         ----------
-        header : Recording
+        header : Recording or FrfSet
             The record with no samples yet, shape (channel, 0); its ``signals.dtype`` (float32 or float64) is the one
-            stored.
+            stored. Or the set with all its ``outputs`` and no values yet, shape (freq, 0, in); likewise its
+            ``variance`` or ``coherence``, if they will come with the values.
         name : str, optional
             Name of the item in a mapping.
 
         Returns
         -------
-        BlockWriter
-            What the blocks are appended to, by ``append``.
+        BlockWriter or FrfBlockWriter
+            What the blocks are appended to, by ``append`` or ``extend``: samples of a record, outputs of a set.
 
         Raises
         ------
         InputError
-            If the header has samples, or the name is taken.
+            If the header has samples or values, or the name is taken.
 
         Examples
         --------
@@ -213,6 +232,22 @@ class Writer(AbstractContextManager["Writer"]):
         ...     describe(f"{folder}/record.h5")[0].samples
         2048
         """
+        if isinstance(header, FrfSet):
+            if header.values.shape[1] != 0:
+                raise InputError(
+                    "the header of a set of FRFs in blocks has values",
+                    got=f"{header.values.shape[1]} outputs",
+                    expected="shape (freq, 0, in)",
+                )
+            if header.deviations is not None or header.set_ups is not None:
+                raise InputError(
+                    "deviations of impacts and set-ups are not written in blocks",
+                    where=header.name,
+                    advice="write a set of FRFs for each set-up, with the variance of its values",
+                )
+            started = FrfBlockWriter(self, self._new_item(header, name, growing=True), header)
+            self._started.append(started)
+            return started
         if header.signals.shape[1] != 0:
             raise InputError("the header of a record in blocks has samples", got=header.signals.shape[1], expected=0)
         return BlockWriter(self, self._new_item(header, name, growing=True)["signals"])
@@ -273,12 +308,88 @@ class BlockWriter:
         self._writer.check()
 
 
+class FrfBlockWriter:
+    """Appends outputs to one set of FRFs."""
+
+    def __init__(self, writer: Writer, group: h5py.Group, header: FrfSet) -> None:
+        self._writer, self._group, self._header, self._done = writer, group, header, 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether all outputs were appended."""
+        return self._done == len(self._header.outputs)
+
+    def missing(self) -> InputError:
+        """What to say of a set that ends early."""
+        return InputError(
+            "a set of FRFs ended before its last output",
+            where=str(self._writer.path),
+            got=f"{self._done} outputs",
+            expected=f"{len(self._header.outputs)}, as its header says",
+            advice="no file was written; append the FRFs of all outputs",
+        )
+
+    def append(self, block: FrfSet) -> None:
+        """Add the next outputs, with their variance or coherence where the header has one.
+
+        Raises
+        ------
+        InputError : the outputs are not the next ones, or lines, inputs, quantity or unit differ.
+        FailureError : the disk is full.
+        """
+        header, first = self._header, self._done
+        last = first + len(block.outputs)
+        for what, got, expected in (
+            ("units", f"{block.quantity} [{block.unit}]", f"{header.quantity} [{header.unit}]"),
+            ("outputs", _few(block.outputs), _few(header.outputs[first:last])),
+            ("inputs", _few(block.inputs), _few(header.inputs)),
+            ("frequency lines", block.frequencies, header.frequencies),
+            ("number of values", block.values.shape[1], len(block.outputs)),
+        ):
+            if not np.array_equal(np.asarray(got), np.asarray(expected)):
+                raise InputError(
+                    f"a block of FRFs has other {what} than its set",
+                    where=f"{self._writer.path}, outputs {first + 1} to {last}",
+                    got=str(got)[:80],
+                    expected=str(expected)[:80],
+                )
+        for name in _IN_BLOCKS:
+            own = getattr(block, name)
+            if (own is None) != (getattr(header, name) is None):
+                raise InputError(
+                    f"the {name} of a block of FRFs is {'missing' if own is None else 'unexpected'}",
+                    where=f"{self._writer.path}, outputs {first + 1} to {last}",
+                    expected="as in the header of the set",
+                )
+            if own is not None:
+                with deferred():
+                    self._group[name][:, first:last] = np.asarray(own)
+                self._writer.check()
+        self._done = last
+
+    def extend(self, blocks: Iterable[FrfSet]) -> None:
+        """Add blocks one after the other, as a generator makes them (`append`)."""
+        for block in blocks:
+            self.append(block)
+
+
+def _few(dofs: Sequence[Dof]) -> str:
+    """DOFs as a text that tells different ones apart, and begins with the first ones."""
+    return " ".join(map(str, dofs))
+
+
 def _write(group: h5py.Group, noun: Any, compression: str, *, growing: bool = False) -> None:
     parts = Parts()
     tree = encode(noun, parts)
     if not isinstance(tree, dict) or "$noun" not in tree:
         raise InputError("cannot be stored", got=type(noun).__name__, expected="a noun of ema.data")
     for path, (array, what) in parts.arrays.items():
+        in_blocks = growing and isinstance(noun, FrfSet) and path in _IN_BLOCKS
+        if in_blocks or isinstance(array, Window):
+            outputs = len(noun.outputs) if in_blocks else array.shape[1]
+            parts.nodes[path]["in_blocks"] = True
+            _write_in_blocks(group, path, array, what, outputs)
+            continue
         stored = np.asarray(np.char.encode(array, "utf-8") if array.dtype.kind == "U" else array, order="C")
         grows = growing and path == "signals"
         if not grows:  # a record that grows has a sum in each of its chunks
@@ -313,7 +424,22 @@ def _write_array(group: h5py.Group, path: str, array: np.ndarray, what: Meaning,
         options = {"chunks": tuple(min(size, chunk) for size, chunk in zip(array.shape, chunks, strict=True))}
     if packed:
         options |= {"compression": layout["compression"], "compression_opts": 1, "shuffle": True, "fletcher32": True}
-    dataset = group.create_dataset(path, data=array, **options)
+    _describe(group.create_dataset(path, data=array, **options), what)
+
+
+def _write_in_blocks(group: h5py.Group, path: str, array: np.ndarray | Window, what: Meaning, outputs: int) -> None:
+    """Values (freq, out, in) that are larger than memory: room for all outputs; of a window, the values as well."""
+    lines, _, inputs = array.shape
+    chunks = min(lines, _FRF_CHUNK[0]), min(outputs, _FRF_CHUNK[1]), min(inputs, _FRF_CHUNK[2])
+    shape = (lines, outputs, inputs)
+    dataset = group.create_dataset(path, shape, array.dtype, chunks=tuple(map(max, chunks, (1, 1, 1))), fletcher32=True)
+    _describe(dataset, what)
+    for first in range(0, outputs if isinstance(array, Window) else 0, chunks[1]):
+        dataset[:, first : first + chunks[1]] = np.asarray(array[:, first : first + chunks[1]])
+
+
+def _describe(dataset: h5py.Dataset, what: Meaning) -> None:
+    """What the values mean, beside them."""
     for name, value in (("quantity", what.quantity), ("unit", what.unit), ("long_name", what.long_name)):
         if value:
             dataset.attrs[name] = value if isinstance(value, str) else list(value)
