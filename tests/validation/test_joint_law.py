@@ -135,3 +135,11 @@ def test_the_joint_of_the_paper(root):
     assert rows["peak force over friction coefficient"]["determined"]
     assert 0.05 < found["weight_of_one_joint"] < 0.95
     assert_keys("ema joint", found)
+
+
+def test_the_example_of_the_page_is_a_file_that_loads(root, tmp_path):
+    text = (root / "docs" / "joint.md").read_text(encoding="utf-8")
+    example = text.split("```toml\n")[1].split("```")[0]
+    (tmp_path / "joint.toml").write_text(example, encoding="utf-8")
+    found = load(tmp_path)
+    assert found.hammer[0].damping == pytest.approx(0.006) and found.shaker[0].quantity == "ridge"
