@@ -36,6 +36,7 @@ FILE_NAME = "model.toml"
 
 __all__ = [
     "FILE_NAME",
+    "ControlTable",
     "FrfTable",
     "LawTable",
     "LoopTable",
@@ -294,6 +295,19 @@ class LoopTable(Table):
     frequency: Frequency = 1.0
 
 
+class ControlTable(Table):
+    """``[control]``: what a controlled normal force brings at a tool point, after a release and, with ``force``, in the
+    cut."""
+
+    at: Place
+    load: Force
+    normal_force: NormalForces
+    band: Band
+    force: Forces | None = None
+    lag: Seconds | None = None
+    specific_force: Modulus = 2e9
+
+
 class ModelFile(Table):
     """The whole of ``model.toml``."""
 
@@ -307,6 +321,7 @@ class ModelFile(Table):
     frf: FrfTable | None = None
     map: MapTable | None = None
     loop: LoopTable | None = None
+    control: ControlTable | None = None
 
     @model_validator(mode="after")
     def _sound(self) -> "ModelFile":
@@ -345,6 +360,7 @@ TABLES: dict[str, type[BaseModel]] = {
     "frf": FrfTable,
     "map": MapTable,
     "loop": LoopTable,
+    "control": ControlTable,
 }
 _FORMER = FormerNames()
 """What keys of ``model.toml`` were called before."""

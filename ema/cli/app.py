@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import ema
-from ema.cli import archiving, beginning, browsing, comparing, mapping, placing, predicting, recording, simulating
+from ema.cli import (
+    archiving,
+    beginning,
+    browsing,
+    comparing,
+    joining,
+    mapping,
+    placing,
+    predicting,
+    recording,
+    simulating,
+)
 from ema.cli.cluster import Cluster
 from ema.cli.common import Formats, Jobs, Json, LimitOfRecipe, split_formats, status
 from ema.cli.ending import FINDINGS, FINE, ends_well
@@ -40,6 +51,7 @@ app.command()(comparing.compare)
 app.command()(placing.place)
 app.command("map")(mapping.make_map)
 app.command()(predicting.predict)
+app.command()(joining.joint)
 
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")]
 Salvage = Annotated[

@@ -1,4 +1,4 @@
-"""`ema simulate`: a model file, one of four jobs, the result in a store, its pictures, and a table."""
+"""`ema simulate`: a model file, one of five jobs, the result in a store, its pictures, and a table."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -86,6 +86,8 @@ def _ended(
                 "model": model.name,
                 "job": name,
                 "rows": [jsonable(row) for row in job.rows],
+                **{key: [jsonable(row) for row in rows] for key, rows in job.more.items()},
+                **({"statement": job.statement} if job.statement else {}),
                 "findings": [finding(one) for one in job.findings],
                 "written": [str(one) for one in written],
             }
@@ -134,12 +136,15 @@ def _print(title: str, job: Job, written: Sequence[Path]) -> None:
     from ema.cli import screen
 
     out = screen.console()
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for column in job.rows[0] if job.rows else ():
-        table.add_column(Text(column), justify="right", no_wrap=True)
-    for row in job.rows:
-        table.add_row(*(_text(value) for value in row.values()))
-    out.print(table)
+    for name, rows in {title: job.rows, **job.more}.items():
+        table = Table(title=name, title_justify="left", title_style="bold")
+        for column in rows[0] if rows else ():
+            table.add_column(Text(column), justify="right", no_wrap=True)
+        for row in rows:
+            table.add_row(*(_text(value) for value in row.values()))
+        out.print(table)
+    if job.statement:
+        out.print(Text(job.statement), soft_wrap=True)
     screen.show_findings(out, job.findings)
     out.print(Text("Written: " + ", ".join(str(path) for path in written)), soft_wrap=True)
 
@@ -257,4 +262,29 @@ def loop(
         json,
         limit,
         lambda told, held, bars: simulations.loops(_chosen("loop", told.loop), held, amplitude, normal_force),
+    )
+
+
+@app.command()
+@ends_well
+def control(
+    model: ModelPath,
+    force: ForceLevels = None,
+    normal_force: Annotated[
+        list[float] | None, typer.Option("--normal-force", help="Normal force in N that is tried (may be repeated).")
+    ] = None,
+    out: Out = None,
+    json: Json = False,
+    limit: Limit = "error",
+) -> int:
+    """What a controlled normal force brings at a tool point: ring-down, limit of chatter, surface."""
+    from ema.cli import simulations
+
+    return _ended(
+        "control",
+        model,
+        out,
+        json,
+        limit,
+        lambda told, held, bars: simulations.control(_chosen("control", told.control), held, force, normal_force, bars),
     )

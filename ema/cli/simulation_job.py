@@ -11,9 +11,12 @@ if TYPE_CHECKING:
 
 @dataclass
 class Job:
-    """What a job found: nouns for the store, pictures, rows of the table, findings."""
+    """What a job found: nouns for the store, pictures, rows of the table, findings; ``more``: further tables by name,
+    and ``statement`` what follows."""
 
     nouns: dict[str, Any]
     pictures: dict[str, "Figure"]
     rows: list[dict[str, Any]]
     findings: list["Finding"] = field(default_factory=list)
+    more: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    statement: str = ""

@@ -1,4 +1,4 @@
-"""The four jobs of `ema simulate`: they compose verbs of the simulator, of the estimation and of the pictures."""
+"""The five jobs of `ema simulate`: they compose verbs of the simulator, of the estimation and of the pictures."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from acquisition.model_file import FrfTable, LoopTable, MapTable, SnapbackTable
+from acquisition.model_file import ControlTable, FrfTable, LoopTable, MapTable, SnapbackTable
 from ema import show, simulate
 from ema.cli.simulation_job import Job
-from ema.data import BeamModel, Decay, HarmonicResponse, Joint, Loop, ModalMap, Response
+from ema.data import BeamModel, CuttingLimits, Decay, HarmonicResponse, Joint, Loop, ModalMap, Response
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.estimate import ring_down
@@ -275,3 +275,108 @@ def loops(table: LoopTable, model: BeamModel, amplitude: Sequence[float] | None,
 
 def _loop(joint: Joint, force: float, amplitude: float, frequency: float) -> Loop:
     return replace(simulate.loop(joint.law, force, amplitude, frequency=frequency), name=joint.name)
+
+
+def control(
+    table: ControlTable,
+    model: BeamModel,
+    force: Sequence[float] | None,
+    normal: Sequence[float] | None,
+    progress: Progress,
+) -> Job:
+    """Ring-downs under three laws of the normal force, and chatter and surface with one force or one for each level."""
+    from ema.simulate.control_gain import without_sway
+    from ema.simulate.maps import check_band
+
+    band = check_band(model, (table.band[0], table.band[1]))
+    forces, levels = sorted(normal or table.normal_force), sorted(force or table.force or [])
+    frequency = _mode_in_band(model, table.at, band)
+    lines = simulate.ring_downs(
+        without_sway(model, frequency),
+        table.load,
+        table.at,
+        frequency,
+        normal_forces=forces,
+        lag=table.lag,
+        progress=progress,
+    )
+    rows = [
+        {
+            "law": line.law,
+            "F_N [N]": line.force,
+            "integral of E/E0 [ms]": 1e3 * line.energy,
+            "to 5 % [ms]": 1e3 * line.to_five,
+            "to 2 % [ms]": 1e3 * line.to_two,
+        }
+        for line in lines
+    ]
+    nouns: dict[str, Any] = {f"ring-down {line.law}": line for line in lines}
+    if not levels:
+        return Job(nouns, {"control": show.tool_point(lines)}, rows)
+    limits = simulate.cutting_limits(
+        model, table.at, levels, forces, band, specific_force=table.specific_force, progress=progress
+    )
+    return Job(
+        {**nouns, "limits": limits},
+        {"control": show.tool_point(lines, limits)},
+        rows,
+        more={"tool": _rows_of_tool(limits)},
+        statement=f"Tool point {table.at}, {_said_of_tool(limits)} at a specific cutting force of "
+        f"{table.specific_force / 1e6:g} N/mm2.{_ends_of_range(limits)}",
+    )
+
+
+def _rows_of_tool(limits: CuttingLimits) -> list[dict[str, Any]]:
+    """For every level what the best constant normal force leaves, and what one set for the level does."""
+    one, each, forces = limits.constant, limits.controlled, limits.normal_forces
+    return [
+        {
+            "F_E [N]": float(level),
+            "constant F_N [N]": float(forces[one]),
+            "depth [mm]": 1e3 * float(limits.depth[row, one]),
+            "waves [um]": 2e6 * float(limits.amplitude[row, one]),
+            "set F_N [N]": float(forces[each[row]]),
+            "depth, set [mm]": 1e3 * float(limits.depth[row, each[row]]),
+            "waves, set [um]": 2e6 * float(limits.amplitude[row, each[row]]),
+            "chatter [Hz]": float(limits.frequency[row, each[row]]),
+        }
+        for row, level in enumerate(limits.force_levels)
+    ]
+
+
+def _said_of_tool(limits: CuttingLimits) -> str:
+    kept, best = limits.depth[:, limits.constant].min(), limits.depth.max(axis=1).min()
+    return (
+        f"cutting force {limits.force_levels[0]:g} to {limits.force_levels[-1]:g} N: with the best constant normal "
+        f"force of {limits.normal_forces[limits.constant]:g} N chatter of some level persists from {1e3 * kept:.3g} mm "
+        f"of depth of cut on, with one set for each level from {1e3 * best:.3g} mm ({100 * (best / kept - 1):+.0f} %),"
+    )
+
+
+def _ends_of_range(limits: CuttingLimits) -> str:
+    asked = sorted({0, len(limits.normal_forces) - 1} & {int(place) for place in limits.controlled})
+    if not asked:
+        return ""
+    ends = " and ".join(f"{limits.normal_forces[place]:g} N" for place in asked)
+    return f" Some levels ask for {ends}, an end of the range: more may lie beyond."
+
+
+def _mode_in_band(model: BeamModel, at: Dof, band: tuple[float, float]) -> float:
+    """Frequency in Hz of the mode with sticking joints within the band that moves ``at`` most."""
+    from ema.simulate.reduction import modal_base
+    from ema.simulate.structure import assemble
+
+    system = assemble(model)
+    base = modal_base(system)
+    frequencies = np.asarray(base.frequencies) / (2 * np.pi)
+    inside = np.flatnonzero((frequencies >= band[0]) & (frequencies <= band[1]))
+    if not len(inside):
+        raise InputError(
+            "no mode with sticking joints in the band",
+            where=model.name,
+            got=f"{band[0]:g} to {band[1]:g} Hz",
+            expected="the resonance that limits the cut",
+            advice="widen band in [control]",
+        )
+    moved = np.abs(np.asarray(base.row(system, at)))[inside]
+    return float(frequencies[inside[int(moved.argmax())]])

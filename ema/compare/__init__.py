@@ -6,6 +6,7 @@ _HOMES = {
     "conditions": "ema.compare.scatter",
     "confirmed": "ema.compare.amplitude_prediction",
     "difference": "ema.compare.scatter",
+    "joint_posterior": "ema.compare.joint_law",
     "maps": "ema.compare.damping_maps",
     "measure": "ema.compare.replay",
     "modes": "ema.compare.pairing",

@@ -6,6 +6,7 @@ from ema.compare.damping_maps import maps as maps
 from ema.compare.decays import releases as releases
 from ema.compare.decays import signals as signals
 from ema.compare.fitting import update as update
+from ema.compare.joint_law import joint_posterior as joint_posterior
 from ema.compare.map_prediction import predict_map as predict_map
 from ema.compare.pairing import modes as modes
 from ema.compare.replay import measure as measure

@@ -5,6 +5,7 @@ from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, Norm
 from ema.data.campaign import Campaign, Lazy, Repair, Run
 from ema.data.comparison import MapComparison, MapPrediction, ModeComparison, ModelUpdate, SignalComparison, Verdict
 from ema.data.condition import Condition, Excitation, JointForce
+from ema.data.cutting import CuttingLimits
 from ema.data.deviations import Deviations
 from ema.data.findings import Finding
 from ema.data.forecast import Forecast, ForecastCheck
@@ -59,6 +60,7 @@ __all__ = [
     "ContactPressure",
     "ControlLine",
     "ControlStudy",
+    "CuttingLimits",
     "Damping",
     "Decay",
     "Deviations",

@@ -1,26 +1,18 @@
 """What a controlled normal force adds to the best constant one, for one placed beam."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, Response
 from ema.data.placement import Candidates, ControlLine, ControlStudy
-from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.model import model_at
 from ema.place.objective import Objective, at_level, scores
 from ema.place.task import Task, only, predicted, without_suspension
-from ema.progress import Progress, advance, silent
-from ema.simulate import controlled_snapback
-from ema.simulate.control import Actuator, AmplitudeScheduled, ControlLaw, ReleasePulse, constant
+from ema.progress import Progress, silent
+from ema.simulate.control_gain import ring_downs
 
-PERIODS = 60.0
-"""Length of a ring-down in periods of the mode."""
-SAMPLES_PER_PERIOD = 16
-_STEPS_PER_PERIOD = 320
 FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Forces that are tried, over the given one."""
 
@@ -103,78 +95,15 @@ def control_study(
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"not a {name}", where=f"place {place}", got=f"{value} N", expected="above 0 N")
     chosen = task.modes[0] if mode is None else mode
-    period = float(2 * np.pi / np.abs(task.bare.poles[chosen]))
-    actuator = Actuator(period / SAMPLES_PER_PERIOD, period / 20 if lag is None else lag)
+    frequency = float(np.abs(task.bare.poles[chosen]) / (2 * np.pi))
     # the energy of a structure that sways on its suspension says nothing about the joints
-    held, at = without_suspension(task), Dof.parse(task.at)
+    held = without_suspension(task)
     model = model_at(held.bare, held.surface, candidates, place, task.joint, normal_force)
-    release = _Release(load, at, period, actuator)
-    start = release.amplitude(model)
-    kinds: dict[str, Callable[[float], ControlLaw]] = {
-        "constant": constant,
-        "scheduled with the amplitude": lambda force: AmplitudeScheduled(force, start, shortest=period / 4),
-        "released at turning points": lambda force: ReleasePulse(force, period / 12, shortest=period / 4),
-    }
-    lines = []
-    for number, (name, law) in enumerate(kinds.items()):
-        found = []
-        for count, factor in enumerate(FACTORS):
-            advance(progress, "control study", number * len(FACTORS) + count, len(kinds) * len(FACTORS))
-            force = factor * normal_force
-            run = release.ring_down(model, law(force), start_force=normal_force)
-            found.append(_line(name, force, run, period))
-        lines.append(min(found, key=lambda line: line.energy))
+    forces = [factor * normal_force for factor in FACTORS]
+    lines = ring_downs(model, load, task.at, frequency, normal_forces=forces, lag=lag, progress=progress)
     levels, steady, scheduled = _steady(task, candidates, place, objective or Objective())
     return ControlStudy(
-        place, chosen, load, tuple(lines), levels, steady, scheduled, _verdict(lines, levels, steady, scheduled)
-    )
-
-
-@dataclass(frozen=True)
-class _Release:
-    """A snap-back test: a static load [N] at a DOF is let go, while an actuator sets the normal force.
-
-    ``period`` is that of the mode [s].
-    """
-
-    load: float
-    at: Dof
-    period: float
-    actuator: Actuator
-
-    def ring_down(self, model: BeamModel, law: ControlLaw, *, start_force: float, periods: float = PERIODS) -> Response:
-        """The motion after the release under a control law, from ``start_force`` [N] per joint."""
-        return controlled_snapback(
-            model,
-            law,
-            self.load,
-            self.at,
-            periods * self.period,
-            self.actuator,
-            step=self.period / _STEPS_PER_PERIOD,
-            start_force=start_force,
-            check=False,
-        )
-
-    def amplitude(self, model: BeamModel) -> float:
-        """Displacement of the excited DOF half a period after the release: the static part of other modes is gone."""
-        force = model.joints[0].normal_force
-        run = self.ring_down(model, constant(force), start_force=force, periods=2.0)
-        return float(np.abs(run.displacements[0, SAMPLES_PER_PERIOD // 4 :]).max())
-
-
-def _line(name: str, force: float, run: Response, period: float) -> ControlLine:
-    """Energy integral and times of a ring-down; the amplitude is the root of the largest energy still to come."""
-    times, energy = np.asarray(run.times), np.asarray(run.energy.total / run.energy.total[0])
-    ahead = np.sqrt(np.maximum.accumulate(energy[::-1])[::-1])
-
-    def below(share: float) -> float:
-        under = np.flatnonzero(ahead < share)
-        return float(times[under[0]]) if len(under) else float("nan")
-
-    thin = slice(None, None, SAMPLES_PER_PERIOD // 4)
-    return ControlLine(
-        name, force, float(np.trapezoid(energy, times)), below(0.05), below(0.02), times[thin], energy[thin]
+        place, chosen, load, lines, levels, steady, scheduled, _verdict(lines, levels, steady, scheduled)
     )
 
 
@@ -191,7 +120,7 @@ def _steady(
     return np.asarray(prediction.force_levels), least[:, common], least[np.arange(len(each)), each]
 
 
-def _verdict(lines: list[ControlLine], levels: np.ndarray, steady: np.ndarray, scheduled: np.ndarray) -> str:
+def _verdict(lines: Sequence[ControlLine], levels: np.ndarray, steady: np.ndarray, scheduled: np.ndarray) -> str:
     best = min(lines[1:], key=lambda line: line.energy)
     gain = 1 - best.energy / lines[0].energy
     if gain > 0.1:

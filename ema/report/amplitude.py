@@ -76,7 +76,8 @@ def _pictures(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block
         book.picture(
             show.amplitude_modes(group),
             f"Frequency and damping over the amplitude, from ring-downs: {', '.join(mode.name for mode in group)}.",
-            f"{_caption(group)} Dashed: slip begins; dash-dotted: median amplitude behind the impacts.",
+            f"{_caption(group)} Dashed: slip begins; dash-dotted: median amplitude behind the "
+            "impacts; dotted, with diamonds: what the publication states, and the amplitudes to which it belongs.",
         )
         for group in groups
         if any(_said(mode, "slip-onset") for mode in group)
@@ -96,12 +97,14 @@ def _limits(modes: Sequence[AmplitudeDependentMode], book: Book) -> Table:
                 "" if behind is None else _at(mode, behind),
                 "" if linear is None else linear.message,
                 plain(mode.modal_mass, 4) if mass is None else mass.message,
+                " ".join(one.message for one in mode.findings if one.code.startswith("stated-")),
             )
         )
-    columns = ("Mode", "Small amplitudes", "Behind the impacts, median", "FRFs", "Modal mass [kg]")
+    columns = ("Mode", "Small amplitudes", "Behind the impacts, median", "FRFs", "Modal mass [kg]", "Stated")
     caption = (
         "Modes over their amplitude, from the ring-downs of all impacts. Amplitudes are those of the response at which "
-        "the mode is largest, to whose shape of 1 the modal mass belongs."
+        "the mode is largest, to whose shape of 1 the modal mass belongs. Stated: the numbers of the publication, "
+        "and the amplitudes at which the mode has them."
     )
     return book.table("ring_down_limits", caption, columns, rows)
 

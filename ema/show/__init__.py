@@ -36,6 +36,7 @@ _HOMES = {
     "shapes_over_dofs": "ema.show.shapes",
     "stabilisation": "ema.show.stability",
     "steady_states": "ema.show.simulated",
+    "tool_point": "ema.show.simulated",
     "velocity_comparison": "ema.show.vibration",
 }
 

@@ -29,6 +29,7 @@ from ema.show.simulated import hysteresis as hysteresis
 from ema.show.simulated import motion as motion
 from ema.show.simulated import ring_down as ring_down
 from ema.show.simulated import steady_states as steady_states
+from ema.show.simulated import tool_point as tool_point
 from ema.show.stability import stabilisation as stabilisation
 from ema.show.vibration import free_vibration as free_vibration
 from ema.show.vibration import velocity_comparison as velocity_comparison

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ema.data import AmplitudeDependentMode, AmplitudePrediction
@@ -11,6 +12,8 @@ from ema.units import SI_UNIT
 
 _MARKS = (("slip-onset", "--", "slip begins"), ("impact-amplitude", "-.", "behind the impacts"))
 """Findings of a mode whose value is an amplitude, and how they are drawn."""
+_STATED = ("stated-frequency", "stated-damping")
+"""Findings whose value is a frequency [Hz] or a damping ratio that a publication states of the mode."""
 _DECADE = 10.0
 
 
@@ -19,7 +22,8 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
 
     Predictions are drawn as bands with their medians, measured levels as points with bars; a dotted line marks the
     highest level that a prediction was fitted to. Where the findings of a mode state it, a dashed line marks the onset
-    of slip and a dash-dotted one the median amplitude behind the impacts. Amplitudes that span more than a decade are
+    of slip and a dash-dotted one the median amplitude behind the impacts; a dotted level is what a publication states,
+    with a diamond at every amplitude to which it belongs. Amplitudes that span more than a decade are
     on a logarithmic axis.
 
     Parameters
@@ -58,6 +62,7 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
                 for finding in mode.findings:
                     if finding.code == code and finding.value is not None:
                         axes.axvline(finding.value, color=colour, ls=style, lw=0.9, label=what)
+        _mark_stated(mode, frequency, damping, colour)
     for number, prediction in enumerate(predictions):
         colour, style, _ = SERIES[(number + len(modes)) % len(SERIES)]
         for axes, band, factor in ((frequency, prediction.frequency, 1.0), (damping, prediction.damping, 100.0)):
@@ -75,9 +80,27 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     damping.set_xlabel(f"Amplitude of the {quantity} [{SI_UNIT[quantity].replace('^2', '²')}]")
     frequency.set_ylabel("Frequency [Hz]")
     damping.set_ylabel("Damping ratio [%]")
-    if any(finding.code == code for mode in modes for finding in mode.findings for code, *_ in _MARKS):
-        named = dict(zip(*reversed(frequency.get_legend_handles_labels()), strict=True))
+    marked = {code for code, *_ in _MARKS} | set(_STATED)
+    if any(finding.code in marked for mode in modes for finding in mode.findings):
+        both = [axes.get_legend_handles_labels() for axes in (damping, frequency)]
+        named = {label: handle for handles, labels in both for handle, label in zip(handles, labels, strict=True)}
         figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=3)
     else:
         frequency.legend(loc="best")
     return figure
+
+
+def _mark_stated(mode: AmplitudeDependentMode, frequency: Axes, damping: Axes, colour: str) -> None:
+    """What a publication states of a mode, as a level, and the amplitudes at which the curve crosses it."""
+    log = np.log(mode.amplitude)
+    for code, axes, band, factor in zip(_STATED, (frequency, damping), (mode.frequency, mode.damping), (1.0, 100.0)):
+        for finding in mode.findings:
+            if finding.code != code or finding.value is None:
+                continue
+            axes.axhline(factor * finding.value, color=colour, ls=":", lw=0.9, label="stated")
+            off = band.value - finding.value
+            rows = np.flatnonzero((off[:-1] < 0) != (off[1:] < 0))
+            where = np.exp(log[rows] + (log[rows + 1] - log[rows]) * off[rows] / (off[rows] - off[rows + 1]))
+            axes.plot(
+                where, np.full(len(where), factor * finding.value), "D", color=colour, mfc="white", ms=6, zorder=5
+            )

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ema.data import Decay, HarmonicResponse, Loop, Response
+from ema.data import ControlLine, CuttingLimits, Decay, HarmonicResponse, Loop, Response
 from ema.show.style import FAINT, GREY, SERIES, empty_note, new_figure, styled
 
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -309,3 +309,56 @@ def _readable(decay: Decay) -> np.ndarray:
 def _legend(axes: Axes, held: Sequence[Decay], labels: Sequence[str]) -> None:
     if len(held) > 1 or labels:
         axes.legend(loc="upper right", ncols=3)
+
+
+@styled
+def tool_point(lines: Sequence[ControlLine], limits: CuttingLimits | None = None) -> Figure:
+    """Draw what a controlled normal force brings: energy after a release, and depth of cut over the cutting force.
+
+    Parameters
+    ----------
+    lines : sequence of ControlLine
+        Ring-downs.
+    limits : CuttingLimits, optional
+        Depths of cut of :func:`ema.simulate.cutting_limits`.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> from ema.data import ControlLine, CuttingLimits
+    >>> line = ControlLine("constant", 500.0, 0.08, 0.3, 0.4, times=[0.0, 0.1], energies=[1.0, 0.3])
+    >>> table = np.array([[4e-3, 2e-3], [2e-3, 5e-3]])
+    >>> limits = CuttingLimits([10.0, 40.0], [50.0, 200.0], depth=table, amplitude=table, frequency=table)
+    >>> len(tool_point([line], limits).axes)
+    2
+    """
+    figure = new_figure(3.6)
+    left, *others = figure.subplots(1, 1 if limits is None else 2, squeeze=False)[0]
+    for number, line in enumerate(lines):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        energies = np.maximum(line.energies, 1e-12)
+        left.semilogy(1e3 * line.times, energies, color=colour, ls=style, label=f"{line.law}, {line.force:g} N")
+    left.set(xlabel="Time after the release [ms]", ylabel="Energy over that at the start [-]", ylim=(1e-5, 1.5))
+    left.legend(loc="lower left")
+    left.set_title("Free vibration")
+    if limits is None:
+        return figure
+    right = others[0]
+    depth = 1e3 * np.where(np.isfinite(limits.depth), limits.depth, np.nan)
+    for column in range(depth.shape[1]):
+        right.plot(limits.force_levels, depth[:, column], color=FAINT, lw=0.8, zorder=1)
+    rows = np.arange(len(limits.force_levels))
+    for values, label, (colour, style, marker) in (
+        (depth[rows, limits.controlled], "one F_N for each level", SERIES[1]),
+        (depth[:, limits.constant], f"{limits.normal_forces[limits.constant]:g} N for all", SERIES[0]),
+    ):
+        right.plot(limits.force_levels, values, color=colour, ls=style, marker=marker, label=label)
+    right.set(xlabel="Amplitude of the cutting force [N]", ylabel="Depth at which chatter persists [mm]", xscale="log")
+    right.set_ylim(bottom=0)
+    right.legend()
+    right.set_title("In the cut (grey: other constant F_N)")
+    return figure

@@ -8,6 +8,8 @@ from ema.simulate.contact import Unilateral as Unilateral
 from ema.simulate.contact import own_contact as own_contact
 from ema.simulate.contact import preload as preload
 from ema.simulate.control import controlled_snapback as controlled_snapback
+from ema.simulate.control_gain import cutting_limits as cutting_limits
+from ema.simulate.control_gain import ring_downs as ring_downs
 from ema.simulate.events import snapback_reference as snapback_reference
 from ema.simulate.friction import BoucWen as BoucWen
 from ema.simulate.friction import Coulomb as Coulomb

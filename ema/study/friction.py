@@ -26,7 +26,7 @@ from ema.data import (
 from ema.errors import InputError
 from ema.place.recipe import PlaceRecipe
 from ema.progress import Progress
-from ema.study.recipe import LoopTable, RingDownTable
+from ema.study.recipe import LoopTable, RingDownTable, StatementTable
 from ema.units import SI_UNIT
 
 if TYPE_CHECKING:
@@ -100,12 +100,53 @@ def _linear_reading(ring_down: "RingDownMode", fits: Sequence[SingleMode]) -> tu
     return (Finding("info", "linear-reading", mode.name, text, fit.natural_frequency, None),)
 
 
+def with_stated(
+    modes: Sequence[AmplitudeDependentMode], statements: Sequence[StatementTable]
+) -> tuple[AmplitudeDependentMode, ...]:
+    """Modes of ring-downs with the amplitudes to which belong the numbers that a publication states of their runs."""
+    found = []
+    for mode in modes:
+        own = [
+            one
+            for one in statements
+            if one.sentence and one.near is not None and mode.name.startswith(f"{one.run}, ") and not one.other
+        ]
+        near = [one for one in own if _nearest(modes, one) is mode]
+        found.append(replace(mode, findings=(*mode.findings, *(told for one in near for told in _stated(mode, one)))))
+    return tuple(found)
+
+
+def _nearest(modes: Sequence[AmplitudeDependentMode], told: StatementTable) -> AmplitudeDependentMode | None:
+    assert told.near is not None
+    of_run = [mode for mode in modes if RING_DOWN in mode.provenance.steps and mode.name.startswith(f"{told.run}, ")]
+    off = [abs(float(np.median(mode.frequency.value)) / told.near - 1) for mode in of_run]
+    return of_run[int(np.argmin(off))] if off and min(off) < _SAME else None
+
+
+def _stated(mode: AmplitudeDependentMode, told: StatementTable) -> tuple[Finding, ...]:
+    """The middle of the limits of a statement, and where the curve has it."""
+    kinds = {"run frequency": ("frequency", 1.0, "Hz"), "run damping": ("damping", 100.0, "%")}
+    if told.quantity not in kinds or not (np.isfinite(told.low) and np.isfinite(told.high)):
+        return ()
+    what, factor, sign = kinds[told.quantity]
+    number, curve = (told.low + told.high) / 2, getattr(mode, what).value
+    where = _crossings(mode.amplitude, curve, number / factor)
+    unit = SI_UNIT[mode.quantity].replace("^2", "²")
+    text = (
+        f"at {' and '.join(f'{one:.3g}' for one in where)} {unit}"
+        if where
+        else f"at no amplitude seen: {factor * curve.min():.4g} to {factor * curve.max():.4g} {sign}"
+    )
+    message = f"{number:.4g} {sign} ({told.source}): the {what} {text}."
+    return (Finding("info", f"stated-{what}", mode.name, message, number / factor, None),)
+
+
 def _crossings(
     amplitude: Float[np.ndarray, "level"], curve: Float[np.ndarray, "level"], value: float
 ) -> tuple[float, ...]:
     """First and last amplitude at which a curve has a value."""
     off = curve - value
-    rows = np.flatnonzero(off[:-1] * off[1:] < 0)
+    rows = np.flatnonzero((off[:-1] < 0) != (off[1:] < 0))
     log = np.log(amplitude)
     where = [float(np.exp(log[k] + (log[k + 1] - log[k]) * off[k] / (off[k] - off[k + 1]))) for k in rows]
     return tuple(dict.fromkeys((where[0], where[-1]))) if where else ()

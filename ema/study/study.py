@@ -510,6 +510,7 @@ class Study:
         findings = self.recipe.former_names + campaign.findings + compare.repeat_findings([one.run for one in runs])
         findings += tuple(finding for one in conditions for finding in one.findings)
         maps, stepped = over_levels
+        stepped = friction.with_stated(stepped, self.recipe.statements)
         findings += tuple(finding for result in maps for finding in result.findings)
         findings += friction.to_know(stepped)
         findings += self._without_results(campaign)

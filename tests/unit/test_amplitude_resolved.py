@@ -15,12 +15,23 @@ from ema.compare import ring_down_modes
 from ema.compare.amplitude_resolved import clustered
 from ema.compare.modal_decays import modal_decays
 from ema.compare.slip_onset import slip_onset
-from ema.data import Channel, Condition, Excitation, ModalModel, Run, poles_from
+from ema.data import (
+    AmplitudeDependentMode,
+    Band,
+    Channel,
+    Condition,
+    Excitation,
+    ModalModel,
+    Provenance,
+    Run,
+    poles_from,
+)
 from ema.dof import Dof
 from ema.report.amplitude import amplitude_modes, amplitude_sentences
 from ema.report.blocks import Book
 from ema.simulate import RovingHammer, VirtualRig
-from ema.study.friction import _crossings
+from ema.study.friction import RING_DOWN, _crossings, with_stated
+from ema.study.recipe import StatementTable
 from tests.bench import amplitude_resolved as bench
 
 
@@ -185,3 +196,43 @@ def test_the_report_states_limits_onset_and_the_level_of_the_impacts(straight):
     ]
     labels = [line.get_label() for line in show.amplitude_modes([slipping]).axes[0].get_lines()]
     assert "slip begins" in labels and "behind the impacts" in labels
+
+
+def curved(name, frequency, damping):
+    """A mode over 1 to 100 m/s^2 whose frequency and damping lie on straight lines over the logarithm."""
+
+    def band(low, high):
+        value = np.linspace(low, high, 21)
+        return Band(low=0.999 * value, value=value, high=1.001 * value)
+
+    amplitude = np.geomspace(1.0, 100.0, 21)
+    made = Provenance(steps=(RING_DOWN,))
+    return AmplitudeDependentMode(amplitude, band(*frequency), band(*damping), name=name, provenance=made)
+
+
+def said(run, quantity, low, high, **more):
+    text = {"text": "t", "source": "Table 1", "sentence": "yes 1 kN", "verdict": "not matched"} | more
+    return StatementTable(run=run, quantity=quantity, near=492.0, low=low, high=high, **text)
+
+
+def test_what_a_publication_states_stands_at_the_amplitudes_to_which_it_belongs():
+    """492 Hz halfway from 504 to 480 Hz over the logarithm is at 10 m/s^2; 1.8 % is above the curve; readings of ours, other
+    runs and modes far away get no mark."""
+    mode, far = curved("a, mode 1", (504.0, 480.0), (0.007, 0.016)), curved("a, mode 2", (700.0, 700.1), (0.01, 0.01))
+    other = curved("b, mode 1", (504.0, 480.0), (0.007, 0.016))
+    told = [
+        said("a", "run frequency", 491.0, 493.0),
+        said("a", "run damping", 1.7, 1.9),
+        said("a", "run frequency", 490.0, 491.0, sentence=""),
+        said("a", "run level effect", 0.0, 3.0),
+    ]
+    marked = with_stated((mode, far, other), told)
+    assert [[one.code for one in each.findings] for each in marked] == [["stated-frequency", "stated-damping"], [], []]
+    frequency, damping = marked[0].findings
+    assert "492 Hz" in frequency.message and "at 10 m/s²" in frequency.message
+    assert "1.8 %" in damping.message and "at no amplitude seen: 0.7 to 1.6 %" in damping.message
+    assert damping.value == pytest.approx(0.018)
+    upper, lower = show.amplitude_modes([marked[0]]).axes
+    diamonds = [line for line in upper.lines if line.get_marker() == "D"]
+    assert diamonds[0].get_xdata() == pytest.approx([10.0])
+    assert all(len(line.get_xdata()) == 0 for line in lower.lines if line.get_marker() == "D")

@@ -1,0 +1,123 @@
+"""`ema joint`: one friction law for numbers and sentences about a structure, and what cannot hold together."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ema.cli.common import Json, jsonable
+from ema.cli.ending import FINE, ends_well
+
+if TYPE_CHECKING:
+    from ema.compare.joint_law import JointAssessment
+
+
+@ends_well
+def joint(
+    told: Annotated[Path, typer.Argument(help="A joint.toml, or the folder that holds it.", show_default=False)],
+    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same draws.", min=0)] = 0,
+    json: Json = False,
+) -> int:
+    """Find one friction law for all that was measured or said, and name what it determines and what it contradicts."""
+    from ema.cli import screen
+    from ema.compare.joint_law import joint_posterior
+    from ema.compare.joint_statements import load
+
+    held = load(told)
+    with screen.Bars() as bars:
+        found = joint_posterior(held, seed, bars)
+    document = _document(held.title, found)
+    if json:
+        screen.as_json(jsonable(document))
+    else:
+        _print(document)
+    return FINE
+
+
+def _document(title: str, found: "JointAssessment") -> dict[str, Any]:
+    model = found.one.model
+    names = {one.name for one in model.parameters}
+    return {
+        "title": title,
+        "parameters": [
+            {
+                "name": name,
+                "low": low,
+                "high": high,
+                "over_prior": found.narrowing(name),
+                "determined": found.determined(name),
+                "combination": name not in names,
+            }
+            for name, (low, high) in found.one.interval.items()
+        ],
+        "statements": [
+            {
+                "sentence": one.datum.text,
+                "quantity": one.datum.quantity,
+                "low": one.low,
+                "high": one.high,
+                "probability": one.probability,
+                "verdict": one.verdict,
+            }
+            for one in found.held
+        ],
+        "weight_of_one_joint": found.weight,
+        "experiments": [
+            {"name": one.name, "one": list(one.one), "two": list(one.two), "separates": one.separates}
+            for one in found.experiments
+        ],
+        "sentence": sentence(found),
+    }
+
+
+def sentence(found: "JointAssessment") -> str:
+    """What follows, in a few sentences."""
+    names = [name for name in found.one.interval if found.determined(name)]
+    parts = [f"Determined: {', '.join(names)}." if names else "No parameter is determined."]
+    against = [one.datum.quantity for one in found.held if one.verdict.startswith("does not")]
+    if against:
+        parts.append(f"These do not hold together with the others: {'; '.join(against)}.")
+    if found.two is not None:
+        weight = found.weight
+        told = (
+            "One joint and two joints cannot be told apart"
+            if 0.05 < weight < 0.95
+            else f"Both tests had {'one joint' if weight >= 0.95 else 'two joints'}"
+        )
+        parts.append(f"{told}: one joint has {weight:.0%} of the weight.")
+        if found.experiments and 0.05 < weight < 0.95:
+            best = found.experiments[0]
+            parts.append(f"The next measurement to make is: {best.name}; it decides in {best.separates:.0%} of cases.")
+    return " ".join(parts)
+
+
+def _print(document: dict[str, Any]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from ema.cli import screen
+
+    out = screen.console()
+    table = Table(title=document["title"], title_justify="left", title_style="bold")
+    for column in ("parameter", "95 % from", "to", "width / prior", "determined"):
+        table.add_column(column)
+    for row in document["parameters"]:
+        values = f"{row['low']:.4g}", f"{row['high']:.4g}", f"{row['over_prior']:.2f}"
+        table.add_row(Text(row["name"]), *values, "yes" if row["determined"] else "no")
+    out.print(table)
+    table = Table(title="What was said, and what all others predict", title_justify="left", title_style="bold")
+    for column in ("quantity", "95 % from", "to", "probability", "verdict"):
+        table.add_column(column)
+    for row in document["statements"]:
+        values = f"{row['low']:.4g}", f"{row['high']:.4g}", f"{row['probability']:.2g}"
+        table.add_row(Text(row["quantity"]), *values, row["verdict"])
+    out.print(table)
+    if document["experiments"]:
+        table = Table(title="What would decide between one joint and two", title_justify="left", title_style="bold")
+        for column in ("measurement", "one joint", "two joints", "decides"):
+            table.add_column(column)
+        for row in document["experiments"]:
+            ends = (f"{low:.3g} to {high:.3g}" for low, high in (row["one"], row["two"]))
+            table.add_row(Text(row["name"]), *ends, f"{row['separates']:.0%}")
+        out.print(table)
+    out.print(Text(document["sentence"]), soft_wrap=True)

@@ -1,0 +1,137 @@
+"""What `joint.toml` may say: numbers and sentences about a structure with a friction beam, and what was known before.
+
+Each number and each sentence is one likelihood, written down here before any value is computed. A number is a reading
+with a standard deviation; a sentence says that a reading lies in an interval.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from acquisition.quantities import Force, Forces, Frequency, Ratio
+from ema.tables import FormerNames, Table, read_text, validated, warn
+
+FILE_NAME = "joint.toml"
+QUANTITIES = {
+    "stuck frequency": "frequency at the highest normal force, Hz",
+    "ridge": "normal force of most damping at one level, N",
+    "peak level": "level of most damping at one normal force, N",
+    "most damping": "highest damping over the levels at one normal force",
+    "fall": "damping at the highest level over that at `level`, at one normal force",
+    "drop": "frequency at the ridge less that at the highest normal force, at one level, Hz",
+    "stuck damping": "damping at one normal force over that at the ridge, at one level",
+}
+"""Quantities that a sentence of a shaker test may be about."""
+RELATIVE = ("ridge", "peak level")
+"""Those whose standard deviation is relative."""
+
+
+class PriorTable(Table):
+    """``[prior]``: 95 % ranges of what nobody measured."""
+
+    friction_coefficient: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.075, 0.53]
+    peak_force: Annotated[Forces, Field(min_length=2, max_length=2)] = [250.0, 4000.0]
+    exponent: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.0, 1.0]
+    hammer_shape: Annotated[list[float], Field(min_length=2, max_length=2)] = [1.5, 7.6]
+    shaker_shape: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.3, 4.8]
+    contact_time: float = Field(default=0.5e-3, gt=0)
+
+    @model_validator(mode="after")
+    def _rising(self) -> "PriorTable":
+        for key in ("friction_coefficient", "peak_force", "exponent", "hammer_shape", "shaker_shape"):
+            low, high = getattr(self, key)
+            if not 0 <= low < high or (low == 0 and key != "exponent"):
+                raise ValueError(f"{key} is a range of positive numbers, the smaller one first, not {[low, high]}")
+        return self
+
+
+class BareTable(Table):
+    """``[bare]``: the mode without the beam."""
+
+    frequency: Frequency
+    damping: Ratio
+
+
+class ReadingTable(Table):
+    """``[[hammer]]``: what a linear modal analysis of a hammer test read at one normal force."""
+
+    sentence: str
+    normal_force: Force
+    frequency: Frequency | None = None
+    frequency_std: float = Field(default=1.0, gt=0)
+    damping: Ratio | None = None
+    damping_std: Ratio = 5e-4
+
+
+class SentenceTable(Table):
+    """``[[shaker]]``: a sentence about a shaker test, as a reading with ``std`` or within ``low`` to ``high``."""
+
+    sentence: str
+    quantity: Literal["stuck frequency", "ridge", "peak level", "most damping", "fall", "drop", "stuck damping"]
+    std: float = Field(gt=0)
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    level: Force | None = None
+    normal_force: Force | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> "SentenceTable":
+        if (self.value is None) == (self.low is None and self.high is None):
+            raise ValueError("a sentence has a value, or low, high or both; not neither and not all")
+        if self.quantity in ("ridge", "drop", "fall", "stuck damping") and self.level is None:
+            raise ValueError(f"{self.quantity!r} needs a level")
+        if self.quantity in ("peak level", "most damping", "fall", "stuck damping") and self.normal_force is None:
+            raise ValueError(f"{self.quantity!r} needs a normal_force")
+        return self
+
+
+class JointFile(Table):
+    """The whole file."""
+
+    title: str
+    bare: BareTable
+    levels: Forces = []
+    normal_forces: Forces = []
+    prior: PriorTable = PriorTable()
+    hammer: list[ReadingTable] = []
+    shaker: list[SentenceTable] = []
+
+    @model_validator(mode="after")
+    def _complete(self) -> "JointFile":
+        if not self.hammer and not self.shaker:
+            raise ValueError("no number and no sentence; add [[hammer]] or [[shaker]]")
+        if self.shaker and (len(self.levels) < 2 or len(self.normal_forces) < 3):
+            raise ValueError("sentences about a shaker test need its levels (2 or more) and normal_forces (3 or more)")
+        return self
+
+
+TABLES: dict[str, type[Table]] = {
+    "": JointFile,
+    "bare": BareTable,
+    "prior": PriorTable,
+    "hammer": ReadingTable,
+    "shaker": SentenceTable,
+}
+_FORMER = FormerNames()
+
+
+def load(path: str | Path) -> JointFile:
+    """Read ``joint.toml``, or the folder that holds it.
+
+    Raises
+    ------
+    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    """
+    path = Path(path)
+    path = path / FILE_NAME if path.is_dir() else path
+    text = read_text(
+        path,
+        "there are no statements here",
+        expected=f"a file such as {FILE_NAME}",
+        advice="write one as docs/joint.md shows, or correct the path",
+    )
+    told = validated(JointFile, text, str(path), TABLES, former=_FORMER)
+    warn(told.former_names)
+    return told

@@ -1,0 +1,270 @@
+"""What a controlled normal force brings: ring-downs after a release, and what is left of vibration at a tool point."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ema.data import BeamModel, ControlLine, CuttingLimits, ModalModel, Response
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.progress import Progress, advance, silent
+from ema.simulate.checks import positive
+from ema.simulate.control import (
+    Actuator,
+    AmplitudeScheduled,
+    ControlLaw,
+    ReleasePulse,
+    constant,
+    controlled_snapback,
+)
+from ema.simulate.harmonic import frf
+
+PERIODS = 60.0
+"""Length of a ring-down in periods of the mode."""
+SAMPLES_PER_PERIOD = 16
+_STEPS_PER_PERIOD = 320
+_SWAY = 0.1
+"""Frequency of a mode over that of the mode in question below which it is a sway on the suspension."""
+_REFINED = 11
+"""Lines over two steps of the grid, about the one with the least real part."""
+
+
+def without_sway(model: BeamModel, frequency: float) -> BeamModel:
+    """The model without the modes of a measured host far below a frequency in Hz.
+
+    A freely hung structure sways long after a static load is let go; that energy says nothing about the joints.
+    """
+    host = model.host
+    if not isinstance(host, ModalModel):
+        return model
+    keep = np.flatnonzero(np.abs(host.poles) >= 2 * np.pi * _SWAY * frequency)
+    left = replace(
+        host,
+        poles=host.poles[keep],
+        shapes=host.shapes[:, keep],
+        participation=host.participation[:, keep],
+        covariance=None if host.covariance is None else host.covariance[keep],
+        confidence=None,
+        uncertainty=None,
+        groups=(),
+        candidates=(),
+    )
+    return replace(model, host=left)
+
+
+def ring_downs(
+    model: BeamModel,
+    load: float,
+    at: Dof | str,
+    frequency: float,
+    *,
+    normal_forces: Sequence[float],
+    lag: float | None = None,
+    progress: Progress = silent,
+) -> tuple[ControlLine, ...]:
+    """Simulate ring-downs under constant, scheduled and pulsed normal force; of each law the best.
+
+    The structure is bent by a static load and released. Every law is tried at every normal force and shown with the one
+    whose energy is gone first (least integral of E/E0). The scheduled force follows the amplitude at the last turning
+    point, so that the slip force stays just below the one that sticks; the pulse releases the joints for a twelfth of a
+    period at the turning points, so that what the joints store is not given back.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The structure; the normal force of its first joint is that of every run while the load is raised.
+    load : float
+        Static load [N].
+    at : Dof or str
+        DOF of the load and of the sensor.
+    frequency : float
+        Natural frequency [Hz] that sets the time scale: 60 periods, 16 samples of the controller in each.
+    normal_forces : sequence of float
+        Normal forces of every joint [N] that are tried.
+    lag : float, optional
+        Time [s] from measuring to acting; a twentieth of the period by default.
+    progress : Progress, optional
+        Called before each ring-down.
+
+    Returns
+    -------
+    tuple of ControlLine
+        The best constant force first, then the best of every law.
+
+    Raises
+    ------
+    InputError
+        If the load, the frequency or a force is not positive.
+
+    References
+    ----------
+    .. [1] Schedule "just before sticking": after Gaul, Roseira and Becker (2008), Shock and Vibration 15:291.
+    .. [2] Release pulse: Dupont, Kasturi and Stokes (1997), Journal of Sound and Vibration 202:203.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> lines = ring_downs(beam_model(), 60.0, "1:+X", 65.0, normal_forces=[50.0, 100.0])
+    >>> [line.law for line in lines]
+    ['constant', 'scheduled with the amplitude', 'released at turning points']
+    """
+    positive(model.name, load=load, frequency=frequency)
+    if not len(normal_forces):
+        raise InputError("no normal force to try", where=model.name, got="none", expected="one or more, in N")
+    for force in normal_forces:
+        positive(model.name, normal_force=force)
+    period = 1 / frequency
+    actuator = Actuator(period / SAMPLES_PER_PERIOD, period / 20 if lag is None else lag)
+    release = _Release(load, Dof.parse(at), period, actuator)
+    start = release.amplitude(model)
+    kinds: dict[str, Callable[[float], ControlLaw]] = {
+        "constant": constant,
+        "scheduled with the amplitude": lambda force: AmplitudeScheduled(force, start, shortest=period / 4),
+        "released at turning points": lambda force: ReleasePulse(force, period / 12, shortest=period / 4),
+    }
+    lines, total = [], len(kinds) * len(normal_forces)
+    for number, (name, law) in enumerate(kinds.items()):
+        found = []
+        for count, force in enumerate(normal_forces):
+            advance(progress, "control study", number * len(normal_forces) + count, total)
+            found.append(_line(name, float(force), release.ring_down(model, law(float(force))), period))
+        lines.append(min(found, key=lambda line: line.energy))
+    return tuple(lines)
+
+
+@dataclass(frozen=True)
+class _Release:
+    """A snap-back test: a static load [N] at a DOF is let go, while an actuator sets the normal force.
+
+    ``period`` is that of the mode [s].
+    """
+
+    load: float
+    at: Dof
+    period: float
+    actuator: Actuator
+
+    def ring_down(self, model: BeamModel, law: ControlLaw, *, periods: float = PERIODS) -> Response:
+        """The motion after the release under a control law, from the normal force of the model's first joint."""
+        return controlled_snapback(
+            model,
+            law,
+            self.load,
+            self.at,
+            periods * self.period,
+            self.actuator,
+            step=self.period / _STEPS_PER_PERIOD,
+            start_force=model.joints[0].normal_force,
+            check=False,
+        )
+
+    def amplitude(self, model: BeamModel) -> float:
+        """Displacement of the DOF half a period after the release: the static part of other modes is gone."""
+        run = self.ring_down(model, constant(model.joints[0].normal_force), periods=2.0)
+        return float(np.abs(run.displacements[0, SAMPLES_PER_PERIOD // 4 :]).max())
+
+
+def _line(name: str, force: float, run: Response, period: float) -> ControlLine:
+    """Energy integral and times of a ring-down; the amplitude is the root of the largest energy still to come."""
+    times, energy = np.asarray(run.times), np.asarray(run.energy.total / run.energy.total[0])
+    ahead = np.sqrt(np.maximum.accumulate(energy[::-1])[::-1])
+
+    def below(share: float) -> float:
+        under = np.flatnonzero(ahead < share)
+        return float(times[under[0]]) if len(under) else float("nan")
+
+    thin = slice(None, None, SAMPLES_PER_PERIOD // 4)
+    return ControlLine(
+        name, force, float(np.trapezoid(energy, times)), below(0.05), below(0.02), times[thin], energy[thin]
+    )
+
+
+def cutting_limits(
+    model: BeamModel,
+    at: Dof | str,
+    force_levels: Sequence[float],
+    normal_forces: Sequence[float],
+    band: tuple[float, float],
+    *,
+    specific_force: float = 2e9,
+    progress: Progress = silent,
+) -> CuttingLimits:
+    """Compute the depth of cut at which chatter persists at a tool point, and the amplitude of forced vibration there.
+
+    Regenerative chatter in one direction, one cutting edge: a vibration X persists where the force that the waves of
+    two passes make, K_s b X (1 - exp(-i w T)), is the one that moves the structure by X = G F. At the worst spindle
+    speed that is b = -1 / (2 K_s min Re G). With friction joints G is the describing function at the amplitude of the
+    force: the depth is that at which chatter of this amplitude persists. At the lowest level all joints stick, and it
+    is the depth at which chatter begins; where it is larger at a higher level, the chatter stays small.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The structure.
+    at : Dof or str
+        Tool point and direction of the cutting force.
+    force_levels : sequence of float
+        Amplitudes of the cutting force [N].
+    normal_forces : sequence of float
+        Normal forces of every joint [N].
+    band : (float, float)
+        Frequencies [Hz] of the resonance that limits the cut.
+    specific_force : float, default 2e9
+        Cutting force over the area of the chip, K_s [Pa]; 2000 N/mm2 is a common value for steel. Ratios of depths do
+        not depend on it.
+    progress : Progress, optional
+        Called during the computation.
+
+    Returns
+    -------
+    CuttingLimits
+        Depths, amplitudes and frequencies.
+
+    Raises
+    ------
+    InputError
+        If a force, the specific force or the band is not positive.
+
+    References
+    ----------
+    .. [1] Altintas (2012), Manufacturing Automation, 2nd ed., Cambridge University Press, chapter 4 (chatter in
+       orthogonal cutting, after Tobias and Tlusty).
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> limits = cutting_limits(beam_model(), "1:+X", [1.0], [100.0, 1e4], (40.0, 120.0))
+    >>> limits.depth.shape
+    (1, 2)
+    """
+    low, high = band
+    positive(model.name, specific_force=specific_force, band=low, width=high - low)
+    shape = len(force_levels), len(normal_forces)
+    depth, amplitude, frequency = (np.full(shape, np.nan) for _ in range(3))
+    lines = np.linspace(low, high, _lines(band))
+    for column, force in enumerate(normal_forces):
+        pressed = model.with_normal_force(float(force))
+        for row, level in enumerate(force_levels):
+            advance(progress, "tool point", column * shape[0] + row, shape[0] * shape[1])
+            coarse = _receptance(pressed, lines, float(level), at)
+            top, least = int(np.argmax(np.abs(coarse))), int(np.argmin(coarse.real))
+            step = lines[1] - lines[0]
+            near = [np.linspace(lines[k] - step, lines[k] + step, _REFINED) for k in (top, least)]
+            highest, lowest = (_receptance(pressed, fine, float(level), at) for fine in near)
+            real = float(lowest.real.min())
+            amplitude[row, column] = level * float(np.abs(highest).max())
+            depth[row, column] = -1 / (2 * specific_force * real) if real < 0 else np.inf
+            frequency[row, column] = near[1][int(lowest.real.argmin())]
+    return CuttingLimits(np.array(force_levels), np.array(normal_forces), depth, amplitude, frequency)
+
+
+def _lines(band: tuple[float, float]) -> int:
+    """Lines of the coarse grid: 0.2 % apart, so that a resonance of 0.3 % damping has three within its width."""
+    return int(np.ceil(np.log(band[1] / band[0]) / 0.002)) + 2
+
+
+def _receptance(model: BeamModel, lines: np.ndarray, level: float, at: Dof | str) -> np.ndarray:
+    """Drive-point receptance [m/N], first harmonic."""
+    run = frf(model, lines, level, at, [at])
+    return np.asarray(run.values[:, 0, list(run.orders).index(1)]) / level

@@ -1,0 +1,102 @@
+"""What a controlled normal force brings at a tool point, against closed forms."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices
+from ema.dof import Dof
+from ema.simulate import cutting_limits, ring_downs
+from tests.closed_forms import masing_oscillator
+from tests.golden_json import assert_keys
+
+F0, ZETA = 499.0, 0.00638
+OMEGA = 2 * np.pi * F0
+
+
+def oscillator(kappa: float, force: float) -> BeamModel:
+    """1 kg at 499 Hz that rubs against a wall with friction coefficient 1."""
+    host = Matrices(np.eye(2), np.diag([OMEGA**2, 1e9]), (Dof(1, "+X"), Dof(1, "+Z")))
+    wall = Matrices(1e3 * np.eye(2), 1e16 * np.eye(2), (Dof(1, "+X", "wall"), Dof(1, "+Z", "wall")))
+    law = FrictionLaw("masing", 1.0, kappa * OMEGA**2)
+    return BeamModel(host, wall, (Joint("contact", ((1, 1),), (0.0, 0.0), law, force, 1.0),), Damping(ratio=ZETA))
+
+
+def test_depth_of_cut_of_a_sticking_joint_is_that_of_one_oscillator():
+    """-1 / (2 K_s min Re G) = 2 k zeta (1 + zeta) / K_s of an oscillator, at f_n sqrt(1 + 2 zeta) (Altintas 2012)."""
+    limits = cutting_limits(oscillator(0.05, 1e6), "1:+X", [1.0, 100.0], [1e6, 2e6], (450, 560), specific_force=1.5e9)
+    stiffness, natural = 1.05 * OMEGA**2, F0 * np.sqrt(1.05)
+    assert limits.depth == pytest.approx(2 * stiffness * ZETA * (1 + ZETA) / 1.5e9, rel=3e-3)
+    assert limits.frequency == pytest.approx(natural * np.sqrt(1 + 2 * ZETA), rel=1e-3)
+    assert limits.amplitude[:, 0] == pytest.approx(np.array([1.0, 100.0]) / (2 * stiffness * ZETA), rel=3e-3)
+
+
+@pytest.mark.parametrize("ratio", [0.2, 0.5, 1.0, 2.0])
+def test_depth_of_cut_of_a_slipping_joint_is_that_of_the_describing_function(ratio):
+    """Steady states in closed form, one harmonic, lines 0.02 Hz apart; harmonic balance adds others, 1 % at most here.
+    The damping ratio of the model is that of its sticking mode."""
+    kappa, level = 0.05, 10.0
+    lines = np.arange(450.0, 560.0, 0.02)
+    values, _ = masing_oscillator(lines, F0, ZETA * np.sqrt(1 + kappa), ratio, kappa)
+    limits = cutting_limits(oscillator(kappa, ratio * level), "1:+X", [level], [ratio * level], (450, 560))
+    assert limits.depth[0, 0] == pytest.approx(-1 / (2 * 2e9 * values.real.min()), rel=0.01)
+    assert limits.amplitude[0, 0] == pytest.approx(level * np.abs(values).max(), rel=0.01)
+
+
+def test_one_force_for_each_level_is_proportional_to_the_level():
+    """With a contact stiffness that does not depend on the normal force, twice the level under twice the normal force
+    is the same motion, twice as large: depths are equal, and so is the gain of every pair."""
+    limits = cutting_limits(oscillator(0.05, 10.0), "1:+X", [5.0, 10.0, 20.0], [4.0, 8.0, 16.0, 32.0], (450, 560))
+    assert limits.depth[1, 1:] == pytest.approx(limits.depth[0, :-1], rel=5e-3)
+    assert limits.depth[2, 1:] == pytest.approx(limits.depth[1, :-1], rel=5e-3)
+    each = limits.depth[np.arange(3), limits.controlled]
+    assert each.min() > 1.1 * limits.depth[:, limits.constant].min()
+
+
+def test_every_law_is_shown_with_the_force_whose_energy_goes_first():
+    """An oscillator under Coulomb friction and viscous damping turns every half cycle at (a - d) exp(-pi zeta') - d with
+    d = F_C / k and zeta' its damping ratio while it slides (the contact stiffness, 50 k, moves d by 2 %)."""
+    kappa, load, force = 50.0, 400.0, 20.0
+    lines = ring_downs(oscillator(kappa, force), load, "1:+X", F0, normal_forces=[2.0, force])
+    assert [line.law.split()[0] for line in lines] == ["constant", "scheduled", "released"]
+    assert lines[0].force == force
+    start = left = load - force
+    halves, ratio = 0, ZETA * np.sqrt(1 + kappa)
+    while left > 0.05 * start:
+        left, halves = (left - force) * np.exp(-np.pi * ratio) - force, halves + 1
+    assert lines[0].to_five == pytest.approx(halves / 2 / F0, abs=0.5 / F0)
+
+
+def test_from_the_command_line(root: Path, tmp_path: Path):
+    """The double beam, 20 N released, controller 2 ms late: the scheduled force leaves at most half the integral of the
+    energy of the best constant one, and reaches 2 % of the amplitude at least three times as soon."""
+    command = [
+        Path(sys.executable).with_name("ema"),
+        "simulate",
+        "control",
+        root / "datasets" / "double_beam",
+        "--json",
+    ]
+    done = subprocess.run([*command, "-o", tmp_path], capture_output=True, text=True, timeout=500)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    constant, scheduled, _ = told["rows"]
+    assert scheduled["integral of E/E0 [ms]"] <= 0.5 * constant["integral of E/E0 [ms]"]
+    assert scheduled["to 2 % [ms]"] < 200
+    assert constant["to 2 % [ms]"] is None or constant["to 2 % [ms]"] >= 3 * scheduled["to 2 % [ms]"]
+    assert_keys("ema simulate control", told)
+
+
+@pytest.mark.slow
+def test_a_force_set_for_each_level_on_the_work_table(root: Path, tmp_path: Path):
+    """Twice the depth of cut of the best constant normal force, and more."""
+    command = [Path(sys.executable).with_name("ema"), "simulate", "control", root / "datasets" / "work_table_hammer"]
+    done = subprocess.run([*command, "--json", "-o", tmp_path], capture_output=True, text=True, timeout=900)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)["tool"]
+    assert min(row["depth, set [mm]"] for row in rows) > 2 * min(row["depth [mm]"] for row in rows)
+    assert all(row["waves, set [um]"] <= 1.001 * row["waves [um]"] for row in rows)
