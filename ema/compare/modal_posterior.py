@@ -303,7 +303,9 @@ class Conditional:
                 white = generator.standard_normal((len(some), 2, factor.shape[-1]))
                 line = factor[some][:, :, index]
                 known = y[some][:, :, :k] - np.einsum("dcli,di->dcl", rows[some][:, :, :k], b)
-                loss = self._loss(index, law[:, 1], np.einsum("dli,di->dl", self.posterior.design[0][some][:, 1, :k], b))
+                loss = self._loss(
+                    index, law[:, 1], np.einsum("dli,di->dl", self.posterior.design[0][some][:, 1, :k], b)
+                )
                 told = law + loss[:, None] * np.einsum("dctl,dcl->dct", line[..., :k], known)
                 good &= (told > 0).all(axis=(1, 2))
                 new = np.einsum("dctl,dcl->dct", line[..., k:], white[:, :, k:])
