@@ -65,8 +65,8 @@ a map makes it slip, mu is off by what it carries."""
 _HIDDEN = ((0.05, 0.1, 0.2), (0.3, 0.5, 0.7))
 """Of a soft spring beside a law: shares of the stiffness, and of the slip force. A contact that carries half of the
 slip force on less than a twentieth of the stiffness is taken for none: of springs whose shares are drawn alike
-(Dirichlet, 2) it is one in a hundred. Of 42 maps of such joints mu is called identifiable in 32, wrongly in one; in 25
-and one with half of these stiffnesses, in 30 and two with twice as much."""
+(Dirichlet, 2) it is one in a hundred. Of 42 maps of such joints mu is called identifiable in 25, wrongly in one; so it is with
+half of these stiffnesses, and in 30 and two with twice as much."""
 _STEPS, _BOLDEST, _LIKELY = 3, 0.7, 100.0
 """Steps at most with which another law is fitted, their greatest length, and the rise of chi-square after the first one
 above which a law is dropped."""
