@@ -10,8 +10,6 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {
     "accuracy, peers",
     *(f"fit, {part}" for part in ("160x1601", "160x6401", "900x4096", "random")),
-    "placement",
-    "study",
     "uff",
     *(
         f"simulate, {part}"
