@@ -350,9 +350,9 @@ class MapProblem:
     def law_profiles(
         self, values: np.ndarray, bias: np.ndarray, whole: ProfileLikelihood
     ) -> list[tuple[np.ndarray, np.ndarray, float]]:
-        """What other laws make of the map: offsets of the parameters, their covariance, and the rise of chi-square.
+        """What the law beside a soft spring makes of the map: offset of the parameters, covariance, rise of chi-square.
 
-        Numbers of the fitted law, which another one does not have, stay at 0 without variance.
+        Numbers of the fitted law, which springs do not have, stay at 0 without variance.
         """
         named = [n for n, one in enumerate(self.parameters) if one.name in SHARED]
         model, _ = self.with_values(values)
@@ -361,7 +361,7 @@ class MapProblem:
             whole.data, sensitivity=whole.data.sensitivity[:, named], prior_mean=whole.data.prior_mean[named]
         )
         out = []
-        for other, more in [*((each, 0.0) for each in other_laws(law)), *hidden_springs(law)]:
+        for other, more in hidden_springs(law):
             problem = replace(self, model=with_law(model, other), parameters=tuple(self.parameters[n] for n in named))
             start = np.array([more if self.names[n] == "friction_coefficient" else 0.0 for n in named])
             found = replace(whole, residuals=partial(problem.profile, values[named], bias), data=data).descended(
@@ -689,7 +689,9 @@ def _undetermined(
         elif not same:
             reasons.append("not confirmed by estimates with one level left out")
         elif _vague(parameter, of_laws) and not _vague(parameter, spread):
-            reasons.append(f"other laws explain the map as well, and with them {_vague(parameter, of_laws)}")
+            reasons.append(
+                f"laws with a soft spring explain the map as well, and with them {_vague(parameter, of_laws)}"
+            )
         else:
             reasons.append(_vague(parameter, spread))
     return tuple(reasons)

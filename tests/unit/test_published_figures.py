@@ -21,7 +21,6 @@ WITHOUT = {
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
     "archive",
-    "joint_maps",
     *(f"stated_errors, {kind}" for kind in ("time", "verified")),
 }
 """Measured before the steady states of contacts that depend on each other took less work, and their pages say so: an
