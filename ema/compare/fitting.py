@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from ema.compare.free_parameters import (
     FORCE_SCALE,
+    SHARED,
     FreeParameter,
     free_parameters,
     initial_values,
@@ -24,6 +25,7 @@ from ema.compare.parameter_intervals import (
     ParameterPosterior,
     ProfileLikelihood,
     Residuals,
+    hidden_springs,
     levels_agree,
     other_laws,
     posterior,
@@ -345,6 +347,33 @@ class MapProblem:
         differences = np.array(added).T
         return np.where(np.isfinite(differences), differences, LOST * self.std[:, None])
 
+    def law_profiles(
+        self, values: np.ndarray, bias: np.ndarray, whole: ProfileLikelihood
+    ) -> list[tuple[np.ndarray, np.ndarray, float]]:
+        """What the law beside a soft spring makes of the map: offset of the parameters, covariance, rise of chi-square.
+
+        Numbers of the fitted law, which springs do not have, stay at 0 without variance.
+        """
+        named = [n for n, one in enumerate(self.parameters) if one.name in SHARED]
+        model, _ = self.with_values(values)
+        law, least = model.joints[0].law, whole.chi_square(whole.posterior.mean)[0]
+        data = replace(
+            whole.data, sensitivity=whole.data.sensitivity[:, named], prior_mean=whole.data.prior_mean[named]
+        )
+        out = []
+        for other, more in hidden_springs(law):
+            problem = replace(self, model=with_law(model, other), parameters=tuple(self.parameters[n] for n in named))
+            start = np.array([more if self.names[n] == "friction_coefficient" else 0.0 for n in named])
+            found = replace(whole, residuals=partial(problem.profile, values[named], bias), data=data).descended(
+                start, least
+            )
+            if found is None:
+                continue
+            offset, covariance = np.zeros(len(values)), np.zeros((len(values), len(values)))
+            offset[named], covariance[np.ix_(named, named)] = found[:2]
+            out.append((offset, covariance, found[2] - least))
+        return out
+
     def friction_growth(self, values: np.ndarray) -> Float[np.ndarray, "datum"]:
         """What ``FRICTION_GROWTH`` more in the exponent of mu adds to ln zeta and ln f; 0 where a resonance is lost."""
         every = np.arange(len(self.points.level))
@@ -501,12 +530,14 @@ def _result(
         partial(problem.profile, optimum.values, bias), np.tile(optimum.counted, 2), optimum.data, optimum.posterior
     )
     bounds = np.array([profile.bounds(each) for each in combinations])
-    reasons = _undetermined(problem, optimum, bounds, std)
+    others = [] if _common_doubt(optimum) else problem.law_profiles(optimum.values, bias, profile)
+    spans = np.array([_span(each, others, quantile**2) for each in combinations])
+    reasons = _undetermined(problem, optimum, bounds, std, spans)
     distances = np.where(np.isfinite(bounds), bounds, np.sign(bounds) * PROFILE_DISTANCES[-1])
     # what is not determined is at least not known within the range that was searched: spreads are those of one optimum
     widths = np.array([each.width if reason else 0.0 for each, reason in zip(problem.parameters, reasons, strict=True)])
     reach = np.maximum(np.abs(quantile * std[:, None] * distances), widths[:, None])
-    intervals = estimates[:, None] + np.sign(bounds) * reach
+    intervals = estimates[:, None] + np.sign(bounds) * np.maximum(reach, np.sign(bounds) * spans)
     model, _ = problem.with_values(optimum.values)
     shift = problem.measured[1] - problem.simulated(optimum.values, np.arange(len(problem.points.level)))[1]
     parameters = problem.parameters
@@ -521,6 +552,19 @@ def _result(
         misfit,
         _findings(problem, optimum, reasons, covariance, misfit),
     )
+
+
+def _span(
+    combination: np.ndarray, others: Sequence[tuple[np.ndarray, np.ndarray, float]], rise: float
+) -> tuple[float, float]:
+    """Least and greatest offset of a combination of the parameters that another law gives within a rise of chi-square:
+    the profile over the laws, each of them a parabola."""
+    ends = [0.0]
+    for offset, covariance, higher in others:
+        if higher < rise:
+            half = np.sqrt(combination @ covariance @ combination * (1 - max(higher, 0.0) / rise) * rise)
+            ends += [float(combination @ offset - half), float(combination @ offset + half)]
+    return min(ends), max(ends)
 
 
 def _misfits(optimum: _Optimum, bias: np.ndarray) -> tuple[float, float]:
@@ -623,10 +667,11 @@ def _undetermined(
     optimum: _Optimum,
     bounds: Float[np.ndarray, "parameter 2"],
     std: Float[np.ndarray, "parameter"],
+    spans: Float[np.ndarray, "parameter 2"],
 ) -> tuple[str, ...]:
     """Why each parameter is not identifiable; empty where it is.
 
-    ``bounds`` of the profiles and ``std`` are those of what is reported.
+    ``bounds`` of the profiles, ``std`` and the ``spans`` of other laws are those of what is reported.
     """
     parameters = problem.parameters
     if _common_doubt(optimum):
@@ -635,11 +680,18 @@ def _undetermined(
     limits = np.array([each.width / 3**0.5 for each in parameters])
     confirmed = levels_agree(optimum.data, problem.groups, optimum.posterior, limits)
     reasons = []
-    for parameter, (below, above), same, spread in zip(parameters, bounds, confirmed, std, strict=True):
+    # the standard deviation of a normal distribution with an interval as wide as what other laws span
+    spread_of_laws = np.ptp(spans, axis=1) / (2 * 1.96)
+    each = zip(parameters, bounds, confirmed, std, spread_of_laws, strict=True)
+    for parameter, (below, above), same, spread, of_laws in each:
         if not np.isfinite([below, above]).all():
             reasons.append(f"values far {'above' if np.isfinite(below) else 'below'} explain the map as well")
         elif not same:
             reasons.append("not confirmed by estimates with one level left out")
+        elif _vague(parameter, of_laws) and not _vague(parameter, spread):
+            reasons.append(
+                f"laws with a soft spring explain the map as well, and with them {_vague(parameter, of_laws)}"
+            )
         else:
             reasons.append(_vague(parameter, spread))
     return tuple(reasons)

@@ -12,6 +12,8 @@ from ema.errors import InputError
 
 _HOST = ("friction_coefficient", "contact_stiffness", "stiffness_exponent", "background_damping")
 FORCE_SCALE = "force_scale"
+SHARED = (*_HOST, FORCE_SCALE)
+"""What every law has."""
 _FACTOR = 2.3
 """Half width of the search on a logarithmic scale: a factor of 10 to either side of what the model says."""
 _SHAPE = 1.5

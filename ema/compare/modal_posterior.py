@@ -40,6 +40,8 @@ FEWEST = 50
 """Effective draws below which an interval of a parameter is not believed: its bounds rest on one or two draws."""
 _ROUNDS, _TEMPERED = 10, 30
 """Most proposals after the prior, and the effective draws about which each of them is made."""
+_LARGEST = 20.0
+"""Logarithm up to which a discrepancy multiplies a loss: a factor beyond all bands, which no float ends at."""
 _KERNELS, _WIDTH, _DEFENSIVE = 150, 0.5, 0.25
 """Kernels of a proposal, their width over the posterior's, and the share that stays with the prior."""
 
@@ -236,13 +238,28 @@ class Conditional:
         """Kish's effective number of draws."""
         return float(1 / np.sum(self.weights**2))
 
+    def _loss(self, index: np.ndarray, law: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+        """Loss (draw, index) that the discrepancy is relative to: that of the law there (draw, index), times measured
+        loss over that of the law at the levels (``fitted``, draw, level), interpolated in log amplitude.
+
+        At a level it is the measured loss, as in the fit. Beyond, a law that gives half of what was measured is not
+        taken for one that doubles: its discrepancy is carried on over what was measured, not over the half.
+        """
+        data, k = self.posterior.data, self.lowest
+        known = data.distance[:k]
+        every = np.concatenate([data.distance, self.posterior.targets])[index]
+        between = np.stack([np.interp(every, known, row) for row in np.eye(k)])
+        off = np.log(data.values[1, :k] / np.maximum(fitted, 1e-12))
+        return np.asarray(np.maximum(law, 1e-12) * np.exp(off @ between))
+
     def _ahead(self, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Of a level or target: mean (draw, 2) without the linear parameters, their rows (draw, 2, linear), the
-        variance left (draw, 2), all over the law's loss there, and this loss (draw,)."""
+        variance left (draw, 2), all over the loss there, and this loss (draw,)."""
         factor, y, rows = self.posterior.whitened
         k, line = self.lowest, factor[:, :, index]
         design = self.posterior.design[0][:, :, index]
-        scale = np.maximum(np.einsum("di,di->d", design[:, 1], self.mean), 1e-12)
+        losses = np.einsum("dli,di->dl", self.posterior.design[0][:, 1, [*range(k), index]], self.mean)
+        scale = self._loss(np.array([index]), losses[:, k:], losses[:, :k])[:, 0]
         left = np.sum(line[:, :, k:] ** 2, axis=-1)
         base = np.einsum("dcl,dcl->dc", line[:, :, :k], y[:, :, :k])
         ahead = design / scale[:, None, None] - np.einsum("dcl,dcli->dci", line[:, :, :k], rows[:, :, :k])
@@ -284,10 +301,17 @@ class Conditional:
             good = (b[:, 1:] >= 0).all(axis=1) & (law > 0).all(axis=(1, 2))
             if form:
                 white = generator.standard_normal((len(some), 2, factor.shape[-1]))
-                white[:, :, :k] = y[some][:, :, :k] - np.einsum("dcli,di->dcl", rows[some][:, :, :k], b)
-                delta = np.einsum("dctl,dcl->dct", factor[some][:, :, index], white)
-                eta = law[:, 1] * np.exp(delta[:, 1])
-                law = np.stack([law[:, 0] + law[:, 1] * delta[:, 0], eta], axis=1)
+                line = factor[some][:, :, index]
+                known = y[some][:, :, :k] - np.einsum("dcli,di->dcl", rows[some][:, :, :k], b)
+                loss = self._loss(
+                    index, law[:, 1], np.einsum("dli,di->dl", self.posterior.design[0][some][:, 1, :k], b)
+                )
+                told = law + loss[:, None] * np.einsum("dctl,dcl->dct", line[..., :k], known)
+                good &= (told > 0).all(axis=(1, 2))
+                new = np.einsum("dctl,dcl->dct", line[..., k:], white[:, :, k:])
+                # a loss stays positive
+                eta = told[:, 1] * np.exp(np.clip(new[:, 1], -_LARGEST, _LARGEST))
+                law = np.stack([told[:, 0] + loss * new[:, 0], eta], axis=1)
                 good &= (law > 0).all(axis=(1, 2))
             out = np.concatenate([out, law[good]])
             if len(out) >= count:

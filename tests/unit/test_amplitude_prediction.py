@@ -150,6 +150,23 @@ def test_held_out_levels_confirm_or_refute():
     assert confirmed(found, other) == (0, 2)
 
 
+@pytest.mark.parametrize("name", ["masing", "valanis", "power law"])
+def test_what_a_law_gets_wrong_is_carried_on_over_what_was_measured(name):
+    """Directly above the highest level damping and frequency are those of the highest level, whatever the law gives.
+
+    The frequency turns, which no law here can do, and the damping grows where one slider would be past its maximum.
+    """
+    amplitude = np.array([5.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+    f = np.array([80.36, 80.18, 80.16, 80.11, 80.25, 80.33])
+    zeta = 0.00145 + 5e-5 * amplitude
+    mode = AmplitudeDependentMode(
+        amplitude, Band(f - 0.004, f, f + 0.004), Band(0.98 * zeta, zeta, 1.02 * zeta), quantity="acceleration"
+    )
+    near = predict_amplitudes(mode, [60.006], laws=[law(name)])
+    for band, measured, room in ((near.damping, zeta[-1], 0.05 * zeta[-1]), (near.frequency, f[-1], 0.02)):
+        assert measured - room < band.low[0] < band.high[0] < measured + room
+
+
 def test_far_outside_the_data_is_said():
     mode, _ = joint(np.geomspace(2.0, 20.0, 6), slip=5.0)
     found = predict_amplitudes(mode, [10.0, 90.0])

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from ema.compare.free_parameters import FreeParameter, free_parameters, initial_values, with_law, with_parameters
-from ema.compare.parameter_intervals import LinearData, ProfileLikelihood, levels_agree, other_laws, posterior
+from ema.compare.parameter_intervals import (
+    LinearData,
+    ProfileLikelihood,
+    hidden_springs,
+    levels_agree,
+    other_laws,
+    posterior,
+)
 from ema.contact.iwan import springs_of
 from ema.data import FrictionLaw
 from ema.errors import InputError
@@ -127,6 +134,39 @@ def test_other_laws_have_the_same_stiffness_and_slip_force():
         assert (2e7 * stiffness).sum() == pytest.approx(2e7) and (0.3 * slip).sum() == pytest.approx(0.3)
         assert np.all(stiffness > 0) and np.all(slip >= 0)
         assert (other.friction_coefficient, other.contact_stiffness, other.stiffness_exponent) == (0.3, 2e7, 0.4)
+
+
+@pytest.mark.parametrize("law", [Masing(0.3, 2e7), ModifiedIwan(0.3, 2e7, chi=0.2)], ids=["masing", "modified iwan"])
+def test_beside_a_hidden_spring_the_others_slip_as_before(law):
+    """The law with a soft spring has the mu and k_T of the law; with the mu that it begins at, the slip forces of the
+    other springs are those of the law alone, and what slips last is the soft one, which carries the rest."""
+    slip = springs_of(law)[1]
+    found = hidden_springs(law)
+    assert len(found) == 9
+    for other, more in found:
+        stiffness, shares = springs_of(other)
+        assert (stiffness.sum(), shares.sum()) == pytest.approx((1, 1))
+        assert np.exp(more) * shares[:-1] == pytest.approx(slip, rel=1e-12)
+        assert shares[-1] / stiffness[-1] > 1
+
+
+def test_another_law_is_fitted_to_its_least_chi_square():
+    """Of linear residuals the least chi-square has a closed form: generalised least squares with the prior."""
+    rng = np.random.default_rng(10)
+    for _ in range(5):
+        data, _ = drawn(rng)
+        whole = posterior(data)
+        likelihood = ProfileLikelihood(
+            lambda step, data=data: data.residuals - data.sensitivity @ step, np.ones(2 * POINTS, bool), data, whole
+        )
+        weighted = np.linalg.solve(whole.data_covariance, data.sensitivity)
+        precision = weighted.T @ data.sensitivity + np.eye(3) / data.prior_std**2
+        best = np.linalg.solve(precision, weighted.T @ data.residuals)
+        offset, covariance, least = likelihood.descended(best + rng.uniform(-0.5, 0.5, 3), np.inf)
+        assert offset == pytest.approx(best, abs=1e-6)
+        assert least == pytest.approx(likelihood.chi_square(best)[0], abs=1e-6)
+        assert covariance == pytest.approx(max(1, whole.misfit**2) * np.linalg.inv(precision), rel=1e-6)
+        assert likelihood.descended(best + 50.0, least) is None
 
 
 def test_a_law_replaces_the_form_of_all_joints_and_keeps_their_parameters():

@@ -8,18 +8,15 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {
     "accuracy, peers",
     *(f"fit, {part}" for part in ("160x1601", "160x6401", "900x4096", "random")),
-    "placement",
-    "study",
 }
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
     "accuracy, halves",
     "accuracy, listed",
     "archive",
-    "joint_maps",
 }
-"""Measured before the steady states of contacts that depend on each other took less work, or, of accuracy, before readers
-named more of what contradicts; their pages say so: an entry goes when its bench has run again."""
+"""Measured before the fit searched with neighbours free to adapt, and their pages say so: an entry goes when its bench
+has run again."""
 
 
 def published() -> list:

@@ -359,3 +359,23 @@ def test_the_law_of_a_model_is_not_taken_for_that_of_the_joint(described, number
     assert found.identifiable == (determined,) * 3
     assert ("law-form" in {finding.code for finding in found.findings}) != determined
     assert "model-misfit" in {finding.code for finding in found.findings}
+
+
+@pytest.mark.parametrize(("soft", "late"), [(0.06, 0.45), (0.1, 0.6)])
+def test_what_a_soft_spring_carries_that_slips_at_no_load_is_not_taken_for_known(described, soft, late):
+    """A stiff spring beside a soft one that sticks at all points: the map says nothing of what the soft one may carry.
+
+    The law of one spring explains the map, and finds the mu of the stiff spring alone.
+    """
+    host, springs = Host(100.0, 0.003), Springs(np.array([1 - soft, soft]), np.array([1 - late, late]))
+    truth, levels, forces = (0.4, 0.1 * host.omega**2, 0.3), [0.7, 2.0, 5.0], [10.0, 25.0, 60.0]
+    exact = closed_form_map(host, springs, truth, levels, forces)
+    stiffness = truth[1] * (np.array(forces) / 1000) ** truth[2]
+    amplitude = exact.force_levels[:, None] / (2 * exact.damping * (2 * np.pi * exact.frequency) ** 2)
+    assert np.all(amplitude * soft * stiffness < late * truth[0] * np.array(forces))  # the soft one sticks
+    assert np.any(amplitude * (1 - soft) * stiffness > 3 * (1 - late) * truth[0] * np.array(forces))
+    chart = noisier(exact, np.random.default_rng(7), 0.02, 3e-4)
+    found = compare.update(host.model(Masing(0.2, 2 * truth[1])), chart, FREE, DRIVEN, DRIVEN)
+    low, high = found.intervals[0]
+    assert low < (1 - late) * truth[0] * 1.1
+    assert high > truth[0]
