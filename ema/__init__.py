@@ -14,6 +14,7 @@ _ROOMS = (
     "datasets",
     "estimate",
     "fit",
+    "interop",
     "place",
     "proposal",
     "report",

@@ -96,7 +96,8 @@ def map_prediction(predicted: MapPrediction, measured: ModalMap | None = None) -
     figure = new_figure(3.9)
     panels = figure.subplots(1, 2)
     known = [] if measured is None else [measured]
-    levels = np.unique(np.concatenate([each.force_levels for each in (*known, predicted)]))
+    shown: tuple[ModalMap | MapPrediction, ...] = (*known, predicted)
+    levels = np.unique(np.concatenate([each.force_levels for each in shown]))
     colours = colormaps[COLOUR_MAP](np.linspace(0, 0.88, len(levels)))
     parts = (
         (panels[0], 100.0, "damping", "Damping ratio [%]"),
@@ -115,7 +116,7 @@ def map_prediction(predicted: MapPrediction, measured: ModalMap | None = None) -
                 axes.plot(predicted.normal_forces, value, "--", lw=1.2, **style)
             else:
                 axes.errorbar(predicted.normal_forces, value, [value - low, high - value], fmt="D", ms=4, **style)
-        _over_normal_force(axes, np.concatenate([each.normal_forces for each in (*known, predicted)]))
+        _over_normal_force(axes, np.concatenate([each.normal_forces for each in shown]))
         axes.set_ylabel(label)
     panels[0].set_ylim(bottom=0)
     figure.legend(loc="outside lower center", ncols=3, title="Excitation F_E")

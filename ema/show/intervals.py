@@ -51,7 +51,8 @@ def mode_changes(change: ConditionDifference | ModeComparison | RepeatGroup | Se
         if isinstance(change, ConditionDifference):
             half, noise = (100 * getattr(change, f"{name}_{kind}") / values[:, 0] for kind in ("half", "noise"))
             known = np.isfinite(half)
-            _bars(axes, relative[~known], noise[~known], np.flatnonzero(~known), GREY, "95 % of the noise alone")
+            label = "95 % of the noise alone" if np.isfinite(noise).any() else "interval unknown"
+            _bars(axes, relative[~known], noise[~known], np.flatnonzero(~known), GREY, label)
             _bars(axes, relative[known], half[known], np.flatnonzero(known), BLUE, "95 %")
         else:
             _bars(axes, relative, np.zeros(len(relative)), np.arange(len(relative)), BLUE, "")
@@ -80,6 +81,9 @@ def _repeats(group: RepeatGroup) -> Figure:
         empty_note(figure.subplots(), "no mode in the repeats")
         return figure
     rows = ((group.frequency, "natural frequency"), (group.damping, "damping ratio"))
+    if not any(np.isfinite([spread.half, spread.noise_half]).any() for spread, _ in rows):
+        empty_note(figure.subplots(), "neither repeats nor noise tell an interval")
+        return figure
     for axes, (spread, what) in zip(figure.subplots(1, 2), rows, strict=True):
         for values, label, look in ((spread.half, "repeats", SERIES[0]), (spread.noise_half, "noise alone", SERIES[1])):
             axes.semilogy(
@@ -103,6 +107,7 @@ def _shifts(shifts: SetUpShifts) -> Figure:
         axes.errorbar(
             modes + off, 100 * shifts.shifts[row], bars, fmt=marker, ms=4, color=colour, capsize=2, label=name
         )
+    axes.set_xlim(0.3, len(modes) + 0.7)
     axes.set_xticks(modes, [f"{frequency:.5g} Hz" for frequency in shifts.frequencies], rotation=45)
     axes.set_ylabel("Shift of natural frequency [%]")
     axes.set_title({"none": "no shift beyond the noise"}.get(shifts.cause, shifts.cause))
@@ -182,7 +187,14 @@ def contact_forces(pressure: ContactPressure) -> Figure:
     places = np.arange(len(pressure.forces))
     opens = pressure.open_time > 0
     axes.axhline(0, color=GREY, lw=0.6)
-    axes.vlines(places, pressure.least, pressure.greatest, colors=np.where(opens, VERMILION, BLUE), lw=3, alpha=0.5)
+    axes.vlines(
+        places,
+        pressure.least,
+        pressure.greatest,
+        colors=[VERMILION if each else BLUE for each in opens],
+        lw=3,
+        alpha=0.5,
+    )
     axes.plot(places, pressure.forces, "_", ms=9, color="black", label="at rest")
     names = [f"{joint} {a}/{b}" for joint, (a, b) in zip(pressure.joints, pressure.pairs, strict=True)]
     axes.set_xticks(places, names, rotation=90 if len(names) > 4 else 0, fontsize=7 if len(names) > 12 else 8)

@@ -6,6 +6,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from ema import data, shapes
+from ema.dof import Dof
 from ema.errors import InputError
 from ema.show.amplitude import amplitude_modes, nonlinear_mode, stepped_levels
 from ema.show.compared import map_comparison, map_prediction
@@ -22,7 +23,7 @@ from ema.show.shapes import mode_shapes, shapes_over_dofs
 from ema.show.signals import signals
 from ema.show.simulated import hysteresis, motion, ring_down, steady_states
 from ema.show.stability import stabilisation
-from ema.show.style import new_figure
+from ema.show.style import BLUE, new_figure, styled
 
 
 def plot(thing: Any, **options: Any) -> Figure:
@@ -120,11 +121,10 @@ def _geometry_of(campaign: data.Campaign, **options: Any) -> Figure:
             where=campaign.name,
             advice="draw a run: ema.show.plot(campaign['name'])",
         )
-    channels = [channel for channel in campaign.channels if channel.dof is not None]
-    by_role = {
-        role: [channel.dof for channel in channels if channel.role == role and channel.dof.node in campaign.geometry]
-        for role in ("response", "reference")
-    }
+    by_role: dict[str, list[Dof]] = {"response": [], "reference": []}
+    for channel in campaign.channels:
+        if channel.role in by_role and channel.dof is not None and channel.dof.node in campaign.geometry:
+            by_role[channel.role].append(channel.dof)
     return geometry(
         campaign.geometry,
         responses=by_role["response"],
@@ -135,9 +135,10 @@ def _geometry_of(campaign: data.Campaign, **options: Any) -> Figure:
 
 
 def _run(run: data.Run, **options: Any) -> Figure:
-    for group, draw in ((run.frfs, frf_overview), (run.recordings, signals)):
-        if len(group):
-            return draw(group[0], **options)
+    if len(run.frfs):
+        return frf_overview(run.frfs[0], **options)
+    if len(run.recordings):
+        return signals(run.recordings[0], **options)
     if run.levels:
         return stepped_levels(run.levels, **options)
     raise InputError("the run holds no measurement", where=run.id)
@@ -152,6 +153,7 @@ def _study(study: data.StudyResult, **options: Any) -> Figure:
     return plot(study.campaign if chosen is None else chosen, **options)
 
 
+@styled
 def _ranking(ranking: data.Ranking) -> Figure:
     """Scores of the best locations with their 95 % intervals."""
     figure = new_figure(3.2)
@@ -160,9 +162,10 @@ def _ranking(ranking: data.Ranking) -> Figure:
     low, value, high = (
         [100 * getattr(place, name) for place in places] for name in ("score_low", "score", "score_high")
     )
-    numbers = range(1, len(places) + 1)
+    numbers = list(range(1, len(places) + 1))
     off = [[max(0.0, v - a) for a, v in zip(low, value)], [max(0.0, b - v) for v, b in zip(value, high)]]
-    axes.errorbar(list(numbers), value, off, fmt="o", ms=4, capsize=3)
+    axes.errorbar(numbers, value, off, fmt="o", ms=4, capsize=3, color=BLUE)
+    axes.set_xticks(numbers)
     axes.set_xlabel("Rank of the location")
     axes.set_ylabel("Objective [%]")
     axes.set_title(ranking.objective)

@@ -19,6 +19,7 @@ ROOMS = (
     "ema.elements",
     "ema.estimate",
     "ema.fit",
+    "ema.interop",
     "ema.place",
     "ema.proposal",
     "ema.report",
