@@ -1,6 +1,7 @@
 from ema.show.amplitude import amplitude_modes as amplitude_modes
 from ema.show.amplitude import nonlinear_mode as nonlinear_mode
 from ema.show.amplitude import stepped_levels as stepped_levels
+from ema.show.animation import animate as animate
 from ema.show.compared import map_comparison as map_comparison
 from ema.show.compared import map_prediction as map_prediction
 from ema.show.forecast import forecast_bands as forecast_bands
