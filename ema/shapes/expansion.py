@@ -141,7 +141,7 @@ def expand_by_modes(test: ModalModel, model: ModalModel, modes: "list[int] | Non
             advice="choose fewer modes, or map the points first with ema.shapes.align",
         )
     rows, columns, signs = (np.array(each) for each in zip(*pairs, strict=True))
-    basis = signs[:, None] * model.shapes[np.ix_(columns, chosen)]
+    basis = signs[:, None] * model.shapes[columns][:, chosen]
     condition = float(np.linalg.cond(basis))
     if condition > _ALIKE:
         raise InputError(

@@ -114,7 +114,7 @@ def _primitives(buffer: _Buffer, each: Scene, targets: list[np.ndarray]) -> list
     }
     triangles = [[face[0], a, b] for face in rows["faces"] for a, b in pairwise(face[1:])]
     segments = [pair for line in rows["lines"] for pair in pairwise(line)]
-    parts = [(_TRIANGLES, triangles), (_LINES, segments)]
+    parts: list[tuple[int, list[Any]]] = [(_TRIANGLES, triangles), (_LINES, segments)]
     if not triangles and not segments:
         parts = [(_POINTS, [[row] for row in range(len(geometry.nodes))])]
     return [

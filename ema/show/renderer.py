@@ -54,7 +54,7 @@ def renderer_works(timeout: float = 60.0) -> bool:
         return False
 
 
-WITHOUT_VTK = "ema.show.mode_shapes and ema.show.animate to .html or .glb need no VTK"
+WITHOUT_VTK = "use ema.show.mode_shapes, or ema.show.animate to .html or .glb, which need no VTK"
 
 
 def _pyvista() -> Any:
