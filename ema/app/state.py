@@ -291,19 +291,19 @@ class Workbench:
         ...     bench.exclude(0, why="double hit", who="A. Tester")
         ... except InputError as error:
         ...     print(error)
-        no such blow; got 0, expected one of 0
+        no such impact; got 0, expected one of 0
         """
         with self._lock:
             work = self.work
             gallery = work.result.hits
             if gallery is None or not 0 <= hit < len(gallery.hits):
-                raise InputError("no such blow", got=hit, expected=f"one of {len(gallery.hits) if gallery else 0}")
+                raise InputError("no such impact", got=hit, expected=f"one of {len(gallery.hits) if gallery else 0}")
             blow, name = gallery.hits[hit], work.result.run.id
             if not why.strip() or not who.strip():
                 raise InputError("an exclusion needs a reason and a name", where=f"run {name}, {blow.recording}")
             if self.again is None:
                 raise InputError(
-                    "the blow cannot be excluded: the signals are not at hand",
+                    "the impact cannot be excluded: the signals are not available",
                     where=f"run {name}",
                     advice="open the campaign's folder or recipe instead of a result file",
                 )
@@ -315,7 +315,7 @@ class Workbench:
             wanted = work.result.modes.natural_frequencies
             rows = list(dict.fromkeys(nearest(poles, float(frequency)) for frequency in wanted))
             base = replace(work.result, run=run, frfs=frfs, hits=hits, poles=poles)
-            what = f"exclude blow {blow.index + 1} of {blow.recording}"
+            what = f"exclude impact {blow.index + 1} of {blow.recording}"
             self._keep(Work(self._picked(base, rows), tuple(rows), excluded), what)
 
     def undo(self) -> None:
@@ -464,7 +464,7 @@ class Workbench:
             return name, fitted[name].frfs
         if self.look is None:
             raise InputError(
-                "the FRFs behind this point cannot be shown: the signals are not at hand",
+                "the FRFs behind this point cannot be shown: the signals are not available",
                 where=f"run {name}",
                 advice="open the campaign's folder or recipe instead of a result file",
             )

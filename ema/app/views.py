@@ -168,11 +168,11 @@ def pulse(bench: Workbench, hit: int) -> dict[str, Any]:
 
     Raises
     ------
-    InputError : there is no such blow.
+    InputError : there is no such impact.
     """
     gallery = bench.work.result.hits
     if gallery is None or not 0 <= hit < len(gallery.hits):
-        raise InputError("no such blow", got=hit)
+        raise InputError("no such impact", got=hit)
     one = gallery.hits[hit]
     return {
         "time": numbers(1e3 * np.arange(len(one.pulse)) / one.sampling_rate, 5),

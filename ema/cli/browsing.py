@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from ema.app.state import Again, Exclusion, Workbench
+from ema.app.state import Exclusion, Workbench
 from ema.cli.ending import FINE, ends_well
 from ema.data import (
     Campaign,
@@ -26,7 +26,7 @@ from ema.data import (
     Run,
     StudyResult,
 )
-from ema.errors import FailureError, InputError
+from ema.errors import EmaError, FailureError, InputError
 from ema.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -94,8 +94,8 @@ def workbench(
     """
     from ema.study import Study
 
-    if path.suffix.lower() == ".h5" and (held := _result(path)) is not None:
-        return _with_answers(Workbench(held, _picked(path), maps=tuple(maps)))
+    if path.suffix.lower() == ".h5" and (result := _result(path)) is not None:
+        return _with_answers(_of_result(path, result, progress, maps))
     study = Study.load(path, output)
     campaign = study.open(progress)
     picked = _picked(study.result)
@@ -103,11 +103,52 @@ def workbench(
     result = _result(picked if newer else study.result) if newer or study.result.is_file() else None
     if result is None or not study.is_current(result, campaign, progress, picked=newer):
         result = study.run(progress=progress, resume=True)
-    again: Again = partial(_again, campaign, study)
+    return _with_answers(_with_signals(Workbench(result, picked, maps=tuple(maps)), study, campaign))
+
+
+def _of_result(path: Path, result: StudyResult, progress: Progress, maps: Sequence[ModalMap]) -> Workbench:
+    """The workbench of a result, with its signals where the recipe or campaign that it was made from is found."""
+    bench = Workbench(result, _picked(path), maps=tuple(maps))
+    study = study_of(path, result)
+    if study is None:
+        return bench
+    try:
+        campaign = study.open(progress)
+        current = study.is_current(result, campaign, progress, picked=True)
+    except EmaError:
+        return bench  # the signals are not what the result needs: it is shown without them
+    return _with_signals(bench, study, campaign) if current else bench
+
+
+def study_of(path: Path, result: StudyResult) -> "Study | None":
+    """The study that a result was made by, where its recipe or campaign is still what it was.
+
+    A recipe is looked for by the name in the provenance of the result: beside it, one folder up, and in the folder
+    where the command runs; its fingerprint has to be that of the provenance. A study without a recipe is the folder of
+    the campaign.
+    """
+    from ema.fingerprint import of_files
+    from ema.study import Study
+
+    # the recipe comes first in the provenance of a study that has one
+    name, print_ = next(iter(result.provenance.inputs), ("", ""))
+    if not name.endswith(".toml") or name == "campaign.toml":
+        folder = result.campaign.folder
+        return Study.load(folder, path.parent) if folder and Path(folder).exists() else None
+    for place in (path.parent, path.parent.parent, Path.cwd(), Path.cwd() / "reports"):
+        file = place / Path(name).name
+        if file.is_file() and of_files([file]) == print_:
+            return Study.load(file, path.parent)
+    return None
+
+
+def _with_signals(bench: Workbench, study: "Study", campaign: Campaign) -> Workbench:
+    """The workbench that can compute runs again, show FRFs behind maps, and keep what was excluded."""
     where = campaign_file(study.campaign)
-    keep = None if where is None else Keeper(where).keep
-    bench = Workbench(result, picked, again, keep, tuple(maps), look=partial(_look, campaign, study))
-    return _with_answers(bench)
+    bench.again = partial(_again, campaign, study)
+    bench.keep = None if where is None else Keeper(where).keep
+    bench.look = partial(_look, campaign, study)
+    return bench
 
 
 def _with_answers(bench: Workbench) -> Workbench:
@@ -255,7 +296,6 @@ def _picked(result: Path) -> Path:
 def _result(path: Path) -> StudyResult | None:
     """The result of a study in a file of ours, if it is one."""
     from ema import store
-    from ema.errors import EmaError
 
     if not (path.is_file() and store.is_store(path)):
         return None

@@ -162,14 +162,16 @@ async function drawMap(overview) {
   page.mapped = true;
   if (part("map").options.length !== overview.maps.length) part("map").replaceChildren(...overview.maps.map(name => new Option(name)));
   const told = await get(`api/chart?map=${Math.max(part("map").selectedIndex, 0)}`);
-  const column = name => told[name][0].map((_, force) => told[name].map(row => row[force]));
-  await Plotly.react("chart", [{ type: "heatmap", x: told.levels, y: told.forces, z: column("damping"), customdata: column("frequency"), colorscale: "Cividis", hoverongaps: false,
-    colorbar: { title: { text: "ζ [%]" }, thickness: 12 }, hovertemplate: "F_E %{x} N, F_N %{y} N<br>%{customdata} Hz, %{z} %<extra></extra>" }],
-    base({ xaxis: axis("Force level F_E [N]", { type: "category" }), yaxis: axis("Normal force F_N [N]", { type: "category" }) }), quiet);
+  // normal force across and excitation up, as in reports; every cell says its number where numbers fit
+  const few = told.forces.length <= 12 && told.levels.length <= 16;
+  await Plotly.react("chart", [{ type: "heatmap", x: told.forces, y: told.levels, z: told.damping, customdata: told.frequency, colorscale: "Cividis", hoverongaps: false,
+    texttemplate: few ? "%{z:.3g}" : "", textfont: { size: 12 },
+    colorbar: { title: { text: "Damping ratio [%]", side: "right" }, thickness: 12 }, hovertemplate: "F_E %{y} N, F_N %{x} N<br>%{customdata} Hz, %{z} %<extra></extra>" }],
+    base({ xaxis: axis("Normal force F_N [N]", { type: "category" }), yaxis: axis("Excitation force F_E [N]", { type: "category" }) }), quiet);
   const place = part("chart");
   if (!place.dataset.wired) {
     place.dataset.wired = "1";
-    place.on("plotly_click", event => { const [force, level] = event.points[0].pointIndex; drawPoint(level, force).catch(error => fail(error.message)); });
+    place.on("plotly_click", event => { const [level, force] = event.points[0].pointIndex; drawPoint(level, force).catch(error => fail(error.message)); });
   }
 }
 
