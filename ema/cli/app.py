@@ -288,6 +288,29 @@ def report(
 
 @app.command()
 @ends_well
+def explain(
+    code: Annotated[str, typer.Argument(help="Code of a finding, such as double-hit; all of them without one.")] = "",
+    json: Json = False,
+) -> int:
+    """Say what a finding means, and which page of the docs tells more."""
+    from dataclasses import asdict
+
+    from ema.cli import listing, screen
+    from ema.messages import explain as explained
+    from ema.messages import kinds
+
+    chosen = [explained(code)] if code else list(kinds().values())
+    if json:
+        screen.as_json([asdict(kind) for kind in chosen])
+    elif code:
+        print(f"{chosen[0].meaning}\nMore in docs/{chosen[0].page}.md.")
+    else:
+        screen.console().print(listing.kinds_as_table(chosen))
+    return FINE
+
+
+@app.command()
+@ends_well
 def formats(json: Json = False) -> int:
     """List the file formats that can be read and written."""
     import acquisition

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from ema.cli.doctor import Check
 from ema.contact.catalogue import KnownLaw
+from ema.messages import Kind
 
 
 def formats_as_list(formats: list[Any]) -> list[dict[str, Any]]:
@@ -37,6 +38,16 @@ def formats_as_table(formats: list[Any]) -> Table:
         # Text, because square brackets are markup elsewhere
         cells = (one.title, " ".join(one.suffixes), ", ".join(one.reads), ", ".join(one.writes), works)
         table.add_row(*(Text(cell) for cell in cells))
+    return table
+
+
+def kinds_as_table(kinds: Sequence[Kind]) -> Table:
+    """One row per kind of finding."""
+    table = Table()
+    for name in ("code", "meaning", "page of the docs"):
+        table.add_column(name, no_wrap=name == "code")
+    for kind in kinds:
+        table.add_row(kind.code, Text(kind.meaning), kind.page)
     return table
 
 

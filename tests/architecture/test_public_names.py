@@ -20,6 +20,7 @@ ROOMS = (
     "ema.estimate",
     "ema.fit",
     "ema.interop",
+    "ema.messages",
     "ema.place",
     "ema.proposal",
     "ema.report",
