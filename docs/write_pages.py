@@ -12,7 +12,7 @@ import acquisition
 from ema.messages import kinds
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = ("findings.md", "formats.md", "journeys.md")
+PAGES = ("findings.md", "formats.md", "tutorials.md")
 _REGION = re.compile(r"(<!-- (?P<name>[\w ]+) -->\n).*?(<!-- end -->)", re.S)
 
 

@@ -36,7 +36,7 @@ app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
 
 T = TypeVar("T")
 
-_BEGIN = "# Blows excluded in the browser:"
+_BEGIN = "# Impacts excluded in the browser:"
 
 
 @app.command("app")
@@ -166,7 +166,7 @@ def placements_of(path: Path) -> list[Placement]:
     ------
     InputError : there is none.
     """
-    found = _nouns(path, Placement)
+    found = _contents(path, Placement)
     if not found:
         raise InputError("the file holds no placement", where=str(path), advice="`ema place` writes placement.h5")
     return found
@@ -179,19 +179,25 @@ def maps_of(path: Path) -> list[ModalMap]:
     ------
     InputError : there is none.
     """
-    found = [*_nouns(path, ModalMap), *(one.chart for one in _nouns(path, MapResult))]
+    found = [*_contents(path, ModalMap), *(one.chart for one in _contents(path, MapResult))]
     if not found:
         raise InputError("the file holds no modal map", where=str(path))
     return found
 
 
-def _nouns(path: Path, kind: type[T]) -> list[T]:
-    """The nouns of one kind in a file of ours."""
+def _contents(path: Path, kind: type[T]) -> list[T]:
+    """The items of one kind in a file of ours."""
     from ema import store
 
-    held = store.load(path)
-    nouns = held.values() if isinstance(held, Mapping) else held if isinstance(held, list | tuple) else [held]
-    return [noun for noun in nouns if isinstance(noun, kind)]
+    contents = store.load(path)
+    items = (
+        contents.values()
+        if isinstance(contents, Mapping)
+        else contents
+        if isinstance(contents, list | tuple)
+        else [contents]
+    )
+    return [item for item in items if isinstance(item, kind)]
 
 
 def campaign_file(path: Path) -> Path | None:
@@ -203,7 +209,7 @@ def campaign_file(path: Path) -> Path | None:
 
 
 class Keeper:
-    """Writes excluded blows to a campaign.toml as repairs, below what stood there when it was opened."""
+    """Writes excluded impacts to a campaign.toml as repairs, below what stood there when it was opened."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -227,14 +233,14 @@ class Keeper:
         try:
             if self._path.read_text(encoding="utf-8") != self._written:
                 raise InputError(
-                    "the campaign was changed by somebody else, so the excluded blows were not added to it",
+                    "the campaign was changed by somebody else, so the excluded impacts were not added to it",
                     where=str(self._path),
                     advice="open it again with `ema app`; picked poles are saved",
                 )
             files.parse(text, str(self._path))
             write_bytes(self._path, text.encode(), "the campaign")
         except OSError as error:
-            raise FailureError("the excluded blows cannot be written", where=str(self._path)) from error
+            raise FailureError("the excluded impacts cannot be written", where=str(self._path)) from error
         self._written = text
 
 
@@ -257,7 +263,7 @@ def _table(run: str, one: Exclusion) -> str:
 def _again(
     campaign: Campaign, study: "Study", run: str, excluded: Sequence[Exclusion]
 ) -> tuple[FrfSet, HitGallery | None, PoleTable]:
-    """FRFs, blows and poles of a run without some of its blows."""
+    """FRFs, impacts and poles of a run without some of its impacts."""
     from ema import fit
     from ema.estimate import without_dead
     from ema.study import chain
@@ -279,7 +285,7 @@ def _look(campaign: Campaign, study: "Study", run: str) -> FrfSet:
 
 
 def _without(run: Run, excluded: Sequence[Exclusion]) -> Run:
-    """The run with marks on the blows that do not count."""
+    """The run with marks on the impacts that do not count."""
 
     def marked(place: int) -> Recording:
         record = run.recordings[place]
@@ -300,7 +306,7 @@ def _result(path: Path) -> StudyResult | None:
     if not (path.is_file() and store.is_store(path)):
         return None
     try:
-        held = store.load(path)
+        contents = store.load(path)
     except EmaError:
         return None
-    return held if isinstance(held, StudyResult) else None
+    return contents if isinstance(contents, StudyResult) else None

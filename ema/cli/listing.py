@@ -97,8 +97,8 @@ def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
 
 
 def show_checks(out: Console, checks: list[Check], repair: str) -> None:
-    """One line per check, and the one command that mends what does not work."""
+    """One line per check, and the one command that fixes what does not work."""
     for one in checks:
         mark, style = ("ok", "green") if one.works else ("no", "bold red" if one.needed else "yellow")
         out.print(Text(f"{mark:3}", style=style), Text(f"{one.what}: {one.detail}"), soft_wrap=True)
-    out.print(Text(f"To mend it: {repair}" if repair else "Everything works.", style="bold"), soft_wrap=True)
+    out.print(Text(f"To fix it: {repair}" if repair else "Everything works.", style="bold"), soft_wrap=True)

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 @dataclass
 class Job:
-    """What a job found: nouns for the store, pictures, rows of the table, findings."""
+    """What a job found: contents for the store, pictures, rows of the table, findings."""
 
-    nouns: dict[str, Any]
+    contents: dict[str, Any]
     pictures: dict[str, "Figure"]
     rows: list[dict[str, Any]]
     findings: list["Finding"] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""The four jobs of `ema simulate`: they compose verbs of the simulator, of the estimation and of the pictures."""
+"""The four jobs of `ema simulate`: they compose functions of the simulator, of the estimation and of the pictures."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -59,9 +59,9 @@ def snapback(
     if decays:
         unit = "rad" if Dof.parse(table.at).axis.startswith("R") else "m"
         pictures["ring_down"] = show.ring_down(list(decays.values()), [f"F_N {label}" for label in decays], unit)
-    nouns: dict[str, Any] = {f"response {label}": run for label, run in responses.items()}
-    nouns |= {f"decay {label}": decay for label, decay in decays.items()}
-    return Job(nouns, pictures, rows, [one for run in responses.values() for one in run.findings])
+    contents: dict[str, Any] = {f"response {label}": run for label, run in responses.items()}
+    contents |= {f"decay {label}": decay for label, decay in decays.items()}
+    return Job(contents, pictures, rows, [one for run in responses.values() for one in run.findings])
 
 
 def _of_motion(run: Response) -> dict[str, Any]:

@@ -77,9 +77,9 @@ def animated_gltf(scenes: Sequence[Scene], period: float, frames: int) -> bytes:
         mesh = {"name": each.title, "primitives": _primitives(buffer, each, targets), "weights": weights[0].tolist()}
         meshes.append(mesh)
         low, high = each.geometry.xyz.min(axis=0), each.geometry.xyz.max(axis=0)
-        place = [across - float(low[0]), 0.0, 0.0] if len(scenes) > 1 else [0.0, 0.0, 0.0]
+        shift = [across - float(low[0]), 0.0, 0.0] if len(scenes) > 1 else [0.0, 0.0, 0.0]
         across += _GAP * max(float(high[0] - low[0]), 0.3 * float(np.linalg.norm(high - low)))
-        nodes.append({"mesh": number, "name": each.title, "translation": place})
+        nodes.append({"mesh": number, "name": each.title, "translation": shift})
         samplers.append({"input": times, "output": buffer.add(weights.ravel(), "SCALAR"), "interpolation": "LINEAR"})
         channels.append({"sampler": number, "target": {"node": number, "path": "weights"}})
     nodes.append({"children": list(range(len(scenes))), "rotation": _UPRIGHT, "name": "structure"})

@@ -45,8 +45,8 @@ def signals(recording: Recording) -> Figure:
         times, values = _extremes(recording.signals[row], recording.sampling_rate)
         axes.axhline(0, color=GREY, lw=0.6)
         axes.plot(times, values, color=VERMILION if over else BLUE, lw=0.8)
-        place = f" at {channel.dof}" if channel.dof else ""
-        axes.set_title(f"{channel.name}{place}" + (": overload" if over else ""))
+        at = f" at {channel.dof}" if channel.dof else ""
+        axes.set_title(f"{channel.name}{at}" + (": overload" if over else ""))
         axes.set_ylabel(f"[{'unit unstated' if channel.unit == UNSTATED else channel.unit.replace('^2', '²')}]")
     panels[-1].set_xlabel("Time [s]")
     panels[-1].set_xlim(0, recording.duration)
