@@ -108,9 +108,10 @@ def _of_phases(run: Response, modes: tuple[float, float, float], decay: Decay | 
 
 _FEWEST_CYCLES = 2.0
 """Cycles of a stuck phase below which it is not shown: its slow decay cannot be read from fewer."""
-_SLIPPING, _LOST = 1e-6, 0.999
-"""Share of the energy that friction takes where contacts slip at all, which is the error that the books of a run may
-have; share of the friction loss after which slip counts as ended: 99 % is reached while single contacts still slip."""
+_SLIPPING = 1e-6
+"""Share of the energy that friction takes where contacts slip at all: the error that the balance of a run may have."""
+_LOST = 0.999
+"""Share of the friction loss after which slip counts as ended: 99 % is reached while single contacts still slip."""
 
 
 def _slip_end(run: Response) -> float | None:

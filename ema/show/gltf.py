@@ -15,8 +15,16 @@ from matplotlib import colormaps
 from ema.show.renderer import Scene
 from ema.show.style import COLOUR_MAP
 
-_FLOAT, _INDEX = 5126, 5125
-_POINTS, _LINES, _TRIANGLES = 0, 1, 4
+_FLOAT = 5126
+"""Component type of 32-bit floats (3.6.2.2)."""
+_INDEX = 5125
+"""Component type of 32-bit unsigned integers."""
+_POINTS = 0
+"""Mode of a primitive (3.7.2.1): single points."""
+_LINES = 1
+"""Separate lines of two points each."""
+_TRIANGLES = 4
+"""Separate triangles."""
 _GAP = 1.25
 """Distance of the middles of two structures over the extent of the first: they stand beside each other with a gap of a
 quarter; at 1 they would touch."""

@@ -9,9 +9,10 @@ from ema.data import ConditionDifference, ContactPressure, ModelUpdate, RepeatGr
 from ema.data.comparison import ModeComparison
 from ema.show.style import BLUE, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
-_LOW, _HIGH = 0.1, 10.0
-"""Factors between which parameters are drawn over their estimates: an interval that goes beyond a decade on either side
-bounds nothing that a drawing could show."""
+_LOW = 0.1
+"""Least factor of a parameter over its estimate that is drawn: an interval beyond a decade bounds little."""
+_HIGH = 10.0
+"""Largest such factor."""
 
 
 @styled
