@@ -170,7 +170,9 @@ for ending in ("html", "glb", "gif"):
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[:2] == ["mode.html", "mode.glb"] and len(lines) == 3
-    assert "need the package pyvista" in lines[2] and "or ema.show.animate to .html or .glb, which need no VTK" in lines[2]
+    assert (
+        "need the package pyvista" in lines[2] and "or ema.show.animate to .html or .glb, which need no VTK" in lines[2]
+    )
 
 
 def test_shapes_are_expanded_by_the_modes_of_a_model() -> None:
