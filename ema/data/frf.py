@@ -15,12 +15,11 @@ from ema.data.findings import Finding
 from ema.data.provenance import Provenance
 from ema.data.set_ups import SetUps
 from ema.dof import Dof
-from ema.errors import InputError, require
+from ema.errors import InputError
 from ema.units import FRF_UNIT, UNSTATED, FrfQuantity
 
 if TYPE_CHECKING:
     import pandas as pd
-    import xarray as xr
 
 
 @dataclass(frozen=True, repr=False)
@@ -194,47 +193,6 @@ class FrfSet(Container):
         table = pd.DataFrame(self.values.reshape(len(self.frequencies), -1), index=index, columns=labels)
         table.attrs |= {"quantity": self.quantity, "unit": self.unit}
         return table
-
-    def to_xarray(self) -> "xr.DataArray":
-        """Return the FRFs as a labelled array of xarray.
-
-        Returns
-        -------
-        xarray.DataArray
-            Dimensions ``frequency`` [Hz], ``output`` and ``input`` (DOFs as text). ``attrs`` hold the units, quantity,
-            phasor and estimator; coherence and variance are coordinates where they are known.
-
-        Raises
-        ------
-        MissingExtraError
-            If xarray is not installed.
-
-        Examples
-        --------
-        >>> from ema.examples import frf_set
-        >>> array = frf_set().to_xarray()
-        >>> array.dims, array.attrs["units"]
-        (('frequency', 'output', 'input'), '(m/s^2)/N')
-        >>> array.sel(frequency=40.0, output="2:+Z", input="1:+Z").values == frf_set().values[40, 1, 0]
-        np.True_
-        """
-        dims = ("frequency", "output", "input")
-        coordinates: dict[str, Any] = {
-            "frequency": ("frequency", self.frequencies, {"units": "Hz"}),
-            "output": [str(dof) for dof in self.outputs],
-            "input": [str(dof) for dof in self.inputs],
-        }
-        squared = "" if not self.scaled else f"({self.unit})^2"
-        for name, block, units in (("coherence", self.coherence, "1"), ("variance", self.variance, squared)):
-            if block is not None:
-                coordinates[name] = (dims, block, {"units": units})
-        attrs = {
-            "units": self.unit if self.scaled else "",
-            "quantity": self.quantity,
-            "phasor": "exp(+j w t)",
-            "estimator": self.estimator,
-        }
-        return require("xarray", "xarray").DataArray(self.values, coordinates, dims, self.name or None, attrs)
 
     @property
     def frequency_step(self) -> float:

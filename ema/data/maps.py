@@ -1,7 +1,7 @@
 """Modal parameters over excitation level and normal force: the paper's Figs. 8 and 9."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -10,10 +10,6 @@ from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase, span
 from ema.data.findings import Finding
 from ema.data.provenance import Provenance
-from ema.errors import require
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,53 +91,6 @@ class ModalMap(Container):
             misfit=float,
         )
         check_axes(self)
-
-    def to_xarray(self) -> "xr.Dataset":
-        """Return the map as a labelled data set of xarray.
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions ``force_level`` [N] and ``normal_force`` [N]; variables ``frequency`` [Hz], ``damping`` [-] and
-            whatever else the map knows (``joint_forces`` has the dimension ``joint`` as well), units in ``attrs``.
-
-        Raises
-        ------
-        MissingExtraError
-            If xarray is not installed.
-
-        Examples
-        --------
-        >>> from ema.examples import modal_map
-        >>> modal_map().to_xarray().damping.sel(force_level=20.0, normal_force=500.0).item()
-        0.024
-        """
-        dims = ("force_level", "normal_force")
-        units = {
-            "frequency": "Hz",
-            "damping": "1",
-            "frequency_std": "Hz",
-            "damping_std": "1",
-            "force_at_resonance": "N",
-            "modal_amplitude": "m kg^0.5",
-            "quadrature_damping": "1",
-            "misfit": "1",
-        }
-        known: dict[str, Any] = {
-            name: (dims, getattr(self, name), {"units": unit})
-            for name, unit in units.items()
-            if getattr(self, name) is not None
-        }
-        coordinates: dict[str, Any] = {
-            "force_level": ("force_level", self.force_levels, {"units": "N"}),
-            "normal_force": ("normal_force", self.normal_forces, {"units": "N"}),
-        }
-        if self.joint_forces is not None:
-            known["joint_forces"] = ((*dims, "joint"), self.joint_forces, {"units": "N"})
-            if len(self.joints) == self.joint_forces.shape[2]:
-                coordinates["joint"] = list(self.joints)
-        attrs = {"name": self.name, "method": self.method}
-        return require("xarray", "xarray").Dataset(known, coordinates, attrs)
 
     def _headline(self) -> str:
         return phrase(

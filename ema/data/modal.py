@@ -1,7 +1,7 @@
 """Poles and modes."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
@@ -13,11 +13,10 @@ from ema.data.findings import Finding
 from ema.data.provenance import Provenance
 from ema.data.set_ups import SetUpShifts
 from ema.dof import Dof
-from ema.errors import InputError, require
+from ema.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
-    import xarray as xr
 
 COVERAGE_FACTOR = 1.959964
 """Standard uncertainties on each side of a 95 % coverage interval of a normal distribution."""
@@ -454,47 +453,6 @@ class ModalModel(Container):
         for joint in self.condition.joints:
             columns[f"F_N {joint.joint} [N]"] = np.full(len(self.poles), joint.mean)
         return pd.DataFrame(columns, index=pd.RangeIndex(1, len(self.poles) + 1, name="mode"))
-
-    def to_xarray(self) -> "xr.Dataset":
-        """Return the modes as a labelled data set of xarray.
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions ``mode`` (from 1), ``dof`` and ``input`` (DOFs as text); variables ``natural_frequency`` [Hz],
-            ``damping_ratio`` [-], ``pole`` [rad/s], ``shape`` and ``participation``, and the standard uncertainties
-            ``natural_frequency_std`` and ``damping_ratio_std`` where known; units in ``attrs``.
-
-        Raises
-        ------
-        MissingExtraError
-            If xarray is not installed.
-
-        Examples
-        --------
-        >>> from ema.examples import modal_model
-        >>> modes = modal_model().to_xarray()
-        >>> modes["shape"].dims, round(modes.natural_frequency.sel(mode=2).item(), 3)
-        (('dof', 'mode'), 60.0)
-        """
-        scaled = self.scaling == "unit modal mass"
-        variables: dict[str, Any] = {
-            "natural_frequency": ("mode", self.natural_frequencies, {"units": "Hz"}),
-            "damping_ratio": ("mode", self.damping_ratios, {"units": "1"}),
-            "pole": ("mode", self.poles, {"units": "rad/s"}),
-            "shape": (("dof", "mode"), self.shapes, {"units": "kg^-0.5" if scaled else ""}),
-            "participation": (("input", "mode"), self.participation, {"units": "kg^-0.5 s" if scaled else ""}),
-        }
-        if self.covariance is not None:
-            for place, (name, unit) in enumerate((("natural_frequency_std", "Hz"), ("damping_ratio_std", "1"))):
-                variables[name] = ("mode", np.sqrt(self.covariance[:, place, place]), {"units": unit})
-        coordinates = {
-            "mode": np.arange(1, len(self.poles) + 1),
-            "dof": [str(dof) for dof in self.dofs],
-            "input": [str(dof) for dof in self.inputs],
-        }
-        attrs = {"name": self.name, "scaling": self.scaling, "phasor": "exp(+j w t)"}
-        return require("xarray", "xarray").Dataset(variables, coordinates, attrs)
 
     def _headline(self) -> str:
         return phrase(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,12 +11,11 @@ from jaxtyping import Bool, Float
 from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase
 from ema.dof import Dof
-from ema.errors import InputError, require
+from ema.errors import InputError
 from ema.units import UNSTATED, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
-    import xarray as xr
 
 Role = Literal["reference", "response", "normal force", "trigger", "other"]
 
@@ -227,40 +226,6 @@ class Recording(Container):
 
         names = [f"{channel.name} [{channel.unit}]" for channel in self.channels]
         return pd.DataFrame(self.signals.T, index=pd.Index(self.times, name="time [s]"), columns=names)
-
-    def to_xarray(self) -> "xr.DataArray":
-        """Return the signals as a labelled array of xarray.
-
-        Returns
-        -------
-        xarray.DataArray
-            Dimensions ``channel`` (names) and ``time`` [s]. Unit, quantity, role and DOF of each channel are
-            coordinates along ``channel``, since channels differ in them.
-
-        Raises
-        ------
-        MissingExtraError
-            If xarray is not installed.
-
-        Examples
-        --------
-        >>> from ema.examples import recording
-        >>> recording().to_xarray().sel(channel="acc 1").units.item()
-        'm/s^2'
-        """
-        along = {
-            "units": [channel.unit for channel in self.channels],
-            "quantity": [channel.quantity for channel in self.channels],
-            "role": [channel.role for channel in self.channels],
-            "dof": ["" if channel.dof is None else str(channel.dof) for channel in self.channels],
-        }
-        coordinates: dict[str, Any] = {
-            "channel": [channel.name for channel in self.channels],
-            "time": ("time", self.times, {"units": "s"}),
-        } | {name: ("channel", values) for name, values in along.items()}
-        attrs = {"sampling_rate": self.sampling_rate, "start": "" if self.start is None else self.start.isoformat()}
-        dims = ("channel", "time")
-        return require("xarray", "xarray").DataArray(self.signals, coordinates, dims, self.name or None, attrs)
 
     @property
     def duration(self) -> float:

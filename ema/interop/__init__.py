@@ -12,6 +12,7 @@ _HOMES = {
     "to_pyoma": "ema.interop.operational",
     "to_sdynpy": "ema.interop.structured",
     "to_sdypy": "ema.interop.sdypy_model",
+    "to_xarray": "ema.interop.labelled",
 }
 
 __getattr__, __dir__, __all__ = attach(__name__, _HOMES)

@@ -1,5 +1,6 @@
 from ema.interop.frames import from_pyfbs as from_pyfbs
 from ema.interop.frames import to_pyfbs as to_pyfbs
+from ema.interop.labelled import to_xarray as to_xarray
 from ema.interop.operational import from_pyoma as from_pyoma
 from ema.interop.operational import to_pyoma as to_pyoma
 from ema.interop.sdypy_model import from_sdypy as from_sdypy

@@ -248,16 +248,16 @@ def test_xarray_keeps_axes_units_and_values() -> None:
     pytest.importorskip("xarray")
     noisy = examples.frf_set(0.01)
     frfs = replace(noisy, coherence=np.full(noisy.values.shape, 0.9))
-    array = frfs.to_xarray()
+    array = interop.to_xarray(frfs)
     assert array.dims == ("frequency", "output", "input") and array.attrs["units"] == "(m/s^2)/N"
     assert array.frequency.attrs["units"] == "Hz" and array.coherence.dims == array.dims
     column = array.sel(output="3:+Z", input="1:+Z")
     assert np.array_equal(column.values, frfs.values[:, 2, 0])
-    modes: Any = examples.modal_model().to_xarray()
+    modes: Any = interop.to_xarray(examples.modal_model())
     assert modes["shape"].sel(dof="2:+Z", mode=3).item() == examples.modal_model().shapes[1, 2]
-    record: Any = examples.recording().to_xarray()
+    record: Any = interop.to_xarray(examples.recording())
     assert record.sel(channel="hammer").units.item() == "N" and record.time.attrs["units"] == "s"
-    chart: Any = examples.modal_map().to_xarray()
+    chart: Any = interop.to_xarray(examples.modal_map())
     assert chart.frequency_std.dims == ("force_level", "normal_force") and chart.frequency.attrs["units"] == "Hz"
-    unscaled = replace(frfs, unit="unstated").to_xarray()
+    unscaled = interop.to_xarray(replace(frfs, unit="unstated"))
     assert unscaled.attrs["units"] == ""  # no unit that a program would take for one
