@@ -14,7 +14,6 @@ _ROOMS = (
     "datasets",
     "estimate",
     "fit",
-    "interop",
     "place",
     "proposal",
     "report",

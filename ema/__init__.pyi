@@ -14,7 +14,6 @@ from . import data as data
 from . import datasets as datasets
 from . import estimate as estimate
 from . import fit as fit
-from . import interop as interop
 from . import place as place
 from . import proposal as proposal
 from . import report as report
