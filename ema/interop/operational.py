@@ -37,8 +37,8 @@ def from_pyoma(result: Any, *, outputs: Sequence[Dof | str] | None = None) -> Mo
     --------
     >>> from types import SimpleNamespace
     >>> result = SimpleNamespace(Fn=np.array([40.0]), Xi=np.array([0.01]), Phi=np.ones((3, 1)), Fn_std=np.array([0.1]))
-    >>> from_pyoma(result).table()["f [Hz]"].tolist()
-    [40.0]
+    >>> from_pyoma(result).natural_frequencies.round(3)
+    array([40.])
     """
     advice = "run its mpe first; plain FDD has no damping"
     frequencies, damping, shapes = read(result, ("Fn", "Xi", "Phi"), "a result of pyOMA-2 with modes", advice)
