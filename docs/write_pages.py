@@ -1,15 +1,18 @@
-"""Write what the pages take from the program: the file formats and the journeys: `python docs/write_pages.py`.
+"""Write what the pages take from the program: formats, findings and tutorials: `python docs/write_pages.py`.
 
 A test compares; a page that has gone stale fails it.
 """
 
+import ast
 import re
+from collections import defaultdict
 from pathlib import Path
 
 import acquisition
+from ema.messages import kinds
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = ("formats.md", "journeys.md")
+PAGES = ("findings.md", "formats.md", "tutorials.md")
 _REGION = re.compile(r"(<!-- (?P<name>[\w ]+) -->\n).*?(<!-- end -->)", re.S)
 
 
@@ -24,6 +27,52 @@ def formats_table() -> str:
     return "\n".join(lines) + "\n"
 
 
+def _words(node: ast.expr | None) -> str:
+    """The text of an expression, three dots for what is filled in; empty where it is no text."""
+    if isinstance(node, ast.Constant):
+        return str(node.value) if node.value else ""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(part.value) if isinstance(part, ast.Constant) else "…" for part in node.values)
+    return ""
+
+
+def _stated() -> tuple[dict[str, set[str]], dict[str, list[str]]]:
+    """Severities and advice of each code, as the program states them."""
+    severities: dict[str, set[str]] = defaultdict(set)
+    advice: dict[str, list[str]] = defaultdict(list)
+    fields = ("severity", "code", "where", "message", "value", "limit", "advice")
+    for package in ("acquisition", "ema"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if not (isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding"):
+                    continue
+                given = dict(zip(fields, node.args)) | {keyword.arg: keyword.value for keyword in node.keywords}
+                code = _words(given.get("code"))
+                texts = [_words(part) for part in ast.walk(given["severity"]) if isinstance(part, ast.Constant)]
+                severities[code].update(text for text in texts if text in ("info", "warning", "error"))
+                text = _words(given.get("advice"))
+                if text and text not in advice[code]:
+                    advice[code].append(text)
+    return severities, advice
+
+
+def findings_table() -> str:
+    """One table per page of the docs, one row per kind."""
+    severities, advice = _stated()
+    lines: list[str] = []
+    page = ""
+    for kind in kinds().values():
+        if kind.page != page:
+            page = kind.page
+            title = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+            lines += ["", f"## See [{title}]({page}.md)", "", "| code | severity | what it says | what to do |",
+                      "|---|---|---|---|"]
+        grave = [name for name in ("info", "warning", "error") if name in severities[kind.code]]
+        told = " ".join(advice[kind.code]).replace("|", "\\|")
+        lines.append(f"| `{kind.code}` | {', '.join(grave) or 'as it is chosen'} | {kind.meaning} | {told or '–'} |")
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
 def journey(number: int) -> str:
     """The file of a journey, as it is."""
     text = (ROOT / "tests" / "journeys" / f"journey_{number}.py").read_text(encoding="utf-8")
@@ -33,9 +82,11 @@ def journey(number: int) -> str:
 def written(page: str) -> str:
     """The page as it should be."""
 
+    tables = {"formats": formats_table, "findings": findings_table}
+
     def filled(found: re.Match[str]) -> str:
         what, _, number = found["name"].partition(" ")
-        return found[1] + (formats_table() if what == "formats" else journey(int(number))) + found[3]
+        return found[1] + tables[what]() + found[3] if what in tables else found[1] + journey(int(number)) + found[3]
 
     return _REGION.sub(filled, (ROOT / "docs" / page).read_text(encoding="utf-8"))
 

@@ -1,4 +1,4 @@
-"""The browser: pick poles, watch shapes, exclude blows."""
+"""The browser: pick poles, watch shapes, exclude impacts."""
 
 from ema.lazy import attach
 

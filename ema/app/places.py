@@ -19,21 +19,21 @@ def placement_view(bench: Workbench, number: int) -> dict[str, Any]:
     ------
     InputError : there is no such placement.
     """
-    told = _placement(bench, number)
-    ranking = told.ranking
+    placement = _placement(bench, number)
+    ranking = placement.ranking
     candidates = ranking.prediction.candidates
-    decibels = _in_decibels(told)
+    decibels = _in_decibels(placement)
     kinds = sorted({(round(float(angle), 6), int(beam)) for angle, beam in zip(candidates.angles, candidates.beams)})
     return {
-        "title": told.title,
-        "warning": told.warning,
+        "title": placement.title,
+        "warning": placement.warning,
         "unit": "dB" if decibels else "%",
         "objective": ranking.objective,
-        "extent": [numbers(axis) for axis in told.extent],
-        "edges": [[numbers(end, 6) for end in edge] for edge in seen_edges(told)],
-        "points": [numbers(point, 6) for point in told.points],
-        "keep_out": [[numbers(corner, 6) for corner in area] for area in told.keep_out],
-        "kinds": [_kind(told, angle, beam) for angle, beam in kinds],
+        "extent": [numbers(axis) for axis in placement.extent],
+        "edges": [[numbers(end, 6) for end in edge] for edge in seen_edges(placement)],
+        "points": [numbers(point, 6) for point in placement.points],
+        "keep_out": [[numbers(corner, 6) for corner in area] for area in placement.keep_out],
+        "kinds": [_kind(placement, angle, beam) for angle, beam in kinds],
         "kind": [
             kinds.index((round(float(angle), 6), int(beam)))
             for angle, beam in zip(candidates.angles, candidates.beams, strict=True)
@@ -47,15 +47,15 @@ def placement_view(bench: Workbench, number: int) -> dict[str, Any]:
 def place_view(bench: Workbench, number: int, candidate: int) -> dict[str, Any]:
     """One place: its joints, normal force, and frequency and damping of every mode at every level, with 95 % intervals.
 
-    A ranked place is told with all modes together where it was checked so; any other by the one-mode predictor, at the
+    A ranked place is given with all modes together where it was checked so; any other by the one-mode predictor, at the
     normal force that its objective prefers with equal weights of the modes.
 
     Raises
     ------
     InputError : there is no such placement or place.
     """
-    told = _placement(bench, number)
-    ranking, prediction = told.ranking, told.ranking.prediction
+    placement = _placement(bench, number)
+    ranking, prediction = placement.ranking, placement.ranking.prediction
     if not 0 <= candidate < len(ranking.scores):
         raise InputError("no such place", got=candidate, expected=f"0 to {len(ranking.scores) - 1}")
     rank = next((place for place, one in enumerate(ranking.places, 1) if one.candidate == candidate), 0)
@@ -63,7 +63,7 @@ def place_view(bench: Workbench, number: int, candidate: int) -> dict[str, Any]:
         {"mode": mode + 1, "bare_f": numbers([f], 6)[0], "bare_zeta": numbers([100 * z], 4)[0]}
         for mode, f, z in zip(prediction.modes, prediction.bare_frequencies, prediction.bare_damping, strict=True)
     ]
-    found = _of_rank(ranking.places[rank - 1]) if rank else _of_map(told, candidate)
+    found = _of_rank(ranking.places[rank - 1]) if rank else _of_map(placement, candidate)
     return {
         "candidate": candidate,
         "rank": rank,
@@ -80,12 +80,12 @@ def _placement(bench: Workbench, number: int) -> Placement:
     return bench.placements[number]
 
 
-def _in_decibels(told: Placement) -> bool:
-    return told.ranking.objective.startswith(("peak", "chatter"))
+def _in_decibels(placement: Placement) -> bool:
+    return placement.ranking.objective.startswith(("peak", "chatter"))
 
 
-def _kind(told: Placement, angle: float, beam: int) -> str:
-    one = told.ranking.prediction.candidates.catalogue[beam]
+def _kind(placement: Placement, angle: float, beam: int) -> str:
+    one = placement.ranking.prediction.candidates.catalogue[beam]
     return f"{one.name or f'beam {beam + 1}'} at {np.degrees(angle):.0f}°"
 
 
@@ -102,8 +102,8 @@ def _of_rank(place: Place) -> dict[str, Any]:
     }
 
 
-def _of_map(told: Placement, candidate: int) -> dict[str, Any]:
-    ranking = told.ranking
+def _of_map(placement: Placement, candidate: int) -> dict[str, Any]:
+    ranking = placement.ranking
     checked = ranking.checked is not None and candidate in ranking.shortlist
     row = ranking.shortlist.index(candidate) if checked else candidate
     prediction: Prediction = of_rows(ranking.checked if checked and ranking.checked else ranking.prediction, [row])

@@ -298,17 +298,19 @@ class _Handler(BaseHTTPRequestHandler):
                 return places.place_view(bench, int(query.get("number", 0)), int(query.get("candidate", 0)))
         raise InputError("there is no such view", got=name)
 
-    def _act(self, name: str, told: dict[str, Any]) -> dict[str, Any]:
+    def _act(self, name: str, request: dict[str, Any]) -> dict[str, Any]:
         app, bench = self.app, self.app.bench
         actions: dict[str, Callable[[], Any]] = {
-            "run": lambda: bench.choose(str(told["run"])),
-            "pick": lambda: bench.pick(int(told["row"])),
-            "near": lambda: bench.pick_near(float(told["frequency"])),
-            "drop": lambda: bench.drop(int(told["mode"])),
+            "run": lambda: bench.choose(str(request["run"])),
+            "pick": lambda: bench.pick(int(request["row"])),
+            "near": lambda: bench.pick_near(float(request["frequency"])),
+            "drop": lambda: bench.drop(int(request["mode"])),
             "undo": bench.undo,
             "save": bench.save,
-            "exclude": lambda: bench.exclude(int(told["hit"]), str(told["why"]), str(told["who"])),
-            "behind": lambda: bench.choose(bench.behind(int(told["map"]), int(told["level"]), int(told["force"]))),
+            "exclude": lambda: bench.exclude(int(request["hit"]), str(request["why"]), str(request["who"])),
+            "behind": lambda: bench.choose(
+                bench.behind(int(request["map"]), int(request["level"]), int(request["force"]))
+            ),
         }
         if name not in actions:
             raise InputError("there is no such action", got=name)

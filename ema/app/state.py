@@ -1,4 +1,4 @@
-"""What the browser works on: the runs of a study, the poles picked in each, the blows excluded; all with undo.
+"""What the browser works on: the runs of a study, the poles picked in each, the impacts excluded; all with undo.
 
 Nothing here knows of a page or a server.
 """
@@ -34,7 +34,7 @@ _MOST_UNDONE = 200
 
 @dataclass(frozen=True)
 class Exclusion:
-    """A blow that does not count: the name of its record, its number in it from 0, who says so and why."""
+    """A impact that does not count: the name of its record, its number in it from 0, who says so and why."""
 
     record: str
     hit: int
@@ -48,7 +48,7 @@ class Exclusion:
 
 
 Again = Callable[[str, Sequence[Exclusion]], tuple[FrfSet, HitGallery | None, PoleTable]]
-"""FRFs, blows and poles of a run when these blows do not count."""
+"""FRFs, impacts and poles of a run when these impacts do not count."""
 
 
 Look = Callable[[str], FrfSet]
@@ -57,7 +57,7 @@ Look = Callable[[str], FrfSet]
 
 @dataclass(frozen=True)
 class Work:
-    """One run: its result as it stands, the rows of its pole table that are picked, and blows excluded since it was
+    """One run: its result as it stands, the rows of its pole table that are picked, and impacts excluded since it was
     opened."""
 
     result: RunResult
@@ -291,31 +291,33 @@ class Workbench:
         ...     bench.exclude(0, why="double hit", who="A. Tester")
         ... except InputError as error:
         ...     print(error)
-        no such blow; got 0, expected one of 0
+        no such impact; got 0, expected one of 0
         """
         with self._lock:
             work = self.work
             gallery = work.result.hits
             if gallery is None or not 0 <= hit < len(gallery.hits):
-                raise InputError("no such blow", got=hit, expected=f"one of {len(gallery.hits) if gallery else 0}")
-            blow, name = gallery.hits[hit], work.result.run.id
+                raise InputError("no such impact", got=hit, expected=f"one of {len(gallery.hits) if gallery else 0}")
+            impact, name = gallery.hits[hit], work.result.run.id
             if not why.strip() or not who.strip():
-                raise InputError("an exclusion needs a reason and a name", where=f"run {name}, {blow.recording}")
+                raise InputError("an exclusion needs a reason and a name", where=f"run {name}, {impact.recording}")
             if self.again is None:
                 raise InputError(
-                    "the blow cannot be excluded: the signals are not at hand",
+                    "the impact cannot be excluded: the signals are not available",
                     where=f"run {name}",
                     advice="open the campaign's folder or recipe instead of a result file",
                 )
-            excluded = (*work.excluded, Exclusion(blow.recording, blow.index, who.strip(), why.strip()))
+            excluded = (*work.excluded, Exclusion(impact.recording, impact.index, who.strip(), why.strip()))
             frfs, hits, poles = self.again(name, excluded)
             self.who = who.strip()
-            repair = Repair(f"exclude hit {blow.index}", f"run {name}, files {blow.recording}", self.who, why.strip())
+            repair = Repair(
+                f"exclude hit {impact.index}", f"run {name}, files {impact.recording}", self.who, why.strip()
+            )
             run = replace(work.result.run, repairs=(*work.result.run.repairs, repair))
             wanted = work.result.modes.natural_frequencies
             rows = list(dict.fromkeys(nearest(poles, float(frequency)) for frequency in wanted))
             base = replace(work.result, run=run, frfs=frfs, hits=hits, poles=poles)
-            what = f"exclude blow {blow.index + 1} of {blow.recording}"
+            what = f"exclude impact {impact.index + 1} of {impact.recording}"
             self._keep(Work(self._picked(base, rows), tuple(rows), excluded), what)
 
     def undo(self) -> None:
@@ -464,7 +466,7 @@ class Workbench:
             return name, fitted[name].frfs
         if self.look is None:
             raise InputError(
-                "the FRFs behind this point cannot be shown: the signals are not at hand",
+                "the FRFs behind this point cannot be shown: the signals are not available",
                 where=f"run {name}",
                 advice="open the campaign's folder or recipe instead of a result file",
             )
@@ -478,16 +480,16 @@ class Workbench:
         if not (0 <= level < len(one.force_levels) and 0 <= force < len(one.normal_forces)):
             raise InputError("no such point of the map", got=f"level {level}, force {force}")
         wanted = np.array([one.force_levels[level], one.normal_forces[force]])
-        told = {}
+        distances = {}
         for run in runs:
             pair = np.array([run.condition.excitation.level, run.condition.normal_force])
             if np.isfinite(pair).all() and (pair > 0).all():
-                told[run.id] = float(np.linalg.norm(np.log2(pair / wanted)))
-        if not told:
+                distances[run.id] = float(np.linalg.norm(np.log2(pair / wanted)))
+        if not distances:
             raise InputError(
                 "no run lies behind this point", where=one.name, expected="runs with a force level and a normal force"
             )
-        return min(told, key=lambda name: told[name])
+        return min(distances, key=lambda name: distances[name])
 
     def _poles(self) -> PoleTable:
         poles = self.work.result.poles
@@ -542,15 +544,15 @@ def _with_modes(run: RunResult, modes: ModalModel, rows: Sequence[int]) -> RunRe
     modes = replace(modes, provenance=_noted(modes.provenance, rows))
     band = run.frfs.band(*run.poles.band)
     alone = as_recorded(_alone(modes, run.poles.band), band)
-    rebuilt = synthesis.frfs(alone, band.frequencies, band.quantity, outputs=band.outputs, inputs=band.inputs)
-    rebuilt = replace(rebuilt, name=f"{run.run.id}, synthesis", unit=band.unit)
+    synthesised = synthesis.frfs(alone, band.frequencies, band.quantity, outputs=band.outputs, inputs=band.inputs)
+    synthesised = replace(synthesised, name=f"{run.run.id}, synthesis", unit=band.unit)
     size = np.linalg.norm(band.values, axis=0)
-    error = np.linalg.norm(band.values - rebuilt.values, axis=0)
+    error = np.linalg.norm(band.values - synthesised.values, axis=0)
     return replace(
         run,
         modes=modes,
         quality=shapes.quality(modes.shapes),
-        reconstruction=rebuilt,
+        reconstruction=synthesised,
         reconstruction_error=np.divide(error, size, out=np.full(size.shape, np.nan), where=size > 0),
         auto_mac=shapes.auto_mac(modes.shapes),
     )

@@ -96,7 +96,7 @@ def poles(bench: Workbench) -> dict[str, Any]:
 
 
 def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
-    """One FRF, measured and rebuilt, with its coherence.
+    """One FRF, measured and synthesised, with its coherence.
 
     Raises
     ------
@@ -114,8 +114,8 @@ def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
         "measured": _curve(frfs.frequencies, frfs.values[:, output, input_]),
     }
     if run.reconstruction is not None:
-        rebuilt = run.reconstruction
-        answer["rebuilt"] = _curve(rebuilt.frequencies, rebuilt.values[:, output, input_])
+        synthesised = run.reconstruction
+        answer["synthesised"] = _curve(synthesised.frequencies, synthesised.values[:, output, input_])
     if run.reconstruction_error is not None:
         answer["error"] = numbers([100 * run.reconstruction_error[output, input_]], 3)[0]
     if frfs.coherence is not None:
@@ -142,10 +142,10 @@ def motion(bench: Workbench) -> dict[str, Any]:
 
 
 def hits(bench: Workbench) -> dict[str, Any]:
-    """The blows, with what is known about each."""
+    """The impacts, with what is known about each."""
     gallery = bench.work.result.hits
     if gallery is None:
-        return {"missing": "This run has no blows, or came as finished FRFs without its time records."}
+        return {"missing": "This run has no impacts, or came as finished FRFs without its time records."}
     return {
         "usable": numbers(gallery.usable_band, 5),
         "hits": [
@@ -164,20 +164,20 @@ def hits(bench: Workbench) -> dict[str, Any]:
 
 
 def pulse(bench: Workbench, hit: int) -> dict[str, Any]:
-    """The force of one blow over time in ms.
+    """The force of one impact over time in ms.
 
     Raises
     ------
-    InputError : there is no such blow.
+    InputError : there is no such impact.
     """
     gallery = bench.work.result.hits
     if gallery is None or not 0 <= hit < len(gallery.hits):
-        raise InputError("no such blow", got=hit)
-    one = gallery.hits[hit]
+        raise InputError("no such impact", got=hit)
+    impact = gallery.hits[hit]
     return {
-        "time": numbers(1e3 * np.arange(len(one.pulse)) / one.sampling_rate, 5),
-        "force": numbers(one.pulse, 5),
-        "label": f"{one.recording}, blow {one.index + 1}",
+        "time": numbers(1e3 * np.arange(len(impact.pulse)) / impact.sampling_rate, 5),
+        "force": numbers(impact.pulse, 5),
+        "label": f"{impact.recording}, impact {impact.index + 1}",
     }
 
 
@@ -241,10 +241,10 @@ def export(bench: Workbench, kind: str) -> tuple[str, bytes]:
     name = f"{work.run.id}_{EXPORTS[kind]}"
     if kind == "csv":
         return name, work.modes.table().to_csv().encode()
-    nouns: Sequence[Any] = (replace(work.modes, name=work.run.id),) if kind == "uff55" else (work.frfs,)
+    contents: Sequence[Any] = (replace(work.modes, name=work.run.id),) if kind == "uff55" else (work.frfs,)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "export.uff"
-        acquisition.write(path, *nouns, *([] if geometry is None else [geometry]))
+        acquisition.write(path, *contents, *([] if geometry is None else [geometry]))
         return name, path.read_bytes()
 
 

@@ -1,4 +1,4 @@
-"""The command line: the verbs and nouns of the library, plus paths."""
+"""The command line: what the library does, with paths."""
 
 import sys
 

@@ -235,12 +235,12 @@ def fit(
     from ema.study.plain import modes, opinion
 
     study = replace(Study.load(measurement), salvage=salvage).keeping(keep or [])
-    told: dict[str, Any] = study.recipe.fit.given()
-    told |= {} if band is None else {"band": band}
-    told |= {} if order is None else {"orders": (2, order, 2)}
+    given: dict[str, Any] = study.recipe.fit.given()
+    given |= {} if band is None else {"band": band}
+    given |= {} if order is None else {"orders": (2, order, 2)}
     if near:
-        told = {name: value for name, value in told.items() if name != "index"} | {"near": near}
-    settings = _settings(told)
+        given = {name: value for name, value in given.items() if name != "index"} | {"near": near}
+    settings = _settings(given)
     models: dict[str, ModalModel] = {}
     opinions: dict[str, SecondOpinion] = {}
     with screen.Bars() as bars:
@@ -300,6 +300,29 @@ def report(
 
 @app.command()
 @ends_well
+def explain(
+    code: Annotated[str, typer.Argument(help="Code of a finding, such as double-hit; all of them without one.")] = "",
+    json: Json = False,
+) -> int:
+    """Say what a finding means, and which page of the docs tells more."""
+    from dataclasses import asdict
+
+    from ema.cli import listing, screen
+    from ema.messages import explain as explained
+    from ema.messages import kinds
+
+    chosen = [explained(code)] if code else list(kinds().values())
+    if json:
+        screen.as_json([asdict(kind) for kind in chosen])
+    elif code:
+        print(f"{chosen[0].meaning}\nMore in docs/{chosen[0].page}.md.")
+    else:
+        screen.console().print(listing.kinds_as_table(chosen))
+    return FINE
+
+
+@app.command()
+@ends_well
 def formats(json: Json = False) -> int:
     """List the file formats that can be read and written."""
     import acquisition
@@ -315,7 +338,7 @@ def formats(json: Json = False) -> int:
 @app.command()
 @ends_well
 def doctor(json: Json = False) -> int:
-    """Say what works on this machine, and the command that mends what does not."""
+    """Say what works on this machine, and the command that fixes what does not."""
     from ema.cli import doctor, listing, screen
 
     with screen.Bars() as bars:
@@ -327,14 +350,14 @@ def doctor(json: Json = False) -> int:
     return FINE if all(one.works or not one.needed for one in checks) else FINDINGS
 
 
-def _settings(told: dict[str, Any]) -> "FitTable":
+def _settings(given: dict[str, Any]) -> "FitTable":
     """The options of the command line, checked like those of a recipe."""
     from pydantic import ValidationError
 
     from ema.study.recipe import FitTable
 
     try:
-        return FitTable(**told)
+        return FitTable(**given)
     except ValidationError as error:
         detail = error.errors()[0]
         raise InputError(str(detail.get("ctx", {}).get("error", detail["msg"])), where="options of ema fit") from error

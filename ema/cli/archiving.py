@@ -283,9 +283,9 @@ def _show(answer: "Answer", written: Path | None, *, json: bool) -> None:
 
     if json:
         modes: list[dict[str, Any]] = [jsonable(row._asdict()) for row in answer.observations]
-        told = {"campaigns": answer.campaigns, "runs": answer.runs, "modes": modes}
+        counts = {"campaigns": answer.campaigns, "runs": answer.runs, "modes": modes}
         paths = {"written": [] if written is None else [str(written)]}
-        screen.as_json(told | {"findings": [finding(one) for one in answer.findings]} | paths)
+        screen.as_json(counts | {"findings": [finding(one) for one in answer.findings]} | paths)
         return
     out = screen.console()
     if answer.observations:

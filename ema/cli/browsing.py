@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from ema.app.state import Again, Exclusion, Workbench
+from ema.app.state import Exclusion, Workbench
 from ema.cli.ending import FINE, ends_well
 from ema.data import (
     Campaign,
@@ -26,7 +26,7 @@ from ema.data import (
     Run,
     StudyResult,
 )
-from ema.errors import FailureError, InputError
+from ema.errors import EmaError, FailureError, InputError
 from ema.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
 
 T = TypeVar("T")
 
-_BEGIN = "# Blows excluded in the browser:"
+_BEGIN = "# Impacts excluded in the browser:"
 
 
 @app.command("app")
@@ -94,8 +94,8 @@ def workbench(
     """
     from ema.study import Study
 
-    if path.suffix.lower() == ".h5" and (held := _result(path)) is not None:
-        return _with_answers(Workbench(held, _picked(path), maps=tuple(maps)))
+    if path.suffix.lower() == ".h5" and (result := _result(path)) is not None:
+        return _with_answers(_of_result(path, result, progress, maps))
     study = Study.load(path, output)
     campaign = study.open(progress)
     picked = _picked(study.result)
@@ -103,11 +103,52 @@ def workbench(
     result = _result(picked if newer else study.result) if newer or study.result.is_file() else None
     if result is None or not study.is_current(result, campaign, progress, picked=newer):
         result = study.run(progress=progress, resume=True)
-    again: Again = partial(_again, campaign, study)
+    return _with_answers(_with_signals(Workbench(result, picked, maps=tuple(maps)), study, campaign))
+
+
+def _of_result(path: Path, result: StudyResult, progress: Progress, maps: Sequence[ModalMap]) -> Workbench:
+    """The workbench of a result, with its signals where the recipe or campaign that it was made from is found."""
+    bench = Workbench(result, _picked(path), maps=tuple(maps))
+    study = study_of(path, result)
+    if study is None:
+        return bench
+    try:
+        campaign = study.open(progress)
+        current = study.is_current(result, campaign, progress, picked=True)
+    except EmaError:
+        return bench  # the signals are not what the result needs: it is shown without them
+    return _with_signals(bench, study, campaign) if current else bench
+
+
+def study_of(path: Path, result: StudyResult) -> "Study | None":
+    """The study that a result was made by, where its recipe or campaign is still what it was.
+
+    A recipe is looked for by the name in the provenance of the result: beside it, one folder up, and in the folder
+    where the command runs; its fingerprint has to be that of the provenance. A study without a recipe is the folder of
+    the campaign.
+    """
+    from ema.fingerprint import of_files
+    from ema.study import Study
+
+    # the recipe comes first in the provenance of a study that has one
+    name, print_ = next(iter(result.provenance.inputs), ("", ""))
+    if not name.endswith(".toml") or name == "campaign.toml":
+        folder = result.campaign.folder
+        return Study.load(folder, path.parent) if folder and Path(folder).exists() else None
+    for place in (path.parent, path.parent.parent, Path.cwd(), Path.cwd() / "reports"):
+        file = place / Path(name).name
+        if file.is_file() and of_files([file]) == print_:
+            return Study.load(file, path.parent)
+    return None
+
+
+def _with_signals(bench: Workbench, study: "Study", campaign: Campaign) -> Workbench:
+    """The workbench that can compute runs again, show FRFs behind maps, and keep what was excluded."""
     where = campaign_file(study.campaign)
-    keep = None if where is None else Keeper(where).keep
-    bench = Workbench(result, picked, again, keep, tuple(maps), look=partial(_look, campaign, study))
-    return _with_answers(bench)
+    bench.again = partial(_again, campaign, study)
+    bench.keep = None if where is None else Keeper(where).keep
+    bench.look = partial(_look, campaign, study)
+    return bench
 
 
 def _with_answers(bench: Workbench) -> Workbench:
@@ -125,7 +166,7 @@ def placements_of(path: Path) -> list[Placement]:
     ------
     InputError : there is none.
     """
-    found = _nouns(path, Placement)
+    found = _contents(path, Placement)
     if not found:
         raise InputError("the file holds no placement", where=str(path), advice="`ema place` writes placement.h5")
     return found
@@ -138,19 +179,25 @@ def maps_of(path: Path) -> list[ModalMap]:
     ------
     InputError : there is none.
     """
-    found = [*_nouns(path, ModalMap), *(one.chart for one in _nouns(path, MapResult))]
+    found = [*_contents(path, ModalMap), *(one.chart for one in _contents(path, MapResult))]
     if not found:
         raise InputError("the file holds no modal map", where=str(path))
     return found
 
 
-def _nouns(path: Path, kind: type[T]) -> list[T]:
-    """The nouns of one kind in a file of ours."""
+def _contents(path: Path, kind: type[T]) -> list[T]:
+    """The items of one kind in a file of ours."""
     from ema import store
 
-    held = store.load(path)
-    nouns = held.values() if isinstance(held, Mapping) else held if isinstance(held, list | tuple) else [held]
-    return [noun for noun in nouns if isinstance(noun, kind)]
+    contents = store.load(path)
+    items = (
+        contents.values()
+        if isinstance(contents, Mapping)
+        else contents
+        if isinstance(contents, list | tuple)
+        else [contents]
+    )
+    return [item for item in items if isinstance(item, kind)]
 
 
 def campaign_file(path: Path) -> Path | None:
@@ -162,7 +209,7 @@ def campaign_file(path: Path) -> Path | None:
 
 
 class Keeper:
-    """Writes excluded blows to a campaign.toml as repairs, below what stood there when it was opened."""
+    """Writes excluded impacts to a campaign.toml as repairs, below what stood there when it was opened."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -186,14 +233,14 @@ class Keeper:
         try:
             if self._path.read_text(encoding="utf-8") != self._written:
                 raise InputError(
-                    "the campaign was changed by somebody else, so the excluded blows were not added to it",
+                    "the campaign was changed by somebody else, so the excluded impacts were not added to it",
                     where=str(self._path),
                     advice="open it again with `ema app`; picked poles are saved",
                 )
             files.parse(text, str(self._path))
             write_bytes(self._path, text.encode(), "the campaign")
         except OSError as error:
-            raise FailureError("the excluded blows cannot be written", where=str(self._path)) from error
+            raise FailureError("the excluded impacts cannot be written", where=str(self._path)) from error
         self._written = text
 
 
@@ -216,7 +263,7 @@ def _table(run: str, one: Exclusion) -> str:
 def _again(
     campaign: Campaign, study: "Study", run: str, excluded: Sequence[Exclusion]
 ) -> tuple[FrfSet, HitGallery | None, PoleTable]:
-    """FRFs, blows and poles of a run without some of its blows."""
+    """FRFs, impacts and poles of a run without some of its impacts."""
     from ema import fit
     from ema.estimate import without_dead
     from ema.study import chain
@@ -238,7 +285,7 @@ def _look(campaign: Campaign, study: "Study", run: str) -> FrfSet:
 
 
 def _without(run: Run, excluded: Sequence[Exclusion]) -> Run:
-    """The run with marks on the blows that do not count."""
+    """The run with marks on the impacts that do not count."""
 
     def marked(place: int) -> Recording:
         record = run.recordings[place]
@@ -255,12 +302,11 @@ def _picked(result: Path) -> Path:
 def _result(path: Path) -> StudyResult | None:
     """The result of a study in a file of ours, if it is one."""
     from ema import store
-    from ema.errors import EmaError
 
     if not (path.is_file() and store.is_store(path)):
         return None
     try:
-        held = store.load(path)
+        contents = store.load(path)
     except EmaError:
         return None
-    return held if isinstance(held, StudyResult) else None
+    return contents if isinstance(contents, StudyResult) else None

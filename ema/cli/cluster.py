@@ -21,10 +21,11 @@ _RETRIES = 3
 Cluster = Annotated[
     str | None,
     typer.Option(
-        "--cluster", help="Address of a Dask scheduler, such as tcp://127.0.0.1:8786 (tls:// with the certificates of "
-        "Dask's configuration)."
+        "--cluster",
+        help="Address of a Dask scheduler, such as tcp://127.0.0.1:8786 (tls:// with the certificates of "
+        "Dask's configuration).",
     ),
-]  # fmt: skip
+]
 
 
 @contextmanager

@@ -26,7 +26,7 @@ class Outcome:
 
     verdict: "Verdict"
     tables: "dict[str, pd.DataFrame]"
-    nouns: dict[str, Any]
+    contents: dict[str, Any]
     pictures: "dict[str, Figure]"
     findings: "list[Finding]" = field(default_factory=list)
 
@@ -129,9 +129,9 @@ def _contents(path: Path) -> "ModalMap | ModalModel | Recording":
         items = list(read.modes) or list(read.recordings)
     known: list[ModalMap | ModalModel | Recording] = []
     for item in items:
-        noun = item.chart if isinstance(item, MapResult) else item
-        if isinstance(noun, ModalMap | ModalModel | Recording):
-            known.append(noun)
+        item = item.chart if isinstance(item, MapResult) else item
+        if isinstance(item, ModalMap | ModalModel | Recording):
+            known.append(item)
     if len(known) != 1:
         raise InputError(
             "not one set of modes, one map or one record",
@@ -249,17 +249,17 @@ def _against_model(
         )
     at, output, band = table.at, table.output or table.at, (table.band[0], table.band[1])
     tables: dict[str, Any] = {}
-    nouns: dict[str, Any] = {}
+    contents: dict[str, Any] = {}
     findings: list[Any] = []
     if free or not levels:
         fitted = compare.update(model, found, free, at, output, band, known_level=levels, progress=bars)
         model, findings = fitted.model, list(fitted.findings)
-        tables["parameters"], nouns["update"] = fitted.table(), fitted
+        tables["parameters"], contents["update"] = fitted.table(), fitted
     simulated = compare.measure(model, found, at, output, band, progress=bars)
     findings += simulated.findings
     held = compare.maps(found, simulated)
-    nouns |= {"model": model, "comparison": held}
-    return Outcome(held.verdict, tables, nouns, {"map_comparison": show.map_comparison(held)}, findings)
+    contents |= {"model": model, "comparison": held}
+    return Outcome(held.verdict, tables, contents, {"map_comparison": show.map_comparison(held)}, findings)
 
 
 def _write(folder: Path, outcome: Outcome, formats: Sequence[str]) -> list[Path]:
@@ -268,13 +268,13 @@ def _write(folder: Path, outcome: Outcome, formats: Sequence[str]) -> list[Path]
 
     make_folder(folder)
     written = [folder / "comparison.h5"]
-    store.save(written[0], outcome.nouns)
+    store.save(written[0], outcome.contents)
     for name, table in outcome.tables.items():
         written.append(folder / f"{name}.csv")
         with store.replacing(written[-1]) as target:
             table.map(lambda cell: as_text(cell) if isinstance(cell, str) else cell).to_csv(target, index=False)
     written += save_pictures(folder, outcome.pictures)
-    report.write(outcome.nouns, folder / "comparison.html", formats)
+    report.write(outcome.contents, folder / "comparison.html", formats)
     return [*written, *(folder / f"comparison.{name}" for name in formats)]
 
 

@@ -22,7 +22,7 @@ _TYPESETTING = "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0"
 
 @dataclass(frozen=True)
 class Check:
-    """One thing tried: whether it works, whether the main job needs it, and what would mend it."""
+    """One thing tried: whether it works, whether the main job needs it, and what would fix it."""
 
     what: str
     works: bool
@@ -43,7 +43,7 @@ def examine(progress: Progress) -> list[Check]:
 
 
 def repair(checks: list[Check]) -> str:
-    """The one command that mends what does not work; empty where there is nothing to mend by a command."""
+    """The one command that fixes what does not work; empty where there is nothing to fix by a command."""
     return " && ".join(dict.fromkeys(one.remedy for one in checks if not one.works and one.remedy))
 
 
@@ -130,8 +130,8 @@ def _reports() -> list[Check]:
         try:
             pdf("<p>Text</p>")
         except EmaError as error:
-            mend = f"sudo apt-get install -y {_TYPESETTING}" if _debian() else ""
-            check = Check("report as PDF", False, str(error.what), False, mend)
+            fix = f"sudo apt-get install -y {_TYPESETTING}" if _debian() else ""
+            check = Check("report as PDF", False, str(error.what), False, fix)
     return [
         Check("report as HTML", True, "written by what every installation has"),
         check,
@@ -143,7 +143,7 @@ def _app() -> list[Check]:
     """The page needs plotly to serve; a browser may be on another machine."""
     names = ("chromium", "chromium-browser", "google-chrome", "firefox", "msedge", "open")
     browser = next((found for name in names if (found := shutil.which(name))), "")
-    mend = "sudo apt-get install -y chromium" if _debian() else ""
+    fix = "sudo apt-get install -y chromium" if _debian() else ""
     return [
         _extra("ema app", "plotly", "served"),
         Check(
@@ -151,7 +151,7 @@ def _app() -> list[Check]:
             bool(browser),
             browser or "none found here; the page can be opened from elsewhere with --host",
             False,
-            mend,
+            fix,
         ),
     ]
 
@@ -166,8 +166,8 @@ def _daq() -> list[Check]:
         done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, timeout=60)
     except (OSError, subprocess.TimeoutExpired):
         return [check, Check("devices", False, "openDAQ does not answer", needed=False)]
-    told = done.stdout.strip().splitlines()
-    found = told[-1] if done.returncode == 0 and told else ""
+    lines = done.stdout.strip().splitlines()
+    found = lines[-1] if done.returncode == 0 and lines else ""
     return [check, Check("devices", bool(found), found or "openDAQ finds none", needed=False)]
 
 

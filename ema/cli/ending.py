@@ -10,9 +10,16 @@ from typing import NoReturn, ParamSpec
 
 from ema.errors import EmaError
 
-FINE, FINDINGS, WRONG_USE, FAILURE, INTERRUPTED = 0, 1, 2, 3, 130
-"""Exit statuses: nothing to complain; findings above the limit or an expectation missed; wrong use or bad input; a
-full disk or a fault of ours; interrupted."""
+FINE = 0
+"""Exit status of a command with nothing to complain about."""
+FINDINGS = 1
+"""Findings above the limit, or an expectation missed."""
+WRONG_USE = 2
+"""Wrong use or bad input; 2 is what shells and argument parsers end with."""
+FAILURE = 3
+"""A full disk, or a fault of ours."""
+INTERRUPTED = 130
+"""Interrupted: 128 and the number of the signal, as shells count (POSIX)."""
 
 P = ParamSpec("P")
 

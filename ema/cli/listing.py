@@ -9,6 +9,7 @@ from rich.text import Text
 
 from ema.cli.doctor import Check
 from ema.contact.catalogue import KnownLaw
+from ema.messages import Kind
 
 
 def formats_as_list(formats: list[Any]) -> list[dict[str, Any]]:
@@ -37,6 +38,16 @@ def formats_as_table(formats: list[Any]) -> Table:
         # Text, because square brackets are markup elsewhere
         cells = (one.title, " ".join(one.suffixes), ", ".join(one.reads), ", ".join(one.writes), works)
         table.add_row(*(Text(cell) for cell in cells))
+    return table
+
+
+def kinds_as_table(kinds: Sequence[Kind]) -> Table:
+    """One row per kind of finding."""
+    table = Table()
+    for name in ("code", "meaning", "page of the docs"):
+        table.add_column(name, no_wrap=name == "code")
+    for kind in kinds:
+        table.add_row(kind.code, Text(kind.meaning), kind.page)
     return table
 
 
@@ -86,8 +97,8 @@ def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
 
 
 def show_checks(out: Console, checks: list[Check], repair: str) -> None:
-    """One line per check, and the one command that mends what does not work."""
+    """One line per check, and the one command that fixes what does not work."""
     for one in checks:
         mark, style = ("ok", "green") if one.works else ("no", "bold red" if one.needed else "yellow")
         out.print(Text(f"{mark:3}", style=style), Text(f"{one.what}: {one.detail}"), soft_wrap=True)
-    out.print(Text(f"To mend it: {repair}" if repair else "Everything works.", style="bold"), soft_wrap=True)
+    out.print(Text(f"To fix it: {repair}" if repair else "Everything works.", style="bold"), soft_wrap=True)

@@ -39,14 +39,14 @@ def make_map(
     from ema.study.plain import amplitude_lines, amplitude_mode, chart
 
     study = Study.load(campaign)
-    told: dict[str, Any] = {"reference": reference} if reference else {}
-    told |= {"runs": run} if run else {}
-    told |= {"force_levels": sorted(level)} if level else {}
-    told |= {"normal_forces": sorted(force)} if force else {}
+    given: dict[str, Any] = {"reference": reference} if reference else {}
+    given |= {"runs": run} if run else {}
+    given |= {"force_levels": sorted(level)} if level else {}
+    given |= {"normal_forces": sorted(force)} if force else {}
     with screen.Bars() as bars:
         opened = study.open(bars)
     stepped = mapping.stepped_runs(opened, run or [])
-    tables = [] if stepped and not (near or study.recipe.map) else _tables(study, near, told)
+    tables = [] if stepped and not (near or study.recipe.map) else _tables(study, near, given)
     estimate = study.recipe.estimate
     if mount_mass is not None:
         estimate = estimate.model_copy(update={"mount_mass": mount_mass})
@@ -77,12 +77,12 @@ def make_map(
     return status(findings, limit)
 
 
-def _tables(study: "Study", near: list[float] | None, told: dict[str, Any]) -> "list[MapTable]":
+def _tables(study: "Study", near: list[float] | None, given: dict[str, Any]) -> "list[MapTable]":
     """The maps of a recipe, or those asked for."""
     from ema.study.recipe import MapTable
 
     if near:
-        return [MapTable(near=one, **told) for one in near]
+        return [MapTable(near=one, **given) for one in near]
     if not study.recipe.map:
         raise InputError(
             "which mode is to be mapped?",
@@ -90,7 +90,7 @@ def _tables(study: "Study", near: list[float] | None, told: dict[str, Any]) -> "
             expected="its frequency in Hz",
             advice="give --near 500, or a recipe with [[map]]",
         )
-    return [table.model_copy(update=told) for table in study.recipe.map]
+    return [table.model_copy(update=given) for table in study.recipe.map]
 
 
 def _write(folder: Path, result: "MapResult") -> list[Path]:

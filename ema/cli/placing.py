@@ -90,12 +90,12 @@ def _read(source: Path, recipe: Path | None) -> "tuple[PlaceRecipe, Path, Path |
             expected="a joint law with normal forces F_N, a beam, and the range of F_E",
             advice="write them in a recipe (docs/placement.md) and give it with --recipe",
         )
-    told = (
+    given = (
         {"campaign": str(source.resolve()), "modes": ""}
         if is_campaign
         else {"modes": str(source.resolve()), "campaign": ""}
     )
-    return recipes.load(recipe).model_copy(update=told), recipe.parent, None
+    return recipes.load(recipe).model_copy(update=given), recipe.parent, None
 
 
 def _bare(recipe: "PlaceRecipe", origin: Path, progress: "Progress") -> "tuple[ModalModel, Geometry]":
@@ -156,19 +156,19 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
         raise InputError("there is no such file with modes", where=str(path))
     if path.suffix.lower() == ".h5" and store.is_store(path):
         held = store.load(path)
-        nouns = list(held.values()) if isinstance(held, Mapping) else [held]
+        items = list(held.values()) if isinstance(held, Mapping) else [held]
     else:
         import acquisition
 
         contents = acquisition.read(path)
-        nouns = [*contents.modes, *([contents.geometry] if contents.geometry is not None else [])]
-    models = [noun for noun in nouns if isinstance(noun, ModalModel)]
-    shapes = [noun for noun in nouns if isinstance(noun, Geometry)]
+        items = [*contents.modes, *([contents.geometry] if contents.geometry is not None else [])]
+    models = [item for item in items if isinstance(item, ModalModel)]
+    shapes = [item for item in items if isinstance(item, Geometry)]
     if not models or not shapes:
         raise InputError(
             "the file lacks modes or geometry",
             where=str(path),
-            got=", ".join(type(noun).__name__ for noun in nouns) or "nothing",
+            got=", ".join(type(item).__name__ for item in items) or "nothing",
             expected="one modal model and its geometry",
         )
     return models[0], shapes[0]

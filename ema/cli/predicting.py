@@ -62,21 +62,21 @@ def predict(
 
 @dataclass(frozen=True)
 class _Wanted:
-    """From what, where to, and how it is told."""
+    """From what, where to, and how it is reported."""
 
     measured: Path
     folder: Path
     limit: str
     json: bool
 
-    def written(self, stem: str, nouns: "Mapping[str, object]", picture: "Figure") -> list[Path]:
+    def written(self, stem: str, contents: "Mapping[str, object]", picture: "Figure") -> list[Path]:
         """The files of a prediction."""
         from ema import store
         from ema.study.study import make_folder
 
         make_folder(self.folder)
         first = self.folder / f"{stem}_prediction.h5"
-        store.save(first, nouns)
+        store.save(first, contents)
         return [first, *save_pictures(self.folder, {f"{stem}_prediction": picture})]
 
 

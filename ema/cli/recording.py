@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
 
 _ENOUGH = 2
-"""Takes at a point from which a coherence can be told."""
+"""Takes at a point from which a coherence can be estimated."""
 
 
 @app.command("record")
@@ -162,7 +162,7 @@ class VirtualHammer:
         return self.rig.rig.sampling_rate
 
     def takes(self) -> Iterator[Recording]:
-        """One blow after the other."""
+        """One impact after the other."""
         from datetime import UTC, datetime
 
         points = self.rig.take.points
@@ -190,11 +190,11 @@ class VirtualHammer:
         tables = self.rig.channels
         wired = [wire.channel for wire in rig_file.wires(self.rig)]
         responses = tuple(
-            replace(channel, dof=Dof.parse(told.dof))
-            for channel, told in zip(wired, tables, strict=True)
+            replace(channel, dof=Dof.parse(table.dof))
+            for channel, table in zip(wired, tables, strict=True)
             if channel.role == "response"
         )
-        hammer = next(told for told in tables if told.role == "reference")
+        hammer = next(table for table in tables if table.role == "reference")
         dofs = tuple(Dof.parse(hammer.dof.replace("{point}", str(point))) for point in self.rig.take.points)
         rings = tuple(RingCell(channel.joint, 1020.0, 3.0) for channel in wired if channel.role == "normal force")
         drive = RovingHammer(dofs * 500, hits=1, contact_time=0.4e-3, pre_trigger=0.05, spacing=1.0)

@@ -71,11 +71,11 @@ def _ended(
     from acquisition import model_file
     from ema.cli import screen
 
-    told, model = model_file.load(path), acquisition.open_model(path)
+    tables, model = model_file.load(path), acquisition.open_model(path)
     folder = out or Path("simulated") / "".join(c if c.isalnum() else "_" for c in model.name)
     _ready(folder)
     with screen.Bars() as bars:
-        job = work(told, model, bars)
+        job = work(tables, model, bars)
     written = _write(folder, name, model, job)
     job.findings = _unique(job.findings)
     if json:
@@ -98,7 +98,7 @@ def _ended(
 
 
 def _ready(folder: Path) -> None:
-    """A folder that cannot be written is told before the work."""
+    """A folder that cannot be written is named before the work."""
     import os
 
     try:
@@ -125,7 +125,7 @@ def _write(folder: Path, name: str, model: "BeamModel", job: Job) -> list[Path]:
     from ema import store
 
     written = [folder / f"{name}.h5"]
-    store.save(written[0], {"model": model, **job.nouns})
+    store.save(written[0], {"model": model, **job.contents})
     return [*written, *save_pictures(folder, job.pictures)]
 
 
@@ -188,8 +188,8 @@ def snapback(
         out,
         json,
         limit,
-        lambda told, held, bars: simulations.snapback(
-            _chosen("snapback", told.snapback), held, load, normal_force, duration, reference, bars
+        lambda tables, held, bars: simulations.snapback(
+            _chosen("snapback", tables.snapback), held, load, normal_force, duration, reference, bars
         ),
     )
 
@@ -213,7 +213,7 @@ def frf(
         out,
         json,
         limit,
-        lambda told, held, bars: simulations.frf(_chosen("frf", told.frf), held, force, normal_force, bars),
+        lambda tables, held, bars: simulations.frf(_chosen("frf", tables.frf), held, force, normal_force, bars),
     )
 
 
@@ -236,7 +236,7 @@ def damping_map(
         out,
         json,
         limit,
-        lambda told, held, bars: simulations.damping_map(_chosen("map", told.map), held, force, normal_force, bars),
+        lambda tables, held, bars: simulations.damping_map(_chosen("map", tables.map), held, force, normal_force, bars),
     )
 
 
@@ -261,7 +261,7 @@ def loop(
         out,
         json,
         limit,
-        lambda told, held, bars: simulations.loops(_chosen("loop", told.loop), held, amplitude, normal_force),
+        lambda tables, held, bars: simulations.loops(_chosen("loop", tables.loop), held, amplitude, normal_force),
     )
 
 

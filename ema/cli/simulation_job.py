@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
 @dataclass
 class Job:
-    """What a job found: nouns for the store, pictures, rows of the table, findings; ``more``: further tables by name,
-    and ``statement`` what follows."""
+    """Contents for the store, pictures, rows of the table, findings; ``more`` are further tables by name, ``statement``
+    is what follows."""
 
-    nouns: dict[str, Any]
+    contents: dict[str, Any]
     pictures: dict[str, "Figure"]
     rows: list[dict[str, Any]]
     findings: list["Finding"] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""The five jobs of `ema simulate`: they compose verbs of the simulator, of the estimation and of the pictures."""
+"""The five jobs of `ema simulate`: they compose functions of the simulator, of the estimation and of the pictures."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -59,9 +59,9 @@ def snapback(
     if decays:
         unit = "rad" if Dof.parse(table.at).axis.startswith("R") else "m"
         pictures["ring_down"] = show.ring_down(list(decays.values()), [f"F_N {label}" for label in decays], unit)
-    nouns: dict[str, Any] = {f"response {label}": run for label, run in responses.items()}
-    nouns |= {f"decay {label}": decay for label, decay in decays.items()}
-    return Job(nouns, pictures, rows, [one for run in responses.values() for one in run.findings])
+    contents: dict[str, Any] = {f"response {label}": run for label, run in responses.items()}
+    contents |= {f"decay {label}": decay for label, decay in decays.items()}
+    return Job(contents, pictures, rows, [one for run in responses.values() for one in run.findings])
 
 
 def _of_motion(run: Response) -> dict[str, Any]:
@@ -108,9 +108,10 @@ def _of_phases(run: Response, modes: tuple[float, float, float], decay: Decay | 
 
 _FEWEST_CYCLES = 2.0
 """Cycles of a stuck phase below which it is not shown: its slow decay cannot be read from fewer."""
-_SLIPPING, _LOST = 1e-6, 0.999
-"""Share of the energy that friction takes where contacts slip at all, which is the error that the books of a run may
-have; share of the friction loss after which slip counts as ended: 99 % is reached while single contacts still slip."""
+_SLIPPING = 1e-6
+"""Share of the energy that friction takes where contacts slip at all: the error that the balance of a run may have."""
+_LOST = 0.999
+"""Share of the friction loss after which slip counts as ended: 99 % is reached while single contacts still slip."""
 
 
 def _slip_end(run: Response) -> float | None:
@@ -310,14 +311,14 @@ def control(
         }
         for line in lines
     ]
-    nouns: dict[str, Any] = {f"ring-down {line.law}": line for line in lines}
+    contents: dict[str, Any] = {f"ring-down {line.law}": line for line in lines}
     if not levels:
-        return Job(nouns, {"control": show.tool_point(lines)}, rows)
+        return Job(contents, {"control": show.tool_point(lines)}, rows)
     limits = simulate.cutting_limits(
         model, table.at, levels, forces, band, specific_force=table.specific_force, progress=progress
     )
     return Job(
-        {**nouns, "limits": limits},
+        {**contents, "limits": limits},
         {"control": show.tool_point(lines, limits)},
         rows,
         more={"tool": _rows_of_tool(limits)},

@@ -110,7 +110,7 @@ def fetch(name: str, folder: str | Path | None = None, progress: Progress = sile
         Where the demonstrations are kept: ``datasets/NAME`` appears in it. By default :func:`cache_folder`. Files that
         are there already stay as they are.
     progress : Progress, optional
-        Told how far the signals are.
+        Called with how far the signals are.
 
     Returns
     -------

@@ -160,7 +160,7 @@ def _stepped(condition: Condition, seed: int) -> Recording:
 
 
 def _bare_sweep(path: Path) -> None:
-    """The bare table by the same shaker: what a map of the beam is held against."""
+    """The bare table by the same shaker: what a map of the beam is compared with."""
     record = shaker.linear_sweep(table.bare(table.shaker_points(SETTING)), 41, path.stem, mount_mass=0.0)
     _save(path, record, START + timedelta(seconds=_DAY))
 

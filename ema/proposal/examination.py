@@ -78,7 +78,7 @@ def examine(folder: Path, progress: Progress = silent) -> tuple[FileFacts, ...]:
     folder : Path
         Folder of the measurements.
     progress : Progress, optional
-        Told how many files are read.
+        Called with how many files are read.
 
     Returns
     -------

@@ -4,9 +4,10 @@ import numpy as np
 
 from ema.data import Finding, Geometry
 
-LARGEST, SMALLEST = 30.0, 0.005
-"""Extent in m beyond which positions are questioned: structures struck with a hammer are between 5 mm and 30 m long.
-Halved or doubled, a turbine blade of 20 m would, or a small print board would not, be questioned."""
+LARGEST = 30.0
+"""Extent in m above which positions are questioned; at half of it a turbine blade of 20 m would be."""
+SMALLEST = 0.005
+"""Extent in m below which positions are questioned; at twice of it a small printed circuit board would be."""
 
 ALONE = 0.1
 """Share of the points on one side of a coordinate plane up to which they are suspected of a wrong sign."""

@@ -119,7 +119,7 @@ def propose(folder: str | Path, progress: Progress = silent) -> Proposal:
     folder : str or Path
         Folder of the measurements.
     progress : Progress, optional
-        Told how many files are read.
+        Called with how many files are read.
 
     Returns
     -------

@@ -8,8 +8,10 @@ from ema.data.forecast import Forecast, ForecastCheck
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import plain
 
-_LEVEL, _RARE = 0.95, 0.01
-"""Level of the bands, and the probability with which fewer values than the stated number lie inside them by chance."""
+_LEVEL = 0.95
+"""Level of the bands."""
+_RARE = 0.01
+"""Probability with which fewer values than the stated number lie inside their bands by chance."""
 
 
 def verdict(check: ForecastCheck) -> str:

@@ -75,9 +75,9 @@ def signed(value: float, digits: int = 3) -> Value:
     return Value(text.value, "+" + text.text if math.isfinite(value) and value > 0 else text.text)
 
 
-def count(number: int, noun: str) -> str:
+def count(number: int, what: str) -> str:
     """``1 mode``, ``2 modes``."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
+    return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def listed(words: Sequence[str]) -> str:

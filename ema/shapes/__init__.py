@@ -11,7 +11,7 @@ from ema.shapes.complexity import (
 )
 from ema.shapes.continuation import with_plate
 from ema.shapes.correlation import Comparison, auto_mac, co_mac, compare, frac, mac
-from ema.shapes.expansion import Expansion, expand
+from ema.shapes.expansion import Expansion, expand, expand_by_modes
 from ema.shapes.rigid import with_rigid_body
 from ema.shapes.surface import Surface, smooth
 
@@ -26,6 +26,7 @@ __all__ = [
     "co_mac",
     "compare",
     "expand",
+    "expand_by_modes",
     "frac",
     "mac",
     "mac_uncertainty",

@@ -30,8 +30,10 @@ _ROOM = 1.03
 _ROTATIONS = 240
 """Random rotations from which a search starts, beside those between the principal axes: any rotation is within 43
 degrees of one of them, half of all within 22."""
-_COARSE, _FINE = 8, 60
-"""Iterations of the search from each rotation, and of the best placements."""
+_COARSE = 8
+"""Iterations of the search from each rotation, which only ranks them."""
+_FINE = 60
+"""Iterations of the best placements, which are followed to their end."""
 _SHAKES = 30
 """Starts beside a placement, a tenth to three mesh widths away: of twelve draws of ten nodes of a plate, seven searches
 ended at nodes beside the right ones without them, one with them.

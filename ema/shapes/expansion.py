@@ -1,13 +1,19 @@
 """From values at DOFs to displacements of points in space."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Complex
 
 from ema.data import Geometry, ModalModel
-from ema.dof import Dof
+from ema.dof import Dof, match
+from ema.errors import InputError
+
+_ALIKE = 1e3
+"""Condition number of the shapes at the measured DOFs above which their combinations are refused: errors of a measured
+shape grow by up to this factor. With 100, modes that differ at a tenth of the points are refused; with 1e4, an error of
+1 % may become a hundred times the shape."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,70 @@ def expand(model: ModalModel, geometry: Geometry, interpolate: bool = False) -> 
     if interpolate:
         interpolated = _fill(displacement, measured, geometry)
     return Expansion(displacement, measured, interpolated, tuple(left_out))
+
+
+def expand_by_modes(test: ModalModel, model: ModalModel, modes: "list[int] | None" = None) -> ModalModel:
+    """Expand measured shapes to all DOFs of a model, as the combinations of its modes that fit them best.
+
+    Each measured shape is replaced by ``P c`` with ``c = pinv(P_m) u``: P are the shapes of the model, P_m their rows
+    at the measured DOFs, u the measured shape. What the modes of the model cannot combine is lost, so compare the
+    expanded shapes with the measured ones by ``ema.shapes.mac``.
+
+    Parameters
+    ----------
+    test : ModalModel
+        Measured modes.
+    model : ModalModel
+        Modes of a model with more DOFs, the measured ones among them (see ``ema.shapes.align``, ``on_test_dofs``).
+    modes : list of int, optional
+        Positions of the modes of the model that are combined; all by default.
+
+    Returns
+    -------
+    ModalModel
+        The measured modes with shapes at the DOFs of the model; the uncertainty of the shapes is not carried over.
+
+    Raises
+    ------
+    InputError
+        If fewer DOFs are shared than modes are combined, or the modes look alike at the shared DOFs.
+
+    References
+    ----------
+    .. [1] System equivalent reduction expansion process: O'Callahan, Avitabile and Riemer (1989), Proc. IMAC VII, 29.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from ema.examples import modal_model
+    >>> model = modal_model()
+    >>> test = replace(model, shapes=model.shapes[:3], dofs=model.dofs[:3])
+    >>> expand_by_modes(test, model).shapes.shape
+    (4, 3)
+    """
+    chosen = list(range(len(model.poles))) if modes is None else list(modes)
+    pairs = match(test.dofs, model.dofs)
+    if len(pairs) < len(chosen):
+        raise InputError(
+            "too few DOFs are shared to combine so many modes",
+            where=test.name,
+            got=f"{len(pairs)} shared DOFs, {len(chosen)} modes",
+            expected="at least as many DOFs as modes",
+            advice="choose fewer modes, or map the points first with ema.shapes.align",
+        )
+    rows, columns, signs = (np.array(each) for each in zip(*pairs, strict=True))
+    basis = signs[:, None] * model.shapes[columns][:, chosen]
+    condition = float(np.linalg.cond(basis))
+    if condition > _ALIKE:
+        raise InputError(
+            "modes of the model look alike at the measured DOFs",
+            where=test.name,
+            got=f"condition number {condition:.3g}",
+            expected=f"below {_ALIKE:g}",
+            advice="choose fewer modes, or measure more points",
+        )
+    shapes = model.shapes[:, chosen] @ (np.linalg.pinv(basis) @ test.shapes[rows])
+    return replace(test, shapes=shapes, dofs=model.dofs, uncertainty=None, residuals=None)
 
 
 def _edges(geometry: Geometry) -> list[tuple[int, int, float]]:

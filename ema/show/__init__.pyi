@@ -1,4 +1,7 @@
 from ema.show.amplitude import amplitude_modes as amplitude_modes
+from ema.show.amplitude import nonlinear_mode as nonlinear_mode
+from ema.show.amplitude import stepped_levels as stepped_levels
+from ema.show.animation import animate as animate
 from ema.show.compared import map_comparison as map_comparison
 from ema.show.compared import map_prediction as map_prediction
 from ema.show.forecast import forecast_bands as forecast_bands
@@ -8,6 +11,9 @@ from ema.show.frf import indicator as indicator
 from ema.show.frf import reconstruction as reconstruction
 from ema.show.impacts import force_spectrum as force_spectrum
 from ema.show.impacts import hits as hits
+from ema.show.intervals import contact_forces as contact_forces
+from ema.show.intervals import mode_changes as mode_changes
+from ema.show.intervals import parameters as parameters
 from ema.show.joints import normal_force as normal_force
 from ema.show.maps import damping_curves as damping_curves
 from ema.show.maps import damping_map as damping_map
@@ -18,6 +24,7 @@ from ema.show.overlaid import frf_overlay as frf_overlay
 from ema.show.placement import control_gain as control_gain
 from ema.show.placement import placement_map as placement_map
 from ema.show.placement import recommended_force as recommended_force
+from ema.show.plotting import plot as plot
 from ema.show.points import geometry as geometry
 from ema.show.polar import complexity as complexity
 from ema.show.renderer import rendered_shape as rendered_shape
@@ -33,3 +40,5 @@ from ema.show.simulated import tool_point as tool_point
 from ema.show.stability import stabilisation as stabilisation
 from ema.show.vibration import free_vibration as free_vibration
 from ema.show.vibration import velocity_comparison as velocity_comparison
+
+from . import signals as signals

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ema.data import AmplitudeDependentMode, AmplitudePrediction
-from ema.show.style import SERIES, empty_note, new_figure
+from ema.data import AmplitudeDependentMode, AmplitudePrediction, NonlinearMode, SteppedLevel
+from ema.errors import InputError
+from ema.show.style import BLUE, SERIES, empty_note, new_figure, one_quantity, styled
 from ema.units import SI_UNIT
 
 _MARKS = (("slip-onset", "--", "slip begins"), ("impact-amplitude", "-.", "behind the impacts"))
@@ -17,6 +18,7 @@ _STATED = ("stated-frequency", "stated-damping")
 _DECADE = 10.0
 
 
+@styled
 def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequence[AmplitudePrediction] = ()) -> Figure:
     """Draw frequency and damping ratio of modes over their amplitude, with 95 % intervals.
 
@@ -38,6 +40,11 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     Figure
         The figure, with a note in it where there is nothing to draw.
 
+    Raises
+    ------
+    InputError
+        If the amplitudes are not of one quantity.
+
     Examples
     --------
     >>> from ema.data import AmplitudeDependentMode, Band
@@ -47,6 +54,7 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     >>> len(figure.axes)
     2
     """
+    quantity = one_quantity([*modes, *predictions])
     figure = new_figure(4.2)
     if not modes and not predictions:
         empty_note(figure.subplots(), "no mode over its amplitude")
@@ -76,7 +84,6 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     measured = np.concatenate([mode.amplitude for mode in modes]) if modes else np.ones(1)
     if measured.max() > _DECADE * measured.min():
         damping.set_xscale("log")
-    quantity = modes[0].quantity if modes else predictions[0].quantity
     damping.set_xlabel(f"Amplitude of the {quantity} [{SI_UNIT[quantity].replace('^2', '²')}]")
     frequency.set_ylabel("Frequency [Hz]")
     damping.set_ylabel("Damping ratio [%]")
@@ -104,3 +111,95 @@ def _mark_stated(mode: AmplitudeDependentMode, frequency: Axes, damping: Axes, c
             axes.plot(
                 where, np.full(len(where), factor * finding.value), "D", color=colour, mfc="white", ms=6, zorder=5
             )
+
+
+@styled
+def stepped_levels(levels: Sequence[SteppedLevel] | SteppedLevel) -> Figure:
+    """Draw response over force, and the phase, of the levels of a stepped sine.
+
+    Parameters
+    ----------
+    levels : sequence of SteppedLevel or SteppedLevel
+        Levels of one quantity.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where there is no level.
+
+    Raises
+    ------
+    InputError
+        If the responses are not of one quantity.
+
+    Examples
+    --------
+    >>> from ema.data import SteppedLevel
+    >>> level = SteppedLevel(frequencies=[39.0, 40.0], force=[1, 1], response=[5 + 1j, 9j], quantity="acceleration")
+    >>> len(stepped_levels(level).axes)
+    2
+    """
+    some = [levels] if isinstance(levels, SteppedLevel) else list(levels)
+    quantity = one_quantity(some)
+    figure = new_figure(4.2)
+    if not some:
+        empty_note(figure.subplots(), "no level")
+        return figure
+    size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.2])
+    for number, level in enumerate(some):
+        colour, style, marker = SERIES[number % len(SERIES)]
+        look = {"color": colour, "ls": style, "marker": marker, "ms": 3, "lw": 1.0}
+        ratio = level.response / level.force
+        size.semilogy(level.frequencies, np.abs(ratio), label=level.name or f"level {number + 1}", **look)
+        phase.plot(level.frequencies, np.degrees(np.angle(ratio)), **look)
+    size.set_ylabel(f"{quantity.capitalize()} over force [({SI_UNIT[quantity].replace('^2', '²')})/N]")
+    size.legend(loc="best")
+    phase.set_ylabel("Phase [°]")
+    phase.set_ylim(-190, 190)
+    phase.set_yticks([-180, 0, 180])
+    phase.set_xlabel("Frequency [Hz]")
+    return figure
+
+
+@styled
+def nonlinear_mode(mode: NonlinearMode) -> Figure:
+    """Draw frequency and damping ratio of a simulated nonlinear mode over its modal amplitude.
+
+    Parameters
+    ----------
+    mode : NonlinearMode
+        A mode; levels without a solution leave gaps.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Raises
+    ------
+    InputError
+        If no level has a solution.
+
+    Examples
+    --------
+    >>> from ema.data import NonlinearMode
+    >>> from ema.dof import Dof
+    >>> mode = NonlinearMode(
+    ...     amplitudes=[1e-4], frequencies=[40.0], damping_ratios=[0.01], shapes=[[0.7]], dofs=(Dof(1, "+X"),),
+    ...     friction_power=[1e-3], damping_power=[2e-3], frequency_error=[1e-6], damping_error=[1e-5],
+    ... )
+    >>> len(nonlinear_mode(mode).axes)
+    2
+    """
+    if not np.isfinite(mode.frequencies).any():
+        raise InputError("no level has a solution", where=mode.name or "nonlinear mode")
+    figure = new_figure(4.2)
+    frequency, damping = figure.subplots(2, 1, sharex=True)
+    for axes, values in ((frequency, mode.frequencies), (damping, 100 * mode.damping_ratios)):
+        axes.plot(mode.amplitudes, values, "o-", ms=3.5, color=BLUE)
+    if mode.amplitudes.max() > _DECADE * mode.amplitudes.min() > 0:
+        damping.set_xscale("log")
+    frequency.set_ylabel("Frequency [Hz]")
+    damping.set_ylabel("Damping ratio [%]")
+    damping.set_xlabel("Modal amplitude [m √kg]")
+    return figure

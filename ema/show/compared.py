@@ -70,14 +70,14 @@ def map_comparison(found: MapComparison) -> Figure:
 
 
 @styled
-def map_prediction(predicted: MapPrediction, measured: ModalMap) -> Figure:
+def map_prediction(predicted: MapPrediction, measured: ModalMap | None = None) -> Figure:
     """Draw damping ratio and frequency over the normal force: points with 95 % bars are measured, bands are predicted.
 
     Parameters
     ----------
     predicted : MapPrediction
         Predicted conditions; bands join the normal forces of a level, bars stand where there is one normal force.
-    measured : ModalMap
+    measured : ModalMap, optional
         The map that they were predicted from.
 
     Returns
@@ -95,21 +95,18 @@ def map_prediction(predicted: MapPrediction, measured: ModalMap) -> Figure:
     """
     figure = new_figure(3.9)
     panels = figure.subplots(1, 2)
-    levels = np.unique(np.concatenate([measured.force_levels, predicted.force_levels]))
+    known = [] if measured is None else [measured]
+    shown: tuple[ModalMap | MapPrediction, ...] = (*known, predicted)
+    levels = np.unique(np.concatenate([each.force_levels for each in shown]))
     colours = colormaps[COLOUR_MAP](np.linspace(0, 0.88, len(levels)))
     parts = (
         (panels[0], 100.0, "damping", "Damping ratio [%]"),
         (panels[1], 1.0, "frequency", "Natural frequency [Hz]"),
     )
     for axes, unit, name, label in parts:
-        std = getattr(measured, f"{name}_std")
         bands = [unit * getattr(predicted, f"{name}{end}") for end in ("_low", "", "_high")]
-        for row, level in enumerate(measured.force_levels):
-            colour = colours[np.searchsorted(levels, level)]
-            bars = None if std is None else 1.96 * unit * np.nan_to_num(std[row])
-            look = {"fmt": "o", "ms": 4, "color": colour, "elinewidth": 0.8, "capsize": 2}
-            text = f"{level:.4g} N, measured" if name == "damping" else None
-            axes.errorbar(measured.normal_forces, unit * getattr(measured, name)[row], bars, label=text, **look)
+        for chart in known:
+            _measured_points(axes, chart, name, unit, colours[np.searchsorted(levels, chart.force_levels)])
         for row, level in enumerate(predicted.force_levels):
             colour, text = colours[np.searchsorted(levels, level)], f"{level:.4g} N, predicted"
             low, value, high = (each[row] for each in bands)
@@ -119,11 +116,23 @@ def map_prediction(predicted: MapPrediction, measured: ModalMap) -> Figure:
                 axes.plot(predicted.normal_forces, value, "--", lw=1.2, **style)
             else:
                 axes.errorbar(predicted.normal_forces, value, [value - low, high - value], fmt="D", ms=4, **style)
-        _over_normal_force(axes, np.concatenate([measured.normal_forces, predicted.normal_forces]))
+        _over_normal_force(axes, np.concatenate([each.normal_forces for each in shown]))
         axes.set_ylabel(label)
     panels[0].set_ylim(bottom=0)
     figure.legend(loc="outside lower center", ncols=3, title="Excitation F_E")
     return figure
+
+
+def _measured_points(
+    axes: Axes, chart: ModalMap, name: str, unit: float, colours: Float[np.ndarray, "level 4"]
+) -> None:
+    """Points with 95 % bars, a colour for each level."""
+    std = getattr(chart, f"{name}_std")
+    for row, level in enumerate(chart.force_levels):
+        bars = None if std is None else 1.96 * unit * np.nan_to_num(std[row])
+        look = {"fmt": "o", "ms": 4, "color": colours[row], "elinewidth": 0.8, "capsize": 2}
+        text = f"{level:.4g} N, measured" if name == "damping" else None
+        axes.errorbar(chart.normal_forces, unit * getattr(chart, name)[row], bars, label=text, **look)
 
 
 def _over_normal_force(axes: Axes, forces: Float[np.ndarray, "force"]) -> None:

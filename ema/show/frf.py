@@ -20,6 +20,7 @@ from ema.show.style import (
     frf_label,
     mark_modes,
     new_figure,
+    one_quantity,
     styled,
     thin_labels,
 )
@@ -220,12 +221,18 @@ def reconstruction(
     Figure
         The figure.
 
+    Raises
+    ------
+    InputError
+        If the two are not of one quantity in one unit.
+
     Examples
     --------
     >>> from ema.examples import frf_set
     >>> len(reconstruction(frf_set(0.01), frf_set(), [(0, 0)]).axes)
     2
     """
+    one_quantity([measured, synthesised])
     rows = max(1, -(-len(places) // 2))
     figure = new_figure(3.4 * rows)
     if not places:

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import Normal, Stroke
 
 from ema.data import ModalMap
 from ema.show.style import COLOUR_MAP, GREY, SERIES, VERMILION, empty_note, new_figure, styled
@@ -85,7 +86,8 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
         axes.add_patch(Rectangle(corner, width, np.diff(edges[1])[row], **_HOLE))
     if min(values.shape) > 1 and np.ptp(values[~holes]) > 0:
         lines = axes.contour(x, y, np.ma.masked_array(values, holes), levels=6, colors="white", linewidths=0.8)
-        axes.clabel(lines, fontsize=7, fmt="%.4g")
+        for text in axes.clabel(lines, fontsize=8, fmt="%.4g"):
+            text.set_path_effects([Stroke(linewidth=2, foreground="#1a1a1a"), Normal()])  # on light colours too
     if ridge:
         rows = [row for row in range(len(y)) if not holes[row].all()]
         tops = [x[np.nanargmax(values[row])] for row in rows]

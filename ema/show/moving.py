@@ -10,6 +10,7 @@ from jaxtyping import Complex
 
 from ema.data import Geometry, ModalModel
 from ema.shapes import expand
+from ema.show.renderer import Scene
 
 _STEPS = 32000
 """Steps of a displacement from 0 to its largest value."""
@@ -26,6 +27,20 @@ def moving_shapes(model: ModalModel, geometry: Geometry) -> dict[str, Any]:
     if not len(geometry.nodes):
         return {"points": [], "faces": [], "lines": [], "modes": [], "shapes": []}
     displacement = expand(model, geometry, True).displacement[:, :, :shown]
+    modes = [
+        f"{mode + 1}: {model.natural_frequencies[mode]:.5g} Hz, {100 * model.damping_ratios[mode]:.3g} %"
+        for mode in range(shown)
+    ]
+    return _points(geometry) | {"modes": modes, "shapes": [_encoded(displacement[:, :, mode]) for mode in range(shown)]}
+
+
+def moving_scene(scene: Scene) -> dict[str, Any]:
+    """The same for one shape whose phase and sense are given."""
+    return _points(scene.geometry) | {"modes": [scene.title], "shapes": [_encoded(scene.motion, keep=True)]}
+
+
+def _points(geometry: Geometry) -> dict[str, Any]:
+    """Points about their middle over the size of the structure, faces and lines as rows."""
     middle = (geometry.xyz.max(axis=0) + geometry.xyz.min(axis=0)) / 2
     size = float(np.linalg.norm(np.ptp(geometry.xyz, axis=0))) or 1.0
     row_of = {int(node): row for row, node in enumerate(geometry.nodes)}
@@ -35,11 +50,6 @@ def moving_shapes(model: ModalModel, geometry: Geometry) -> dict[str, Any]:
         "lines": [
             [row_of[a], row_of[b]] for line in geometry.lines for a, b in pairwise(line) if a in row_of and b in row_of
         ],
-        "modes": [
-            f"{mode + 1}: {model.natural_frequencies[mode]:.5g} Hz, {100 * model.damping_ratios[mode]:.3g} %"
-            for mode in range(shown)
-        ],
-        "shapes": [_encoded(displacement[:, :, mode]) for mode in range(shown)],
     }
 
 
@@ -48,10 +58,10 @@ def script() -> str:
     return (files("ema.show") / "moving.js").read_text(encoding="utf-8")
 
 
-def _encoded(shape: Complex[np.ndarray, "n 3"]) -> str:
-    """Real parts, then imaginary parts as 16-bit integers, turned to the phase of the largest motion."""
+def _encoded(shape: Complex[np.ndarray, "n 3"], keep: bool = False) -> str:
+    """Real parts, then imaginary parts as 16-bit integers, turned to the phase of the largest motion unless kept."""
     parts = np.sum(shape**2)
-    turned = shape * np.exp(-0.5j * np.angle(parts)) if parts else shape
+    turned = shape * np.exp(-0.5j * np.angle(parts)) if parts and not keep else shape
     largest = float(np.max(np.linalg.norm(turned, axis=1), initial=0.0)) or 1.0
     numbers = np.round(_STEPS / largest * np.stack([turned.real, turned.imag])).astype("<i2")
     return b64encode(numbers.tobytes()).decode("ascii")

@@ -7,7 +7,7 @@ from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
 from ema.data import FrfSet
-from ema.show.style import SERIES, empty_note, frf_label, new_figure, styled
+from ema.show.style import SERIES, empty_note, frf_label, new_figure, one_quantity, styled
 
 _BARE = "#1a1a1a"
 
@@ -37,12 +37,18 @@ def frf_overlay(
     Figure
         The figure.
 
+    Raises
+    ------
+    InputError
+        If the FRFs are not of one quantity in one unit.
+
     Examples
     --------
     >>> from ema.examples import frf_set
     >>> len(frf_overlay([frf_set(), frf_set(0.01)], [(0, 0), (0, 0)], ["exact", "with noise"]).axes)
     2
     """
+    one_quantity(sets)
     figure = new_figure(4.4)
     if not sets:
         empty_note(figure.subplots(), "no FRF to draw")

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from inspect import Signature, signature
+from types import UnionType
+from typing import Any, ParamSpec, TypeVar, get_args
 
 import matplotlib
 import numpy as np
@@ -11,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 
 from ema.dof import Dof
+from ema.errors import InputError
 from ema.units import FRF_UNIT, UNSTATED
 
 P = ParamSpec("P")
@@ -57,15 +60,21 @@ _STYLE: Any = {
     "text.usetex": False,
 }
 _UNIT_TEXT = {"m/N": "m/N", "(m/s)/N": "(m/s)/N", "(m/s^2)/N": "(m/s²)/N", UNSTATED: "unit unstated"}
+_NONE = type(None)
 WIDTH = 9.0
 """Width of a figure in inches: the text width of a report."""
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
-    """Run ``draw`` under the style of the project; settings outside are untouched."""
+    """Run ``draw`` under the style of the project; settings outside are untouched.
+
+    An argument that is none of the data types which the signature names is refused in one sentence.
+    """
+    form = signature(draw)
 
     @wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        check_arguments(draw.__name__, form, args, kwargs)
         with matplotlib.rc_context(_STYLE):
             drawn = draw(*args, **kwargs)
         if isinstance(drawn, Figure):
@@ -73,6 +82,49 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
         return drawn
 
     return wrapper
+
+
+def check_arguments(name: str, form: Signature, args: Sequence[Any], kwargs: dict[str, Any]) -> None:
+    """Refuse an argument that is none of the classes which its annotation consists of.
+
+    Raises
+    ------
+    InputError : an argument is of another type.
+    """
+    try:
+        given = form.bind(*args, **kwargs).arguments
+    except TypeError:  # Python names missing and unknown arguments itself
+        return
+    for parameter, value in given.items():
+        annotation = form.parameters[parameter].annotation
+        kinds = get_args(annotation) if isinstance(annotation, UnionType) else (annotation,)
+        ours = all(isinstance(kind, type) and (kind.__module__.startswith("ema.") or kind is _NONE) for kind in kinds)
+        if ours and not isinstance(value, kinds):
+            raise InputError(
+                f"the argument {parameter!r} is of a type that this picture does not show",
+                where=f"ema.show.{name}",
+                got=type(value).__name__,
+                expected=" or ".join("None" if kind is _NONE else kind.__name__ for kind in kinds),
+                advice="ema.show.plot draws every data type",
+            )
+
+
+def one_quantity(things: Sequence[Any]) -> str:
+    """What all of them measure; empty for none.
+
+    Raises
+    ------
+    InputError : two of them measure different quantities, which share no axis, or have different units.
+    """
+    kinds = list(dict.fromkeys((str(thing.quantity), str(getattr(thing, "unit", ""))) for thing in things))
+    if len(kinds) > 1:
+        raise InputError(
+            "different quantities share no axis",
+            got=" and ".join(f"{quantity} [{unit}]" if unit else quantity for quantity, unit in kinds),
+            expected="one quantity in one unit",
+            advice="draw them in figures of their own, or convert them first",
+        )
+    return kinds[0][0] if kinds else ""
 
 
 def _take_literally(figure: Figure) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -15,8 +15,10 @@ from ema.data import (
     Decay,
     Finding,
     ForecastCheck,
+    Geometry,
     Loop,
     MapResult,
+    ModalModel,
     Placement,
     Recording,
     Run,
@@ -180,25 +182,25 @@ def _records(run: Run) -> list[tuple[str, Recording]]:
     return [(f"{run.id}, record {n}" if several else run.id, record) for n, record in enumerate(run.recordings, 1)]
 
 
-def placed(
-    request: str | PlaceRecipe,
-    source: Path,
-    campaign: Campaign,
-    runs: Sequence[RunResult],
-    folder: Path,
-    resume: bool,
-    executor: Executor | None,
-    progress: Progress,
-) -> Placement:
-    """Answer a placement recipe, or the one in a file beside ``source``, with the modes of this study's bare run.
+class PlacementTask(NamedTuple):
+    """What a placement is computed from: its recipe, the folder of its files, the bare modes and the points."""
+
+    recipe: PlaceRecipe
+    folder: Path
+    modes: ModalModel
+    geometry: Geometry
+
+
+def placement_task(
+    request: str | PlaceRecipe, source: Path, campaign: Campaign, runs: Sequence[RunResult]
+) -> PlacementTask:
+    """A placement recipe, or the one in a file beside ``source``, with the modes of this study's bare run.
 
     Raises
     ------
-    InputError : no bare run or no geometry, a recipe that names a structure of its own, and what ``ema.place`` refuses.
+    InputError : no bare run or no geometry, or a recipe that names a structure of its own.
     """
-    from ema.place.job import place
     from ema.place.recipe import load
-    from ema.place.sources import verdict_of
 
     path = source.parent / request if isinstance(request, str) else source
     recipe = load(path) if isinstance(request, str) else request
@@ -226,17 +228,30 @@ def placed(
             advice="add [geometry] to campaign.toml: places come from it",
         )
     modes = replace(bare[0].modes, name=bare[0].modes.name or f"run {bare[0].run.id}")
+    return PlacementTask(recipe, path.parent, modes, campaign.geometry)
+
+
+def placed(task: PlacementTask, folder: Path, resume: bool, executor: Executor | None, progress: Progress) -> Placement:
+    """Answer a placement; finished parts are kept in ``folder``.
+
+    Raises
+    ------
+    InputError : what ``ema.place`` refuses.
+    """
+    from ema.place.job import place
+    from ema.place.sources import verdict_of
+
     placement = place(
-        recipe,
-        modes,
-        campaign.geometry,
-        verdict_of(recipe, path.parent),
+        task.recipe,
+        task.modes,
+        task.geometry,
+        verdict_of(task.recipe, task.folder),
         executor=executor,
         folder=folder,
         resume=resume,
         progress=progress,
     )
-    return replace(placement, geometry=campaign.geometry)
+    return replace(placement, geometry=task.geometry)
 
 
 def forecast_check(

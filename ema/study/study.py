@@ -342,9 +342,8 @@ class Study:
         """Ring-downs, hysteresis loops and the placement that the recipe asks for."""
         settings, placement = self.recipe, None
         if settings.placement:
-            placement = friction.placed(
-                settings.placement, self.source, campaign, runs, self.kept / "placement", resume, executor, progress
-            )
+            task = friction.placement_task(settings.placement, self.source, campaign, runs)
+            placement = friction.placed(task, self.kept / "placement", resume, executor, progress)
         return (
             friction.ring_downs(campaign, settings.ring_down),
             friction.hysteresis_loops(campaign, settings.loop),

@@ -19,6 +19,8 @@ ROOMS = (
     "ema.elements",
     "ema.estimate",
     "ema.fit",
+    "ema.interop",
+    "ema.messages",
     "ema.place",
     "ema.proposal",
     "ema.report",

@@ -40,9 +40,10 @@ def test_a_study_with_its_report_is_done_without_vtk(tmp_path: Path) -> None:
 def test_its_absence_is_one_sentence_with_the_command_that_installs_it(tmp_path: Path) -> None:
     code = """
 from ema.errors import MissingExtraError
+from ema.examples import geometry, modal_model
 from ema.show import rendered_shape
 try:
-    rendered_shape(None, None, 0)
+    rendered_shape(modal_model(), geometry(), 0)
 except MissingExtraError as error:
     print(error)
 """

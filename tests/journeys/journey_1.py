@@ -1,4 +1,4 @@
-"""Journey 1: a hammer campaign, from the folder to the table of modes."""
+"""Tutorial 1: a hammer campaign, from the folder to the table of modes."""
 
 import acquisition
 import ema

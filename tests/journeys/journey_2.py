@@ -1,4 +1,4 @@
-"""Journey 2: shaker runs at several excitations and normal forces become the damping map of a mode."""
+"""Tutorial 2: shaker runs at several excitations and normal forces become the damping map of a mode."""
 
 import acquisition
 import ema

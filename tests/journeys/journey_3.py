@@ -1,4 +1,4 @@
-"""Journey 3: a model of the table with its beam is held against the measured map of journey 2."""
+"""Tutorial 3: a model of the table with its beam is compared with the measured map of tutorial 2."""
 
 import acquisition
 import ema

@@ -1,4 +1,4 @@
-"""Journey 4: from a hammer test to the place of a friction beam, its normal force, and a report."""
+"""Tutorial 4: from a hammer test to the place of a friction beam, its normal force, and a report."""
 
 import ema
 

@@ -1,4 +1,4 @@
-"""Journey 5: live, take by take, without hardware; then the modes and the browser."""
+"""Tutorial 5: live, take by take, without hardware; then the modes and the browser."""
 
 import acquisition
 import ema

@@ -1,4 +1,4 @@
-"""Journey 1 as it is written, and the numbers that a user has to see."""
+"""Tutorial 1 as it is written, and the numbers that a user has to see."""
 
 import runpy
 from pathlib import Path

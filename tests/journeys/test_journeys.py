@@ -1,4 +1,4 @@
-"""Journeys 2 to 5 as they are written, and the numbers that a user has to see."""
+"""Tutorials 2 to 5 as they are written, and the numbers that a user has to see."""
 
 import runpy
 import shutil

@@ -10,6 +10,7 @@ from typer.main import get_command
 import acquisition
 from acquisition import rig_file
 from ema.cli.app import app
+from ema.messages import kinds
 
 PAGES = (
     "report.md",
@@ -20,7 +21,7 @@ PAGES = (
     "getting-started.md",
     "formats.md",
     "files.md",
-    "journeys.md",
+    "tutorials.md",
     "../README.md",
 )
 
@@ -30,15 +31,17 @@ def page(request: pytest.FixtureRequest, root: Path) -> Path:
     return root / "docs" / request.param
 
 
-@pytest.mark.parametrize("name", ["formats.md", "journeys.md"])
+@pytest.mark.parametrize("name", ["findings.md", "formats.md", "tutorials.md"])
 def test_pages_that_are_written_by_the_program_are_not_stale(root: Path, name: str):
     script = runpy.run_path(str(root / "docs" / "write_pages.py"))
     text = (root / "docs" / name).read_text(encoding="utf-8")
     assert text == script["written"](name), "run python docs/write_pages.py"
-    told = (
-        [one.title for one in acquisition.formats()] if name == "formats.md" else [f"Journey {n}" for n in range(1, 6)]
-    )
-    assert all(one in text for one in told)
+    expected = {
+        "findings.md": [f"`{code}`" for code in kinds()],
+        "formats.md": [one.title for one in acquisition.formats()],
+        "tutorials.md": [f"Tutorial {n}" for n in range(1, 6)],
+    }
+    assert all(one in text for one in expected[name])
 
 
 def test_links_lead_to_files(page: Path):

@@ -36,7 +36,7 @@ def click_point(window: Any, level: int, force: int) -> None:
     window.page.locator("#chart").scroll_into_view_if_needed()
     at = window.page.evaluate(
         """([level, force]) => { const plot = document.getElementById("chart"), box = plot.getBoundingClientRect(), axes = plot._fullLayout;
-        return [box.left + axes.xaxis._offset + axes.xaxis.c2p(level), box.top + axes.yaxis._offset + axes.yaxis.c2p(force)]; }""",
+        return [box.left + axes.xaxis._offset + axes.xaxis.c2p(force), box.top + axes.yaxis._offset + axes.yaxis.c2p(level)]; }""",
         [level, force],
     )
     window.page.mouse.move(*at)

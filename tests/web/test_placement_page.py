@@ -47,7 +47,7 @@ def test_a_click_on_a_place_shows_what_the_beam_does_there(placed: Served, windo
     shown = "#places[data-candidate='13']"
     one.page.wait_for_selector(shown, timeout=30000)
     assert one.page.inner_text("#warning") == f"DOES NOT AGREE {EVIL}"
-    told = one.page.inner_text("#told")
+    told = one.page.inner_text("#location")
     assert told.startswith("Rank 1. Bolts at (0.85, 0.4) m and (1.15, 0.4) m; F_N 123 N in every joint")
     assert "best for each level: 110, 140 N" in told and "all modes together" in told
     assert rows(one) == [
@@ -59,13 +59,13 @@ def test_a_click_on_a_place_shows_what_the_beam_does_there(placed: Served, windo
     # a place that was not ranked has the numbers of the predictor, without interval
     click_place(one, 7)
     one.page.wait_for_selector("#places[data-candidate='7']")
-    assert "one mode at a time" in one.page.inner_text("#told")
+    assert "one mode at a time" in one.page.inner_text("#location")
     assert rows(one)[0] == ["1", "10", "505.00", "1.350", "–", "0.638"]
 
     # without a mouse
     one.page.select_option("#place", "0")
     one.page.wait_for_selector("#places[data-candidate='0']")
-    assert one.page.inner_text("#told").startswith("Rank 2.")
+    assert one.page.inner_text("#location").startswith("Rank 2.")
     assert one.error() == "" and [text for text in one.told if "favicon" not in text] == []
 
 

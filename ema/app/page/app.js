@@ -16,9 +16,9 @@ async function ask(path, options = {}) {
   let answer;
   try { answer = await fetch(url, options); } catch { throw new Error("The server does not answer. What was saved is kept; start `ema app` again."); }
   if (!answer.ok) {
-    let told = `The server answers ${answer.status}.`;
-    try { told = (await answer.json()).error || told; } catch { /* no words came with it */ }
-    throw new Error(told);
+    let reply = `The server answers ${answer.status}.`;
+    try { reply = (await answer.json()).error || reply; } catch { /* no words came with it */ }
+    throw new Error(reply);
   }
   return answer;
 }
@@ -30,10 +30,10 @@ function act(name, content = {}) {
   queue = queue.then(async () => {
     part("busy").textContent = "working …";
     try {
-      const told = await (await ask(`api/${name}`, { method: "POST", headers: { "X-Ema": "1" }, body: JSON.stringify(content) })).json();
+      const reply = await (await ask(`api/${name}`, { method: "POST", headers: { "X-Ema": "1" }, body: JSON.stringify(content) })).json();
       fine();
-      if (name === "save") part("busy").dataset.saved = told.done;
-      await show(told);
+      if (name === "save") part("busy").dataset.saved = reply.done;
+      await show(reply);
     } catch (error) { fail(error.message); } finally { part("busy").textContent = ""; }
   });
   return queue;
@@ -46,49 +46,49 @@ function base(more) {
 const axis = (title, more = {}) => Object.assign({ title: { text: title }, gridcolor: "#e9e9e9", zeroline: false, linecolor: grey, automargin: true }, more);
 
 async function drawPoles(overview) {
-  const told = await get("api/poles");
+  const reply = await get("api/poles");
   const place = part("poles");
-  if (told.missing) { Plotly.purge(place); place.textContent = told.missing; return; }
-  page.poles = told;
-  const traces = told.cmif.map(column => ({ x: told.lines, y: column, yaxis: "y2", mode: "lines", line: { color: faint, width: 1 }, hoverinfo: "skip" }));
+  if (reply.missing) { Plotly.purge(place); place.textContent = reply.missing; return; }
+  page.poles = reply;
+  const traces = reply.cmif.map(column => ({ x: reply.lines, y: column, yaxis: "y2", mode: "lines", line: { color: faint, width: 1 }, hoverinfo: "skip" }));
   for (const [letter, [meaning, colour, size]] of Object.entries(letters)) {
-    const rows = told.letter.flatMap((found, row) => found === letter ? [row] : []);
-    traces.push({ x: rows.map(row => told.frequency[row]), y: rows.map(row => told.order[row]), customdata: rows, mode: "text", text: rows.map(() => letter),
+    const rows = reply.letter.flatMap((found, row) => found === letter ? [row] : []);
+    traces.push({ x: rows.map(row => reply.frequency[row]), y: rows.map(row => reply.order[row]), customdata: rows, mode: "text", text: rows.map(() => letter),
       textfont: { color: colour, size }, name: meaning,
-      hovertemplate: rows.map(row => `${told.frequency[row].toFixed(2)} Hz, ${told.damping[row]} %<br>order ${told.order[row]}, ${meaning}<extra></extra>`) });
+      hovertemplate: rows.map(row => `${reply.frequency[row].toFixed(2)} Hz, ${reply.damping[row]} %<br>order ${reply.order[row]}, ${meaning}<extra></extra>`) });
   }
-  traces.push({ x: told.picked.map(row => told.frequency[row]), y: told.picked.map(row => told.order[row]), customdata: told.picked, mode: "markers",
+  traces.push({ x: reply.picked.map(row => reply.frequency[row]), y: reply.picked.map(row => reply.order[row]), customdata: reply.picked, mode: "markers",
     marker: { symbol: "circle-open", size: 15, color: vermilion, line: { width: 2 } }, name: "picked",
-    hovertemplate: told.picked.map(row => `${told.frequency[row].toFixed(2)} Hz, picked<extra></extra>`) });
+    hovertemplate: reply.picked.map(row => `${reply.frequency[row].toFixed(2)} Hz, picked<extra></extra>`) });
   const lines = overview.modes.map(mode => ({ type: "line", x0: mode.f, x1: mode.f, yref: "paper", y0: 0, y1: 1, line: { color: vermilion, width: 1, dash: "dash" }, layer: "below" }));
   const numbers = overview.modes.map((mode, place) => ({ x: mode.f, y: 1.0, yref: "paper", yanchor: "bottom", text: String(place + 1), showarrow: false, font: { color: vermilion, size: 10 } }));
   await Plotly.react(place, traces, base({ margin: { l: 52, r: 58, t: 20, b: 40 }, shapes: lines, annotations: numbers, uirevision: overview.run,
-    xaxis: axis("Frequency [Hz]", { range: told.band }), yaxis: axis("Model order", { rangemode: "tozero" }),
+    xaxis: axis("Frequency [Hz]", { range: reply.band }), yaxis: axis("Model order", { rangemode: "tozero" }),
     yaxis2: axis("CMIF", { type: "log", overlaying: "y", side: "right", showgrid: false, color: grey, dtick: 1, exponentformat: "power" }) }), quiet);
   if (!place.dataset.wired) {
     place.dataset.wired = "1";
     place.on("plotly_click", event => { const point = event.points.find(one => one.customdata !== undefined); if (point) act("pick", { row: point.customdata }); });
   }
-  place.dataset.picked = told.picked.length;
+  place.dataset.picked = reply.picked.length;
 }
 
 async function drawFrf() {
   const output = part("output").selectedIndex, input = part("input").selectedIndex;
-  const told = await get(`api/frf?output=${Math.max(output, 0)}&input=${Math.max(input, 0)}`);
-  for (const [id, names, place] of [["output", told.outputs, output], ["input", told.inputs, input]])
+  const reply = await get(`api/frf?output=${Math.max(output, 0)}&input=${Math.max(input, 0)}`);
+  for (const [id, names, place] of [["output", reply.outputs, output], ["input", reply.inputs, input]])
     if (part(id).options.length !== names.length || (part(id).options[0] || {}).text !== names[0]) {
       part(id).replaceChildren(...names.map(name => new Option(name)));
       part(id).selectedIndex = place >= 0 && place < names.length ? place : 0;
     }
-  part("misfit").textContent = told.error == null ? "" : `rebuilt to ${told.error} %`;
-  const traces = [{ x: told.measured.f, y: told.measured.magnitude, line: { color: "#1a1a1a", width: 1.2 }, name: "measured" },
-                  { x: told.measured.f, y: told.measured.phase, yaxis: "y2", line: { color: "#1a1a1a", width: 1 }, name: "measured" }];
-  if (told.rebuilt) traces.push({ x: told.rebuilt.f, y: told.rebuilt.magnitude, line: { color: vermilion, width: 1.4, dash: "dash" }, name: "modal model" },
-                                { x: told.rebuilt.f, y: told.rebuilt.phase, yaxis: "y2", line: { color: vermilion, width: 1, dash: "dash" }, name: "modal model" });
-  if (told.coherence) traces.push({ x: told.coherence_lines, y: told.coherence, yaxis: "y3", line: { color: blue, width: 1 }, name: "coherence" });
+  part("misfit").textContent = reply.error == null ? "" : `error of the synthesised FRF ${reply.error} %`;
+  const traces = [{ x: reply.measured.f, y: reply.measured.magnitude, line: { color: "#1a1a1a", width: 1.2 }, name: "measured" },
+                  { x: reply.measured.f, y: reply.measured.phase, yaxis: "y2", line: { color: "#1a1a1a", width: 1 }, name: "measured" }];
+  if (reply.synthesised) traces.push({ x: reply.synthesised.f, y: reply.synthesised.magnitude, line: { color: vermilion, width: 1.4, dash: "dash" }, name: "modal model" },
+                                { x: reply.synthesised.f, y: reply.synthesised.phase, yaxis: "y2", line: { color: vermilion, width: 1, dash: "dash" }, name: "modal model" });
+  if (reply.coherence) traces.push({ x: reply.coherence_lines, y: reply.coherence, yaxis: "y3", line: { color: blue, width: 1 }, name: "coherence" });
   traces.forEach(one => { one.mode = "lines"; });
   await Plotly.react("frf", traces, base({ uirevision: page.run, xaxis: axis("Frequency [Hz]", { anchor: "y3" }),
-    yaxis: axis(told.unit, { type: "log", domain: [0.45, 1], exponentformat: "power" }), yaxis2: axis("Phase [°]", { domain: [0.2, 0.42], tickvals: [-180, 0, 180] }),
+    yaxis: axis(reply.unit, { type: "log", domain: [0.45, 1], exponentformat: "power" }), yaxis2: axis("Phase [°]", { domain: [0.2, 0.42], tickvals: [-180, 0, 180] }),
     yaxis3: axis("Coh.", { domain: [0, 0.16], range: [0, 1.02] }) }), quiet);
 }
 
@@ -102,9 +102,9 @@ async function drawMac() {
 }
 
 async function drawMotion() {
-  const told = await get("api/motion");
-  part("still").textContent = told.missing || (told.modes.length ? "" : "The shapes are too many points to move.");
-  const content = told.missing ? { points: [], faces: [], lines: [], modes: [], shapes: [] } : told;
+  const reply = await get("api/motion");
+  part("still").textContent = reply.missing || (reply.modes.length ? "" : "The shapes are too many points to move.");
+  const content = reply.missing ? { points: [], faces: [], lines: [], modes: [], shapes: [] } : reply;
   if (page.shapes) page.shapes.update(content); else page.shapes = moveShapes(document.querySelector(".motion"), content);
 }
 
@@ -121,23 +121,23 @@ function drawModes(overview) {
     row.insertCell().append(button);
     return row;
   }));
-  part("rebuilt").textContent = `${overview.modes.length} modes` + (overview.error == null ? "" : `, FRFs rebuilt to ${overview.error} % (median); ± is two standard deviations within this run`);
+  part("misfits").textContent = `${overview.modes.length} modes` + (overview.error == null ? "" : `, error of the synthesised FRFs ${overview.error} % (median); ± is two standard deviations within this run`);
   part("findings").replaceChildren(...overview.findings.slice(0, 20).map(found => Object.assign(document.createElement("li"), { textContent: `${found.severity}: ${found.text}` })));
 }
 
 async function drawHits() {
-  const told = await get("api/hits");
-  page.hits = told.hits || [];
-  part("gallery").hidden = Boolean(told.missing);
-  if (told.missing) return;
+  const reply = await get("api/hits");
+  page.hits = reply.hits || [];
+  part("gallery").hidden = Boolean(reply.missing);
+  if (reply.missing) return;
   const taken = page.hits.filter(hit => hit.accepted).length;
-  part("counts").textContent = `${taken} of ${page.hits.length} used; force spectrum down 10 dB at ${told.usable[0]} Hz, 20 dB at ${told.usable[1]} Hz`;
+  part("counts").textContent = `${taken} of ${page.hits.length} used; force spectrum down 10 dB at ${reply.usable[0]} Hz, 20 dB at ${reply.usable[1]} Hz`;
   part("gallery").dataset.used = taken;
   const some = accepted => page.hits.flatMap((hit, place) => hit.accepted === accepted ? [place] : []);
   const trace = (places, colour, symbol, name) => ({ x: places.map(place => place + 1), y: places.map(place => page.hits[place].peak), customdata: places, mode: "markers", name,
-    marker: { color: colour, symbol, size: 7 }, hovertemplate: places.map(place => `${page.hits[place].record}, blow ${page.hits[place].index + 1}, ${page.hits[place].dof}<br>${page.hits[place].reason || "used"}<extra></extra>`) });
+    marker: { color: colour, symbol, size: 7 }, hovertemplate: places.map(place => `${page.hits[place].record}, impact ${page.hits[place].index + 1}, ${page.hits[place].dof}<br>${page.hits[place].reason || "used"}<extra></extra>`) });
   await Plotly.react("peaks", [trace(some(true), blue, "circle", "used"), trace(some(false), vermilion, "square", "not used")],
-    base({ xaxis: axis("Blow, in order of measurement"), yaxis: axis("Peak [N]", { rangemode: "tozero" }) }), quiet);
+    base({ xaxis: axis("Impact, in order of measurement"), yaxis: axis("Peak [N]", { rangemode: "tozero" }) }), quiet);
   const place = part("peaks");
   if (!place.dataset.wired) {
     place.dataset.wired = "1";
@@ -148,11 +148,11 @@ async function drawHits() {
 
 async function drawPulse() {
   const hit = Number(part("hit").value) - 1, one = (page.hits || [])[hit];
-  part("blow").textContent = one ? `${one.record}, blow ${one.index + 1}, ${one.dof}: ${one.accepted ? "used" : one.reason}` : "";
+  part("impact").textContent = one ? `${one.record}, impact ${one.index + 1}, ${one.dof}: ${one.accepted ? "used" : one.reason}` : "";
   if (!one) return;
   try {
-    const told = await get(`api/pulse?hit=${hit}`);
-    await Plotly.react("pulse", [{ x: told.time, y: told.force, mode: "lines", line: { color: blue } }], base({ xaxis: axis("Time [ms]"), yaxis: axis("Force [N]") }), quiet);
+    const reply = await get(`api/pulse?hit=${hit}`);
+    await Plotly.react("pulse", [{ x: reply.time, y: reply.force, mode: "lines", line: { color: blue } }], base({ xaxis: axis("Time [ms]"), yaxis: axis("Force [N]") }), quiet);
   } catch (error) { fail(error.message); }
 }
 
@@ -161,30 +161,32 @@ async function drawMap(overview) {
   if (!overview.maps.length || page.mapped) return;
   page.mapped = true;
   if (part("map").options.length !== overview.maps.length) part("map").replaceChildren(...overview.maps.map(name => new Option(name)));
-  const told = await get(`api/chart?map=${Math.max(part("map").selectedIndex, 0)}`);
-  const column = name => told[name][0].map((_, force) => told[name].map(row => row[force]));
-  await Plotly.react("chart", [{ type: "heatmap", x: told.levels, y: told.forces, z: column("damping"), customdata: column("frequency"), colorscale: "Cividis", hoverongaps: false,
-    colorbar: { title: { text: "ζ [%]" }, thickness: 12 }, hovertemplate: "F_E %{x} N, F_N %{y} N<br>%{customdata} Hz, %{z} %<extra></extra>" }],
-    base({ xaxis: axis("Force level F_E [N]", { type: "category" }), yaxis: axis("Normal force F_N [N]", { type: "category" }) }), quiet);
+  const reply = await get(`api/chart?map=${Math.max(part("map").selectedIndex, 0)}`);
+  // normal force across and excitation up, as in reports; every cell says its number where numbers fit
+  const few = reply.forces.length <= 12 && reply.levels.length <= 16;
+  await Plotly.react("chart", [{ type: "heatmap", x: reply.forces, y: reply.levels, z: reply.damping, customdata: reply.frequency, colorscale: "Cividis", hoverongaps: false,
+    texttemplate: few ? "%{z:.3g}" : "", textfont: { size: 12 },
+    colorbar: { title: { text: "Damping ratio [%]", side: "right" }, thickness: 12 }, hovertemplate: "F_E %{y} N, F_N %{x} N<br>%{customdata} Hz, %{z} %<extra></extra>" }],
+    base({ xaxis: axis("Normal force F_N [N]", { type: "category" }), yaxis: axis("Excitation force F_E [N]", { type: "category" }) }), quiet);
   const place = part("chart");
   if (!place.dataset.wired) {
     place.dataset.wired = "1";
-    place.on("plotly_click", event => { const [force, level] = event.points[0].pointIndex; drawPoint(level, force).catch(error => fail(error.message)); });
+    place.on("plotly_click", event => { const [level, force] = event.points[0].pointIndex; drawPoint(level, force).catch(error => fail(error.message)); });
   }
 }
 
 async function drawPoint(level, force) {
   const map = part("map").selectedIndex;
-  const told = await get(`api/point?map=${map}&level=${level}&force=${force}`);
+  const reply = await get(`api/point?map=${map}&level=${level}&force=${force}`);
   fine();
   const line = { color: "#1a1a1a", width: 1.3 };
-  await Plotly.react("point", [{ x: told.measured.f, y: told.measured.magnitude, mode: "lines+markers", marker: { size: 3 }, line },
-                               { x: told.measured.f, y: told.measured.phase, yaxis: "y2", mode: "lines", line }],
-    base({ xaxis: axis("Frequency [Hz]", { anchor: "y2" }), yaxis: axis(told.unit, { type: "log", domain: [0.36, 1], exponentformat: "power" }), yaxis2: axis("Phase [°]", { domain: [0, 0.3], tickvals: [-180, 0, 180] }),
-      shapes: told.f == null ? [] : [{ type: "line", x0: told.f, x1: told.f, yref: "paper", y0: 0, y1: 1, line: { color: vermilion, width: 1, dash: "dash" } }] }), quiet);
-  part("seen").textContent = `Run ${told.run}, ${told.label}, next to F_E ${told.level} N and F_N ${told.force} N` + (told.f == null ? "; a hole of the map" : `: ${told.f} Hz, ${told.zeta} %`);
-  part("point").dataset.run = told.run;
-  if ([...part("run").options].some(one => one.value === told.run) && part("run").value !== told.run) await act("behind", { map, level, force });
+  await Plotly.react("point", [{ x: reply.measured.f, y: reply.measured.magnitude, mode: "lines+markers", marker: { size: 3 }, line },
+                               { x: reply.measured.f, y: reply.measured.phase, yaxis: "y2", mode: "lines", line }],
+    base({ xaxis: axis("Frequency [Hz]", { anchor: "y2" }), yaxis: axis(reply.unit, { type: "log", domain: [0.36, 1], exponentformat: "power" }), yaxis2: axis("Phase [°]", { domain: [0, 0.3], tickvals: [-180, 0, 180] }),
+      shapes: reply.f == null ? [] : [{ type: "line", x0: reply.f, x1: reply.f, yref: "paper", y0: 0, y1: 1, line: { color: vermilion, width: 1, dash: "dash" } }] }), quiet);
+  part("seen").textContent = `Run ${reply.run}, ${reply.label}, next to F_E ${reply.level} N and F_N ${reply.force} N` + (reply.f == null ? "; a hole of the map" : `: ${reply.f} Hz, ${reply.zeta} %`);
+  part("point").dataset.run = reply.run;
+  if ([...part("run").options].some(one => one.value === reply.run) && part("run").value !== reply.run) await act("behind", { map, level, force });
 }
 
 async function drawPlacement(overview) {
@@ -193,43 +195,43 @@ async function drawPlacement(overview) {
   page.placed = true;
   if (part("placement").options.length !== overview.placements.length) part("placement").replaceChildren(...overview.placements.map(name => new Option(name)));
   page.placement = await get(`api/placement?number=${Math.max(part("placement").selectedIndex, 0)}`);
-  const told = page.placement;
-  part("warning").hidden = !told.warning; part("warning").textContent = told.warning;
-  part("kind").replaceChildren(...told.kinds.map(name => new Option(name)));
-  part("kind").selectedIndex = told.kind[told.ranked[0]];
+  const reply = page.placement;
+  part("warning").hidden = !reply.warning; part("warning").textContent = reply.warning;
+  part("kind").replaceChildren(...reply.kinds.map(name => new Option(name)));
+  part("kind").selectedIndex = reply.kind[reply.ranked[0]];
   listPlaces();
   await drawPlaces();
-  await drawPlace(told.ranked[0]);
+  await drawPlace(reply.ranked[0]);
 }
 
 function listPlaces() {
-  const told = page.placement, kind = part("kind").selectedIndex;
-  const name = candidate => { const rank = told.ranked.indexOf(candidate), [x, y] = told.centres[candidate];
+  const reply = page.placement, kind = part("kind").selectedIndex;
+  const name = candidate => { const rank = reply.ranked.indexOf(candidate), [x, y] = reply.centres[candidate];
     return new Option(`${rank < 0 ? "" : `rank ${rank + 1}: `}${x}, ${y} m`, candidate); };
-  const here = told.centres.flatMap((_, candidate) => told.kind[candidate] === kind ? [candidate] : []);
-  const order = candidate => { const rank = told.ranked.indexOf(candidate); return rank < 0 ? told.ranked.length + candidate : rank; };
+  const here = reply.centres.flatMap((_, candidate) => reply.kind[candidate] === kind ? [candidate] : []);
+  const order = candidate => { const rank = reply.ranked.indexOf(candidate); return rank < 0 ? reply.ranked.length + candidate : rank; };
   part("place").replaceChildren(...here.sort((a, b) => order(a) - order(b)).map(name));
 }
 
 async function drawPlaces(joints) {
-  const told = page.placement, kind = part("kind").selectedIndex;
-  const here = told.centres.flatMap((_, candidate) => told.kind[candidate] === kind ? [candidate] : []);
-  const known = here.filter(one => told.score[one] != null), holes = here.filter(one => told.score[one] == null);
-  const at = (rows, axis) => rows.map(one => told.centres[one][axis]);
-  const [[x0, x1], [y0, y1]] = told.extent;
-  const broken = axis => told.edges.flatMap(edge => [edge[0][axis], edge[1][axis], null]);
+  const reply = page.placement, kind = part("kind").selectedIndex;
+  const here = reply.centres.flatMap((_, candidate) => reply.kind[candidate] === kind ? [candidate] : []);
+  const known = here.filter(one => reply.score[one] != null), holes = here.filter(one => reply.score[one] == null);
+  const at = (rows, axis) => rows.map(one => reply.centres[one][axis]);
+  const [[x0, x1], [y0, y1]] = reply.extent;
+  const broken = axis => reply.edges.flatMap(edge => [edge[0][axis], edge[1][axis], null]);
   const traces = [
     { x: broken(0), y: broken(1), mode: "lines", line: { color: faint, width: 1 }, hoverinfo: "skip" },
-    { x: told.points.map(one => one[0]), y: told.points.map(one => one[1]), mode: "markers", marker: { symbol: "cross-thin", size: 5, line: { color: faint, width: 1 } }, hoverinfo: "skip" },
+    { x: reply.points.map(one => one[0]), y: reply.points.map(one => one[1]), mode: "markers", marker: { symbol: "cross-thin", size: 5, line: { color: faint, width: 1 } }, hoverinfo: "skip" },
     { x: [x0, x1, x1, x0, x0], y: [y0, y0, y1, y1, y0], mode: "lines", line: { color: grey, width: 1 }, hoverinfo: "skip" },
-    ...told.keep_out.map(area => ({ x: [...area, area[0]].map(one => one[0]), y: [...area, area[0]].map(one => one[1]), mode: "lines", fill: "toself", fillcolor: "rgba(213,94,0,0.15)", line: { color: vermilion, width: 1 }, hoverinfo: "skip" })),
+    ...reply.keep_out.map(area => ({ x: [...area, area[0]].map(one => one[0]), y: [...area, area[0]].map(one => one[1]), mode: "lines", fill: "toself", fillcolor: "rgba(213,94,0,0.15)", line: { color: vermilion, width: 1 }, hoverinfo: "skip" })),
     { x: at(known, 0), y: at(known, 1), customdata: known, mode: "markers", name: "places",
-      marker: { size: Math.max(7, Math.min(16, 220 / Math.sqrt(known.length || 1))), color: known.map(one => told.score[one]), colorscale: "Cividis", colorbar: { title: { text: `one mode [${told.unit}]` }, thickness: 12 } },
-      hovertemplate: known.map(one => `${told.centres[one][0]}, ${told.centres[one][1]} m<br>${told.score[one]} ${told.unit}<extra></extra>`) },
+      marker: { size: Math.max(7, Math.min(16, 220 / Math.sqrt(known.length || 1))), color: known.map(one => reply.score[one]), colorscale: "Cividis", colorbar: { title: { text: `one mode [${reply.unit}]` }, thickness: 12 } },
+      hovertemplate: known.map(one => `${reply.centres[one][0]}, ${reply.centres[one][1]} m<br>${reply.score[one]} ${reply.unit}<extra></extra>`) },
     { x: at(holes, 0), y: at(holes, 1), customdata: holes, mode: "markers", marker: { symbol: "x-thin", size: 7, line: { color: grey, width: 1 } }, hovertemplate: "no resonance found<extra></extra>" },
   ];
   if (joints) traces.push({ x: joints.map(one => one[0]), y: joints.map(one => one[1]), mode: "lines+markers", line: { color: vermilion, width: 4 }, marker: { color: "#fff", size: 10, line: { color: vermilion, width: 2 } }, hoverinfo: "skip" });
-  const ranks = told.ranked.flatMap((one, rank) => told.kind[one] === kind ? [{ x: told.centres[one][0], y: told.centres[one][1], text: String(rank + 1), showarrow: false, yshift: 14, font: { color: rank ? grey : vermilion, size: 12 } }] : []);
+  const ranks = reply.ranked.flatMap((one, rank) => reply.kind[one] === kind ? [{ x: reply.centres[one][0], y: reply.centres[one][1], text: String(rank + 1), showarrow: false, yshift: 14, font: { color: rank ? grey : vermilion, size: 12 } }] : []);
   await Plotly.react("places", traces, base({ annotations: ranks, uirevision: `${part("placement").selectedIndex}`, xaxis: axis("x [m]", { showgrid: false, constrain: "domain" }), yaxis: axis("y [m]", { showgrid: false, scaleanchor: "x", constrain: "domain" }) }), quiet);
   const place = part("places");
   if (!place.dataset.wired) {
@@ -239,21 +241,21 @@ async function drawPlaces(joints) {
 }
 
 async function drawPlace(candidate) {
-  const told = await get(`api/place?number=${Math.max(part("placement").selectedIndex, 0)}&candidate=${candidate}`);
+  const reply = await get(`api/place?number=${Math.max(part("placement").selectedIndex, 0)}&candidate=${candidate}`);
   part("place").value = String(candidate);
-  const bolts = told.joints.map(([x, y]) => `(${x}, ${y}) m`).join(" and ");
-  part("told").textContent = `${told.rank ? `Rank ${told.rank}. ` : ""}Bolts at ${bolts}; F_N ${told.force} N in every joint` +
-    (told.best_forces.length ? ` (best for each level: ${told.best_forces.join(", ")} N)` : "") + `. Predicted with ${told.method === "all modes" ? "all modes together" : "one mode at a time"}.`;
+  const bolts = reply.joints.map(([x, y]) => `(${x}, ${y}) m`).join(" and ");
+  part("location").textContent = `${reply.rank ? `Rank ${reply.rank}. ` : ""}Bolts at ${bolts}; F_N ${reply.force} N in every joint` +
+    (reply.best_forces.length ? ` (best for each level: ${reply.best_forces.join(", ")} N)` : "") + `. Predicted with ${reply.method === "all modes" ? "all modes together" : "one mode at a time"}.`;
   const number = (value, digits) => value == null ? "–" : Number(value).toFixed(digits);
-  const rows = told.modes.flatMap((mode, m) => told.levels.map((level, k) => {
+  const rows = reply.modes.flatMap((mode, m) => reply.levels.map((level, k) => {
     const row = document.createElement("tr");
-    const band = told.low[m][k] == null ? "–" : `${number(told.low[m][k], 2)} … ${number(told.high[m][k], 2)}`;
-    for (const text of [mode.mode, level, number(told.f[m][k], 2), number(told.zeta[m][k], 3), band, number(mode.bare_zeta, 3)]) row.insertCell().textContent = text;
+    const band = reply.low[m][k] == null ? "–" : `${number(reply.low[m][k], 2)} … ${number(reply.high[m][k], 2)}`;
+    for (const text of [mode.mode, level, number(reply.f[m][k], 2), number(reply.zeta[m][k], 3), band, number(mode.bare_zeta, 3)]) row.insertCell().textContent = text;
     return row;
   }));
   part("forecast").tBodies[0].replaceChildren(...rows);
-  part("flags").replaceChildren(...told.flags.map(text => Object.assign(document.createElement("li"), { textContent: text })));
-  await drawPlaces(told.joints);
+  part("flags").replaceChildren(...reply.flags.map(text => Object.assign(document.createElement("li"), { textContent: text })));
+  await drawPlaces(reply.joints);
   part("places").dataset.candidate = candidate;
 }
 
@@ -311,9 +313,9 @@ window.addEventListener("error", event => fail(event.message));
 
 const events = new EventSource(`events${token ? `?token=${encodeURIComponent(token)}` : ""}`);
 events.onmessage = event => {
-  const told = JSON.parse(event.data);
-  part("busy").textContent = told.busy ? "working …" : "";
-  if (!told.busy) refresh();
+  const reply = JSON.parse(event.data);
+  part("busy").textContent = reply.busy ? "working …" : "";
+  if (!reply.busy) refresh();
 };
 events.onopen = () => { if (part("error").dataset.gone) { delete part("error").dataset.gone; page.revision = -1; fine(); refresh(); } };
 events.onerror = () => { part("error").dataset.gone = "1"; fail("The server does not answer. What was saved is kept; start `ema app` again."); };

@@ -1,0 +1,10 @@
+from ema.interop.frames import from_pyfbs as from_pyfbs
+from ema.interop.frames import to_pyfbs as to_pyfbs
+from ema.interop.labelled import to_xarray as to_xarray
+from ema.interop.operational import from_pyoma as from_pyoma
+from ema.interop.operational import to_pyoma as to_pyoma
+from ema.interop.sdypy_model import from_sdypy as from_sdypy
+from ema.interop.sdypy_model import modes_from_sdypy as modes_from_sdypy
+from ema.interop.sdypy_model import to_sdypy as to_sdypy
+from ema.interop.structured import from_sdynpy as from_sdynpy
+from ema.interop.structured import to_sdynpy as to_sdynpy

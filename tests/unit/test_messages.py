@@ -1,0 +1,85 @@
+"""The catalogue of findings holds every code that the program can state, and no other."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from ema.messages import explain, kinds
+
+OPEN: dict[str, set[str]] = {
+    "acquisition/files/uff/geometry_sets.py": {"coordinate-system", "unit-unstated", "not-finite", "unknown-node"},
+    "acquisition/folder.py": {"node-without-position", "direction-unstated"},
+    "ema/archive/adding.py": {"not-analysed", "analysed-before"},
+    "ema/estimate/amplitude_mode.py": {"force-not-constant", "response-not-constant"},
+    "ema/estimate/frf_checks.py": {"not-a-number", "dead-channel"},
+    "ema/estimate/hammer_findings.py": {
+        "excluded-impact", "double-hit", "pre-trigger", "overload", "next-impact", "early-impact", "level", "leakage",
+        "under-range", "not-at-rest", "dc-shift",
+    },
+    "ema/estimate/live.py": {"no-trigger", "no-impact"},
+    "ema/fit/opinion.py": {"second-opinion-missing", "second-opinion-extra"},
+    "ema/fit/peak_shape.py": {"leaning-peak", "force-noise", "broadened-peak", "smoothed-lines"},
+    "ema/place/bands.py": {"joint-parts", "no-peak", "no-band"},
+    "ema/place/flags.py": {"contact-resonance", "beam-resonance"},
+    "ema/proposal/proposal.py": {"force-response-swapped", "names-doubled"},
+    "ema/study/mapping.py": {"map-with-one-level", "map-with-one-force"},
+}  # fmt: skip
+"""Where a code is put together or chosen: the codes that come out of it."""
+
+
+def calls(root: Path) -> Iterator[tuple[str, ast.Call]]:
+    for package in ("ema", "acquisition"):
+        for path in sorted((root / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+                    yield path.relative_to(root).as_posix(), node
+
+
+def code_of(call: ast.Call) -> ast.expr:
+    named = {keyword.arg: keyword.value for keyword in call.keywords}
+    return named["code"] if "code" in named else call.args[1]
+
+
+def test_every_code_is_in_the_catalogue_and_every_entry_is_stated_somewhere(root: Path) -> None:
+    stated, chosen = set(), set()
+    for path, call in calls(root):
+        code = code_of(call)
+        if isinstance(code, ast.Constant):
+            stated.add(code.value)
+        else:
+            chosen.add(path)
+    assert chosen == set(OPEN), "a code that is chosen or put together needs its codes in OPEN above"
+    used = stated | set().union(*OPEN.values())
+    assert used - set(kinds()) == set(), "these have no entry in ema/messages/findings.toml"
+    assert set(kinds()) - used == set(), "nothing states these"
+
+
+@pytest.mark.parametrize("path", OPEN)
+def test_codes_that_are_chosen_stand_in_their_file_or_beside_it(path: str, root: Path) -> None:
+    texts = "\n".join(one.read_text(encoding="utf-8") for one in (root / path).parent.glob("*.py"))
+    for code in OPEN[path]:
+        start, _, _rest = code.rpartition("-")
+        assert f'"{code}"' in texts or f'"{start}-"' in texts or "-not-constant" in texts, code
+
+
+def test_meanings_are_sentences_and_pages_exist(root: Path) -> None:
+    for kind in kinds().values():
+        assert re.fullmatch(r"[A-Z].*\.", kind.meaning), kind
+        assert (root / "docs" / f"{kind.page}.md").is_file(), kind
+        assert re.fullmatch(r"[a-z]+(-[a-z]+)*", kind.code), kind
+
+
+def test_the_command_explains_a_code_and_names_the_nearest() -> None:
+    from ema.cli.app import app
+
+    runner = CliRunner()
+    told = runner.invoke(app, ["explain", "double-hit"])
+    assert told.exit_code == 0 and explain("double-hit").meaning in told.output
+    wrong = runner.invoke(app, ["explain", "dubble-hit"])
+    assert wrong.exit_code == 2 and "double-hit" in wrong.output
+    everything = runner.invoke(app, ["explain", "--json"])
+    assert everything.exit_code == 0 and '"code": "overload"' in everything.output
