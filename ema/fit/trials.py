@@ -158,7 +158,9 @@ def _score(
     of_mode = np.argsort(fit.owners, kind="stable").reshape(modes, -1)
     chosen = of_mode[adapts].reshape(len(trials), -1)
     both = np.concatenate([chosen, half + chosen], axis=1)
-    pull, p, q = 0.0, 0.0, 0.0
+    width = chosen.shape[1]
+    pull = np.zeros(chosen.shape, complex)
+    p, q = (np.zeros((*chosen.shape, width), complex) for _ in range(2))
     for one, rows in zip(found, blocks, strict=True):
         shape = np.linalg.solve(one.schur, one.remaining)
         gain += np.einsum("rtao,rtao->t", one.remaining, shape)
@@ -166,11 +168,10 @@ def _score(
         solved = np.linalg.solve(one.schur, along)
         psi = fit.shapes[rows][..., fit.owners][..., chosen]
         moved = np.swapaxes(along, -1, -2) @ shape
-        width = moved.shape[2] // 2
-        pull = pull + np.einsum("rmtu,rtum->tu", psi.conj(), moved[:, :, :width] + 1j * moved[:, :, width:])
+        pull += np.einsum("rmtu,rtum->tu", psi.conj(), moved[:, :, :width] + 1j * moved[:, :, width:])
         own_p, own_q = model.complex_form(np.swapaxes(along, -1, -2) @ solved)
-        p = p + np.einsum("rtuw,rmtu,rmtw->tuw", own_p, psi.conj(), psi, optimize=True)
-        q = q + np.einsum("rtuw,rmtu,rmtw->tuw", own_q, psi, psi, optimize=True)
+        p += np.einsum("rtuw,rmtu,rmtw->tuw", own_p, psi.conj(), psi, optimize=True)
+        q += np.einsum("rtuw,rmtu,rmtw->tuw", own_q, psi, psi, optimize=True)
     scale = fit.scale[both]
     left = fit.information[both[:, :, None], both[:, None, :]] - model.real_form(p, q)
     left *= scale[:, :, None] * scale[:, None, :]

@@ -98,14 +98,15 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
 
 
 def _mark_stated(mode: AmplitudeDependentMode, frequency: Axes, damping: Axes, colour: str) -> None:
-    """What a publication states of a mode, as a level, and the amplitudes at which the curve crosses it."""
-    log = np.log(mode.amplitude)
+    """What a publication states of a mode, as a level, and the amplitudes at which the curve crosses it by more than
+    its intervals."""
     for code, axes, band, factor in zip(_STATED, (frequency, damping), (mode.frequency, mode.damping), (1.0, 100.0)):
         for finding in mode.findings:
             if finding.code != code or finding.value is None:
                 continue
             axes.axhline(factor * finding.value, color=colour, ls=":", lw=0.9, label="stated")
-            off = band.value - finding.value
+            apart = (band.low > finding.value) | (band.high < finding.value)
+            log, off = np.log(mode.amplitude[apart]), band.value[apart] - finding.value
             rows = np.flatnonzero((off[:-1] < 0) != (off[1:] < 0))
             where = np.exp(log[rows] + (log[rows + 1] - log[rows]) * off[rows] / (off[rows] - off[rows + 1]))
             axes.plot(

@@ -18,7 +18,7 @@ from ema.simulate.control import (
     constant,
     controlled_snapback,
 )
-from ema.simulate.harmonic import frf
+from ema.simulate.steady_states import frf
 
 PERIODS = 60.0
 """Length of a ring-down in periods of the mode."""

@@ -127,20 +127,28 @@ def _nearest(modes: Sequence[AmplitudeDependentMode], told: StatementTable) -> A
 
 def _stated(mode: AmplitudeDependentMode, told: StatementTable) -> tuple[Finding, ...]:
     """The middle of the limits of a statement, and where the curve has it."""
-    kinds = {"run frequency": ("frequency", 1.0, "Hz"), "run damping": ("damping", 100.0, "%")}
+    kinds = {
+        "run frequency": ("stated-frequency", "frequency", 1.0, "Hz"),
+        "run damping": ("stated-damping", "damping", 100.0, "%"),
+    }
     if told.quantity not in kinds or not (np.isfinite(told.low) and np.isfinite(told.high)):
         return ()
-    what, factor, sign = kinds[told.quantity]
-    number, curve = (told.low + told.high) / 2, getattr(mode, what).value
-    where = _crossings(mode.amplitude, curve, number / factor)
+    code, what, factor, sign = kinds[told.quantity]
+    number, band = (told.low + told.high) / 2, getattr(mode, what)
+    # Within its interval of the number a flat curve crosses it by noise alone.
+    apart = np.asarray((band.low > number / factor) | (band.high < number / factor))
+    where = _crossings(mode.amplitude[apart], band.value[apart], number / factor) if apart.any() else ()
+    curve = band.value
     unit = SI_UNIT[mode.quantity].replace("^2", "²")
     text = (
         f"at {' and '.join(f'{one:.3g}' for one in where)} {unit}"
         if where
+        else "within its interval of it at every amplitude"
+        if not apart.any()
         else f"at no amplitude seen: {factor * curve.min():.4g} to {factor * curve.max():.4g} {sign}"
     )
     message = f"{number:.4g} {sign} ({told.source}): the {what} {text}."
-    return (Finding("info", f"stated-{what}", mode.name, message, number / factor, None),)
+    return (Finding("info", code, mode.name, message, number / factor, None),)
 
 
 def _crossings(

@@ -26,6 +26,7 @@ OPEN: dict[str, set[str]] = {
     "ema/place/bands.py": {"joint-parts", "no-peak", "no-band"},
     "ema/place/flags.py": {"contact-resonance", "beam-resonance"},
     "ema/proposal/proposal.py": {"force-response-swapped", "names-doubled"},
+    "ema/study/friction.py": {"stated-frequency", "stated-damping"},
     "ema/study/mapping.py": {"map-with-one-level", "map-with-one-force"},
 }  # fmt: skip
 """Where a code is put together or chosen: the codes that come out of it."""
