@@ -364,7 +364,7 @@ def main() -> None:
     result = {"options": asked, "rows": rows} | stamp("tests.bench.joint_maps")
     print(section(result), predictions(result), sep="\n\n")
     if options.publish:
-        RESULT.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        RESULT.write_text(json.dumps(result) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
