@@ -15,7 +15,7 @@ from ema.show.plotting import PICTURES
 from ema.units import FRF_UNIT
 
 PARTS_AND_TEXTS = (
-    "Band BeamModel BoltedJoint Candidate Candidates Channel ControlLine Damping Deviations EnergyBalance Excitation "
+    "Band BeamModel BoltedJoint Candidate Candidates Channel ControlLine CuttingLimits Damping Deviations EnergyBalance Excitation "
     "Expectation Finding FrictionBeam FrictionLaw Hit Joint JointForce LawParameter LevelEffect Matrices "
     "ModalUncertainty ModeQuality NormalContact Place Prediction Provenance Repair Residuals SetUps SignalComparison "
     "SingleMode Statement TakeIdentity VarianceComponents Verdict"
