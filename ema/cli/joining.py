@@ -34,6 +34,10 @@ def joint(
     return FINE
 
 
+UNCALIBRATED = "How often these intervals and weights hold the truth has not been counted: do not quote them."
+"""Goes when the bench of joint laws has been run to its end (simulation-based calibration, Talts et al. 2018)."""
+
+
 def _document(title: str, found: "JointAssessment") -> dict[str, Any]:
     model = found.one.model
     names = {one.name for one in model.parameters}
@@ -88,7 +92,7 @@ def sentence(found: "JointAssessment") -> str:
         if found.experiments and 0.05 < weight < 0.95:
             best = found.experiments[0]
             parts.append(f"The next measurement to make is: {best.name}; it decides in {best.separates:.0%} of cases.")
-    return " ".join(parts)
+    return " ".join((*parts, UNCALIBRATED))
 
 
 def _print(document: dict[str, Any]) -> None:
