@@ -40,7 +40,7 @@ _HOMES = {
     "renderer_works": "ema.show.renderer",
     "ring_down": "ema.show.simulated",
     "shapes_over_dofs": "ema.show.shapes",
-    "signals": "ema.show.signals",
+    "signals": "ema.show.recorded",
     "stabilisation": "ema.show.stability",
     "steady_states": "ema.show.simulated",
     "stepped_levels": "ema.show.amplitude",

@@ -27,6 +27,7 @@ from ema.show.placement import recommended_force as recommended_force
 from ema.show.plotting import plot as plot
 from ema.show.points import geometry as geometry
 from ema.show.polar import complexity as complexity
+from ema.show.recorded import signals as signals
 from ema.show.renderer import rendered_shape as rendered_shape
 from ema.show.renderer import renderer_works as renderer_works
 from ema.show.shapes import mode_shapes as mode_shapes
@@ -40,5 +41,3 @@ from ema.show.simulated import tool_point as tool_point
 from ema.show.stability import stabilisation as stabilisation
 from ema.show.vibration import free_vibration as free_vibration
 from ema.show.vibration import velocity_comparison as velocity_comparison
-
-from . import signals as signals

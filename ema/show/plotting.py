@@ -19,8 +19,8 @@ from ema.show.maps import damping_curves
 from ema.show.matrices import mac_matrix
 from ema.show.placement import control_gain, placement_map
 from ema.show.points import geometry
+from ema.show.recorded import signals
 from ema.show.shapes import mode_shapes, shapes_over_dofs
-from ema.show.signals import signals
 from ema.show.simulated import hysteresis, motion, ring_down, steady_states
 from ema.show.stability import stabilisation
 from ema.show.style import BLUE, new_figure, styled

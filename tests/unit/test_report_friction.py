@@ -122,7 +122,11 @@ def test_frfs_are_laid_over_each_other_at_the_drive_point_in_one_sense():
 def test_runs_without_a_common_frf_or_unit_are_said(tmp_path: Path):
     geometry = plate(5, 4)
     base, other = run_result("bare", geometry), run_result("beam", geometry, joints=JOINTS)
-    unlike = replace(other, frfs=replace(other.frfs, quantity="mobility"))
+    unlike = replace(
+        other,
+        frfs=replace(other.frfs, quantity="mobility"),
+        reconstruction=replace(other.reconstruction, quantity="mobility"),
+    )
     words = Page(ema.report.write(study((base, unlike), geometry), tmp_path / "r.html")).words()
     assert "FRFs of beam are of another quantity or unit than those of bare." in words
     moved = replace(other, frfs=replace(other.frfs, outputs=(Dof(900, "+Z"), Dof(901, "+Z"))))
