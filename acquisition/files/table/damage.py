@@ -44,9 +44,7 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
                 note = Finding("info", "not-read", where, message)
                 return [*segments[:place], replace(before, notes=(*before.notes, note)), after]
         elif ends_otherwise:
-            what = (
-                "a row that ends otherwise than those above it, with a delimiter behind its last number or without one"
-            )
+            what = "a row that ends otherwise than those above it (a delimiter behind its last number, or none)"
         elif not gap and len(after.values) == 1 and columns != expected:
             what = f"a row of {columns} cells in a table of {expected} columns"
         elif _titled(before) and not _titled(after) and columns == expected and _is_damage(gap):

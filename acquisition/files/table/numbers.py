@@ -71,7 +71,7 @@ def numbers(cells: list[str]) -> list[complex] | None:
 def cells_of(line: str, delimiter: str, decimal: str, closed: bool = True) -> list[complex] | None:
     """The numbers of a line, or ``None`` where the line holds anything else.
 
-    A delimiter at the end of the line closes it where those above are ``closed`` so; elsewhere an empty cell follows it.
+    A delimiter at the end of a ``closed`` line ends its last cell; in other lines an empty cell follows it.
     """
     cells = line.split() if delimiter == " " else line.split(delimiter)
     if _ODD.search(line):
