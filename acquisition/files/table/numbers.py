@@ -101,8 +101,13 @@ def dialect(lines: list[str], layout: Layout) -> tuple[str, str]:
     middle = len(lines) // 2
     sample = [line for line in (*lines[:150], *lines[middle : middle + 50]) if line.strip()]
     best, choice = -1.0, (",", ".")
-    for delimiter in [layout.delimiter] if layout.delimiter else ["\t", ";", ",", " "]:
-        for decimal in [layout.decimal] if layout.decimal else [".", ","]:
+    delimiters = [layout.delimiter] if layout.delimiter else ["\t", ";", ",", " "]
+    decimals = [layout.decimal] if layout.decimal else [".", ","]
+    whole = "\n".join(sample)
+    # marks that are nowhere leave each line as it is: the first of them stands for all
+    absent = [mark for mark in delimiters if mark not in whole]
+    for delimiter in [mark for mark in delimiters if mark == " " or mark not in absent[1:]]:
+        for decimal in [mark for mark in decimals if mark == decimals[0] or mark in whole]:
             if delimiter == decimal:
                 continue
             counts = []
