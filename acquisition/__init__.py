@@ -18,10 +18,10 @@ _HOMES = {
     "model_file": "acquisition.model_file",
     "open_campaign": "acquisition.folder",
     "open_model": "acquisition.model_building",
-    "open_rig": "acquisition.taking",
+    "open_rig": "acquisition.recording",
     "quantities": "acquisition.quantities",
     "read": "acquisition.registry",
-    "record": "acquisition.taking",
+    "record": "acquisition.recording",
     "rig_file": "acquisition.rig_file",
     "write": "acquisition.registry",
 }

@@ -5,6 +5,8 @@ from acquisition.files.arrays import UndescribedError as UndescribedError
 from acquisition.folder import open_campaign as open_campaign
 from acquisition.model_building import law_of as law_of
 from acquisition.model_building import open_model as open_model
+from acquisition.recording import open_rig as open_rig
+from acquisition.recording import record as record
 from acquisition.registry import formats as formats
 from acquisition.registry import read as read
 from acquisition.registry import write as write
@@ -12,8 +14,6 @@ from acquisition.session import Session as Session
 from acquisition.session import Take as Take
 from acquisition.setups import Part as Part
 from acquisition.setups import merge as merge
-from acquisition.taking import open_rig as open_rig
-from acquisition.taking import record as record
 
 from . import campaign_file as campaign_file
 from . import columns as columns

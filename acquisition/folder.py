@@ -13,9 +13,9 @@ from acquisition import campaign_file, units
 from acquisition.assignment import Item, data_folder, items_of
 from acquisition.axes import LocalAxes
 from acquisition.campaign_file import CampaignFile, ChannelTable, LevelsTable, RunTable
+from acquisition.file_cache import Files, Take
 from acquisition.force import Span, joint_forces, span_of
 from acquisition.geometry_file import geometry_of
-from acquisition.opened import Files, Take
 from acquisition.repairs import Repairs
 from acquisition.scaling import (
     Line,

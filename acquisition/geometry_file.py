@@ -53,7 +53,7 @@ def geometry_of(table: GeometryTable | None, folder: Path, data: Path, where: st
 def _read(path: Path, table: GeometryTable) -> Geometry:
     if path.suffix.lower() in _TABLES and not table.reader:
         return _from_columns(path, table)
-    from acquisition.opened import Files
+    from acquisition.file_cache import Files
 
     found = Files().contents(path, table.reader).geometry
     if found is None:

@@ -57,7 +57,7 @@ RESTS: dict[str, tuple[str, ...]] = {
     "fuzz store": (*_STORE, "tests/fuzz/ours.py"),
     "fuzz toml": ("acquisition/campaign_file.py", "ema/tables", "tests/fuzz/ours.py"),
     "faults save": _STORE,
-    "faults record": (*_STORE, "acquisition/live", "acquisition/session.py", "acquisition/taking.py"),
+    "faults record": (*_STORE, "acquisition/live", "acquisition/session.py", "acquisition/recording.py"),
     "faults run": _STUDY,
     "faults run-without-report": _STUDY,
     "faults map": (*_STUDY, "ema/cli/mapping.py"),
@@ -65,7 +65,7 @@ RESTS: dict[str, tuple[str, ...]] = {
     "many files": ("acquisition/files/uff", "acquisition/registry.py", "tests/bench/many.py"),
     "many folders": (
         "acquisition/folder.py",
-        "acquisition/opened.py",
+        "acquisition/file_cache.py",
         "acquisition/files/uff",
         "acquisition/files/table",
         "acquisition/files/wav.py",

@@ -223,3 +223,37 @@ def test_a_line_between_digits_is_no_number(tmp_path: Path) -> None:
     (tmp_path / "a.lvm").write_text(head + about + "\n".join(rows) + "\n")
     with pytest.raises(InputError, match="2_0"):
         acquisition.read(tmp_path / "a.lvm")
+
+
+@pytest.mark.parametrize("titled", [True, False])
+@pytest.mark.parametrize("closing", [False, True])
+@pytest.mark.parametrize("mark", ["\t", ";", ","])
+def test_rows_end_alike_with_a_delimiter_or_without(tmp_path: Path, mark: str, closing: bool, titled: bool) -> None:
+    """A last digit that became a delimiter, or a closing delimiter that was lost, is damage in whatever row it is."""
+    draw = np.random.default_rng()
+    end = mark if closing else ""
+    drawn = draw.uniform(10, 100, (20, 2))
+    head = [mark.join(("t [s]", "a [N]", "b [N]"))] if titled else []
+    rows = [mark.join((f"{0.01 * n:.2f}", *(f"{x:.4f}" for x in pair))) + end for n, pair in enumerate(drawn)]
+    layout = {} if titled else {"time": "column 0", "signals": ["column 1", "column 2"], "unit": "N"}
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(head + rows) + "\n")
+    np.testing.assert_allclose(acquisition.read(path, **layout).recordings[0].signals, drawn.T, atol=6e-5)
+    for place in (0, 1, int(draw.integers(2, 19)), 19):
+        changed = list(rows)
+        changed[place] = rows[place][:-1] + ("" if closing else mark)
+        path.write_text("\n".join(head + changed) + "\n")
+        with pytest.raises(
+            InputError, match=r"a row (of 4 cells|that ends otherwise|of the table stands)|does not say"
+        ):
+            acquisition.read(path, **layout)
+
+
+@pytest.mark.parametrize("mark", ["\t", ";", ","])
+def test_the_first_row_may_lack_the_last_number(tmp_path: Path, mark: str) -> None:
+    """The titles say that there is a column."""
+    rows = ["t [s],a [N],b [N]", "0.00,1.5,", "0.01,2.5,", *(f"{n / 100:.2f},{n},{-n}" for n in range(2, 20))]
+    (tmp_path / "a.csv").write_text("\n".join(rows).replace(",", mark) + "\n")
+    (record,) = acquisition.read(tmp_path / "a.csv").recordings
+    assert np.flatnonzero(np.isnan(record.signals[1])).tolist() == [0, 1]
+    np.testing.assert_allclose(record.signals[0], [1.5, 2.5, *range(2, 20)])

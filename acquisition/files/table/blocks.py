@@ -8,7 +8,7 @@ import numpy as np
 from acquisition.files.layout import Layout
 from acquisition.files.table import damage
 from acquisition.files.table.numbers import block as block_of
-from acquisition.files.table.numbers import cells_of, dialect, labelled
+from acquisition.files.table.numbers import cells_of, dialect, is_closed, labelled
 from acquisition.files.table.segment import Segment
 from acquisition.files.table.titles import titles as titles_of
 from acquisition.files.table.titles import unit_row
@@ -32,18 +32,18 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     header: list[str] = []
     rows: list[Any] = []  # blocks of one or many lines
     labels: list[str] = []
-    place, many, begin = 0, _MOST, 0
+    place, many, begin, closed = 0, _MOST, 0, False
 
     def close() -> None:
         """End the block of rows."""
         source = lines[begin:place] if labels else ()
         made = _segment(header, rows, labels, delimiter=delimiter, where=where)
-        segments.append(replace(made, line=begin + 1, source=tuple(source)))
+        segments.append(replace(made, line=begin + 1, source=tuple(source), closed=closed))
 
     while place < len(lines):
         columns = rows[0].shape[1] if rows else 0
         if rows and not labels:
-            block = block_of(lines[place : place + many], delimiter, decimal, columns)
+            block = block_of(lines[place : place + many], delimiter, decimal, columns=columns, closed=closed)
             if block is not None:
                 rows.append(block)
                 place, many = place + len(block), min(4 * many, _MOST)
@@ -52,12 +52,14 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
             if many > 4:
                 continue
         line = lines[place]
-        cells, label = cells_of(line, delimiter, decimal, columns), ""
+        closes = is_closed(line, delimiter) and (closed if rows else not _announced(header, line, delimiter))
+        cells, label = cells_of(line, delimiter, decimal, closes), ""
         if cells is None:
             label, cells = labelled(line, delimiter, decimal)
-        if rows and (cells is None or len(cells) != columns or bool(label) != bool(labels)):
+        if rows and (cells is None or len(cells) != columns or closes != closed or bool(label) != bool(labels)):
             close()
             header, rows, labels, many = [], [], [], _MOST
+        closed = closed if rows else closes
         if cells is not None:
             begin = begin if rows else place
             rows.append(np.array([cells]))
@@ -75,6 +77,12 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     if not segments:
         raise InputError("no table of numbers in the file", where=where, got=repr(text[:40]))
     return segments
+
+
+def _announced(header: list[str], row: str, delimiter: str) -> bool:
+    """Whether the line above a row has a title for the empty cell at its end."""
+    above = header[-1] if header else ""
+    return above.count(delimiter) == row.count(delimiter) and not is_closed(above, delimiter)
 
 
 def _segment(header: list[str], rows: list[Any], labels: list[str], *, delimiter: str, where: str) -> Segment:

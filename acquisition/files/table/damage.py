@@ -26,7 +26,10 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
     for place, (before, after) in enumerate(pairwise(segments)):
         what, gap = "", after.header
         columns, expected = after.values.shape[1], before.values.shape[1]
-        if len(before.values) < 2 or before.labels:
+        if before.labels:
+            continue
+        ends_otherwise = not gap and not after.labels and columns == expected and after.closed != before.closed
+        if len(before.values) < 2 and not (ends_otherwise or _resumed(segments[place : place + 3])):
             continue
         if after.labels:
             if any(_broken(line, delimiter, decimal) for line in gap):
@@ -40,6 +43,8 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
                 message = f"text behind the last table, not read: {next(filter(str.strip, gap)).strip()[:40]!r}."
                 note = Finding("info", "not-read", where, message)
                 return [*segments[:place], replace(before, notes=(*before.notes, note)), after]
+        elif ends_otherwise:
+            what = "a row that ends otherwise than those above it (a delimiter behind its last number, or none)"
         elif not gap and len(after.values) == 1 and columns != expected:
             what = f"a row of {columns} cells in a table of {expected} columns"
         elif _titled(before) and not _titled(after) and columns == expected and _is_damage(gap):
@@ -50,7 +55,7 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
                 what,
                 where=f"{where}, line {after.line - len(gap)}",
                 layout=layout,
-                recovered=f"the {len(before.values)} rows in front of it are read",
+                recovered=f"the {len(before.values)} rows in front of it are read" if len(before.values) > 1 else "",
             )
             return [*segments[:place], replace(before, notes=(*before.notes, *notes)), segments[-1]]
     for segment in segments[:-1]:
@@ -66,6 +71,15 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
                 got=repr(last[:40]),
             )
     return segments
+
+
+def _resumed(segments: list[Segment]) -> bool:
+    """Whether a table goes on directly behind a single row of another length."""
+    if len(segments) < 3:
+        return False
+    before, row, behind = segments
+    near = not (row.header or behind.header or row.labels or behind.labels)
+    return near and len(row.values) == 1 < len(behind.values) and behind.values.shape[1] == before.values.shape[1]
 
 
 def _broken(line: str, delimiter: str, decimal: str, columns: int = 0) -> bool:

@@ -13,12 +13,23 @@ _ODD = re.compile(r"[\0-\x08\x0e-\x1f\xa0]|\d_\d")
 """What a conversion to numbers skips and no number holds: control characters, and lines between digits."""
 
 
-def block(lines: list[str], delimiter: str, decimal: str, columns: int) -> Any:
-    """Lines of ``columns`` plain numbers each, all at once; ``None`` where one of them is anything else."""
+def is_closed(line: str, delimiter: str) -> bool:
+    """Whether a delimiter stands behind the last cell of a line, as some writers put one behind every number."""
+    return delimiter != " " and delimiter in line and not line.rpartition(delimiter)[2].strip()
+
+
+def block(lines: list[str], delimiter: str, decimal: str, *, columns: int, closed: bool) -> Any:
+    """Lines of ``columns`` plain numbers each, all at once; ``None`` where one of them is anything else.
+
+    ``closed`` says that each has a delimiter behind its last number.
+    """
     if delimiter == " ":
         alike = all(len(line.split()) == columns for line in lines)
     else:
-        alike = all(line.count(delimiter) == columns - 1 for line in lines)
+        alike = all(line.count(delimiter) == columns - 1 + closed for line in lines)
+    if closed:
+        alike = alike and all(is_closed(line, delimiter) for line in lines)
+        lines = [line.rpartition(delimiter)[0] for line in lines] if alike else lines
     text = delimiter.join(lines)
     if not alike or (decimal == "," and "." in text) or _ODD.search(text):
         return None
@@ -57,10 +68,10 @@ def numbers(cells: list[str]) -> list[complex] | None:
     return numbers if any(cell.strip() for cell in cells) else None
 
 
-def cells_of(line: str, delimiter: str, decimal: str, columns: int = 0) -> list[complex] | None:
+def cells_of(line: str, delimiter: str, decimal: str, closed: bool = True) -> list[complex] | None:
     """The numbers of a line, or ``None`` where the line holds anything else.
 
-    A delimiter at the end of the line closes it, unless the lines above have a column there.
+    A delimiter at the end of a ``closed`` line ends its last cell; in other lines an empty cell follows it.
     """
     cells = line.split() if delimiter == " " else line.split(delimiter)
     if _ODD.search(line):
@@ -69,7 +80,7 @@ def cells_of(line: str, delimiter: str, decimal: str, columns: int = 0) -> list[
         if "." in line:
             return None
         cells = [cell.replace(",", ".") for cell in cells]
-    if delimiter != " " and len(cells) > 1 and len(cells) != columns and not cells[-1].strip():
+    if closed and is_closed(line, delimiter):
         cells.pop()
     return numbers(cells) if line[:1] != "_" else None
 
@@ -90,8 +101,13 @@ def dialect(lines: list[str], layout: Layout) -> tuple[str, str]:
     middle = len(lines) // 2
     sample = [line for line in (*lines[:150], *lines[middle : middle + 50]) if line.strip()]
     best, choice = -1.0, (",", ".")
-    for delimiter in [layout.delimiter] if layout.delimiter else ["\t", ";", ",", " "]:
-        for decimal in [layout.decimal] if layout.decimal else [".", ","]:
+    delimiters = [layout.delimiter] if layout.delimiter else ["\t", ";", ",", " "]
+    decimals = [layout.decimal] if layout.decimal else [".", ","]
+    whole = "\n".join(sample)
+    # marks that are nowhere leave each line as it is: the first of them stands for all
+    absent = [mark for mark in delimiters if mark not in whole]
+    for delimiter in [mark for mark in delimiters if mark == " " or mark not in absent[1:]]:
+        for decimal in [mark for mark in decimals if mark == decimals[0] or mark in whole]:
             if delimiter == decimal:
                 continue
             counts = []

@@ -21,4 +21,6 @@ class Segment:
     """Number of the first row in the file, counted from 1."""
     source: tuple[str, ...] = ()
     """The rows as text, where every row begins with a name."""
+    closed: bool = False
+    """Whether a delimiter stands behind the last number of every row."""
     notes: tuple[Finding, ...] = ()
