@@ -121,7 +121,7 @@ def _table(base: RunResult, other: RunResult, comparison: Comparison, book: Book
                 partner,
                 left[0],
                 interval(f_j, deviations[1][0][j], 6),
-                Value(change := 100 * (f_j / f_i - 1), f"{change:+.2f}"),
+                Value(change := 100 * (f_j / f_i - 1), f"{change:+z.2f}"),
                 left[1],
                 interval(z_j, deviations[1][1][j], 3),
                 fixed(z_j / z_i if z_i else None, 2),
