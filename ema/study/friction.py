@@ -138,15 +138,15 @@ def _stated(mode: AmplitudeDependentMode, told: StatementTable) -> tuple[Finding
     # Within its interval of the number a flat curve crosses it by noise alone.
     apart = np.asarray((band.low > number / factor) | (band.high < number / factor))
     where = _crossings(mode.amplitude[apart], band.value[apart], number / factor) if apart.any() else ()
-    curve, held = band.value, mode.amplitude[~apart]
+    curve, within = band.value, mode.amplitude[~apart]
     unit = SI_UNIT[mode.quantity].replace("^2", "²")
     if where:
         text = f"at {' and '.join(f'{one:.3g}' for one in where)} {unit}"
     elif not apart.any():
         text = "within its interval of it at every amplitude"
-    elif len(held):
-        between = f"{held[0]:.3g} to {held[-1]:.3g}" if len(held) > 1 else f"{held[0]:.3g}"
-        text = f"at no amplitude in particular: {len(held)} of {len(apart)} intervals hold it, at {between} {unit}"
+    elif len(within):
+        between = f"{within[0]:.3g} to {within[-1]:.3g}" if len(within) > 1 else f"{within[0]:.3g}"
+        text = f"at no amplitude in particular: {len(within)} of {len(apart)} intervals contain it, at {between} {unit}"
     else:
         text = f"at no amplitude seen: {factor * curve.min():.4g} to {factor * curve.max():.4g} {sign}"
     message = f"{number:.4g} {sign} ({told.source}): the {what} {text}."

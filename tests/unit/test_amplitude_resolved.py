@@ -215,7 +215,7 @@ def said(run, quantity, low, high, **more):
     return StatementTable(run=run, quantity=quantity, near=492.0, low=low, high=high, **text)
 
 
-def test_a_number_that_only_wide_intervals_hold_is_not_outside_what_was_seen():
+def test_a_number_that_only_wide_intervals_contain_is_not_outside_what_was_seen():
     """Frequency at 509.6 Hz, and 506.9 +- 4 Hz at the largest amplitude: 509 Hz lies between, but no amplitude is told."""
     steady = curved("a, mode 1", (509.6, 509.6), (0.007, 0.007))
     value = np.append(np.full(20, 509.6), 506.9)
@@ -223,7 +223,7 @@ def test_a_number_that_only_wide_intervals_hold_is_not_outside_what_was_seen():
     mode = replace(steady, frequency=Band(low=value - half, value=value, high=value + half))
     (marked,) = with_stated((mode,), [said("a", "run frequency", 508.0, 510.0)])
     (finding,) = marked.findings
-    assert "at no amplitude in particular: 1 of 21 intervals hold it, at 100 m/s²" in finding.message
+    assert "at no amplitude in particular: 1 of 21 intervals contain it, at 100 m/s²" in finding.message
     (outside,) = with_stated((steady,), [said("a", "run frequency", 505.0, 507.0)])
     assert "at no amplitude seen: 509.6 to 509.6 Hz" in outside.findings[0].message, (
         "each interval of 0.1 % excludes 506"

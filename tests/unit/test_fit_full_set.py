@@ -83,11 +83,24 @@ def test_two_thousand_outputs_are_the_same_as_in_memory(tmp_path: Path):
     assert_same(large, modes(whole, stabilise(whole)), within=0.01, ratio=0.01)
 
 
-def test_noise_that_grows_with_the_frf_leaves_the_same_intervals(tmp_path: Path):
+@pytest.mark.parametrize(
+    "seed",
+    [
+        2,
+        31,
+        pytest.param(
+            32,
+            marks=pytest.mark.xfail(
+                strict=True, reason="20 of 3000 residues differ by 0.20 to 0.27 standard deviations, goal 0.2"
+            ),
+        ),
+    ],
+)
+def test_noise_that_grows_with_the_frf_leaves_the_same_intervals(tmp_path: Path, seed: int):
     """Weights follow from an estimated structure of the noise, which is that of the fit where it was estimated: values
     may differ by what such weights change, and the full set decides about residual terms as it does in memory.
     """
-    truth, whole = scan(300, 401, seed=2, size=0.05)
+    truth, whole = scan(300, 401, seed=seed, size=0.05)
     found = written(tmp_path / "scan.h5", whole)
     large = modes(found, stabilise(found))
     assert_same(large, modes(whole, stabilise(whole)), within=0.2, ratio=0.1)
