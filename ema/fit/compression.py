@@ -241,10 +241,12 @@ def _channels(frfs: FrfSet, found: Range, first: _FirstPass) -> FrfSet:
 
 def _unlike(channels: FrfSet, found: Range, first: _FirstPass, sample: FrfSet, rows: Int[np.ndarray, "sample"]) -> bool:
     """Whether the noise of the outputs that make a channel differs at its peaks from that of all, by a sample."""
-    known = noise.measured(sample)
-    assert known is not None and channels.variance is not None
-    shares = found.directions[rows] ** 2
-    own = np.einsum("oc,foi->fci", shares / np.sum(shares, axis=0), known / first.scale[rows, None] ** 2)
+    known, shares = noise.measured(sample), found.directions[rows] ** 2
+    total = np.sum(shares, axis=0)
+    # A sample that shows nothing of a channel says nothing of its noise.
+    if known is None or channels.variance is None or not np.all(total > 0):
+        return True
+    own = np.einsum("oc,foi->fci", shares / total, known / first.scale[rows, None] ** 2)
     energy = np.abs(channels.values) ** 2
     ratio = np.sum(energy * own, axis=(0, 2)) / np.sum(energy * channels.variance, axis=(0, 2))
     return bool(np.any(np.maximum(ratio, 1 / ratio) > _UNLIKE))

@@ -503,7 +503,9 @@ def inverse(
     """Inverse of positive definite matrices, scaled to unit diagonal; ``rounding`` is added to the diagonal."""
     diagonal = np.maximum(np.einsum("...ii->...i", matrix), 0) + rounding
     scale = 1 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
-    scaled = matrix * scale[..., :, None] * scale[..., None, :]
+    # Beside a diagonal of nothing rounding is beyond what a positive matrix can have.
+    with np.errstate(over="ignore"):
+        scaled = np.clip(matrix * scale[..., :, None] * scale[..., None, :], -1, 1)
     scaled[..., np.arange(matrix.shape[-1]), np.arange(matrix.shape[-1])] = 1 + 1e-12
     result: np.ndarray = np.linalg.inv(scaled) * scale[..., :, None] * scale[..., None, :]
     return result

@@ -176,9 +176,9 @@ def _trusting(
     state = state.with_fit(prune(state.data, state.fit, Noise.of(state.data, state.fit), gone))
     before = len(state.fit.poles)
     # A misfit can be decorated with poles until it looks like noise; then most of them come from the search.
-    enough = hidden(state.data, state.fit) + max(3, 0.5 * before)
+    enough = hidden(state.data, state.fit, band) + max(3, 0.5 * before)
     state = _grown(prepared, state, band, enough)
-    if hidden(state.data, state.fit) > enough or estimator.correlation(state.data, state.fit) > MISFIT:
+    if hidden(state.data, state.fit, band) > enough or estimator.correlation(state.data, state.fit) > MISFIT:
         return None
     grown = len(state.fit.poles) != before
     state = _reweight(state, 12)
@@ -192,7 +192,7 @@ def _trusting(
         for pole, why in gone
         if inside(np.array([pole]), band)[0] and damping_ratios(np.array([pole]))[0] <= POLICY.heaviest
     ]
-    if hidden(state.data, state.fit) > enough or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
+    if hidden(state.data, state.fit, band) > enough or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
         return None
     return state.with_fit(beyond(state.data, estimator.determined(state.data, state.fit)[0], band))
 
@@ -200,7 +200,7 @@ def _trusting(
 def _grown(prepared: Prepared, state: "_State", band: tuple[float, float], enough: float) -> "_State":
     """Modes added that the residual shows; the bins are made anew where these need finer ones."""
     fit = complete(state.data, state.fit, band, rounds=8 + len(state.fit.poles) // 4, enough=enough)
-    if len(fit.poles) == len(state.fit.poles) or hidden(state.data, fit) > enough:
+    if len(fit.poles) == len(state.fit.poles) or hidden(state.data, fit, band) > enough:
         return state.with_fit(fit)
     return _rebinned(prepared, state, fit)
 
