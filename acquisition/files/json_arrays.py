@@ -9,7 +9,7 @@ import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files import sniff, table
-from acquisition.files.arrange import arrange
+from acquisition.files.array_contents import contents_of
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 from ema.errors import InputError
@@ -27,7 +27,7 @@ def read(path: Path, layout: Layout) -> Contents:
     arrays = {name: value for name, value in found.items() if not isinstance(value, str)}
     metadata = tuple((name, value) for name, value in found.items() if isinstance(value, str))
     tables = [name for name, value in arrays.items() if np.ndim(value) == 2]
-    return arrange(Arrays(path.name, arrays, tables[0] if len(tables) == 1 else "", metadata=metadata), layout)
+    return contents_of(Arrays(path.name, arrays, tables[0] if len(tables) == 1 else "", metadata=metadata), layout)
 
 
 def _once(pairs: list[tuple[str, Any]], where: str) -> dict[str, Any]:

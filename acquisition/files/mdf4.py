@@ -11,10 +11,10 @@ import numpy as np
 from acquisition.contents import Contents
 from acquisition.files import mdf4_blocks
 from acquisition.files.layout import Layout
-from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import differs
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import rate_of
+from acquisition.files.suppressed_warnings import suppressed_warnings
 from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError, require
@@ -67,7 +67,7 @@ def channels(path: Path, salvage: bool = False) -> dict[str, Any]:
     cycles, corrections = mdf4_blocks.check(path, salvage) if _version(path) == 4 else (None, [])
     found, skipped, invalid = [], [], []
     # handed an open file: by name the package may open it for writing
-    with quiet("asammdf"), _corrected(path, corrections) as raw, asammdf.MDF(raw) as file:
+    with suppressed_warnings("asammdf"), _corrected(path, corrections) as raw, asammdf.MDF(raw) as file:
         metadata = [("version", str(file.version)), ("start", str(file.start_time))]
         announced = [int(group.channel_group.cycles_nr) for group in file.groups]
         if cycles is not None and announced != cycles:

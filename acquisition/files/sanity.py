@@ -39,7 +39,8 @@ def examine(contents: Contents, sampling_rate: float | str | None = None) -> tup
 
 
 def _constant(values: Any) -> bool:
-    return bool((values[:_PEEK] == values[0]).all() and (values == values[0]).all())
+    with np.errstate(invalid="ignore"):
+        return bool((values[:_PEEK] == values[0]).all() and (values == values[0]).all())
 
 
 def _channels(recording: Recording) -> tuple[Finding, ...]:
@@ -64,7 +65,8 @@ def _frfs(frfs: FrfSet) -> tuple[Finding, ...]:
     lines = len(frfs.frequencies)
     if lines < CONSTANT_FROM:
         return ()
-    still = np.argwhere((frfs.values == frfs.values[:1]).all(axis=0))
+    with np.errstate(invalid="ignore"):  # a NaN of a damaged file equals nothing, in whatever bits it is written
+        still = np.argwhere((frfs.values == frfs.values[:1]).all(axis=0))
     if not len(still):
         return ()
     first = frfs.label(int(still[0, 0]), int(still[0, 1]))

@@ -9,10 +9,10 @@ import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files.layout import Layout
-from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import differs
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import nice_rate
+from acquisition.files.suppressed_warnings import suppressed_warnings
 from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError, require
@@ -103,7 +103,7 @@ def channels(path: Path) -> dict[str, Any]:
     """
     nptdms = require("nptdms", "formats")
     made, left = [], []
-    with quiet("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
+    with suppressed_warnings("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
         groups = file.groups()
         for group in groups:
             for channel in group.channels():

@@ -8,7 +8,7 @@ import numpy as np
 from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files import sniff
-from acquisition.files.arrange import arrange
+from acquisition.files.array_contents import contents_of
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
@@ -40,7 +40,9 @@ def read(path: Path, layout: Layout) -> Contents:
     """
     text = decode(sniff.whole(path))
     segments = parse(text, layout, path.name)
-    parts = [arranged(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)]
+    parts = [
+        segment_contents(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)
+    ]
     return merge(parts)
 
 
@@ -60,11 +62,11 @@ def merge(parts: list[Contents]) -> Contents:
     )
 
 
-def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
+def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
     """One segment arranged by the user's layout, or by its titles where these leave no doubt."""
     if segment.labels:
         named = {label: row[np.isfinite(row)] for label, row in zip(segment.labels, segment.values, strict=True)}
-        contents = arrange(Arrays(where, named), layout)
+        contents = contents_of(Arrays(where, named), layout)
         return replace(contents, findings=(*segment.notes, *contents.findings))
     pairs = [units.bracketed(title) for title in segment.titles]
     texts = segment.units or [unit for _, unit in pairs]
@@ -93,7 +95,7 @@ def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
         kept = [n for n in signals if not _counts(n, pool)] if isinstance(signals, list) else signals
         rounded = clock.rounding > 0 and chosen.time is not None  # then the time axis knows better
         chosen = replace(chosen, sampling_rate=None if rounded else clock.rate, signals=kept)
-    contents = arrange(pool, chosen)
+    contents = contents_of(pool, chosen)
     contents = replace(contents, findings=(*contents.findings, *_reconciled(segment, contents, layout, where)))
     stated = layout.units is not None or layout.unit is not None
     polar = (chosen.amplitude, chosen.phase)
