@@ -31,7 +31,9 @@ def read(path: Path, layout: Layout) -> Contents:
     there = call("mdf4", path, salvage=layout.salvage)
     if not there["channels"]:
         raise InputError("no numeric channel in the file", where=path.name)
-    sampled = [Sampled(one["name"], one["unit"], one["samples"], one["rate"]) for one in there["channels"]]
+    sampled = [
+        Sampled(one["name"], one["unit"], one["samples"], one["rate"], one["start"]) for one in there["channels"]
+    ]
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
     notes = [
         Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no row of numbers.")
@@ -54,7 +56,8 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def channels(path: Path, salvage: bool = False) -> dict[str, Any]:
-    """The ``channels`` of a file, each with ``name``, ``unit``, ``samples`` and ``rate`` in Hz, and its ``metadata``.
+    """The ``channels`` of a file, each with ``name``, ``unit``, ``samples``, ``rate`` in Hz and ``start`` in s, and its
+    ``metadata``.
 
     ``skipped`` names channels that are no numbers, ``invalid`` those with values that the logger marked as invalid;
     ``corrected`` are numbers that contradicted the file, and what they must be, where ``salvage`` was asked for.
@@ -91,8 +94,17 @@ def channels(path: Path, salvage: bool = False) -> dict[str, Any]:
                 if marked is not None and np.any(marked):
                     invalid.append(name)
                     samples = np.where(np.asarray(marked, dtype=bool), np.nan, samples.astype(np.float64))
-                rate = rate_of(np.asarray(signal.timestamps, dtype=np.float64), f"{path.name}, {name}")
-                found.append({"name": name, "unit": str(signal.unit or ""), "samples": samples, "rate": rate})
+                times = np.asarray(signal.timestamps, dtype=np.float64)
+                rate = rate_of(times, f"{path.name}, {name}")
+                found.append(
+                    {
+                        "name": name,
+                        "unit": str(signal.unit or ""),
+                        "samples": samples,
+                        "rate": rate,
+                        "start": float(times[0]),
+                    }
+                )
     pairs = [[one.stated, one.right] for one in corrections]
     return {"channels": found, "metadata": metadata, "skipped": skipped, "invalid": invalid, "corrected": pairs}
 

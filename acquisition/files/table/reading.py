@@ -77,9 +77,11 @@ def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
     labels: dict[str, str] = {}
     headings: dict[str, str] = {}
     for place, (name, text) in enumerate(zip(names, texts, strict=True)):
+        column = segment.values[:, place]
+        real = np.iscomplexobj(column) and not np.any(column.imag)  # beside a column of complex numbers
         for key in (name, segment.titles[place], f"column {place}"):
-            if key == name or key == segment.titles[place]:
-                arrays.setdefault(key, segment.values[:, place])
+            if real or key == name or key == segment.titles[place]:
+                arrays.setdefault(key, column.real if real else column)
             labels.setdefault(key, text)
             headings.setdefault(key, f"{segment.titles[place]} {text if segment.units else ''}".strip())
             if text and text not in unknown.values():
@@ -91,10 +93,16 @@ def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
     chosen = replace(by_titles(names, layout, where) if open_question else layout, axis="columns")
     clock = announced.rate(segment.header)
     if clock is not None and chosen.sampling_rate is None and chosen.kind in ("", "signals"):
-        signals = chosen.signals or [name for name in names if name != chosen.time]
-        kept = [n for n in signals if not _counts(n, pool)] if isinstance(signals, list) else signals
         rounded = clock.rounding > 0 and chosen.time is not None  # then the time axis knows better
-        chosen = replace(chosen, sampling_rate=None if rounded else clock.rate, signals=kept)
+        chosen = replace(chosen, sampling_rate=None if rounded else clock.rate)
+    if chosen.kind == "signals" and layout.signals is None:
+        of_time = (chosen.time, units.bracketed(chosen.time or "")[0])
+        listed = [
+            name
+            for place, name in enumerate(names)
+            if name not in of_time and segment.titles[place] not in of_time and chosen.time != f"column {place}"
+        ]
+        chosen = replace(chosen, signals=[name for name in listed if not _counts(name, pool)] or listed)
     contents = contents_of(pool, chosen)
     contents = replace(contents, findings=(*contents.findings, *_reconciled(segment, contents, layout, where)))
     stated = layout.units is not None or layout.unit is not None
