@@ -31,9 +31,7 @@ def read(path: Path, layout: Layout) -> Contents:
     there = call("mdf4", path, salvage=layout.salvage)
     if not there["channels"]:
         raise InputError("no numeric channel in the file", where=path.name)
-    sampled = [
-        Sampled(one["name"], one["unit"], one["samples"], one["rate"], one["start"]) for one in there["channels"]
-    ]
+    sampled = [Sampled(**channel) for channel in there["channels"]]
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
     notes = [
         Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no row of numbers.")

@@ -53,9 +53,7 @@ def recordings(
         name = where if len(groups) == 1 else f"{where}, {group[0].rate:g} Hz"
         if late * group[0].rate > TOGETHER:
             name += f", {late:g} s later"
-            message = (
-                f"the {len(group)} channels begin {late:g} s after the first of the file and are a recording alone."
-            )
+            message = f"its channels begin {late:g} s after the first of the file and are a recording alone."
             advice = "Start all channels by one trigger: phases between recordings mean nothing."
             findings.append(Finding("warning", "begins-later", name, message, late, TOGETHER / group[0].rate, advice))
         found = [_unit(channel, layout, name, findings) for channel in group]

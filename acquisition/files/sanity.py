@@ -48,8 +48,8 @@ def examine(contents: Contents, sampling_rate: float | str | None = None) -> tup
 def _check_one_sided(frfs: FrfSet) -> None:
     """Refuse a two-sided spectrum: of a real record of N samples the line N - k is the complex conjugate of line k.
 
-    Source: Oppenheim, Schafer, Discrete-Time Signal Processing, 3rd ed. (2010), section 8.6.4. With the line at 0 Hz the
-    lines k and L - k of L lines belong together; without it, or with that of the sampling rate, k and L - 1 - k.
+    Source: Oppenheim, Schafer, Discrete-Time Signal Processing, 3rd ed. (2010), section 8.6.4. With the line at 0 Hz
+    the lines k and L - k of L lines belong together; without it, or with that of the sampling rate, k and L - 1 - k.
 
     Raises
     ------
