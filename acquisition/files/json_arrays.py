@@ -52,13 +52,22 @@ def _walk(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     elif isinstance(value, str):
         yield name, value
     elif isinstance(value, (int, float, list)) and not isinstance(value, bool):
-        try:
-            array = np.asarray(value)
-        except ValueError:  # rows of unequal length
-            array = np.asarray([], dtype=object)
+        array = _array(value)
         if array.dtype.kind in "iufU" and array.size:
             yield name, array
         elif isinstance(value, list):
             for number, inner in enumerate(value):
                 if isinstance(inner, (dict, list)):
                     yield from _walk(f"{name}.{number}" if name else str(number), inner)
+
+
+def _array(value: Any) -> Any:
+    """Numbers or lists of them; ``null`` beside numbers is NaN, as which other programs write it. Else of objects."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of unequal length
+        return np.asarray([], dtype=object)
+    known = [one for one in array.flat if one is not None] if array.dtype == object else []
+    if known and all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in known):
+        return array.astype(np.float64)
+    return array

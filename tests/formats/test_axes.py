@@ -1,6 +1,7 @@
 """Axes of time, frequency and channels as other programs write them: read as they are, or refused; never shifted."""
 
 import re
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import h5py
@@ -189,3 +190,100 @@ def test_real_numbers_in_brackets_are_not_read_as_positive(tmp_path: Path) -> No
         (tmp_path / "a.csv").write_text("Time (s),a\n" + "".join(f"{k / 10},{cell}\n" for k in range(20)))
         with pytest.raises(InputError, match="no table of numbers"):
             acquisition.read(tmp_path / "a.csv")
+
+
+BEGIN = datetime(2024, 2, 28, 23, 59, 59, 700_000)
+"""Half a second before midnight, and a day before the day that only leap years have."""
+
+
+def stamped(
+    path: Path, form: str, delimiter: str = ",", titles: str = "Time,Force (N)", rate: float = 200.0
+) -> np.ndarray:
+    """A table of 200 rows with time stamps from :data:`BEGIN` on; its signal."""
+    signal = np.round(np.random.default_rng(12).standard_normal(200), 6)
+    rows = []
+    for number, value in enumerate(signal):
+        moment = (BEGIN + timedelta(seconds=number / rate)).strftime(form)
+        rows.append(moment + delimiter + (f"{value:.6f}" if delimiter == "," else f"{value:.6f}".replace(".", ",")))
+    path.write_text(titles.replace(",", delimiter) + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return signal
+
+
+@pytest.mark.parametrize(
+    ("form", "delimiter", "titles"),
+    [
+        ("%Y-%m-%dT%H:%M:%S.%f", ",", "Timestamp,Force (N)"),
+        ("%Y-%m-%d %H:%M:%S.%f+01:00", ",", "Time,Force (N)"),
+        ('"%Y/%m/%d %H:%M:%S.%f"', ",", '"Date/Time","Force (N)"'),
+        ("%d.%m.%Y %H:%M:%S,%f", ";", "Zeit,Force (N)"),
+        ("%d/%m/%Y %H:%M:%S.%f", ",", "Time,Force (N)"),
+        ("%H:%M:%S.%f", "\t", "Time (hh:mm:ss),Force (N)"),
+        ("%H:%M:%S.%f", ",", "Time,Force\nhh:mm:ss,N"),
+        ("%Y-%m-%d,%H:%M:%S.%f", ",", "Date,Time,Force (N)"),
+        ("%m/%d/%Y;%H:%M:%S,%f", ";", "Date,Time,Force (N)"),
+    ],
+)
+def test_time_stamps_are_seconds_also_across_midnight(tmp_path: Path, form: str, delimiter: str, titles: str) -> None:
+    signal = stamped(tmp_path / "a.csv", form, delimiter, titles)
+    contents = acquisition.read(tmp_path / "a.csv")
+    (record,) = contents.recordings
+    assert [(channel.name, channel.unit) for channel in record.channels] == [("Force", "N")]
+    assert record.sampling_rate == 200 and contents.findings == ()
+    np.testing.assert_array_equal(record.signals[0], signal)
+
+
+def test_stamps_that_are_too_coarse_ambiguous_or_damaged_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    stamped(path, "%Y-%m-%d %H:%M:%S")
+    with pytest.raises(InputError, match="time"):
+        acquisition.read(path)
+    stamped(path, "%H:%M:%S.%f")
+    text = path.read_text()
+    lost = text.splitlines(keepends=True)
+    for wrong, words in (
+        (text.replace("23:59:59.900000", "23:59:5x.900000"), "line"),
+        (text.replace("23:59:59.900000", "23:59:49.900000"), "time steps are not constant"),
+        ("".join(lost[:60] + lost[70:]), "time steps are not constant"),
+    ):
+        assert wrong != text
+        path.write_text(wrong)
+        with pytest.raises(InputError, match=words):
+            acquisition.read(path)
+    rows = [f"0{1 + n // 50}/0{2 + n // 50}/2024 10:00:00.{n:03d},1.5\n" for n in range(100)]
+    path.write_text("Time,a\n" + "".join(rows))
+    with pytest.raises(InputError, match="which number is the day"):
+        acquisition.read(path)
+
+
+def test_null_beside_numbers_is_a_missing_number_and_the_channel_stays(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text('{"fs": 100, "a": [1, null, 3.5, 4], "b": [[1, 2], [null, 4], [5, 6]]}')
+    contents = acquisition.read(tmp_path / "a.json", signals="a", sampling_rate="fs")
+    np.testing.assert_array_equal(contents.recordings[0].signals, [[1, np.nan, 3.5, 4]])
+    assert [(finding.code, finding.value) for finding in contents.findings] == [("not-finite", 1.0)]
+    table = acquisition.read(tmp_path / "a.json", signals="b", sampling_rate="fs").recordings[0]
+    np.testing.assert_array_equal(table.signals, [[1, np.nan, 5], [2, 4, 6]])
+    for other in ("[true, null, 1]", '["1", null]', "[null, null]"):
+        (tmp_path / "a.json").write_text(f'{{"a": {other}}}')
+        with pytest.raises(InputError):
+            acquisition.read(tmp_path / "a.json", signals="a", sampling_rate=1.0)
+
+
+@pytest.mark.parametrize("size", [2, 3, 6])
+def test_harwell_boeing_files_that_scipy_writes_are_read(tmp_path: Path, size: int) -> None:
+    """Their fields of numbers are one character narrower than the header says; a lost character is still found."""
+    from scipy.sparse import csc_matrix
+
+    rng = np.random.default_rng(size)
+    matrix = rng.standard_normal((size, size)) * 10.0 ** rng.integers(-8, 8, (size, size))
+    path = tmp_path / "a.hb"
+    scipy.io.hb_write(str(path), csc_matrix(matrix))
+    np.testing.assert_allclose(read_matrix(path), matrix, rtol=1e-15)
+    lines = path.read_text().splitlines(keepends=True)
+    for place in range(5, len(lines)):
+        for at in range(0, len(lines[place]) - 1, 5):
+            damaged = [*lines[:place], lines[place][:at] + lines[place][at + 1 :], *lines[place + 1 :]]
+            path.write_text("".join(damaged))
+            try:
+                np.testing.assert_allclose(read_matrix(path), matrix, rtol=1e-15)
+            except InputError:
+                continue

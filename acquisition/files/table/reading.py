@@ -16,6 +16,7 @@ from acquisition.files.signals import same_rate
 from acquisition.files.table import announced
 from acquisition.files.table.blocks import parse
 from acquisition.files.table.segment import Segment
+from acquisition.files.table.time_stamps import in_seconds
 from acquisition.files.table.titles import by_titles, distinct, metadata
 from ema.data import Finding
 
@@ -38,8 +39,8 @@ def read(path: Path, layout: Layout) -> Contents:
     ------
     InputError : no numbers in it, or the table does not say which column is what.
     """
-    text = decode(sniff.whole(path))
-    segments = parse(text, layout, path.name)
+    lines = in_seconds(decode(sniff.whole(path)).splitlines(), path.name)
+    segments = parse("\n".join(lines), layout, path.name)
     parts = [
         segment_contents(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)
     ]
