@@ -39,8 +39,10 @@ def read(path: Path, layout: Layout) -> Contents:
     ------
     InputError : no numbers in it, or the table does not say which column is what.
     """
-    lines = in_seconds(decode(sniff.whole(path)).splitlines(), path.name)
-    segments = parse("\n".join(lines), layout, path.name)
+    text = decode(sniff.whole(path))
+    if text.count(":") >= text.count("\n"):  # a time of day has two, and most rows have one
+        text = "\n".join(in_seconds(text.splitlines(), path.name))
+    segments = parse(text, layout, path.name)
     parts = [
         segment_contents(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)
     ]
