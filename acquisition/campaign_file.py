@@ -13,7 +13,7 @@ from acquisition.files.layout import Layout
 from ema.data.condition import ExcitationKind
 from ema.data.recording import Role
 from ema.errors import EmaError
-from ema.tables import FormerNames, Table, read_text, validated
+from ema.tables import FileKind, Table
 from ema.units import Quantity
 
 __all__ = ["FILE_NAME", "CampaignFile", "load", "parse"]
@@ -361,21 +361,25 @@ class CampaignFile(Table):
         return self
 
 
-_TABLES: dict[str, type[Table]] = {
-    "": CampaignFile,
-    "campaign": CampaignTable,
-    "geometry": GeometryTable,
-    "channels": ChannelTable,
-    "joints": JointTable,
-    "runs": RunTable,
-    "runs.files": FileTable,
-    "runs.channels": ChannelTable,
-    "runs.normal_force": NormalForceTable,
-    "runs.levels": LevelsTable,
-    "repairs": RepairTable,
-}
-_FORMER = FormerNames()
-"""What keys of ``campaign.toml`` were called before."""
+KIND = FileKind(
+    table=CampaignFile,
+    tables={
+        "": CampaignFile,
+        "campaign": CampaignTable,
+        "geometry": GeometryTable,
+        "channels": ChannelTable,
+        "joints": JointTable,
+        "runs": RunTable,
+        "runs.files": FileTable,
+        "runs.channels": ChannelTable,
+        "runs.normal_force": NormalForceTable,
+        "runs.levels": LevelsTable,
+        "repairs": RepairTable,
+    },
+    name=FILE_NAME,
+    absent="there is no campaign here",
+    guide="docs/campaign.md",
+)
 
 
 def load(path: str | Path) -> CampaignFile:
@@ -385,16 +389,7 @@ def load(path: str | Path) -> CampaignFile:
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
-    path = Path(path)
-    if path.is_dir():
-        path = path / FILE_NAME
-    text = read_text(
-        path,
-        "there is no campaign here",
-        expected=f"a file {FILE_NAME}",
-        advice="write one as docs/campaign.md shows, or correct the path",
-    )
-    return parse(text, str(path))
+    return KIND.load(path)
 
 
 def parse(text: str, where: str = FILE_NAME) -> CampaignFile:
@@ -404,4 +399,4 @@ def parse(text: str, where: str = FILE_NAME) -> CampaignFile:
     ------
     InputError : as ``load``.
     """
-    return validated(CampaignFile, text, where, _TABLES, former=_FORMER)
+    return KIND.parse(text, where)

@@ -59,7 +59,7 @@ def build(model: tables.ModelFile, path: Path) -> BeamModel:
     ------
     InputError : a file is missing or damaged, a node of a pair or the DOF of a run is not there; with its line.
     """
-    reader = _Reader(path, tables.read_text(path))
+    reader = _Reader(path, tables.KIND.text(path))
     damping = Damping(model.damping.ratio, model.damping.mass_factor)
     if model.structure.kind == "double beam":
         built = _double_beam(model, reader, damping)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from acquisition.quantities import (
     Band,
@@ -27,9 +27,8 @@ from acquisition.quantities import (
     as_list,
     in_si,
 )
-from ema import tables
 from ema.contact.catalogue import CATALOGUE
-from ema.tables import FormerNames, Table, validated, warn
+from ema.tables import FileKind, Table, warn
 
 FILE_NAME = "model.toml"
 
@@ -45,7 +44,6 @@ __all__ = [
     "SnapbackTable",
     "load",
     "locate",
-    "read_text",
 ]
 
 
@@ -343,33 +341,36 @@ class ModelFile(Table):
         return self
 
 
-TABLES: dict[str, type[BaseModel]] = {
-    "": ModelFile,
-    "model": ModelTable,
-    "structure": StructureTable,
-    "structure.sections": SectionTable,
-    "beam": StructureTable,
-    "beam.sections": SectionTable,
-    "joints": JointTable,
-    "joints.law": LawTable,
-    "joints.normal_contact": ContactTable,
-    "joints.normal_contact.points": PointTable,
-    "law": LawTable,
-    "damping": DampingTable,
-    "snapback": SnapbackTable,
-    "frf": FrfTable,
-    "map": MapTable,
-    "loop": LoopTable,
-    "control": ControlTable,
-}
-_FORMER = FormerNames()
-"""What keys of ``model.toml`` were called before."""
+KIND = FileKind(
+    table=ModelFile,
+    tables={
+        "": ModelFile,
+        "model": ModelTable,
+        "structure": StructureTable,
+        "structure.sections": SectionTable,
+        "beam": StructureTable,
+        "beam.sections": SectionTable,
+        "joints": JointTable,
+        "joints.law": LawTable,
+        "joints.normal_contact": ContactTable,
+        "joints.normal_contact.points": PointTable,
+        "law": LawTable,
+        "damping": DampingTable,
+        "snapback": SnapbackTable,
+        "frf": FrfTable,
+        "map": MapTable,
+        "loop": LoopTable,
+        "control": ControlTable,
+    },
+    name=FILE_NAME,
+    absent="there is no model here",
+    guide="docs/simulate.md",
+)
 
 
 def locate(path: str | Path) -> Path:
     """The file of a model, named itself or by its folder."""
-    path = Path(path)
-    return path / FILE_NAME if path.is_dir() else path
+    return KIND.locate(path)
 
 
 def load(path: str | Path) -> ModelFile:
@@ -379,21 +380,6 @@ def load(path: str | Path) -> ModelFile:
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
-    model = validated(ModelFile, read_text(locate(path)), str(locate(path)), TABLES, former=_FORMER)
+    model = KIND.load(path)
     warn(model.former_names)
     return model
-
-
-def read_text(path: Path) -> str:
-    """The text of the file.
-
-    Raises
-    ------
-    InputError : no such file, or no text.
-    """
-    return tables.read_text(
-        path,
-        "there is no model here",
-        expected=f"a file such as {FILE_NAME}",
-        advice="write one as docs/simulate.md shows, or correct the path",
-    )

@@ -12,7 +12,7 @@ from acquisition.live.opendaq_rig import OpendaqRig, Wire
 from acquisition.live.trigger import Trigger
 from ema.data import Channel, Source
 from ema.errors import InputError
-from ema.tables import FormerNames, Table, read_text, validated, warn
+from ema.tables import FileKind, Table, warn
 from ema.units import SI_UNIT
 
 __all__ = ["FILE_NAME", "RigFile", "load", "open_rig", "wires"]
@@ -84,16 +84,20 @@ class RigFile(Table):
         return self
 
 
-_TABLES: dict[str, type[Table]] = {
-    "": RigFile,
-    "rig": RigTable,
-    "take": TakeTable,
-    "campaign": AboutTable,
-    "channels": RigChannelTable,
-    "joints": JointTable,
-}
-_FORMER = FormerNames()
-"""What keys of ``rig.toml`` were called before."""
+KIND = FileKind(
+    table=RigFile,
+    tables={
+        "": RigFile,
+        "rig": RigTable,
+        "take": TakeTable,
+        "campaign": AboutTable,
+        "channels": RigChannelTable,
+        "joints": JointTable,
+    },
+    name=FILE_NAME,
+    absent="there is no rig here",
+    guide="docs/record.md",
+)
 
 
 def load(path: Path) -> RigFile:
@@ -103,14 +107,7 @@ def load(path: Path) -> RigFile:
     ------
     InputError : no such file, or a key that is unknown, missing or wrong, with its line.
     """
-    path = path / FILE_NAME if path.is_dir() else path
-    text = read_text(
-        path,
-        "there is no rig here",
-        expected=f"a file {FILE_NAME}",
-        advice="write one as docs/record.md shows, or correct the path",
-    )
-    rig = validated(RigFile, text, str(path), _TABLES, former=_FORMER)
+    rig = KIND.load(path)
     warn(rig.former_names)
     return rig
 

@@ -86,6 +86,8 @@ def _parts(
     parts = []
     for count, layout, number in zip(counts, formats, wanted, strict=True):
         body = lines[first : first + count]
+        if _narrower(body, layout, number):
+            layout = (layout[0], layout[1] - 1)
         values = list(_numbers(body, *layout))
         if len(values) < number:
             raise wrong("the file ends too early", f"{len(values)} of {number} numbers", "copy or export it again")
@@ -108,6 +110,17 @@ def _parts(
             "copy or export it again",
         )
     return parts
+
+
+def _narrower(body: list[str], layout: tuple[int, int], number: int) -> bool:
+    """Whether every line is as long as fields one character narrower than announced make it.
+
+    ``scipy.io.hb_write`` announces ``3E25.16`` and writes ``%24.16E`` without a blank between.
+    """
+    per_line, width = layout
+    wanted = [per_line] * (number // per_line) + [number % per_line] * (number % per_line > 0)
+    lengths = [len(line.rstrip()) for line in body]
+    return number > 1 and width > 20 and lengths == [count * (width - 1) for count in wanted]
 
 
 def _filled(parts: list[list[str]], size: int, symmetric: bool, wrong: Any) -> Float[np.ndarray, "n n"]:

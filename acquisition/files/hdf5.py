@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.contents import Contents
-from acquisition.files.arrange import arrange
+from acquisition.files.array_contents import contents_of
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
@@ -42,7 +42,7 @@ def read(path: Path, layout: Layout) -> Contents:
     """
     notes = compare_length(path, layout)
     pool = variables(path)
-    contents = arrange(pool, layout if layout.kind else replace(layout, **_itself(pool.arrays, layout)))
+    contents = contents_of(pool, layout if layout.kind else replace(layout, **_itself(pool.arrays, layout)))
     return replace(contents, findings=(*notes, *contents.findings))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files import sniff, table
-from acquisition.files.arrange import arrange
+from acquisition.files.array_contents import contents_of
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 from ema.errors import InputError
@@ -27,7 +27,7 @@ def read(path: Path, layout: Layout) -> Contents:
     arrays = {name: value for name, value in found.items() if not isinstance(value, str)}
     metadata = tuple((name, value) for name, value in found.items() if isinstance(value, str))
     tables = [name for name, value in arrays.items() if np.ndim(value) == 2]
-    return arrange(Arrays(path.name, arrays, tables[0] if len(tables) == 1 else "", metadata=metadata), layout)
+    return contents_of(Arrays(path.name, arrays, tables[0] if len(tables) == 1 else "", metadata=metadata), layout)
 
 
 def _once(pairs: list[tuple[str, Any]], where: str) -> dict[str, Any]:
@@ -52,13 +52,22 @@ def _walk(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     elif isinstance(value, str):
         yield name, value
     elif isinstance(value, (int, float, list)) and not isinstance(value, bool):
-        try:
-            array = np.asarray(value)
-        except ValueError:  # rows of unequal length
-            array = np.asarray([], dtype=object)
+        array = _array(value)
         if array.dtype.kind in "iufU" and array.size:
             yield name, array
         elif isinstance(value, list):
             for number, inner in enumerate(value):
                 if isinstance(inner, (dict, list)):
                     yield from _walk(f"{name}.{number}" if name else str(number), inner)
+
+
+def _array(value: Any) -> Any:
+    """Numbers or lists of them; ``null`` beside numbers is NaN, as which other programs write it. Else of objects."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of unequal length
+        return np.asarray([], dtype=object)
+    known = [one for one in array.flat if one is not None] if array.dtype == object else []
+    if known and all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in known):
+        return array.astype(np.float64)
+    return array

@@ -13,6 +13,7 @@ from acquisition.files import sniff, table
 from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
+from acquisition.files.sampled import TOGETHER
 from acquisition.files.signals import make_recording, nice_rate, rate_of, same_rate
 from acquisition.files.table.titles import distinct
 from ema.data import Finding
@@ -114,6 +115,7 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
     for place in times[1:]:
         same_rate(rate_of(values[:, place], name), rate_of(values[:, times[0]], name), len(values), name)
     rate = _rate(header, values[:, times[0]] if times else None, decimal, name)
+    _check_starts(header, [float(values[0, place]) for place in times], rate, name)
     names = distinct([titles[place] or f"column {place}" for place in signals])
     notes += [
         Finding("warning", "no-title", f"{name}, column {place}", "the column has no title.")
@@ -239,6 +241,25 @@ def _values(rows: list[str], separator: str, decimal: str, columns: int, name: s
         return np.array([row + [np.nan] * (columns - len(row)) for row in table_])
     except ValueError as error:
         raise InputError(f"a row is no numbers: {error}", where=name) from error
+
+
+def _check_starts(header: dict[str, list[str]], begins: list[float], rate: float, name: str) -> None:
+    """Refuse channels that begin at different times, by their first times or by the header.
+
+    Raises
+    ------
+    InputError : two of them are further apart than :data:`~acquisition.files.sampled.TOGETHER` of a sample.
+    """
+    stated = [float(cell.replace(",", ".")) for cell in header.get("X0", []) if cell]
+    for starts in (begins, stated):
+        if starts and (max(starts) - min(starts)) * rate > TOGETHER:
+            raise InputError(
+                "the channels begin at different times",
+                where=name,
+                got=", ".join(f"{start:g} s" for start in starts[:4]),
+                expected="one start for all of a segment",
+                advice="export the channels that were started together",
+            )
 
 
 def _rate(header: dict[str, list[str]], times: Any, decimal: str, name: str) -> float:

@@ -9,13 +9,13 @@ from typing import Any, Literal
 import numpy as np
 
 from acquisition.contents import Contents
-from acquisition.files.arrange import arrange
+from acquisition.files.array_contents import contents_of
 from acquisition.files.arrays import Arrays
 from acquisition.files.hdf5 import compare_length, not_read
 from acquisition.files.layout import Layout
-from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import refuse_doubles
 from acquisition.files.scales import is_unit
+from acquisition.files.suppressed_warnings import suppressed_warnings
 from acquisition.isolated import call
 from ema.errors import InputError
 
@@ -28,7 +28,7 @@ def read(path: Path, layout: Layout) -> Contents:
     InputError : damaged, or in need of a layout.
     """
     notes = compare_length(path, layout)
-    contents = arrange(variables(path), layout)
+    contents = contents_of(variables(path), layout)
     return replace(contents, findings=(*notes, *contents.findings))
 
 
@@ -62,7 +62,7 @@ def tree(path: Path) -> dict[str, Any]:
     else:
         from scipy.io import loadmat, whosmat
 
-        with quiet():
+        with suppressed_warnings():
             refuse_doubles([name for name, _, _ in whosmat(path)], path)
             top = loadmat(path, simplify_cells=True)
     leaves = [leaf for key, value in top.items() if not key.startswith("__") for leaf in _walk(key, value)]

@@ -88,6 +88,7 @@ def entries(path: Path) -> dict[str, Any]:
     return {"shape": shape, "rows": rows, "columns": columns, "values": matrix.data}
 
 
+_WHOLE = rb"[-+]?\d++"
 _NUMBER = rb"[-+]?(?>\d++\.?+\d*+|\.\d++|nan|inf(?:inity)?)(?>[eE][-+]?\d++)?"
 
 
@@ -101,7 +102,8 @@ def _check_lines(path: Path, coordinate: bool, field: str) -> None:
     ValueError : there is one.
     """
     values = 2 if field == "complex" else 1
-    words = [rb"\d++"] * (2 if coordinate else 0) + [_NUMBER] * values
+    number = _WHOLE if field in ("integer", "unsigned-integer") else _NUMBER
+    words = [rb"\d++"] * (2 if coordinate else 0) + [number] * values
     line = rb"[ \t]*+" + rb"[ \t]++".join(words) + rb"[ \t\r]*+(?:\n|\Z)"
     body = path.read_bytes().partition(b"\n")[2]
     head = re.match(rb"(?>%[^\n]*+\n|\s*+\n)*+[^\n]*+(?:\n|\Z)", body)  # comments, and the line of sizes

@@ -11,10 +11,10 @@ import numpy as np
 from acquisition.contents import Contents
 from acquisition.files import mdf4_blocks
 from acquisition.files.layout import Layout
-from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import differs
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import rate_of
+from acquisition.files.suppressed_warnings import suppressed_warnings
 from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError, require
@@ -31,7 +31,7 @@ def read(path: Path, layout: Layout) -> Contents:
     there = call("mdf4", path, salvage=layout.salvage)
     if not there["channels"]:
         raise InputError("no numeric channel in the file", where=path.name)
-    sampled = [Sampled(one["name"], one["unit"], one["samples"], one["rate"]) for one in there["channels"]]
+    sampled = [Sampled(**channel) for channel in there["channels"]]
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
     notes = [
         Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no row of numbers.")
@@ -54,7 +54,8 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def channels(path: Path, salvage: bool = False) -> dict[str, Any]:
-    """The ``channels`` of a file, each with ``name``, ``unit``, ``samples`` and ``rate`` in Hz, and its ``metadata``.
+    """The ``channels`` of a file, each with ``name``, ``unit``, ``samples``, ``rate`` in Hz and ``start`` in s, and its
+    ``metadata``.
 
     ``skipped`` names channels that are no numbers, ``invalid`` those with values that the logger marked as invalid;
     ``corrected`` are numbers that contradicted the file, and what they must be, where ``salvage`` was asked for.
@@ -67,7 +68,7 @@ def channels(path: Path, salvage: bool = False) -> dict[str, Any]:
     cycles, corrections = mdf4_blocks.check(path, salvage) if _version(path) == 4 else (None, [])
     found, skipped, invalid = [], [], []
     # handed an open file: by name the package may open it for writing
-    with quiet("asammdf"), _corrected(path, corrections) as raw, asammdf.MDF(raw) as file:
+    with suppressed_warnings("asammdf"), _corrected(path, corrections) as raw, asammdf.MDF(raw) as file:
         metadata = [("version", str(file.version)), ("start", str(file.start_time))]
         announced = [int(group.channel_group.cycles_nr) for group in file.groups]
         if cycles is not None and announced != cycles:
@@ -91,8 +92,17 @@ def channels(path: Path, salvage: bool = False) -> dict[str, Any]:
                 if marked is not None and np.any(marked):
                     invalid.append(name)
                     samples = np.where(np.asarray(marked, dtype=bool), np.nan, samples.astype(np.float64))
-                rate = rate_of(np.asarray(signal.timestamps, dtype=np.float64), f"{path.name}, {name}")
-                found.append({"name": name, "unit": str(signal.unit or ""), "samples": samples, "rate": rate})
+                times = np.asarray(signal.timestamps, dtype=np.float64)
+                rate = rate_of(times, f"{path.name}, {name}")
+                found.append(
+                    {
+                        "name": name,
+                        "unit": str(signal.unit or ""),
+                        "samples": samples,
+                        "rate": rate,
+                        "start": float(times[0]),
+                    }
+                )
     pairs = [[one.stated, one.right] for one in corrections]
     return {"channels": found, "metadata": metadata, "skipped": skipped, "invalid": invalid, "corrected": pairs}
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from acquisition.contents import Contents
-from acquisition.files.arrange import arrange
+from acquisition.files.array_contents import contents_of
 from acquisition.files.arrays import Arrays
 from acquisition.files.hdf5 import not_read
 from acquisition.files.layout import Layout
-from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import differs, refuse_doubles
+from acquisition.files.suppressed_warnings import suppressed_warnings
 from acquisition.isolated import call
 from acquisition.isolated.limits import check_zip
 from ema.data import Finding
@@ -31,11 +31,11 @@ def read(path: Path, layout: Layout) -> Contents:
     if not single:
         there = call("npz", path)
         left = (not_read(path.name, there["left"]),) if there["left"] else ()
-        return arrange(Arrays(path.name, there["arrays"], findings=left), layout)
-    with quiet():
+        return contents_of(Arrays(path.name, there["arrays"], findings=left), layout)
+    with suppressed_warnings():
         notes = _announced(path, layout)
         array = np.load(path, allow_pickle=False)
-    return arrange(Arrays(path.name, {"": array}, findings=notes), layout)
+    return contents_of(Arrays(path.name, {"": array}, findings=notes), layout)
 
 
 def members(path: Path) -> dict[str, Any]:

@@ -179,9 +179,16 @@ def _axis(array: Any, layout: Layout) -> str:
 
 
 def _channels_first(array: Any, axis: str) -> Any:
-    """The array with one channel per row; without an axis the longer side is time."""
+    """The array with one channel per row; without an axis the longer side is time, and equal sides are asked about."""
     if array.ndim != 2:
         raise InputError("a table of signals is wanted", got=f"an array of shape {array.shape}", expected="two axes")
+    if not axis and array.shape[0] == array.shape[1]:
+        raise InputError(
+            "nothing says whether the rows or the columns of an array are its channels",
+            got=f"an array of shape {array.shape}",
+            expected="more samples than channels",
+            advice="say axis='columns' or axis='rows'",
+        )
     if axis == "columns" or (not axis and array.shape[0] > array.shape[1]):
         return array.T
     return array

@@ -1,6 +1,7 @@
 """LabVIEW TDMS."""
 
 import struct
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,10 @@ import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files.layout import Layout
-from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import differs
 from acquisition.files.sampled import Sampled, recordings
 from acquisition.files.signals import nice_rate
+from acquisition.files.suppressed_warnings import suppressed_warnings
 from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError, require
@@ -37,7 +38,7 @@ def read(path: Path, layout: Layout) -> Contents:
                 where=f"{path.name}, {channel['channel']}",
                 advice="say sampling_rate=... [Hz]",
             )
-        sampled.append(Sampled(channel["name"], channel["unit"], channel["samples"], float(rate)))
+        sampled.append(Sampled(channel["name"], channel["unit"], channel["samples"], float(rate), channel["start"]))
     if not sampled:
         raise InputError("no numeric channel in the file", where=path.name)
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
@@ -99,12 +100,13 @@ def channels(path: Path) -> dict[str, Any]:
     """The numeric ``channels`` of a file, its ``metadata``, if its last segment is ``cut``, and what is ``left`` out.
 
     Each channel has its ``channel`` name, a ``name`` that is its own in the file, ``unit``, ``samples`` and the
-    ``step`` in s, 0 where none is stated.
+    ``step`` in s, 0 where none is stated, and ``start`` in s after the first time stamp of the file.
     """
     nptdms = require("nptdms", "formats")
     made, left = [], []
-    with quiet("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
+    with suppressed_warnings("nptdms"), nptdms.TdmsFile.read(str(path)) as file:
         groups = file.groups()
+        stamps = [channel.properties.get("wf_start_time") for group in groups for channel in group.channels()]
         for group in groups:
             for channel in group.channels():
                 if len(channel) == 0 or np.asarray(channel[:1]).dtype.kind not in "biuf":
@@ -117,6 +119,7 @@ def channels(path: Path) -> dict[str, Any]:
                         "name": channel.name if len(groups) == 1 else f"{group.name}/{channel.name}",
                         "unit": str(properties.get("unit_string") or properties.get("Unit") or ""),
                         "step": float(properties.get("wf_increment") or 0.0),
+                        "start": float(properties.get("wf_start_offset") or 0.0) + _seconds(properties, stamps),
                         "samples": np.asarray(channel[:]),
                     }
                 )
@@ -127,3 +130,10 @@ def channels(path: Path) -> dict[str, Any]:
             "cut": bool(file.file_status.incomplete_final_segment),
             "left": left,
         }
+
+
+def _seconds(properties: Mapping[str, Any], stamps: Sequence[Any]) -> float:
+    """Seconds between the first of the time stamps and that of a channel; 0 where one of them has none."""
+    if not all(isinstance(stamp, np.datetime64) for stamp in stamps):
+        return 0.0
+    return float((properties["wf_start_time"] - min(stamps)) / np.timedelta64(1, "ns")) / 1e9

@@ -12,9 +12,9 @@ from jaxtyping import Float, Int
 from acquisition.contents import Contents
 from acquisition.files import table
 from acquisition.files.layout import Layout
-from acquisition.files.quiet import quiet
 from acquisition.files.reconcile import differs
 from acquisition.files.scales import is_unit
+from acquisition.files.suppressed_warnings import suppressed_warnings
 from acquisition.isolated import call
 from acquisition.isolated.limits import check_zip
 from ema.data import Finding
@@ -40,7 +40,7 @@ def read(path: Path, layout: Layout) -> Contents:
     for row, column, text in there["texts"]:
         texts.setdefault(row, {})[column] = text
     segment, notes = _segment(there["places"], there["values"], texts, layout=layout, where=where)
-    contents = table.arranged(segment, layout, where)
+    contents = table.segment_contents(segment, layout, where)
     others = [name for name in sheets if name != there["sheet"]]
     if others and layout.sheet is None:
         message = f"sheets that were not read: {', '.join(others[:5])}{' ...' if len(others) > 5 else ''}."
@@ -60,7 +60,7 @@ def cells(path: Path, sheet: str | None) -> dict[str, Any]:
     """
     openpyxl = require("openpyxl", "formats")
     check_zip(path)
-    with quiet():
+    with suppressed_warnings():
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     try:
         names = [name for name in book.sheetnames if sheet in (None, name)]

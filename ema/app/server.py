@@ -268,8 +268,11 @@ class _Handler(BaseHTTPRequestHandler):
     def _welcome(self, path: str, token: str) -> bool:
         if self.app.token:
             return secrets.compare_digest(token.encode(), self.app.token.encode()) or path in _STATIC
-        # a name that somebody else points to this machine is not ours
-        return _local(urlsplit(f"//{self.headers.get('Host', '')}").hostname or "")
+        # a name that somebody else points to this machine is not ours; one name alone, and nothing but a port with it
+        hosts = self.headers.get_all("Host") or [""]
+        url = urlsplit(f"//{hosts[0]}")
+        alone = len(hosts) == 1 and url.netloc == hosts[0] and url.username is None
+        return alone and (url.port is None or url.port > 0) and _local(url.hostname or "")
 
     def _view(self, name: str, query: dict[str, str]) -> dict[str, Any]:
         bench = self.app.bench

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from acquisition.quantities import Force, Forces, Frequency, Ratio
-from ema.tables import FormerNames, Table, read_text, validated, warn
+from ema.tables import FileKind, Table, warn
 
 FILE_NAME = "joint.toml"
 QUANTITIES = {
@@ -107,14 +107,19 @@ class JointFile(Table):
         return self
 
 
-TABLES: dict[str, type[Table]] = {
-    "": JointFile,
-    "bare": BareTable,
-    "prior": PriorTable,
-    "hammer": ReadingTable,
-    "shaker": SentenceTable,
-}
-_FORMER = FormerNames()
+KIND = FileKind(
+    table=JointFile,
+    tables={
+        "": JointFile,
+        "bare": BareTable,
+        "prior": PriorTable,
+        "hammer": ReadingTable,
+        "shaker": SentenceTable,
+    },
+    name=FILE_NAME,
+    absent="there are no statements here",
+    guide="docs/joint.md",
+)
 
 
 def load(path: str | Path) -> JointFile:
@@ -124,14 +129,6 @@ def load(path: str | Path) -> JointFile:
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
-    path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
-    text = read_text(
-        path,
-        "there are no statements here",
-        expected=f"a file such as {FILE_NAME}",
-        advice="write one as docs/joint.md shows, or correct the path",
-    )
-    told = validated(JointFile, text, str(path), TABLES, former=_FORMER)
-    warn(told.former_names)
-    return told
+    statements = KIND.load(path)
+    warn(statements.former_names)
+    return statements

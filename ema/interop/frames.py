@@ -167,6 +167,7 @@ def to_pyfbs(
     import pandas as pd
 
     def table(dofs: tuple[Dof, ...], quantity: str) -> "pd.DataFrame":
+        """Rows of DOFs with the places [m] and directions of their nodes, as pyFBS names its columns."""
         wrong = [dof for dof in dofs if dof.axis not in ("X", "Y", "Z")]
         if wrong:
             raise InputError("pyFBS knows translations only in these tables", got=str(wrong[0]))

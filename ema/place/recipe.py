@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from acquisition import law_of
 from acquisition.model_file import LawTable
@@ -24,7 +24,7 @@ from acquisition.quantities import (
 )
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.place.objective import Objective
-from ema.tables import FormerNames, Table, read_text, validated
+from ema.tables import FileKind, Table
 
 Near = Annotated[
     list[Frequency], BeforeValidator(lambda value: value if isinstance(value, list) else [value]), Field(min_length=1)
@@ -225,19 +225,23 @@ class PlaceRecipe(Table):
 
 LAWS = ("masing", "iwan", "regularised masing", "dahl")
 """Laws with a describing function whose parameters are plain numbers."""
-TABLES: dict[str, type[BaseModel]] = {
-    "": PlaceRecipe,
-    "objective": ObjectiveTable,
-    "beams": BeamTable,
-    "joint": PlacedJointTable,
-    "joint.law": LawTable,
-    "search": SearchTable,
-    "control": ControlTable,
-    "forecast": ForecastTable,
-    "expect": PlaceExpectTable,
-}
-FORMER = FormerNames()
-"""What keys of a placement recipe were called before."""
+KIND = FileKind(
+    table=PlaceRecipe,
+    tables={
+        "": PlaceRecipe,
+        "objective": ObjectiveTable,
+        "beams": BeamTable,
+        "joint": PlacedJointTable,
+        "joint.law": LawTable,
+        "search": SearchTable,
+        "control": ControlTable,
+        "forecast": ForecastTable,
+        "expect": PlaceExpectTable,
+    },
+    name="place.toml",
+    absent="there is no such recipe",
+    guide="docs/placement.md",
+)
 
 
 def load(path: Path) -> PlaceRecipe:
@@ -247,5 +251,4 @@ def load(path: Path) -> PlaceRecipe:
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
     """
-    text = read_text(path, "there is no such recipe", expected="a TOML file", advice="docs/placement.md shows one")
-    return validated(PlaceRecipe, text, str(path), TABLES, former=FORMER)
+    return KIND.load(path)

@@ -74,6 +74,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        """``draw`` with checked arguments, in the style, and with names of channels and runs as they are written."""
         check_arguments(draw.__name__, form, args, kwargs)
         with matplotlib.rc_context(_STYLE):
             drawn = draw(*args, **kwargs)

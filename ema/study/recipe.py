@@ -9,8 +9,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag, ValidationError, mode
 from ema import tables
 from ema.data.results import Verdict
 from ema.errors import InputError
-from ema.place.recipe import FORMER as FORMER_PLACEMENT
-from ema.place.recipe import TABLES as PLACEMENT
+from ema.place.recipe import KIND as PLACEMENT
 from ema.place.recipe import PlaceRecipe
 
 _FILE, _TABLE = "<file>", "<table>"
@@ -265,11 +264,11 @@ _TABLES: dict[str, type[BaseModel]] = {
     "statements": StatementTable,
     "ring_down": RingDownTable,
     "loop": LoopTable,
-    **{f"placement.{name}".rstrip("."): table for name, table in PLACEMENT.items()},
+    **{f"placement.{name}".rstrip("."): table for name, table in PLACEMENT.tables.items()},
 }
 _FORMER = tables.FormerNames(
-    keys={f"placement.{name}": new for name, new in FORMER_PLACEMENT.keys.items()},
-    choices={f"placement.{name}": new for name, new in FORMER_PLACEMENT.choices.items()},
+    keys={f"placement.{name}": new for name, new in PLACEMENT.former.keys.items()},
+    choices={f"placement.{name}": new for name, new in PLACEMENT.former.choices.items()},
 )
 """What keys of a recipe were called before."""
 

@@ -3,6 +3,7 @@
 from ema.lazy import attach
 
 _HOMES = {
+    "FileKind": "ema.tables.file_kind",
     "FormerNames": "ema.tables.former",
     "Table": "ema.tables.schema",
     "Trouble": "ema.tables.schema",

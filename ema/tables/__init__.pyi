@@ -1,3 +1,4 @@
+from ema.tables.file_kind import FileKind as FileKind
 from ema.tables.former import FormerNames as FormerNames
 from ema.tables.former import renamed as renamed
 from ema.tables.former import warn as warn

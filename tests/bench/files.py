@@ -59,7 +59,6 @@ RESTS: dict[str, tuple[str, ...]] = {
     "faults save": _STORE,
     "faults record": (*_STORE, "acquisition/live", "acquisition/session.py", "acquisition/recording.py"),
     "faults run": _STUDY,
-    "faults run-without-report": _STUDY,
     "faults map": (*_STUDY, "ema/cli/mapping.py"),
     "faults place": (*_STORE, "ema/place/shortlist.py", "ema/cli/placing.py"),
     "many files": ("acquisition/files/uff", "acquisition/registry.py", "tests/bench/many.py"),

@@ -6,7 +6,6 @@ import io
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -135,7 +134,6 @@ class Studying:
 
     name: str = "run"
     results: list[RunResult] = field(default_factory=list)
-    report: bool = True
 
     def prepare(self, folder: Path) -> None:
         """The small study of the unit tests."""
@@ -157,6 +155,7 @@ class Studying:
                 return replace(self.results[0], run=run)
 
             chain.analyse = once
+            _blank_pictures()
             study = Study.load(folder / "recipe.toml")
             study.run()
             shutil.rmtree(folder / "_build")
@@ -165,8 +164,6 @@ class Studying:
         """Run it, taking what is finished."""
         from ema.study import Study, chain
 
-        if not self.report:
-            _without_report()
         chain.analyse = _announced(chain.analyse, report, "computing", lambda run, *rest, **more: run.id)
         Study._keep = _announced(Study._keep, report, "finished", lambda study, run, *rest: run.id)  # type: ignore
         Study.load(folder / "recipe.toml").run(resume=True)
@@ -183,8 +180,7 @@ class Studying:
         """Result and report are there, and nothing else."""
         held = store.load(folder / "_build" / "recipe.h5")
         assert [one.run.id for one in held.runs] == ["first", "second"]
-        if self.report:
-            assert (folder / "_build" / "recipe.html").stat().st_size > 10_000
+        assert (folder / "_build" / "recipe.html").stat().st_size > 10_000
         assert remains(folder / "_build") == []
 
 
@@ -373,7 +369,6 @@ SUBJECTS: dict[str, Callable[[], Any]] = {
     "save": Saving,
     "record": Measuring,
     "run": Studying,
-    "run-without-report": partial(Studying, report=False),
     "map": Mapping,
     "place": Placing,
 }

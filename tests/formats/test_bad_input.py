@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -141,6 +142,23 @@ def test_values_that_are_not_finite_are_reported(tmp_path: Path, bad: float, bin
     assert contents.frfs[0].values.shape == (10, 2, 1)
     (finding,) = contents.findings
     assert (finding.code, finding.severity, finding.value) == ("not-finite", "error", 10.0)
+
+
+def test_bytes_that_signal_while_they_are_compared_are_findings_and_no_warnings(tmp_path: Path) -> None:
+    """A flipped bit makes 1.0 a signalling NaN of IEEE 754 (0x7ff0000000000001), which numpy warns of in a comparison."""
+    one = np.frombuffer(bytes.fromhex("010000000000f07f0000000000000000"), "<c16")
+    assert np.isnan(one.real[0])
+    header = Header(
+        function=4, kind=6, points=64, step=1.0, response=Point("NONE", 1, 3), reference=Point("NONE", 9, 3)
+    )
+    header = replace(header, abscissa=Axis(18), ordinate=Axis(12), denominator=Axis(13), binary=True)
+    path = tmp_path / "a.uff"
+    plain = function(header, None, np.ones(64, "<c16"))
+    path.write_bytes(plain.replace(np.ones(61, "<c16").tobytes(), one.tobytes() * 61, 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        contents = acquisition.read(path)
+    assert [finding.code for finding in contents.findings] == ["not-finite"]
 
 
 def test_a_huge_announced_length_costs_nothing(tmp_path: Path) -> None:

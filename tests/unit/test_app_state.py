@@ -350,6 +350,11 @@ def action(body: bytes, path: bytes = b"/api/near", host: bytes = b"127.0.0.1") 
     [
         (action(b"{}", host=b"[::1"), 400, "not understood"),
         (action(b"{}", host=b"evil.example"), 403, "token"),
+        (action(b"{}", host=b"127.0.0.1\r\nHost: evil.example"), 403, "token"),
+        (action(b"{}", host=b"evil.example@127.0.0.1"), 403, "token"),
+        (action(b"{}", host=b"127.0.0.1/evil.example"), 403, "token"),
+        (action(b"{}", host=b"127.0.0.1:99999999"), 400, "not understood"),
+        (action(b"{}", host=b"127.0.0.1:x"), 400, "not understood"),
         (action(b"[" * 30_000), 400, "more than 16 levels"),
         (action(b'{"frequency":' * 4_000), 400, "more than 16 levels"),
         (action(b'{"frequency": 1e999}'), 400, "too large a number"),

@@ -21,10 +21,10 @@ def test_there_are_examples() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in campaign_file._TABLES if name not in ("", "runs.files", "runs.channels")]
+    "name", [name for name in campaign_file.KIND.tables if name not in ("", "runs.files", "runs.channels")]
 )
 def test_every_key_is_described(name: str) -> None:
     title = f"## [[{name}]]" if f"## [[{name}]]" in TEXT else f"## [{name}]"
     section = TEXT.split(title, 1)[1].split("\n## ")[0] if title in TEXT else TEXT
-    for key in campaign_file._TABLES[name].model_fields:
+    for key in campaign_file.KIND.tables[name].model_fields:
         assert re.search(rf"\b{key}\b", section), f"{key} of {title}"

@@ -11,6 +11,7 @@ import types
 import typing
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -30,11 +31,16 @@ from tests.journeys.small_campaign import campaign
 GOLDEN = Path(__file__).parent / "golden"
 FILES = sorted((GOLDEN / "toml_v1").glob("*.toml"))
 SCHEMAS: dict[str, tuple[type[Table], typing.Mapping[str, type[BaseModel]], FormerNames]] = {
-    "campaign": (campaign_file.CampaignFile, campaign_file._TABLES, campaign_file._FORMER),
-    "model": (model_file.ModelFile, model_file.TABLES, model_file._FORMER),
-    "rig": (rig_file.RigFile, rig_file._TABLES, rig_file._FORMER),
+    **{
+        name: (module.KIND.table, module.KIND.tables, module.KIND.former)
+        for name, module in (
+            ("campaign", campaign_file),
+            ("model", model_file),
+            ("rig", rig_file),
+            ("place", place_recipe),
+        )
+    },
     "recipe": (study_recipe.Recipe, study_recipe._TABLES, study_recipe._FORMER),
-    "place": (place_recipe.PlaceRecipe, place_recipe.TABLES, place_recipe.FORMER),
 }
 
 
@@ -133,11 +139,12 @@ INVENTED = FormerNames(
 
 @pytest.fixture
 def with_former_names(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign_file, "_FORMER", INVENTED)
+    monkeypatch.setattr(campaign_file, "KIND", replace(campaign_file.KIND, former=INVENTED))
     monkeypatch.setattr(
         study_recipe, "_FORMER", FormerNames(keys={"fit.frequency_band": "band", "campagne": "campaign"})
     )
-    monkeypatch.setattr(model_file, "_FORMER", FormerNames(keys={"joints.preload": "normal_force"}))
+    preload = FormerNames(keys={"joints.preload": "normal_force"})
+    monkeypatch.setattr(model_file, "KIND", replace(model_file.KIND, former=preload))
 
 
 def test_a_former_name_is_read_as_before_and_reaches_the_result(

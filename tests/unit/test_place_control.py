@@ -6,7 +6,7 @@ import pytest
 from ema import place, shapes
 from ema.data.comparison import Verdict
 from ema.errors import FailureError, InputError
-from ema.place.recipe import TABLES, PlaceRecipe
+from ema.place.recipe import KIND, PlaceRecipe
 from ema.place.task import predicted
 from tests.unit.placement_rig import RECIPE, bare_table
 from tests.unit.test_place_answers import spot, task_of
@@ -33,7 +33,9 @@ def test_a_controlled_force_is_told_against_the_best_constant_one(table):
 def recipe() -> PlaceRecipe:
     from ema.tables import validated
 
-    return validated(PlaceRecipe, RECIPE.replace("shortlist = 3", "shortlist = 1").replace("= 20", "= 0"), "r", TABLES)
+    return validated(
+        PlaceRecipe, RECIPE.replace("shortlist = 3", "shortlist = 1").replace("= 20", "= 0"), "r", KIND.tables
+    )
 
 
 def test_a_model_that_does_not_agree_places_only_anyway(tmp_path):

@@ -20,9 +20,9 @@ def test_the_example_is_a_model(tmp_path):
     assert model.name == "beam on a beam" and len(model.joints[0].pairs) == 5
 
 
-@pytest.mark.parametrize("name", [name for name in model_file.TABLES if name])
+@pytest.mark.parametrize("name", [name for name in model_file.KIND.tables if name])
 def test_every_key_is_described(name):
-    for key in model_file.TABLES[name].model_fields:
+    for key in model_file.KIND.tables[name].model_fields:
         assert re.search(rf"\b{key}\b", TEXT), f"{key} of [{name}]"
 
 

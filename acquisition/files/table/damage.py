@@ -36,6 +36,8 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
                 what = "a row that holds no numbers"
             elif not gap and len(after.labels) == 1 and columns == expected - 1 and _titled(before):
                 what = "a row that begins with no number"
+            elif not gap and re.match(r"\s*[-+]?\.?\d", after.labels[0]):  # the mark behind a number became a letter
+                what = "a row that begins with a damaged number"
         elif after is segments[-1]:
             if any(_broken(line, delimiter, decimal, expected) for line in gap):
                 what = "a row that holds no numbers"

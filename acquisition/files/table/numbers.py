@@ -43,7 +43,10 @@ def block(lines: list[str], delimiter: str, decimal: str, *, columns: int, close
 
 
 def _number(cell: str) -> complex:
-    """A real or complex number; an empty cell is NaN."""
+    """A real or complex number; an empty cell is NaN.
+
+    In brackets stand complex numbers alone: what accountants mean by ``(1.5)``, -1.5, others do not.
+    """
     try:
         return float(cell)
     except ValueError:
@@ -52,8 +55,8 @@ def _number(cell: str) -> complex:
             cell = cell[1:-1].strip()
         if not cell:
             return float("nan")
-        if cell[-1:] in "ij)" and cell[:1] in "+-.(0123456789":
-            return complex(cell.replace("i", "j").replace(" ", ""))
+        if re.search(r"[ij]\)?$", cell) and cell[:1] in "+-.(0123456789":
+            return complex(re.sub(r"\s*([-+])\s*", r"\1", cell.replace("i", "j")))
         if _FORTRAN.fullmatch(cell):
             cell = cell.replace("D", "E").replace("d", "e")
         return float(cell)

@@ -8,7 +8,7 @@ import numpy as np
 from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files import sniff
-from acquisition.files.arrange import arrange
+from acquisition.files.array_contents import contents_of
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
@@ -16,6 +16,7 @@ from acquisition.files.signals import same_rate
 from acquisition.files.table import announced
 from acquisition.files.table.blocks import parse
 from acquisition.files.table.segment import Segment
+from acquisition.files.table.time_stamps import in_seconds
 from acquisition.files.table.titles import by_titles, distinct, metadata
 from ema.data import Finding
 
@@ -39,8 +40,12 @@ def read(path: Path, layout: Layout) -> Contents:
     InputError : no numbers in it, or the table does not say which column is what.
     """
     text = decode(sniff.whole(path))
+    if text.count(":") >= text.count("\n"):  # a time of day has two, and most rows have one
+        text = "\n".join(in_seconds(text.splitlines(), path.name))
     segments = parse(text, layout, path.name)
-    parts = [arranged(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)]
+    parts = [
+        segment_contents(segment, layout, _name(path, number, len(segments))) for number, segment in enumerate(segments)
+    ]
     return merge(parts)
 
 
@@ -60,11 +65,11 @@ def merge(parts: list[Contents]) -> Contents:
     )
 
 
-def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
+def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
     """One segment arranged by the user's layout, or by its titles where these leave no doubt."""
     if segment.labels:
         named = {label: row[np.isfinite(row)] for label, row in zip(segment.labels, segment.values, strict=True)}
-        contents = arrange(Arrays(where, named), layout)
+        contents = contents_of(Arrays(where, named), layout)
         return replace(contents, findings=(*segment.notes, *contents.findings))
     pairs = [units.bracketed(title) for title in segment.titles]
     texts = segment.units or [unit for _, unit in pairs]
@@ -75,9 +80,11 @@ def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
     labels: dict[str, str] = {}
     headings: dict[str, str] = {}
     for place, (name, text) in enumerate(zip(names, texts, strict=True)):
+        column = segment.values[:, place]
+        real = np.iscomplexobj(column) and not np.any(column.imag)  # beside a column of complex numbers
         for key in (name, segment.titles[place], f"column {place}"):
-            if key == name or key == segment.titles[place]:
-                arrays.setdefault(key, segment.values[:, place])
+            if real or key == name or key == segment.titles[place]:
+                arrays.setdefault(key, column.real if real else column)
             labels.setdefault(key, text)
             headings.setdefault(key, f"{segment.titles[place]} {text if segment.units else ''}".strip())
             if text and text not in unknown.values():
@@ -89,11 +96,17 @@ def arranged(segment: Segment, layout: Layout, where: str) -> Contents:
     chosen = replace(by_titles(names, layout, where) if open_question else layout, axis="columns")
     clock = announced.rate(segment.header)
     if clock is not None and chosen.sampling_rate is None and chosen.kind in ("", "signals"):
-        signals = chosen.signals or [name for name in names if name != chosen.time]
-        kept = [n for n in signals if not _counts(n, pool)] if isinstance(signals, list) else signals
         rounded = clock.rounding > 0 and chosen.time is not None  # then the time axis knows better
-        chosen = replace(chosen, sampling_rate=None if rounded else clock.rate, signals=kept)
-    contents = arrange(pool, chosen)
+        chosen = replace(chosen, sampling_rate=None if rounded else clock.rate)
+    if chosen.kind == "signals" and layout.signals is None:
+        of_time = (chosen.time, units.bracketed(chosen.time or "")[0])
+        listed = [
+            name
+            for place, name in enumerate(names)
+            if name not in of_time and segment.titles[place] not in of_time and chosen.time != f"column {place}"
+        ]
+        chosen = replace(chosen, signals=[name for name in listed if not _counts(name, pool)] or listed)
+    contents = contents_of(pool, chosen)
     contents = replace(contents, findings=(*contents.findings, *_reconciled(segment, contents, layout, where)))
     stated = layout.units is not None or layout.unit is not None
     polar = (chosen.amplitude, chosen.phase)

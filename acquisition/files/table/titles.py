@@ -9,7 +9,7 @@ from acquisition.files.layout import Layout
 from acquisition.files.scales import bare_title, is_unit
 from ema.errors import InputError
 
-_TITLES = {
+TITLES = {
     "time": ("t", "time", "zeit", "x_value", "timestamp"),
     "frequency": ("f", "freq", "frequency", "frequenz"),
     "real": ("re", "real", "real part", "realteil"),
@@ -94,7 +94,7 @@ def by_titles(names: list[str], layout: Layout, where: str) -> Layout:
     """
     places: dict[str, str] = {}
     twice: dict[str, list[str]] = {}
-    for role, words in _TITLES.items():
+    for role, words in TITLES.items():
         plain = {name: re.sub(r" #\d+$", "", name) for name in names}
         fitting = [name for name in names if plain[name].lower() in words or bare_title(plain[name]) in words]
         if fitting:

@@ -11,7 +11,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files import sniff
 from acquisition.files.layout import Layout
-from acquisition.files.quiet import quiet
+from acquisition.files.suppressed_warnings import suppressed_warnings
 from acquisition.files.uff import geometry_sets, header58, mode_sets, values58
 from acquisition.files.uff.functions import Damaged, gather
 from acquisition.files.uff.header58 import mended, text_of
@@ -135,7 +135,7 @@ def read(path: Path, layout: Layout) -> Contents:
     ------
     InputError : no data set in it can be used.
     """
-    with opened(path) as file, quiet():  # damaged numbers may overflow; they are found as such
+    with opened(path) as file, suppressed_warnings():  # damaged numbers may overflow; they are found as such
         there = index(file)
         entries = [entry for entry in there if layout.sets is None or entry.number in layout.sets]
         if not entries:

@@ -1,4 +1,4 @@
-"""Foreign readers that log or warn are kept quiet: what they found out is returned as findings."""
+"""Log lines and warnings of foreign readers are suppressed: what they found out is returned as findings."""
 
 import logging
 import warnings
@@ -9,7 +9,7 @@ import numpy as np
 
 
 @contextmanager
-def quiet(*loggers: str) -> Iterator[None]:
+def suppressed_warnings(*loggers: str) -> Iterator[None]:
     """No log lines of these loggers and no warnings inside the block; everything is as before behind it."""
     found = [
         logging.getLogger(name)

@@ -11,7 +11,7 @@ from acquisition.files.shapes import modes
 from acquisition.files.signals import recording
 
 
-def arrange(arrays: Arrays, layout: Layout) -> Contents:
+def contents_of(arrays: Arrays, layout: Layout) -> Contents:
     """The contents of a container of arrays, as its layout says.
 
     Raises
