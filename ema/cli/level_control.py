@@ -1,8 +1,8 @@
 """`ema record --level`: a shaker whose force at resonance is controlled, on a device or on the virtual work table.
 
 The generator is set to one command for all lines of a stepped sine. The level is the force on the structure at the
-frequency of the largest response; a shaker gives less there than beside it, and how much less depends on the level where
-joints slip. So the command is sought by measuring.
+frequency of the largest response; a shaker gives less there than beside it, and how much less depends on the level
+where joints slip. So the command is sought by measuring.
 """
 
 from collections.abc import Iterator
