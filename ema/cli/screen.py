@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ema.data import ConditionDifference, Finding, ModalModel, RepeatGroup, RunResult, StudyResult
+from ema.data.repeats import difference_sentences
 
 if TYPE_CHECKING:
     from ema.fit.opinion import SecondOpinion
@@ -118,8 +119,8 @@ def show_conditions(out: Console, result: StudyResult) -> None:
     for found in result.differences:
         if found.pairs and found.known.any():
             out.print(_difference_table(found))
-        for sentence in found.sentences:
-            out.print(Text(sentence), soft_wrap=True)
+    for sentence in difference_sentences(result.differences):
+        out.print(Text(sentence), soft_wrap=True)
 
 
 def _repeat_table(group: RepeatGroup) -> Table:

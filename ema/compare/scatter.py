@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from ema.compare.components import half_of_difference, variance_components
 from ema.data import Condition, Finding, ModalModel, Run, RunResult
-from ema.data.repeats import NOISE_ONLY, ConditionDifference, RepeatGroup
+from ema.data.repeats import NOISE_ONLY, NOTHING_SAID, ConditionDifference, RepeatGroup
 from ema.dof import match
 from ema.errors import InputError
 from ema.shapes import mac
@@ -390,7 +390,7 @@ def _sentences(first: RepeatGroup, second: RepeatGroup, found: ConditionDifferen
         return (f"{head}: no two modes are alike.",)
     known = found.known
     if not known.any():
-        return (f"{head}: {NOISE_ONLY}. No change is called significant.",)
+        return (f"{head}{NOTHING_SAID}",)
     said = [
         f"{head}, {first.count} and {second.count} repeats: {text}"
         for text in (

@@ -4,7 +4,7 @@ import numpy as np
 
 from ema import compare
 from ema.data import ConditionDifference, RepeatGroup, RunResult, VarianceComponents
-from ema.data.repeats import NOISE_ONLY
+from ema.data.repeats import NOISE_ONLY, difference_sentences
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import MISSING, Value, fixed, plain, rounded, with_uncertainty
 
@@ -18,7 +18,7 @@ _SEPARATED = (
 def scatter(runs: list[RunResult], book: Book) -> tuple[list[str], list[Block]]:
     """What the repeats say, as sentences and as tables; nothing where a study has one condition."""
     groups, differences = compare.conditions(runs)
-    lines = [sentence for one in differences for sentence in one.sentences]
+    lines = difference_sentences(differences)
     repeated = [group for group in groups if len(group.runs) > 1]
     if not repeated:
         text = f"Intervals: {NOISE_ONLY}, because no condition was repeated. No difference is called significant here."

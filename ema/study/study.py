@@ -316,8 +316,13 @@ class Study:
         progress: Progress,
         resume: bool,
     ) -> tuple[AmplitudeDependentMode, ...]:
-        """The modes over their amplitude of a hammer test that is not linear, computed or taken from their file."""
-        if not any(finding.code == "slip-then-ring" for finding in result.findings):
+        """The modes over their amplitude of a hammer test, computed or taken from their file.
+
+        Of tests that are not linear, and of those of which a publication states numbers: they are marked on the curves.
+        """
+        stated = {one.run for one in self.recipe.statements if one.sentence}
+        linear = not any(finding.code == "slip-then-ring" for finding in result.findings)
+        if result.run.kind != "hammer" or (linear and result.run.id not in stated):
             return ()
         run = campaign[result.run.id]
         made = self._made(campaign, data)
