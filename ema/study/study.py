@@ -322,9 +322,9 @@ class Study:
         """
         stated = {one.run for one in self.recipe.statements if one.sentence}
         linear = not any(finding.code == "slip-then-ring" for finding in result.findings)
-        if result.run.kind != "hammer" or (linear and result.run.id not in stated):
-            return ()
         run = campaign[result.run.id]
+        if run.kind != "hammer" or not len(run.recordings) or run.frfs or (linear and run.id not in stated):
+            return ()
         made = self._made(campaign, data)
         path = self.kept / f"{safe_name('ring-downs ' + run.id)}.h5"
 
