@@ -14,7 +14,6 @@ from rich.table import Table
 from rich.text import Text
 
 from ema.data import ConditionDifference, Finding, ModalModel, RepeatGroup, RunResult, StudyResult
-from ema.data.repeats import difference_sentences
 
 if TYPE_CHECKING:
     from ema.fit.opinion import SecondOpinion
@@ -113,6 +112,8 @@ def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -
 
 def show_conditions(out: Console, result: StudyResult) -> None:
     """Repeats of each condition, and which changes between conditions they make significant."""
+    from ema.compare.scatter import difference_sentences
+
     for group in result.conditions:
         if len(group.runs) > 1:
             out.print(_repeat_table(group))

@@ -1,6 +1,5 @@
 """Repeats of a condition: what scatters within a take, between takes, and from one assembly to the next."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NOISE_ONLY = "noise only; assembly scatter unknown"
-NOTHING_SAID = f": {NOISE_ONLY}. No change is called significant."
 """What is said of every interval and every difference that no repeats stand behind."""
 
 
@@ -291,40 +289,3 @@ class ConditionDifference(Container):
                 f"change of {name}": self.words(what),
             }
         return pd.DataFrame(columns | {"MAC": self.mac})
-
-
-def difference_sentences(differences: Sequence[ConditionDifference]) -> list[str]:
-    """What changed between conditions, in words: one sentence for all conditions of which nothing can be said.
-
-    Parameters
-    ----------
-    differences : sequence of ConditionDifference
-        Changes from one condition to others.
-
-    Returns
-    -------
-    list of str
-        Sentences, in the order of the differences; those that say the same are joined where the first of them stands.
-
-    Examples
-    --------
-    >>> from ema.compare import difference, repeats
-    >>> from ema.examples import modal_model
-    >>> bare, soft, hard = (repeats([modal_model()], label=name) for name in ("bare", "1 kN", "5 kN"))
-    >>> difference_sentences([difference(bare, soft), difference(bare, hard)])
-    ['1 kN and 5 kN against bare: noise only; assembly scatter unknown. No change is called significant.']
-    """
-    silent: dict[str, list[str]] = {}
-    for one in differences:
-        if one.sentences == (f"{one.second} against {one.first}{NOTHING_SAID}",):
-            silent.setdefault(one.first, []).append(one.second)
-    sentences: list[str] = []
-    for one in differences:
-        seconds = silent.get(one.first, [])
-        if one.second not in seconds:
-            sentences += one.sentences
-        elif one.second == seconds[0]:
-            *others, last = seconds
-            names = f"{', '.join(others)} and {last}" if others else last
-            sentences.append(f"{names} against {one.first}{NOTHING_SAID}")
-    return sentences

@@ -3,8 +3,9 @@
 import numpy as np
 
 from ema import compare
+from ema.compare.scatter import difference_sentences
 from ema.data import ConditionDifference, RepeatGroup, RunResult, VarianceComponents
-from ema.data.repeats import NOISE_ONLY, difference_sentences
+from ema.data.repeats import NOISE_ONLY
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import MISSING, Value, fixed, plain, rounded, with_uncertainty
 

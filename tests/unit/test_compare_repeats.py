@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from ema import compare
+from ema.compare.scatter import difference_sentences
 from ema.data import Condition, Excitation, JointForce, ModalModel, Run, RunResult, poles_from
-from ema.data.repeats import NOISE_ONLY, difference_sentences
+from ema.data.repeats import NOISE_ONLY
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.synthesis import frfs as synthesis
