@@ -103,10 +103,10 @@ def nonlinear_distortion(run: Run, discard: float = 0.0) -> NonlinearDistortion:
     --------
     >>> from ema.data import Condition, Excitation
     >>> from ema.examples import recording
-    >>> t = np.arange(4096) / 1024.0
+    >>> t = np.arange(32768) / 1024.0
     >>> force = sum(np.sin(2 * np.pi * line * t + line**2) for line in (1, 3, 7, 9, 11, 15))
     >>> run = Run("multisine", Condition(Excitation("random", period=1.0)), (recording(force),))
-    >>> nonlinear_distortion(run).verdict
+    >>> nonlinear_distortion(run, discard=24.0).verdict
     'linear'
     """
     period, where = run.condition.excitation.period, channels.describe(run)
