@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from acquisition import campaign_file
+from acquisition import campaign_file, units
 from acquisition.assignment import data_folder
 from acquisition.live.take_files import RAW
 from acquisition.rig_file import RigFile, wires
@@ -22,8 +22,33 @@ def run_ids(folder: Path) -> tuple[str, ...]:
     return tuple(run.id for run in campaign_file.load(path).runs) if path.is_file() else ()
 
 
-def add_run(folder: Path, rig: RigFile, run: str) -> str:
+def refuse_other_level(folder: Path, run: str, level: float) -> None:
+    """A run is measured at one force level, in N.
+
+    Raises
+    ------
+    InputError : the campaign states another one, or cannot be understood.
+    """
+    path = folder / campaign_file.FILE_NAME
+    begun = campaign_file.load(path).runs if path.is_file() else ()
+    for one in begun:
+        stated = None if one.id != run or one.level is None else units.measure(one.level, "force")[0]
+        if stated is not None and abs(stated / level - 1) > 1e-9:
+            raise InputError(
+                f"run {run} was begun at another force level",
+                where=str(path),
+                got=f"{level:g} N",
+                expected=f"{stated:g} N",
+                advice="give the run at this level another name",
+            )
+
+
+def add_run(folder: Path, rig: RigFile, run: str, level: float | None = None) -> str:
     """Add a run that has takes to the campaign, or begin the campaign with it; what stands there stays.
+
+    Parameters
+    ----------
+    level : force level in N that the run was controlled to.
 
     Returns
     -------
@@ -36,7 +61,7 @@ def add_run(folder: Path, rig: RigFile, run: str) -> str:
     """
     path = folder / campaign_file.FILE_NAME
     if not path.is_file():
-        text = _head(folder, rig) + _channels(rig, "channels") + _joints(rig, set()) + _entry(run, "")
+        text = _head(folder, rig) + _channels(rig, "channels") + _joints(rig, set()) + _entry(rig, run, "", level)
     else:
         text = path.read_text(encoding="utf-8")
         described = campaign_file.parse(text, str(path))
@@ -47,7 +72,7 @@ def add_run(folder: Path, rig: RigFile, run: str) -> str:
         if any(one.id == run for one in described.runs):
             return f'run {run} of {path.name} takes other files than files = "{_pattern(run, prefix)}"'
         text += "" if text.endswith("\n") else "\n"
-        text += _joints(rig, {joint.name for joint in described.joints}) + _entry(run, prefix)
+        text += _joints(rig, {joint.name for joint in described.joints}) + _entry(rig, run, prefix, level)
         if described.channels and [one.name for one in described.channels] != [one.name for one in rig.channels]:
             text += "\n" + _channels(rig, "runs.channels")
     campaign_file.parse(text, str(path))
@@ -75,8 +100,12 @@ def _pattern(run: str, prefix: str) -> str:
     return f"{prefix}{run}_{{point}}_{{take}}.h5"
 
 
-def _entry(run: str, prefix: str) -> str:
-    return f'\n[[runs]]\nid = {_quoted(run)}\nkind = "hammer"\nfiles = {_quoted(_pattern(run, prefix))}\n'
+def _entry(rig: RigFile, run: str, prefix: str, level: float | None) -> str:
+    files = f"files = {_quoted(_pattern(run, prefix))}\n"
+    if rig.shaker is None:
+        return f'\n[[runs]]\nid = {_quoted(run)}\nkind = "hammer"\n{files}'
+    sine = {"kind": "stepped sine", "period": rig.shaker.stay, "level": "" if level is None else f"{level:.12g} N"}
+    return f"\n[[runs]]\nid = {_quoted(run)}\n{_lines(sine)}{files}"
 
 
 def _head(folder: Path, rig: RigFile) -> str:

@@ -4,20 +4,23 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from acquisition import units
-from acquisition.campaign_file import ChannelTable, JointTable, Numbers, Seconds
-from acquisition.live.opendaq_rig import OpendaqRig, Wire
+from acquisition.campaign_file import ChannelTable, JointTable, Mass, Numbers, Seconds
+from acquisition.live.opendaq_rig import OpendaqRig, OpendaqShaker, Steps, Wire
 from acquisition.live.trigger import Trigger
 from ema.data import Channel, Source
 from ema.errors import InputError
 from ema.tables import FileKind, Table, warn
 from ema.units import SI_UNIT
 
-__all__ = ["FILE_NAME", "RigFile", "load", "open_rig", "wires"]
+__all__ = ["FILE_NAME", "RigFile", "force_level", "load", "open_rig", "open_shaker", "steps", "wires"]
 
 FILE_NAME = "rig.toml"
+FEWEST_CYCLES = 4.0
+"""Cycles below which the frequency of a stay is not read."""
 _LEVEL = re.compile(r"^\s*(?P<channel>.+?)\s*>\s*(?P<level>[-+0-9.eE]+\s*\S.*)$")
 
 
@@ -32,7 +35,7 @@ class RigTable(Table):
 class TakeTable(Table):
     """``[take]``: when a take begins, how long it is, where the hammer goes, and how many takes each point gets."""
 
-    trigger: str
+    trigger: str = ""
     pre_trigger: Seconds = "50 ms"
     duration: Seconds = "1 s"
     points: Numbers = Field(min_length=1)
@@ -40,13 +43,39 @@ class TakeTable(Table):
 
     @model_validator(mode="after")
     def _sound(self) -> "TakeTable":
-        if not _LEVEL.match(self.trigger):
+        if self.trigger and not _LEVEL.match(self.trigger):
             raise ValueError('a trigger is a channel and a level, such as "hammer > 10 N"')
         for point in self.points:
             if point < 0:
                 raise ValueError(f"a point is a number from 0, not {point}")
             if self.points.count(point) > 1:
                 raise ValueError(f"point {point} stands twice; raise takes for more impacts at a point")
+        return self
+
+
+class ShakerTable(Table):
+    """``[shaker]``: a sine that stays at each line of a band, and the properties of the device that set it.
+
+    ``band`` and ``step`` in Hz; ``largest`` is the largest command, in the unit of the ``amplitude`` property.
+    """
+
+    band: list[float] = Field(min_length=2, max_length=2)
+    step: float = Field(gt=0)
+    stay: Seconds = "0.1 s"
+    settle: Seconds = "1 s"
+    first: float | None = Field(default=None, gt=0)
+    largest: float = Field(gt=0)
+    amplitude: str = ""
+    frequency: str = ""
+    mount_mass: Mass = "0 kg"
+
+    @model_validator(mode="after")
+    def _sound(self) -> "ShakerTable":
+        low, high = self.band
+        if not 0 < low < high or high - low < 4 * self.step:
+            raise ValueError(f"band = [{low:g}, {high:g}] holds fewer than five lines {self.step:g} Hz apart")
+        if self.first is not None and self.first > self.largest:
+            raise ValueError(f"the first command, {self.first:g}, is above the largest, {self.largest:g}")
         return self
 
 
@@ -70,6 +99,7 @@ class RigFile(Table):
 
     rig: RigTable
     take: TakeTable
+    shaker: ShakerTable | None = None
     campaign: AboutTable = AboutTable()
     channels: list[RigChannelTable] = Field(min_length=1)
     joints: list[JointTable] = Field(default_factory=list)
@@ -80,7 +110,17 @@ class RigFile(Table):
         if "" in names or len(set(names)) < len(names):
             raise ValueError("every channel has a name of its own")
         if sum(channel.role == "reference" for channel in self.channels) != 1:
-            raise ValueError('one channel is the hammer: role = "reference"')
+            raise ValueError('one channel is the hammer or the force of the shaker: role = "reference"')
+        if self.shaker is None and not self.take.trigger:
+            raise ValueError('a hammer test needs a trigger, such as trigger = "hammer > 10 N" in [take]')
+        if self.shaker is not None and (self.take.trigger or len(self.take.points) != 1):
+            raise ValueError("with [shaker], [take] names the one point of the shaker and no trigger")
+        if self.shaker is not None and not (
+            self.rig.device == "virtual" or (self.shaker.amplitude and self.shaker.frequency)
+        ):
+            raise ValueError(
+                '[shaker] names the properties of the device that set the sine: amplitude = "Ch0.Amplitude"'
+            )
         return self
 
 
@@ -90,6 +130,7 @@ KIND = FileKind(
         "": RigFile,
         "rig": RigTable,
         "take": TakeTable,
+        "shaker": ShakerTable,
         "campaign": AboutTable,
         "channels": RigChannelTable,
         "joints": JointTable,
@@ -170,6 +211,60 @@ def trigger(rig: RigFile) -> Trigger:
     return Trigger(row, level, round(before * rate), round(length * rate))
 
 
+def steps(rig: RigFile) -> Steps:
+    """The stepped sine of a shaker.
+
+    Raises
+    ------
+    InputError : a stay that is no whole number of samples, or shorter than the cycles that a frequency is read from.
+    """
+    assert rig.shaker is not None
+    low, high = rig.shaker.band
+    lines = low + rig.shaker.step * np.arange(int((high - low) / rig.shaker.step + 1e-9) + 1)
+    stay, settle = (units.measure(text, "time")[0] for text in (rig.shaker.stay, rig.shaker.settle))
+    samples = stay * rig.rig.sampling_rate
+    if stay * low < FEWEST_CYCLES or abs(samples - round(samples)) > 1e-6:
+        raise InputError(
+            "the shaker does not stay long enough, or for a part of a sample",
+            where="[shaker] stay",
+            got=f"{stay:g} s: {stay * low:.1f} cycles of {low:g} Hz, {samples:g} samples",
+            expected=f"{FEWEST_CYCLES:g} cycles or more, and whole samples",
+        )
+    mass = units.measure(rig.shaker.mount_mass, "mass")[0]
+    return Steps(tuple(lines.tolist()), stay, settle, rig.shaker.amplitude, rig.shaker.frequency, mass)
+
+
+def force_level(rig: RigFile, text: str | None, folder: Path) -> float | None:
+    """The force level in N of a shaker test; nothing for a hammer.
+
+    Raises
+    ------
+    InputError : a level without a shaker, a shaker without a level, or a text that is no force above 0.
+    """
+    where = str(folder / FILE_NAME)
+    if rig.shaker is None:
+        if text is None:
+            return None
+        raise InputError(
+            "a level is that of a shaker, and the rig has none",
+            where=where,
+            got=f"--level {text!r}",
+            expected="a table [shaker]",
+            advice="add it as docs/record.md shows, or leave --level out for a hammer",
+        )
+    if text is None:
+        raise InputError(
+            "a shaker is measured at a force level",
+            where=where,
+            got="no --level",
+            expected='the force at resonance, such as --level "30 N"',
+        )
+    level = float(units.measure(text, "force")[0])
+    if not 0 < level < float("inf"):
+        raise InputError("not a force level", where="--level", got=text, expected='above 0, such as "30 N"')
+    return level
+
+
 def open_rig(rig: RigFile) -> Source:
     """The rig that a file describes.
 
@@ -177,7 +272,22 @@ def open_rig(rig: RigFile) -> Source:
     ------
     InputError, FailureError : it cannot be opened.
     """
+    return OpendaqRig(_address(rig), wires(rig), rig.rig.sampling_rate, trigger(rig), rig.rig.properties)
+
+
+def open_shaker(rig: RigFile) -> OpendaqShaker:
+    """The front end and the shaker that it drives.
+
+    Raises
+    ------
+    InputError, FailureError : it cannot be opened.
+    """
+    assert rig.shaker is not None
+    return OpendaqShaker(_address(rig), wires(rig), rig.rig.sampling_rate, steps(rig), rig.rig.properties)
+
+
+def _address(rig: RigFile) -> str:
     kind, _, address = rig.rig.device.partition(":")
     if kind != "opendaq" or not address:
         raise InputError("no such kind of device", got=rig.rig.device, expected="opendaq:ADDRESS, or virtual")
-    return OpendaqRig(address, wires(rig), rig.rig.sampling_rate, trigger(rig), rig.rig.properties)
+    return address

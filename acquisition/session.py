@@ -89,12 +89,14 @@ class Session:
         Id of the run.
     judge : Judge
         Returns what is wrong with a record.
+    level : float, optional
+        Force level [N] to which a shaker is controlled; the campaign states it.
 
     Raises
     ------
     InputError
-        If the name is one that some disk cannot keep, the run was begun with other channels, or the campaign cannot be
-        understood.
+        If the name is one that some disk cannot keep, the run was begun with other channels or at another level, or the
+        campaign cannot be understood.
     FailureError
         If another session records into the folder, or it cannot be written.
 
@@ -115,6 +117,7 @@ class Session:
     rig: RigFile
     run: str
     judge: Judge
+    level: float | None = None
     notes: tuple[str, ...] = field(init=False, default=())
     """What is to be known about files in the folder that do not count."""
     _takes: TakeFolder = field(init=False)
@@ -268,9 +271,11 @@ class Session:
         self._takes = TakeFolder.read(self.folder, self._journal.text)
         checked_run(self.run, {*self._takes.runs(), *campaign_entry.run_ids(self.folder)})
         self._refuse_other_channels()
+        if self.level is not None:
+            campaign_entry.refuse_other_level(self.folder, self.run, self.level)
         notes = list(self._takes.notes)
         if any(one.accepted for one in self._takes.files if one.identity.run == self.run):
-            notes.append(campaign_entry.add_run(self.folder, self.rig, self.run))
+            notes.append(campaign_entry.add_run(self.folder, self.rig, self.run, self.level))
         notes.append(self._journal.rebuild(self._takes.files))
         self.notes = tuple(note for note in notes if note)
 
@@ -296,7 +301,7 @@ class Session:
         file = TakeFile(path, identity, not reasons, record.start, names, record.sampling_rate)
         self._takes.add(file)
         if not reasons:
-            campaign_entry.add_run(self.folder, self.rig, self.run)
+            campaign_entry.add_run(self.folder, self.rig, self.run, self.level)
         trouble = self._journal.add(file, record)
         remarks = (*remarks, trouble) if trouble else remarks
         return Take(

@@ -28,8 +28,23 @@ class Wire:
     factor: float = 1.0
 
 
-class OpendaqRig:
-    """Channels of one openDAQ device, read in step; a `Source` whose takes wait for a blow.
+@dataclass(frozen=True)
+class Steps:
+    """A stepped sine: its lines in Hz, how long it stays and settles at each in s, and the properties that set it.
+
+    ``mount_mass`` in kg sits between load cell and structure.
+    """
+
+    frequencies: tuple[float, ...]
+    stay: float
+    settle: float
+    amplitude: str
+    frequency: str
+    mount_mass: float = 0.0
+
+
+class _OpendaqDevice:
+    """Channels of one openDAQ device, read in step.
 
     Parameters
     ----------
@@ -48,11 +63,10 @@ class OpendaqRig:
         address: str,
         wires: Sequence[Wire],
         sampling_rate: float,
-        trigger: Trigger,
         properties: Mapping[str, Any] | None = None,
     ) -> None:
         daq = require("opendaq", "daq")
-        self._wires, self._rate, self._trigger, self._address = tuple(wires), sampling_rate, trigger, address
+        self._wires, self._rate, self._address = tuple(wires), sampling_rate, address
         try:
             self._instance = daq.Instance()
             self._device = self._instance.add_device(address)
@@ -75,19 +89,6 @@ class OpendaqRig:
     def sampling_rate(self) -> float:
         """Hz."""
         return self._rate
-
-    def takes(self) -> Iterator[Recording]:
-        """One record for each blow; whatever happens between two of them is not looked at.
-
-        Raises
-        ------
-        FailureError : the device has gone.
-        """
-        while True:
-            self._forget()
-            signals = self._trigger.cut(self._blocks())
-            start = datetime.now(UTC) - timedelta(seconds=signals.shape[1] / self._rate)
-            yield Recording(signals, self._rate, self.channels, start=start, name="take")
 
     def close(self) -> None:
         """Give the device back."""
@@ -124,7 +125,7 @@ class OpendaqRig:
         return found if found.ndim == 2 else np.zeros((len(self._wires), 0))
 
     def _forget(self) -> None:
-        """Drop what has piled up while nobody waited for a blow."""
+        """Drop what has piled up while nobody read."""
         while waiting := int(self._reader.available_count):
             self._read(waiting)
 
@@ -153,6 +154,104 @@ class OpendaqRig:
 
     def _signal(self, wire: Wire) -> Any:
         return self._channel(wire.source).signals[0]
+
+
+class OpendaqRig(_OpendaqDevice):
+    """A `Source` whose takes wait for an impact.
+
+    Parameters
+    ----------
+    address, wires, sampling_rate, properties : of the device.
+    trigger : what begins a take.
+
+    Raises
+    ------
+    MissingExtraError, FailureError, InputError : the device cannot be opened.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        wires: Sequence[Wire],
+        sampling_rate: float,
+        trigger: Trigger,
+        properties: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(address, wires, sampling_rate, properties)
+        self._trigger = trigger
+
+    def takes(self) -> Iterator[Recording]:
+        """One record for each impact; whatever happens between two of them is not looked at.
+
+        Raises
+        ------
+        FailureError : the device has gone.
+        """
+        while True:
+            self._forget()
+            signals = self._trigger.cut(self._blocks())
+            start = datetime.now(UTC) - timedelta(seconds=signals.shape[1] / self._rate)
+            yield Recording(signals, self._rate, self.channels, start=start, name="take")
+
+
+class OpendaqShaker(_OpendaqDevice):
+    """A shaker that a generator of the device drives, at rest but while it measures.
+
+    Parameters
+    ----------
+    address, wires, sampling_rate, properties : of the device.
+    steps : the sine, and the properties that set its amplitude and frequency.
+
+    Raises
+    ------
+    MissingExtraError, FailureError, InputError : the device cannot be opened, or has no such properties.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        wires: Sequence[Wire],
+        sampling_rate: float,
+        steps: Steps,
+        properties: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(address, wires, sampling_rate, properties)
+        self._steps = steps
+        self._set({steps.amplitude: 0.0, steps.frequency: steps.frequencies[0]})
+
+    def measure(self, command: float) -> Recording:
+        """Stay at every line with the amplitude property at ``command``; one record of all stays without settling.
+
+        Raises
+        ------
+        FailureError : the device has gone; whether the shaker is at rest is then unknown, and said.
+        """
+        steps, start = self._steps, datetime.now(UTC)
+        try:
+            stays = [self._stay(command, frequency) for frequency in steps.frequencies]
+        finally:
+            try:
+                self._set({steps.amplitude: 0.0})
+            except InputError as error:
+                raise FailureError(
+                    "the shaker could not be set to rest",
+                    where=self._address,
+                    got=error.what,
+                    advice="switch its amplifier off; takes on disk are safe",
+                ) from error
+        return Recording(np.hstack(stays), self._rate, self.channels, start=start, name="take")
+
+    def _stay(self, command: float, frequency: float) -> Float[np.ndarray, "channel sample"]:
+        self._set({self._steps.frequency: frequency})
+        self._set({self._steps.amplitude: command})
+        self._forget()
+        settle, stay = (round(time * self._rate) for time in (self._steps.settle, self._steps.stay))
+        held: list[Float[np.ndarray, "channel sample"]] = []
+        for block in self._blocks():
+            held.append(block)
+            if sum(part.shape[1] for part in held) >= settle + stay:
+                break
+        return np.hstack(held)[:, settle : settle + stay]
 
 
 def _first_line(error: Exception) -> str:

@@ -1,4 +1,4 @@
-"""`ema record`: a hammer test as it is measured."""
+"""`ema record`: a hammer test as it is measured, or a stepped sine at a force level."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.cli.level_control import ShakerAtLevel, placed
 from ema.data import Channel, Recording, Run, Source
 from ema.errors import EmaError, FailureError
 
@@ -30,20 +31,26 @@ def record(
     folder: Annotated[Path, typer.Argument(help="Folder with a rig.toml; it becomes a campaign.", show_default=False)],
     run: Annotated[str, typer.Option("--run", help="What the run is called.")] = "run",
     takes: Annotated[int | None, typer.Option("--takes", help="Stop after so many takes.", min=1)] = None,
+    level: Annotated[
+        str | None,
+        typer.Option("--level", help='Force of the shaker at resonance, such as "30 N": it is controlled to it.'),
+    ] = None,
 ) -> int:
-    """Measure a hammer test: each take is judged and on disk before the next is armed; the same command goes on."""
+    """Measure a hammer or shaker test: a take is judged and on disk before the next; the same command goes on."""
     from acquisition import Session, rig_file
     from ema.estimate import check_impact
 
     rig = rig_file.load(folder)
-    session = Session(folder, rig, run, check_impact)
+    target = rig_file.force_level(rig, level, folder)
+    judge = check_impact if target is None else ShakerAtLevel(rig, target).judge
+    session = Session(folder, rig, run, judge, target)
     print(f"{session.done} of {session.wanted} takes are in {folder}", flush=True)
     for note in session.notes:
         print(f"Note: {note}.", flush=True)
     if session.point is None:
         print(f"Next: ema run {folder}")
         return FINE
-    source = opened(rig, session)
+    source = opened(rig, session) if target is None else ShakerAtLevel(rig, target).opened()
     reasons: Counter[str] = Counter()
     accepted = rejected = 0
     try:
@@ -92,6 +99,9 @@ def opened(rig: "RigFile", session: "Session") -> Source:
 
 
 def _arm(session: "Session", rig: "RigFile") -> None:
+    if rig.shaker is not None:
+        print(f"Shaker at point {session.point} ({session.done + 1} of {session.wanted}) ...", flush=True)
+        return
     print(f"Strike point {session.point} ({session.done + 1} of {session.wanted}, {rig.take.trigger}) ...", flush=True)
 
 
@@ -107,7 +117,7 @@ def _line(take: "Take", session: "Session") -> str:
             f"peak {take.peak:.4g} N",
             f"F_N {forces}" if forces else "no joint",
             verdict + remarks,
-            average(session, take),
+            "" if session.rig.shaker else average(session, take),
         )
         if part
     )
@@ -118,23 +128,12 @@ def average(session: "Session", take: "Take") -> str:
     import numpy as np
 
     from ema.data import Condition, Excitation
-    from ema.dof import Dof
     from ema.estimate import hammer
 
     records = session.recordings(take.point) if take.accepted else []
     if len(records) < _ENOUGH:
         return ""
-    places = {table.name: table.dof.replace("{point}", str(take.point)) for table in session.rig.channels}
-    records = [
-        replace(
-            one,
-            channels=tuple(
-                replace(channel, dof=Dof.parse(places[channel.name])) if places.get(channel.name) else channel
-                for channel in one.channels
-            ),
-        )
-        for one in records
-    ]
+    records = [placed(one, session.rig, take.point) for one in records]
     try:
         frfs = hammer(Run("take", Condition(Excitation("hammer")), tuple(records)))
     except EmaError as error:

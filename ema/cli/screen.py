@@ -112,14 +112,16 @@ def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -
 
 def show_conditions(out: Console, result: StudyResult) -> None:
     """Repeats of each condition, and which changes between conditions they make significant."""
+    from ema.compare.scatter import difference_sentences
+
     for group in result.conditions:
         if len(group.runs) > 1:
             out.print(_repeat_table(group))
     for found in result.differences:
         if found.pairs and found.known.any():
             out.print(_difference_table(found))
-        for sentence in found.sentences:
-            out.print(Text(sentence), soft_wrap=True)
+    for sentence in difference_sentences(result.differences):
+        out.print(Text(sentence), soft_wrap=True)
 
 
 def _repeat_table(group: RepeatGroup) -> Table:

@@ -20,6 +20,8 @@ NEAR, SHIFTED = 0.05, 0.25
 UNEVEN, ANOTHER = 0.1, 0.5
 """Relative spread of the normal force within a group that is worth a warning, and that makes it another condition."""
 
+_NOTHING_SAID = f": {NOISE_ONLY}. No change is called significant."
+
 
 def repeats(
     models: Sequence[ModalModel], label: str = "", names: Sequence[str] = (), assemblies: Sequence[str] = ()
@@ -390,7 +392,7 @@ def _sentences(first: RepeatGroup, second: RepeatGroup, found: ConditionDifferen
         return (f"{head}: no two modes are alike.",)
     known = found.known
     if not known.any():
-        return (f"{head}: {NOISE_ONLY}. No change is called significant.",)
+        return (f"{head}{_NOTHING_SAID}",)
     said = [
         f"{head}, {first.count} and {second.count} repeats: {text}"
         for text in (
@@ -423,3 +425,40 @@ def _change(
         f"{name} is significantly {told} of {modes}; most clearly at {found.frequency[best, 0]:.4g} Hz: "
         f"{values[best, 0]:.5g} to {values[best, 1]:.5g} {unit}, {change[best]:+.2g} ± {half[best]:.2g} {unit} (95 %)."
     )
+
+
+def difference_sentences(differences: Sequence[ConditionDifference]) -> list[str]:
+    """What changed between conditions, in words: one sentence for all conditions of which nothing can be said.
+
+    Parameters
+    ----------
+    differences : sequence of ConditionDifference
+        Changes from one condition to others.
+
+    Returns
+    -------
+    list of str
+        Sentences, in the order of the differences; those that say the same are joined where the first of them stands.
+
+    Examples
+    --------
+    >>> from ema.compare import difference, repeats
+    >>> from ema.examples import modal_model
+    >>> bare, soft, hard = (repeats([modal_model()], label=name) for name in ("bare", "1 kN", "5 kN"))
+    >>> difference_sentences([difference(bare, soft), difference(bare, hard)])
+    ['1 kN and 5 kN against bare: noise only; assembly scatter unknown. No change is called significant.']
+    """
+    silent: dict[str, list[str]] = {}
+    for one in differences:
+        if one.sentences == (f"{one.second} against {one.first}{_NOTHING_SAID}",):
+            silent.setdefault(one.first, []).append(one.second)
+    sentences: list[str] = []
+    for one in differences:
+        seconds = silent.get(one.first, [])
+        if one.second not in seconds:
+            sentences += one.sentences
+        elif one.second == seconds[0]:
+            *others, last = seconds
+            names = f"{', '.join(others)} and {last}" if others else last
+            sentences.append(f"{names} against {one.first}{_NOTHING_SAID}")
+    return sentences

@@ -22,6 +22,8 @@ _HOMES = {
     "known_mass": "ema.estimate.calibrate",
     "level_bins": "ema.estimate.levels",
     "measured_loop": "ema.estimate.cycles",
+    "NonlinearDistortion": "ema.estimate.detection_lines",
+    "nonlinear_distortion": "ema.estimate.detection_lines",
     "phase_resonance": "ema.estimate.shaker_force",
     "phases": "ema.estimate.decay",
     "quality": "ema.estimate.frf_checks",

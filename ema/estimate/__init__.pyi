@@ -5,6 +5,8 @@ from ema.estimate.cycles import measured_loop as measured_loop
 from ema.estimate.decay import Phase as Phase
 from ema.estimate.decay import phases as phases
 from ema.estimate.decay import ring_down as ring_down
+from ema.estimate.detection_lines import NonlinearDistortion as NonlinearDistortion
+from ema.estimate.detection_lines import nonlinear_distortion as nonlinear_distortion
 from ema.estimate.frf_checks import quality as quality
 from ema.estimate.frf_checks import without_dead as without_dead
 from ema.estimate.impact import hammer as hammer

@@ -426,8 +426,14 @@ def control_level(
     tolerance: float = 0.05,
     most: int = 6,
     progress: Progress = silent,
+    *,
+    first: float | None = None,
+    largest: float = np.inf,
 ) -> tuple[float, tuple[float, ...]]:
     """Find the command that gives a force level at resonance, by few measurements.
+
+    The first correction is in proportion, all others go along the secant through the last two measurements in
+    logarithms; no command is above ``largest``.
 
     Parameters
     ----------
@@ -441,6 +447,10 @@ def control_level(
         Largest number of measurements.
     progress : Progress, optional
         Called after each measurement.
+    first : float, optional
+        Command to begin with; by default as many as the target has newtons.
+    largest : float, optional
+        Largest command that may be given: what amplifier and structure bear.
 
     Returns
     -------
@@ -450,8 +460,8 @@ def control_level(
     Raises
     ------
     InputError
-        If the target or a measured level is no positive number, or the level is not reached within ``most``
-        measurements.
+        If the target, a limit or a measured level is no positive number, or the level is not reached within ``most``
+        measurements or with the largest command.
 
     Examples
     --------
@@ -461,7 +471,14 @@ def control_level(
     """
     if not (np.isfinite(target) and target > 0):
         raise InputError("not a force level", where="level control", got=f"{target} N", expected="above 0")
-    commands, levels = [float(target)], []
+    if not largest > 0 or (first is not None and not 0 < first <= largest):
+        raise InputError(
+            "not a command to begin with",
+            where="level control",
+            got=f"{first}, with {largest:g} as the largest",
+            expected="above 0, and no more than the largest",
+        )
+    commands, levels = [min(float(target) if first is None else float(first), largest)], []
     for number in range(most):
         level = float(measure(commands[-1]))
         if not (np.isfinite(level) and level > 0):
@@ -476,7 +493,15 @@ def control_level(
         advance(progress, "level control", number + 1, most)
         if abs(level / target - 1) <= tolerance:
             return commands[-1], tuple(levels)
-        commands.append(_next_command(commands, levels, target))
+        if commands[-1] >= largest and level < target:
+            raise InputError(
+                "the level needs more than the largest command",
+                where="level control",
+                got=f"{level:.3g} N with {largest:g}",
+                expected=f"{target:g} N",
+                advice="ask for a lower level, or raise the largest command if amplifier and structure bear it",
+            )
+        commands.append(min(_next_command(commands, levels, target), largest))
     raise InputError(
         "the level was not reached",
         where="level control",

@@ -1,15 +1,18 @@
 """FRFs of swept-sine takes."""
 
+from dataclasses import replace
 from functools import reduce
 from operator import add
 
 import numpy as np
 import scipy.fft
+from jaxtyping import Int
 
 from ema.data import Finding, FrfSet, Provenance, Run
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import channels, hammer_findings, single_input
+from ema.estimate.detection_lines import NonlinearDistortion, distortion_finding, excited_lines, nonlinear_distortion
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.progress import Progress, advance, silent
@@ -28,7 +31,9 @@ def sweep(
     """Estimate FRFs from swept-sine takes: one whole sweep per block, averaged over the takes.
 
     No window: a sweep that begins and ends at rest within its record has no leakage. Of a periodic sweep, whose
-    ``period`` the condition states, the first is dropped while the structure settles, and the others are averaged.
+    ``period`` the condition states, the first is dropped while the structure settles, and the others are averaged. Any
+    other periodic force will do: lines that a multisine leaves out are left out of the FRFs, and say whether the
+    structure is linear (findings ``nonlinear-distortion``, ``level-tested``, ``linearity-not-testable``).
 
     Parameters
     ----------
@@ -95,8 +100,22 @@ def sweep(
     assert first is not None
     assert layout is not None
     frequencies = scipy.fft.rfftfreq(length, 1 / first.sampling_rate)
-    keep = _lines(frequencies, reduce(add, sums.values()), band, channels.describe(run))
-    return _frfs(run, sums, layout.outputs, frequencies[keep], keep, estimator, left)
+    total = reduce(add, sums.values())
+    keep = _lines(frequencies, total, band, channels.describe(run))
+    frfs = _frfs(run, sums, layout.outputs, frequencies[keep], keep, estimator, left)
+    return _excited(run, frfs, np.arange(len(frequencies))[keep], total) if periodic else frfs
+
+
+def _excited(run: Run, frfs: FrfSet, lines: Int[np.ndarray, "freq"], total: Sums) -> FrfSet:
+    """FRFs without the lines that a multisine leaves out, and what the structure answers at these."""
+    excited, where = excited_lines(np.sqrt(total.force)), channels.describe(run)
+    if len(excited) == excited[-1] - excited[0] + 1:
+        return frfs
+    try:
+        read = nonlinear_distortion(run, discard=run.condition.excitation.period)
+    except InputError:  # too few periods to tell noise from distortion
+        read = NonlinearDistortion(*4 * (float("nan"),))
+    return replace(frfs.lines(np.isin(lines, excited)), findings=(*frfs.findings, distortion_finding(read, where)))
 
 
 def _period(run: Run, period: float) -> int:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ema import compare
+from ema.compare.scatter import difference_sentences
 from ema.data import ConditionDifference, RepeatGroup, RunResult, VarianceComponents
 from ema.data.repeats import NOISE_ONLY
 from ema.report.blocks import Block, Book, Cell, Text
@@ -18,7 +19,7 @@ _SEPARATED = (
 def scatter(runs: list[RunResult], book: Book) -> tuple[list[str], list[Block]]:
     """What the repeats say, as sentences and as tables; nothing where a study has one condition."""
     groups, differences = compare.conditions(runs)
-    lines = [sentence for one in differences for sentence in one.sentences]
+    lines = difference_sentences(differences)
     repeated = [group for group in groups if len(group.runs) > 1]
     if not repeated:
         text = f"Intervals: {NOISE_ONLY}, because no condition was repeated. No difference is called significant here."

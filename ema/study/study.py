@@ -316,10 +316,15 @@ class Study:
         progress: Progress,
         resume: bool,
     ) -> tuple[AmplitudeDependentMode, ...]:
-        """The modes over their amplitude of a hammer test that is not linear, computed or taken from their file."""
-        if not any(finding.code == "slip-then-ring" for finding in result.findings):
-            return ()
+        """The modes over their amplitude of a hammer test, computed or taken from their file.
+
+        Of tests that are not linear, and of those of which a publication states numbers: they are marked on the curves.
+        """
+        stated = {one.run for one in self.recipe.statements if one.sentence}
+        linear = not any(finding.code == "slip-then-ring" for finding in result.findings)
         run = campaign[result.run.id]
+        if run.kind != "hammer" or not len(run.recordings) or run.frfs or (linear and run.id not in stated):
+            return ()
         made = self._made(campaign, data)
         path = self.kept / f"{safe_name('ring-downs ' + run.id)}.h5"
 

@@ -230,6 +230,21 @@ def test_a_number_that_only_wide_intervals_contain_is_not_outside_what_was_seen(
     )
 
 
+def test_a_number_that_as_many_intervals_miss_as_chance_makes_is_right_at_every_amplitude():
+    """2 of 21 intervals miss 499 Hz on both sides of it, which 95 % intervals do with 28 %; 5 of 21 with 0.3 %."""
+    flat = curved("a, mode 1", (499.0, 499.0), (0.007, 0.007))
+
+    def told(*off):
+        value = np.full(21, 499.0)
+        value[list(off)] += 0.3
+        mode = replace(flat, frequency=Band(low=value - 0.2, value=value, high=value + 0.2))
+        return with_stated((mode,), [said("a", "run frequency", 498.9, 499.1)])[0].findings[0].message
+
+    assert "within its interval of it at every amplitude but 2 of 21, as 95 % intervals are" in told(3, 17)
+    assert "within its interval of it at every amplitude." in told()
+    assert "at no amplitude in particular: 16 of 21 intervals contain it" in told(3, 8, 12, 17, 20)
+
+
 def test_what_a_publication_states_stands_at_the_amplitudes_to_which_it_belongs():
     """492 Hz halfway from 504 to 480 Hz over the logarithm is at 10 m/s^2; 1.8 % is above the curve; readings of ours, other
     runs and modes far away get no mark."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ema import compare
+from ema.compare.scatter import difference_sentences
 from ema.data import Condition, Excitation, JointForce, ModalModel, Run, RunResult, poles_from
 from ema.data.repeats import NOISE_ONLY
 from ema.dof import Dof
@@ -144,6 +145,27 @@ def test_without_repeats_nothing_is_significant():
     assert found.words("damping") == ("noise only; assembly scatter unknown",) * 2
     assert found.sentences == (f"beam against bare: {NOISE_ONLY}. No change is called significant.",)
     assert np.isfinite(found.damping_noise).all()
+
+
+def test_conditions_of_which_nothing_can_be_said_share_a_sentence():
+    """One run each of four conditions: one sentence; what is known of a repeated one stays its own."""
+    alone = [result(model([100, 210], [0.006, 0.004]), "bare")]
+    alone += [result(model([90, 220], [0.02, 0.01], 1000.0), name) for name in ("10 kN", "5 kN", "1 kN")]
+    _, found = compare.conditions(alone)
+    assert len(found) == 3
+    assert difference_sentences(found) == [
+        f"10 kN, 5 kN and 1 kN against bare: {NOISE_ONLY}. No change is called significant."
+    ]
+    assert difference_sentences(found[:1]) == list(found[0].sentences)
+    bare = [result(model([100, 210], [0.006, 0.004 + d]), f"b{n}", "bare") for n, d in enumerate((0, 1e-5, -2e-5))]
+    beam = [result(model([90, 220], [0.02 + d, 0.01], 1e3), f"r{n}", "1 kN") for n, d in enumerate((0, 1e-4, 2e-4))]
+    _, found = compare.conditions([*bare, *beam, *alone[1:3]])
+    known, *rest = found
+    assert known.known.any() and not any(one.known.any() for one in rest)
+    assert difference_sentences(found) == [
+        *known.sentences,
+        f"10 kN and 5 kN against bare: {NOISE_ONLY}. No change is called significant.",
+    ]
 
 
 def test_repeats_of_one_condition_alone_are_not_enough():

@@ -61,7 +61,7 @@ def test_commands_and_their_options_exist(page: Path):
 
 
 def test_the_rig_of_the_page_is_understood(root: Path, tmp_path: Path):
-    (text,) = re.findall(r"```toml\n(.*?)```", (root / "docs" / "record.md").read_text(encoding="utf-8"), re.S)
+    text, _ = re.findall(r"```toml\n(.*?)```", (root / "docs" / "record.md").read_text(encoding="utf-8"), re.S)
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     rig = rig_file.load(tmp_path)
     assert rig_file.trigger(rig).level == 20.0 and rig_file.trigger(rig).length == 2000

@@ -10,6 +10,7 @@ from ema import store
 from ema.data import Channel, Geometry, ModalModel, Recording
 from ema.dof import Dof
 from ema.errors import InputError
+from tests.journeys import small_campaign
 from tests.unit.placement_rig import RECIPE, bare_table
 
 RATE = 2000.0
@@ -132,3 +133,38 @@ def test_a_study_answers_where_the_beam_goes(tmp_path: Path, without_report: Non
     (recipe.parent / "place.toml").write_text(RECIPE, encoding="utf-8")
     with pytest.raises(InputError, match=r"names a structure of its own; got bare.h5"):
         ema.Study.load(recipe).run(resume=True)
+
+
+STATED = """
+campaign = "four"
+[fit]
+band = [30, 250]
+
+[[statements]]
+sentence = "{sentence}"
+text = "second mode: 105 Hz"
+source = "Table 1"
+run = "bare"
+near = 105
+quantity = "run frequency"
+low = 104.5
+high = 105.5
+verdict = "matched"
+"""
+
+
+@pytest.mark.parametrize("sentence", ["105 Hz", ""])
+def test_a_linear_hammer_test_has_curves_over_the_amplitude_where_a_publication_states_its_numbers(
+    sentence: str, tmp_path: Path, without_report: None
+):
+    """Three linear modes: each once, at its frequency and damping; the number stands on the second; readings of ours
+    ask for no curves."""
+    small_campaign.campaign(tmp_path / "four")
+    (tmp_path / "study.toml").write_text(STATED.format(sentence=sentence), encoding="utf-8")
+    modes = ema.Study.load(tmp_path / "study.toml").run().amplitude_modes
+    assert len(modes) == (3 if sentence else 0)
+    for mode, frequency, damping in zip(modes, small_campaign.FREQUENCIES, (0.012, 0.009, 0.015), strict=False):
+        assert np.median(mode.frequency.value) == pytest.approx(frequency, rel=1e-3)
+        assert np.median(mode.damping.value) == pytest.approx(damping, rel=0.05)
+        stated = [one.message for one in mode.findings if one.code == "stated-frequency"]
+        assert len(stated) == (frequency == 105.0) and all("105 Hz (Table 1)" in one for one in stated)
