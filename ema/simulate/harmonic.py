@@ -44,9 +44,11 @@ BUDGET, EVALUATION, _ROUGH_SHARE, _JUDGING = 4_000_000, 200, 0.04, 40
 an evaluation counts besides; the share of a search where a neighbour would do as well; and evaluations that remain to
 judge the best solution of a search that was ended. Of 379 cold starts (:mod:`tests.bench.cold_starts`) the one that is
 found last takes 2.1 million: the budget is twice that. One contact is given up after some 19,000 evaluations."""
-_ALONG_THE_ARC, _FINE_START = 0.95, 4
+_ALONG_THE_ARC, _FINE_START, _STUCK = 0.95, 4, 1e6
 """Ratio of neighbouring slip forces from which on a solution is sought with more nodes or along the arc, and the factor
-on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried."""
+on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried. Slip forces, over
+those that the stuck motion asks for, at which every law is stuck: one that yields in proportion to the force deviates
+there by the rounding of places that are sought roughly."""
 _ASIDE, _SHORTEST = (0.003, -0.003, 0.01, -0.01, 0.03), 0.05
 """Where a steady state is looked for beside a frequency that shows none, relative, and the share of the way back below
 which no step is tried. Half a bandwidth of lightly damped modes is 0.003 and more."""
@@ -368,6 +370,7 @@ class Condensed:
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt.
 
+        Smooth laws yield below their slip forces too: these are first raised to where the stuck state is a start.
         Where these become short the nodes may be too few for Newton's method, as forces jump by the error of quadrature
         where the number of nodes changes. If more of them do not help, the curve turns back to higher slip forces: from
         there on along its arc.
@@ -390,6 +393,9 @@ class Condensed:
                 ratio = max(ratio**1.5, 0.1)
             elif self.left < 0:
                 return None
+            elif not known and wanted < _STUCK * level:
+                wanted *= 10.0
+                continue
             else:
                 ratio = np.sqrt(ratio)
             if ratio > _ALONG_THE_ARC:

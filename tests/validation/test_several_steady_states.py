@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate import Masing, frf_up_and_down, register_law
+from ema.simulate import Masing, frf, frf_up_and_down, register_law
 
 F0, K, FC, RATIO = 100.0, 4e5, 30.0, 0.01
 SPRING = (2 * np.pi * F0) ** 2
@@ -62,7 +62,7 @@ def heights(response):
 
 @pytest.mark.parametrize(("force", "fold"), [(2.0, (127.0, 135.0)), (4.0, (120.0, 131.0))])
 def test_both_sweeps_are_where_the_motions_that_begin_on_them_stay(force, fold):
-    """At 4 N the upward sweep finds nothing from 132 Hz on, beyond its jump, but what the downward one left there."""
+    """At 4 N the upward sweep jumps beyond 131 Hz to where the downward one came from."""
     frequencies = np.arange(fold[0], 140.0)
     up, down = frf_up_and_down(oscillator(ELASTIC(1.0, K)), frequencies, force, "1:+X", ["1:+X"], tolerance=2e-3)
     assert up.converged.all() and down.converged.all()
@@ -75,6 +75,27 @@ def test_both_sweeps_are_where_the_motions_that_begin_on_them_stay(force, fold):
         low, high = (settled(frequency, force, firsts(swept)[place]) for swept in (up, down))
         assert heights(up)[place] == pytest.approx(low, rel=2e-3), frequency
         assert heights(down)[place] == pytest.approx(high, rel=2e-3), frequency
+
+
+@pytest.mark.parametrize(("force", "frequency"), [(3.0, 133.0), (3.0, 134.0), (4.0, 132.0), (5.0, 130.0), (5.0, 134.0)])
+def test_states_beyond_a_jump_are_found_from_nothing(force, frequency):
+    """The law yields below its slip force too: the stuck motion at that force is no start, with higher ones it is.
+
+    DOP853 from the state that is found, and from rest, settles on it.
+    """
+    found = frf(oscillator(ELASTIC(1.0, K)), np.array([frequency]), force, "1:+X", ["1:+X"])
+    assert found.converged.all()
+    for first in (firsts(found)[0], 0j):
+        assert heights(found)[0] == pytest.approx(settled(frequency, force, first), rel=5e-3)
+
+
+def test_a_users_law_that_divides_by_zero_returns_no_number(capfd):
+    """Far from a solution the force is F_C to the last digit and the law 0 / 0, which Newton's method steps back from."""
+    from ema.simulate.friction import REGISTERED
+
+    force = REGISTERED["elastic and softening"][1].ctypes
+    assert np.isnan(force(1.0, -1.0, 1e9, 1.0, 0.0, 0.0, 0.0, 0.0))
+    assert "ZeroDivisionError" not in capfd.readouterr().err
 
 
 def test_a_joint_that_loses_energy_has_one_steady_state():
