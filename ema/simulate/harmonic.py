@@ -46,9 +46,9 @@ judge the best solution of a search that was ended. Of 379 cold starts (:mod:`te
 found last takes 2.1 million: the budget is twice that. One contact is given up after some 19,000 evaluations."""
 _ALONG_THE_ARC, _FINE_START, _STUCK = 0.95, 4, 1e6
 """Ratio of neighbouring slip forces from which on a solution is sought with more nodes or along the arc, and the factor
-on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried. Slip forces, over
-those that the stuck motion asks for, at which every law is stuck: one that yields in proportion to the force deviates
-there by the rounding of places that are sought roughly."""
+on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried. Slip
+forces, over those that the stuck motion asks for, at which every law is stuck: one that yields in proportion to the
+force deviates there by the rounding of places that are sought roughly."""
 _ASIDE, _SHORTEST = (0.003, -0.003, 0.01, -0.01, 0.03), 0.05
 """Where a steady state is looked for beside a frequency that shows none, relative, and the share of the way back below
 which no step is tried. Half a bandwidth of lightly damped modes is 0.003 and more."""
