@@ -21,7 +21,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.checks import positive
 from ema.simulate.factors import Factors
-from ema.simulate.transient import Problem, prepare, sampled_normal_forces
+from ema.simulate.transient import Problem, _State, prepare, sampled_normal_forces
 
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
 """Residual over the size of the amplitudes, the same where only places are sought, and how much larger than the first
@@ -598,6 +598,28 @@ class Condensed:
     def outputs(self, point: _Point, rows: np.ndarray) -> Complex[np.ndarray, "dof harmonic"]:
         """Complex amplitudes of output DOFs (dof, mode)."""
         return np.asarray(rows @ self.modal(point).T)
+
+    def state_at(self, point: _Point, phase: float) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
+        """Modal displacements and velocities of a solution at a phase of the exciting force in rad."""
+        orders = self.orders(point.count)[:, None]
+        waves = self.modal(point) * np.exp(1j * phase * orders)
+        return waves.real.sum(axis=0), (1j * point.omega * orders * waves).real.sum(axis=0)
+
+    def start_in_time(self, point: _Point, steps: int) -> tuple[_State, float]:
+        """State of a solution, as so many steps in a period see it, and the phase in rad at which it is that."""
+        q, p = self.state_at(point, 0.0)
+        orders, laws = self.orders(point.count), self.problem.laws
+        spectrum = np.zeros((len(self.limits), steps // 2 + 1), complex)
+        spectrum[:, orders] = 0.5 * steps * (point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2])
+        period = np.fft.irfft(spectrum, steps, axis=1)
+        path = np.column_stack([np.zeros(len(period)), period, period, period[:, :1]])
+        limits = np.broadcast_to(self.limits[:, None], path.shape)
+        forces, memory = laws.followed(path, limits, 2 * np.pi / point.omega / steps)
+        return _State(q, p, self.problem.base.slip @ q, forces[:, -1], memory), 0.0
+
+    def slip_forces(self, phases: Float[np.ndarray, "step"]) -> Float[np.ndarray, "row contact"]:
+        """Slip forces in N at phases of the exciting force in rad, one row where they stay."""
+        return self.limits[None]
 
     def completed(self, response: HarmonicResponse, points: Sequence[_Point | None]) -> HarmonicResponse:
         """The response with what the contacts have to tell besides."""

@@ -12,6 +12,8 @@ from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate import Masing, frf, frf_up_and_down, register_law
+from ema.simulate.harmonic import condense, with_harmonics
+from ema.simulate.verification import verified
 
 F0, K, FC, RATIO = 100.0, 4e5, 30.0, 0.01
 SPRING = (2 * np.pi * F0) ** 2
@@ -87,6 +89,30 @@ def test_states_beyond_a_jump_are_found_from_nothing(force, frequency):
     assert found.converged.all()
     for first in (firsts(found)[0], 0j):
         assert heights(found)[0] == pytest.approx(settled(frequency, force, first), rel=5e-3)
+
+
+@pytest.mark.parametrize("pressing", [None, np.array([[FC, FC]])], ids=["one direction", "normal forces over a period"])
+def test_the_state_between_both_sweeps_is_unstable(pressing):
+    """At 4 N and 122 Hz: DOP853 leaves the middle one of three states, and stays on the two others.
+
+    From the middle one itself it needs hundreds of periods to leave; it is followed from a thousandth beside.
+    """
+    model, frequency, force = oscillator(ELASTIC(1.0, K)), 122.0, 4.0
+    alone = condense(model, force, "1:+X", ["1:+X"], 2e-3)
+    low, high = alone.solve(frequency), alone.solve(135.0)
+    for step in np.arange(134.0, frequency - 0.5, -1.0):
+        high = alone.solve(step, high.amplitudes)
+    starts = [with_harmonics(point.amplitudes, high.count) for point in (low, high)]
+    middle = alone.solve(frequency, starts[0] + 0.4 * (starts[1] - starts[0]))
+    condensed = condense(model, force, "1:+X", ["1:+X"], 2e-3, normal_forces=pressing)
+    for point, stays in ((low, True), (middle, False), (high, True)):
+        here = condensed.solve(frequency, point.amplitudes)
+        first = condensed.first(here)[0]
+        assert abs(first) == pytest.approx(abs(alone.first(point)[0]), rel=2e-3)
+        if pressing is None:
+            assert (settled(frequency, force, 1.001 * first) == pytest.approx(abs(first), rel=0.05)) == stays
+        seen = verified(condensed, here)
+        assert seen.settles == stays and (seen.error == 1.0) == (not stays)
 
 
 def test_a_users_law_that_divides_by_zero_returns_no_number(capfd):

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ema.data import Damping
-from ema.errors import InputError
-from ema.simulate import HarmonicBalance, Masing, double_beam, frf
 from ema.simulate.verification import limit_of
 from tests.bench import stated_errors
 from tests.bench.friction_draws import draw
@@ -141,18 +138,3 @@ def test_limit_of_decaying_waves():
     points = limit + (waves ** np.arange(16)[:, None]) @ (shapes[0] + 1j * shapes[1])
     assert np.linalg.norm(points[-1] - limit) > 0.5
     np.testing.assert_allclose(limit_of(points), limit, atol=1e-5)
-
-
-def test_verify_refuses_contacts_that_depend_on_each_other():
-    model = double_beam(Masing(0.3, 1e9), 300.0, elements=2, damping=Damping(mass_factor=2.0))
-    pressing = np.array([[300.0, 200.0, 300.0, 400.0]])
-    with pytest.raises(InputError, match="verify=True follows friction in one direction"):
-        frf(
-            model,
-            np.array([20.0]),
-            1.0,
-            "beam 2:2:+Z",
-            ["beam 2:2:+Z"],
-            normal_forces=pressing,
-            settings=HarmonicBalance(verify=True),
-        )
