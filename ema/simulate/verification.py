@@ -119,8 +119,9 @@ def _settled(condensed: Any, point: Any, steps: int) -> tuple[Complex[np.ndarray
         motion = run["q"].reshape(_BLOCK, _SAMPLES, -1)
         firsts = np.concatenate([firsts, np.tensordot(motion, wave, (1, 0))])
         found.append(condensed.rows @ limit_of(firsts))
-        if len(found) > 1:
-            rest = float(np.linalg.norm(found[-1] - found[-2]))
+        if len(found) > 2:
+            # one agreement may be chance
+            rest = max(float(np.linalg.norm(found[-1] - former)) for former in found[-3:-1])
             away = float(np.linalg.norm(found[-1] - harmonic))
             if rest <= _ENOUGH * max(away, _LEAST * size):
                 break

@@ -130,6 +130,15 @@ def test_verified_where_the_limit_is_approached_by_no_waves():
     assert row["solved"] and row["true"] <= row["stated"] + row["own"], row
 
 
+@pytest.mark.parametrize(("law", "seed"), [("own", 7001), ("lugre", 7004)])
+def test_verified_where_two_extrapolated_limits_agree_by_chance(law, seed):
+    """The later limits go on to change by several times what the two differed."""
+    (row,) = stated_errors.in_frequency(
+        draw(law, seed, 0.01), np.random.default_rng([7, stated_errors.LAWS.index(law), seed]), verify=True
+    )
+    assert row["true"] <= row["stated"] + row["own"]
+
+
 def test_limit_of_decaying_waves():
     """Three waves about a constant, the slowest of them falling by 2 % a period: sixteen periods tell the limit."""
     rng = np.random.default_rng(8)
