@@ -205,6 +205,21 @@ def present(wave, beat, t):
 
 
 @inner_with_arrays
+def settle(springs, u, v, blur):
+    """Put stuck springs that are beyond their limits, but move back, at their limits.
+
+    A spring that sticks is at its limit, and the modes of the next phase give its displacement with a rounding of their
+    own: whether it slips again is for its velocity to say. By displacement alone the springs of one contact, which all
+    turn at one time, would stick and slip in turns without end.
+    """
+    contact, k, limit, rest, slide, _ = springs
+    for j in range(len(k)):
+        pull, reach = u[contact[j]] - rest[j], limit[j] / k[j]
+        if slide[j] == 0.0 and abs(pull) > reach + blur and pull * v[contact[j]] <= 0.0:
+            rest[j] += pull - np.copysign(reach, pull)
+
+
+@inner_with_arrays
 def next_event(slips, wave, beat, springs, horizon, sought, room):
     """First time up to ``horizon`` at which a spring sticks or slips, and that spring (-1: none)."""
     contact, k, limit, rest, slide, _ = springs
@@ -223,8 +238,10 @@ def next_event(slips, wave, beat, springs, horizon, sought, room):
             turn(wave)
         present(wave, beat, n * dt)
         matvec(slips, wave[X], u)
-        if anything:
+        if anything or n == 0:
             matvec(slips, wave[V], v)
+        if n == 0:
+            settle(springs, u, v, sought[1])
         found, when, ready = -1, 2.0, False
         for j in range(len(k)):
             i, spring = contact[j], (slide[j], k[j], limit[j], rest[j])

@@ -493,7 +493,7 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
     if name in CATALOGUE:
         raise InputError("the name of a built-in law", where="register_law", got=name, expected="a name of your own")
     try:
-        compiled = nb.cfunc(nb.float64(*[nb.float64] * 8))(function)
+        compiled = nb.cfunc(nb.float64(*[nb.float64] * 8), error_model="numpy")(function)
         trial = compiled.ctypes(0.0, 1e-9, 1e6, 1.0, 0.0, 0.0, 0.0, 0.0)
     except Exception as error:
         raise InputError(

@@ -21,7 +21,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.checks import positive
 from ema.simulate.factors import Factors
-from ema.simulate.transient import Problem, prepare, sampled_normal_forces
+from ema.simulate.transient import Problem, _State, prepare, sampled_normal_forces
 
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
 """Residual over the size of the amplitudes, the same where only places are sought, and how much larger than the first
@@ -44,9 +44,11 @@ BUDGET, EVALUATION, _ROUGH_SHARE, _JUDGING = 4_000_000, 200, 0.04, 40
 an evaluation counts besides; the share of a search where a neighbour would do as well; and evaluations that remain to
 judge the best solution of a search that was ended. Of 379 cold starts (:mod:`tests.bench.cold_starts`) the one that is
 found last takes 2.1 million: the budget is twice that. One contact is given up after some 19,000 evaluations."""
-_ALONG_THE_ARC, _FINE_START = 0.95, 4
+_ALONG_THE_ARC, _FINE_START, _STUCK = 0.95, 4, 1e6
 """Ratio of neighbouring slip forces from which on a solution is sought with more nodes or along the arc, and the factor
-on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried."""
+on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried. Slip
+forces, over those that the stuck motion asks for, at which every law is stuck: one that yields in proportion to the
+force deviates there by the rounding of places that are sought roughly."""
 _ASIDE, _SHORTEST = (0.003, -0.003, 0.01, -0.01, 0.03), 0.05
 """Where a steady state is looked for beside a frequency that shows none, relative, and the share of the way back below
 which no step is tried. Half a bandwidth of lightly damped modes is 0.003 and more."""
@@ -368,6 +370,7 @@ class Condensed:
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt.
 
+        Smooth laws yield below their slip forces too: these are first raised to where the stuck state is a start.
         Where these become short the nodes may be too few for Newton's method, as forces jump by the error of quadrature
         where the number of nodes changes. If more of them do not help, the curve turns back to higher slip forces: from
         there on along its arc.
@@ -390,6 +393,9 @@ class Condensed:
                 ratio = max(ratio**1.5, 0.1)
             elif self.left < 0:
                 return None
+            elif not known and wanted < _STUCK * level:
+                wanted *= 10.0
+                continue
             else:
                 ratio = np.sqrt(ratio)
             if ratio > _ALONG_THE_ARC:
@@ -592,6 +598,28 @@ class Condensed:
     def outputs(self, point: _Point, rows: np.ndarray) -> Complex[np.ndarray, "dof harmonic"]:
         """Complex amplitudes of output DOFs (dof, mode)."""
         return np.asarray(rows @ self.modal(point).T)
+
+    def state_at(self, point: _Point, phase: float) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
+        """Modal displacements and velocities of a solution at a phase of the exciting force in rad."""
+        orders = self.orders(point.count)[:, None]
+        waves = self.modal(point) * np.exp(1j * phase * orders)
+        return waves.real.sum(axis=0), (1j * point.omega * orders * waves).real.sum(axis=0)
+
+    def start_in_time(self, point: _Point, steps: int) -> tuple[_State, float]:
+        """State of a solution, as so many steps in a period see it, and the phase in rad at which it is that."""
+        q, p = self.state_at(point, 0.0)
+        orders, laws = self.orders(point.count), self.problem.laws
+        spectrum = np.zeros((len(self.limits), steps // 2 + 1), complex)
+        spectrum[:, orders] = 0.5 * steps * (point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2])
+        period = np.fft.irfft(spectrum, steps, axis=1)
+        path = np.column_stack([np.zeros(len(period)), period, period, period[:, :1]])
+        limits = np.broadcast_to(self.limits[:, None], path.shape)
+        forces, memory = laws.followed(path, limits, 2 * np.pi / point.omega / steps)
+        return _State(q, p, self.problem.base.slip @ q, forces[:, -1], memory), 0.0
+
+    def slip_forces(self, phases: Float[np.ndarray, "step"]) -> Float[np.ndarray, "row contact"]:
+        """Slip forces in N at phases of the exciting force in rad, one row where they stay."""
+        return self.limits[None]
 
     def completed(self, response: HarmonicResponse, points: Sequence[_Point | None]) -> HarmonicResponse:
         """The response with what the contacts have to tell besides."""

@@ -16,6 +16,7 @@ from ema.contact.laws import Couplings
 from ema.data import Finding, HarmonicResponse
 from ema.errors import InputError
 from ema.simulate.harmonic import Condensed, _Point, with_harmonics
+from ema.simulate.transient import _State
 
 _MOST_PERIODS = 40
 _LOOSE = 0.03
@@ -79,15 +80,14 @@ class JoinedCondensed(Condensed):
             self._tables[count, fine] = np.stack([np.cos(angle), np.sin(angle)], -1).reshape(samples, -1)
         return self._tables[count, fine]
 
-    def _tops(self, samples: int) -> Float[np.ndarray, "friction sample"]:
-        """Slip forces over a period in N, where they do not follow a normal contact."""
+    def _tops(self, shares: Float[np.ndarray, "sample"]) -> Float[np.ndarray, "friction sample"]:
+        """Slip forces in N at shares of a period, where they do not follow a normal contact."""
         contacts = self.problem.system.contacts
         first = contacts.tangential
         if self.pressing is None:
-            return self.level * np.broadcast_to(self.limits[:first, None], (first, samples))
+            return self.level * np.broadcast_to(self.limits[:first, None], (first, len(shares)))
         phases = np.arange(self.pressing.shape[1] + 1) / self.pressing.shape[1]
-        at = np.arange(samples) / samples
-        force = np.array([np.interp(at, phases, np.append(row, row[0])) for row in self.pressing])
+        force = np.array([np.interp(shares % 1.0, phases, np.append(row, row[0])) for row in self.pressing])
         return np.asarray(force[list(contacts.joint[:first])] * (self.level * contacts.friction[:first, None]))
 
     def _forces(self, amplitudes: np.ndarray, omega: float, fine: int, derive: bool) -> tuple[np.ndarray, ...]:
@@ -97,7 +97,7 @@ class JoinedCondensed(Condensed):
         result: tuple[np.ndarray, ...] = self.periodic.joined_forces(
             np.ascontiguousarray(amplitudes),
             (self.orders(count), basis, _MOST_PERIODS, omega),
-            np.array(self._tops(len(basis))),
+            np.array(self._tops(np.arange(len(basis)) / len(basis))),
             self.laws,
             (ties.partner, ties.pressed_by, self.level * ties.friction),
             self.bounds,
@@ -115,7 +115,7 @@ class JoinedCondensed(Condensed):
         """Forces in N below which contacts stick, and normal contacts stay closed."""
         from ema.contact.normal_kernels import FORCE
 
-        return np.append(self._tops(64).min(axis=1), self.ties.normals[:, FORCE])
+        return np.append(self._tops(np.arange(64) / 64).min(axis=1), self.ties.normals[:, FORCE])
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From a small exciting force, under which nothing slips or parts, to the whole one.
@@ -166,6 +166,24 @@ class JoinedCondensed(Condensed):
     def pressed(self, point: _Point) -> Float[np.ndarray, "normal 4"]:
         """Least and greatest normal force in N, share of the period open, widest gap in m of the normal contacts."""
         return np.asarray(self._forces(with_harmonics(point.amplitudes, point.count), point.omega, self.fine, False)[4])
+
+    def start_in_time(self, point: _Point, steps: int) -> tuple[_State, float]:
+        """State of a solution at its last sample, where following the contacts has left them, and the phase in rad."""
+        from ema.contact.call_kernels import FORCE
+
+        self._forces(point.amplitudes, point.omega, self.fine, False)
+        exchange, states = self.laws[3:]
+        phase = -2 * np.pi / len(self._samples(point.count, self.fine))
+        q, p = self.state_at(point, phase)
+        return _State(q, p, self.problem.base.slip @ q, exchange[FORCE].copy(), states[0].copy()), phase
+
+    def slip_forces(self, phases: Float[np.ndarray, "step"]) -> Float[np.ndarray, "row contact"]:
+        """Slip forces in N at phases of the exciting force in rad, one row where they stay."""
+        if self.pressing is None:
+            return self.limits[None]
+        limits = np.tile(self.limits, (len(phases), 1))
+        limits[:, : self.problem.system.contacts.tangential] = self._tops(phases / (2 * np.pi)).T
+        return limits
 
     def completed(self, response: HarmonicResponse, points: Sequence[_Point | None]) -> HarmonicResponse:
         """The response with the slips of the friction contacts alone, and a finding where pairs part."""

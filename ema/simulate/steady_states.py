@@ -105,8 +105,7 @@ def frf(
     Raises
     ------
     InputError
-        If the force, the budget or a frequency is not positive, a normal force is negative, or ``verify`` is asked for
-        contacts that depend on each other.
+        If the force, the budget or a frequency is not positive, or a normal force is negative.
 
     Examples
     --------
@@ -120,13 +119,6 @@ def frf(
     condensed = condense(model, force, at, outputs, chosen.tolerance, chosen.modes, normal_forces)
     condensed.budget = chosen.budget
     condensed.keep(chosen.harmonics)
-    if chosen.verify and type(condensed) is not Condensed:
-        raise InputError(
-            "verify=True follows friction in one direction under constant normal forces",
-            where=model.name,
-            got="contacts that depend on each other",
-            advice="check such a state by ema.simulate.respond",
-        )
     if not len(frequencies) or not np.all(np.isfinite(frequencies)) or np.min(frequencies) <= 0:
         raise InputError(
             "not frequencies of excitation",

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Complex
 
-from ema.simulate.transient import Stepper, _State
+from ema.simulate.transient import Stepper
 
 _SAMPLES = 64
 """Of a period, from which its first harmonic is made."""
@@ -23,6 +23,12 @@ _ENOUGH = 0.1
 """How well the limit is to be known, over its distance from the harmonic solution: a tenth of what is stated."""
 _LEAST = 1e-4
 """Distance, relative, below which it need not be known any better."""
+_PUSH, _COARSE_STEPS, _MOST_PUSHED = 1e-3, 256, 240
+"""Relative push off a solution whose stability is asked for, steps of a period, and periods at most after which it
+counts what is left of the push: half as many halve the damping down to which a return is seen."""
+_RETURNED, _LEFT = 0.01, 5.0
+"""Shares of the push at which the motion has returned, and has left. The unstable direction carries a tenth of a push
+and more; where it carried less than a hundredth, a solution that is left would be taken for a stable one."""
 _RANK = 1e-7
 """Singular values of the differences, over the largest, that are taken for rounding."""
 
@@ -44,16 +50,16 @@ class Verified:
 def verified(condensed: Any, point: Any) -> Verified:
     """Follow a harmonic solution in time until it settles.
 
-    ``condensed`` and ``point`` are a ``Condensed`` of one direction of friction and a solution of it.
+    ``condensed`` and ``point`` are a ``Condensed`` and a solution of it.
     """
     if not np.any(np.abs(point.forces) > 0):
         return Verified(point.error, True)
+    if not stays(condensed, point):
+        return Verified(1.0, False)
     harmonic, before, error = condensed.first(point), None, np.inf
     size, steps = max(float(np.linalg.norm(harmonic)), 1e-300), _FEWEST_STEPS
     while True:
         limit, rest = _settled(condensed, point, steps)
-        if limit is None:
-            return Verified(1.0, False)
         away = float(np.linalg.norm(limit - harmonic)) / size
         if before is not None:
             # the steps err by their square where the motion is smooth and at least by their length
@@ -65,48 +71,61 @@ def verified(condensed: Any, point: Any) -> Verified:
         before, steps = limit, 2 * steps
 
 
-def start_of(condensed: Any, point: Any, steps: int) -> _State:
-    """State at the beginning of a period of a harmonic solution, as steps of that many in a period see it."""
-    orders, base, laws = condensed.orders(point.count), condensed.problem.base, condensed.problem.laws
-    waves = condensed.modal(point)
-    q, p = waves.real.sum(axis=0), (1j * point.omega * orders[:, None] * waves).real.sum(axis=0)
-    spectrum = np.zeros((len(condensed.limits), steps // 2 + 1), complex)
-    spectrum[:, orders] = 0.5 * steps * (point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2])
-    spectrum[:, 0] *= 2
-    period = np.fft.irfft(spectrum, steps, axis=1)
-    path = np.column_stack([np.zeros(len(period)), period, period, period[:, :1]])
-    limits = np.broadcast_to(condensed.limits[:, None], path.shape)
-    forces, memory = laws.followed(path, limits, 2 * np.pi / point.omega / steps)
-    return _State(q, p, base.slip @ q, forces[:, -1], memory)
+def _stepper(condensed: Any, point: Any, steps: int, pushed: float = 1.0) -> tuple[Stepper, np.ndarray, float]:
+    """Stepper that begins on a solution, its load over a block of periods in N, and the phase in rad at the begin.
+
+    ``pushed``: factor on displacements and velocities of the modes.
+    """
+    start, begun = condensed.start_in_time(point, steps)
+    start.q, start.p = pushed * start.q, pushed * start.p
+    start.u = condensed.problem.base.slip @ start.q
+    stepper = Stepper(condensed.problem, start, 2 * np.pi / point.omega / steps, (condensed.driven,))
+    phase = begun + 2 * np.pi * np.arange(_BLOCK * steps + 1) / steps
+    return stepper, phase, begun
 
 
-def _settled(condensed: Any, point: Any, steps: int) -> tuple[Complex[np.ndarray, "dof"] | None, float]:
-    """First harmonic of the outputs once the motion has settled, and how well it is known in m; ``None``: it leaves."""
-    problem, every = condensed.problem, steps // _SAMPLES
-    stepper = Stepper(problem, start_of(condensed, point, steps), 2 * np.pi / point.omega / steps, (condensed.driven,))
-    phase = 2 * np.pi * np.arange(_BLOCK * steps + 1) / steps
-    load = condensed.force * np.cos(phase)[:, None]
-    wave = 2 / _SAMPLES * np.exp(-2j * np.pi * np.arange(1, _SAMPLES + 1) / _SAMPLES)
+def stays(condensed: Any, point: Any) -> bool:
+    """Whether the motion returns to a solution from which it was pushed away.
+
+    The change of the state from period to period is the free motion about the solution: its energy falls where the
+    solution is stable. A motion that begins on an unstable one stays there for as long as rounding takes to grow, and
+    the extrapolated limit is the unstable one: it has to be pushed.
+    """
+    stepper, phase, _ = _stepper(condensed, point, _COARSE_STEPS, 1.0 + _PUSH)
+    load, limits = condensed.force * np.cos(phase)[:, None], condensed.slip_forces(phase[:-1])
+    scale, energies, last = condensed.problem.base.frequencies, np.zeros(0), None
+    while len(energies) < _MOST_PUSHED:
+        run = stepper.run(_BLOCK * _COARSE_STEPS, _COARSE_STEPS, limits, load)
+        states = np.concatenate([run["q"] * scale, run["p"]], axis=1)
+        moved = np.diff(states if last is None else np.concatenate([last[None], states]), axis=0)
+        last, energies = states[-1], np.append(energies, (moved**2).sum(axis=1))
+        first, now = energies[:_BLOCK].max(), energies[-_BLOCK:].max()
+        if now <= _RETURNED**2 * first or now >= _LEFT**2 * first:
+            break
+    return bool(now <= first)
+
+
+def _settled(condensed: Any, point: Any, steps: int) -> tuple[Complex[np.ndarray, "dof"], float]:
+    """First harmonic of the outputs once the motion has settled, and how well it is known in m."""
+    stepper, phase, begun = _stepper(condensed, point, steps)
+    load, limits = condensed.force * np.cos(phase)[:, None], condensed.slip_forces(phase[:-1])
+    wave = 2 / _SAMPLES * np.exp(-1j * (begun + 2 * np.pi * np.arange(1, _SAMPLES + 1) / _SAMPLES))
     harmonic = condensed.first(point)
-    firsts = np.zeros((0, len(problem.base.frequencies)), complex)
+    firsts = np.zeros((0, len(condensed.problem.base.frequencies)), complex)
     found: list[np.ndarray] = []
     size = max(float(np.linalg.norm(harmonic)), 1e-300)
     while len(firsts) < _MOST_PERIODS:
-        run = stepper.run(_BLOCK * steps, every, condensed.limits[None], load)
+        run = stepper.run(_BLOCK * steps, steps // _SAMPLES, limits, load)
         motion = run["q"].reshape(_BLOCK, _SAMPLES, -1)
         firsts = np.concatenate([firsts, np.tensordot(motion, wave, (1, 0))])
         found.append(condensed.rows @ limit_of(firsts))
-        if len(found) > 1:
-            rest = float(np.linalg.norm(found[-1] - found[-2]))
+        if len(found) > 2:
+            # one agreement may be chance
+            rest = max(float(np.linalg.norm(found[-1] - former)) for former in found[-3:-1])
             away = float(np.linalg.norm(found[-1] - harmonic))
             if rest <= _ENOUGH * max(away, _LEAST * size):
                 break
-    outputs = firsts @ condensed.rows.T
-    drift = np.linalg.norm(np.diff(outputs, axis=0), axis=1)
-    last, rest = found[-1], float(np.linalg.norm(found[-1] - found[-2]))
-    # what moves on as fast as it began does not settle
-    leaves = drift[-_BLOCK:].max() > max(drift[:_BLOCK].max(), _LEAST * size) and rest > _LEAST * size
-    return (None if leaves else last), rest
+    return found[-1], rest
 
 
 def limit_of(points: Complex[np.ndarray, "period mode"]) -> Complex[np.ndarray, "mode"]:

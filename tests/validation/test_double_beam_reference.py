@@ -21,6 +21,9 @@ from ema.simulate import (
 )
 from ema.simulate.structure import assemble
 from ema.simulate.transient import prepare, released
+from tests.bench.friction_draws import draw
+from tests.bench.friction_truth import Motion, truth
+from tests.bench.friction_truth import released as at_rest
 
 TIP = "beam 2:20:+Z"
 
@@ -149,6 +152,25 @@ def test_iwan_springs_in_both_modes():
     fast = snapback(model, 20.0, tip, 0.05, tolerance=3e-4)
     assert np.abs(fast.displacements - exact.displacements).max() <= 5e-4 * np.abs(exact.displacements).max()
     assert exact.energy.error <= 1e-6
+
+
+@pytest.mark.parametrize(("chi", "beta", "force"), [(-0.2, 0.5, 4000.0), (-0.5, 1.0, 300.0)])
+def test_twenty_springs_of_a_contact_turn_at_one_time(chi, beta, force):
+    """All springs of a contact stick as its motion turns, at their limits: by displacement alone they slip at once."""
+    run = snapback_reference(double_beam(Iwan(0.3, 1e9, chi, beta, 20), force), 20.0, TIP, 2e-4)
+    assert run.times[-1] == pytest.approx(2e-4) and run.energy.error <= 1e-6
+
+
+@pytest.mark.parametrize(("law", "seed"), [("iwan", 6003), ("modified iwan", 6006), ("parallel masing", 6002)])
+def test_reference_mode_of_many_springs_on_random_structures(law, seed):
+    """Against a solver of the bench that shares no code with the project, good to 1e-6 of the largest displacement."""
+    case, samples = draw(law, seed), 160
+    rate, load = samples * case.lowest / 4, case.force * case.load_row
+    run = snapback_reference(case.model, case.force, case.at, samples / rate, [case.output], rate, check=True)
+    motion, start = Motion(load, samples, 1 / rate, None), at_rest(case.rubbing, load)
+    expected, own = truth(case.rubbing, motion, start, case.output_row[None], 1e-6)
+    true = np.abs(run.displacements[0] - expected[:, 0]).max() / np.abs(expected).max()
+    assert true <= run.error_estimate + own <= 1e-5
 
 
 def test_mass_proportional_damping_in_both_modes():

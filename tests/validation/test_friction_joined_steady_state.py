@@ -183,6 +183,24 @@ def test_normal_contact_against_the_time_solver(contact, force, law):
     assert ("lift-off" in {finding.code for finding in found.findings}) == (force == 100.0)
 
 
+@pytest.mark.parametrize("kind", ["plane", "normal force", "lift-off"])
+def test_verified_against_a_run_from_rest(kind):
+    """The distance from the settled motion is stated; the run in time is good to 3e-4 of its largest displacement."""
+    model, pressing = {
+        "plane": (oscillator(RegularisedMasing(1.0, K, 8)), None),
+        "normal force": (oscillator(Dahl(1.0, K), ONE), np.array([[30.0, 20.0, 30.0, 45.0]])),
+        "lift-off": (
+            oscillator(Masing(1.0, K), ONE, lift=0.3, normal_stiffness=2e5, normal_contact=Unilateral()),
+            None,
+        ),
+    }[kind]
+    found = frf(model, np.array([95.0]), 20.0, "1:+X", ["1:+X"], HarmonicBalance(verify=True), normal_forces=pressing)
+    first, _ = in_time(model, 95.0, 20.0, "1:+X", pressing)
+    assert found.error_estimate[0] <= 1e-3 and "unstable-state" not in [finding.code for finding in found.findings]
+    here = found.values[0, 0, list(found.orders).index(1)]
+    assert abs(here - first) <= (found.error_estimate[0] + 3e-4) * abs(first)
+
+
 def test_the_peak_of_a_motion_with_a_mean_is_that_of_its_first_harmonic():
     model = oscillator(Masing(0.5, 2e5), ONE, lift=0.2, normal_contact=Unilateral(), normal_stiffness=2e5)
     peak = resonance(model, 40.0, "1:+X", "1:+X", (85.0, 125.0), coarse=16)

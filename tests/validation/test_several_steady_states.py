@@ -11,7 +11,9 @@ from scipy.integrate import solve_ivp
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate import Masing, frf_up_and_down, register_law
+from ema.simulate import Masing, frf, frf_up_and_down, register_law
+from ema.simulate.harmonic import condense, with_harmonics
+from ema.simulate.verification import verified
 
 F0, K, FC, RATIO = 100.0, 4e5, 30.0, 0.01
 SPRING = (2 * np.pi * F0) ** 2
@@ -62,7 +64,7 @@ def heights(response):
 
 @pytest.mark.parametrize(("force", "fold"), [(2.0, (127.0, 135.0)), (4.0, (120.0, 131.0))])
 def test_both_sweeps_are_where_the_motions_that_begin_on_them_stay(force, fold):
-    """At 4 N the upward sweep finds nothing from 132 Hz on, beyond its jump, but what the downward one left there."""
+    """At 4 N the upward sweep jumps beyond 131 Hz to where the downward one came from."""
     frequencies = np.arange(fold[0], 140.0)
     up, down = frf_up_and_down(oscillator(ELASTIC(1.0, K)), frequencies, force, "1:+X", ["1:+X"], tolerance=2e-3)
     assert up.converged.all() and down.converged.all()
@@ -75,6 +77,51 @@ def test_both_sweeps_are_where_the_motions_that_begin_on_them_stay(force, fold):
         low, high = (settled(frequency, force, firsts(swept)[place]) for swept in (up, down))
         assert heights(up)[place] == pytest.approx(low, rel=2e-3), frequency
         assert heights(down)[place] == pytest.approx(high, rel=2e-3), frequency
+
+
+@pytest.mark.parametrize(("force", "frequency"), [(3.0, 133.0), (3.0, 134.0), (4.0, 132.0), (5.0, 130.0), (5.0, 134.0)])
+def test_states_beyond_a_jump_are_found_from_nothing(force, frequency):
+    """The law yields below its slip force too: the stuck motion at that force is no start, with higher ones it is.
+
+    DOP853 from the state that is found, and from rest, settles on it.
+    """
+    found = frf(oscillator(ELASTIC(1.0, K)), np.array([frequency]), force, "1:+X", ["1:+X"])
+    assert found.converged.all()
+    for first in (firsts(found)[0], 0j):
+        assert heights(found)[0] == pytest.approx(settled(frequency, force, first), rel=5e-3)
+
+
+@pytest.mark.parametrize("pressing", [None, np.array([[FC, FC]])], ids=["one direction", "normal forces over a period"])
+def test_the_state_between_both_sweeps_is_unstable(pressing):
+    """At 4 N and 122 Hz: DOP853 leaves the middle one of three states, and stays on the two others.
+
+    From the middle one itself it needs hundreds of periods to leave; it is followed from a thousandth beside.
+    """
+    model, frequency, force = oscillator(ELASTIC(1.0, K)), 122.0, 4.0
+    alone = condense(model, force, "1:+X", ["1:+X"], 2e-3)
+    low, high = alone.solve(frequency), alone.solve(135.0)
+    for step in np.arange(134.0, frequency - 0.5, -1.0):
+        high = alone.solve(step, high.amplitudes)
+    starts = [with_harmonics(point.amplitudes, high.count) for point in (low, high)]
+    middle = alone.solve(frequency, starts[0] + 0.4 * (starts[1] - starts[0]))
+    condensed = condense(model, force, "1:+X", ["1:+X"], 2e-3, normal_forces=pressing)
+    for point, stays in ((low, True), (middle, False), (high, True)):
+        here = condensed.solve(frequency, point.amplitudes)
+        first = condensed.first(here)[0]
+        assert abs(first) == pytest.approx(abs(alone.first(point)[0]), rel=2e-3)
+        if pressing is None:
+            assert (settled(frequency, force, 1.001 * first) == pytest.approx(abs(first), rel=0.05)) == stays
+        seen = verified(condensed, here)
+        assert seen.settles == stays and (seen.error == 1.0) == (not stays)
+
+
+def test_a_users_law_that_divides_by_zero_returns_no_number(capfd):
+    """Far from a solution the force is F_C to the last digit and the law 0 / 0, which Newton's method steps back from."""
+    from ema.simulate.friction import REGISTERED
+
+    force = REGISTERED["elastic and softening"][1].ctypes
+    assert np.isnan(force(1.0, -1.0, 1e9, 1.0, 0.0, 0.0, 0.0, 0.0))
+    assert "ZeroDivisionError" not in capfd.readouterr().err
 
 
 def test_a_joint_that_loses_energy_has_one_steady_state():
