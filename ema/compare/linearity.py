@@ -55,9 +55,7 @@ more than the limit."""
 LATER = 0.15
 """Response, relative to that behind the impact, at which the late decay begins if the joint still slips at `LATE`."""
 PRECISE = 0.003
-"""Relative noise of a modal amplitude above which it counts less than by its energy, so that noise of many weak modes
-hides no change of the strong ones. A mode that slips through its whole decay is fitted by two close poles, though, and
-their amplitudes are noisy: where this weight shows no change, the one by energy alone is asked too."""
+"""Relative noise of a modal amplitude above which it counts less than by its energy."""
 USABLE = 0.05
 """Relative noise of a modal amplitude above which it is not used."""
 FEWEST_POINTS = 12
@@ -254,23 +252,9 @@ def judge(decays: ImpactDecays) -> Linearity:
         decay = level_dependence(ratio, variance, energy, level, [0] * len(points))
         return _decided(None, decay, decays)
     whole = float(np.median(decays.cut)) < CUT
-    constants = _followed(*_constants(decays), energy, decays, CHANGE) if whole else None
-    return _decided(constants, _followed(ratio, variance, energy, decays, DECAY_CHANGE), decays)
-
-
-def _followed(
-    values: Complex[np.ndarray, "impact mode"],
-    variance: Float[np.ndarray, "impact mode"],
-    energy: Float[np.ndarray, "impact mode"],
-    decays: ImpactDecays,
-    limit: float,
-) -> LevelDependence | None:
-    """What follows the force on every point: of the modes that are known best, or of all of them if only these do."""
-    of = values, variance, energy, decays.peaks, decays.inputs
-    best, all_modes = level_dependence(*of), level_dependence(*of, precise=np.inf)
-    if best is not None and all_modes is not None and not best.exceeds(limit) and all_modes.exceeds(limit):
-        return all_modes
-    return best
+    constants = level_dependence(*_constants(decays), energy, decays.peaks, points) if whole else None
+    decay = level_dependence(ratio, variance, energy, decays.peaks, points)
+    return _decided(constants, decay, decays)
 
 
 def _decided(
@@ -294,7 +278,6 @@ def level_dependence(
     energy: Float[np.ndarray, "impact mode"],
     level: Float[np.ndarray, "impact"],
     points: Sequence[Hashable],
-    precise: float = PRECISE,
 ) -> LevelDependence | None:
     """How modal values of impacts on the same point follow the level of the impact.
 
@@ -307,7 +290,6 @@ def level_dependence(
     energy : weight of modes and points.
     level : of the impacts, positive.
     points : where each impact was.
-    precise : relative noise of a mode from which on it counts less than by its energy.
 
     Returns
     -------
@@ -326,7 +308,7 @@ def level_dependence(
         z.append(relative - relative.mean(axis=0))
         noise.append(variance[part].mean(axis=0) / np.abs(mean) ** 2)
         usable = noise[-1] < USABLE**2
-        weight.append(np.where(usable, energy[part].mean(axis=0) / (1 + noise[-1] / precise**2), 0.0))
+        weight.append(np.where(usable, energy[part].mean(axis=0) / (1 + noise[-1] / PRECISE**2), 0.0))
     w, v = np.array(weight) / max(float(np.sum(weight)), np.finfo(float).tiny), np.array(noise)
     spread = np.array([part @ part for part in x])
     slopes = np.array([part @ change for part, change in zip(x, z)])
