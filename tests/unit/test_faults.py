@@ -46,7 +46,7 @@ def test_at_any_moment(subject, name: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("subject", [Studying(report=False), Mapping(), Placing()], ids=lambda one: one.name)
+@pytest.mark.parametrize("subject", [Studying(), Mapping(), Placing()], ids=lambda one: one.name)
 def test_a_study_a_map_and_a_placement_at_some_operations(subject, monkeypatch):
     for module, name in (
         (chain, "analyse"),
