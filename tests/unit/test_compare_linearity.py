@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 
 from ema.compare.decay_modes import sticking
-from ema.compare.linearity import LevelDependence, _decided, judge, level_dependence, level_finding, linearity
-from ema.data import poles_from
-from ema.dof import Dof
-from ema.estimate.impact_decays import ImpactDecays
+from ema.compare.linearity import LevelDependence, _decided, level_dependence, level_finding, linearity
 from tests.bench import linearity as bench
 
 
@@ -114,47 +111,6 @@ def test_a_test_that_excludes_does_not_overrule_one_that_suggests():
     assert found.verdict == "not testable" and "more than noise" in found.reason
     assert _decided(replace(constants, chance=0.0005), decay, None).verdict == "not linear"
     assert _decided(replace(constants, size=0.02), decay, None).verdict == "linear"
-
-
-def two_close_poles(rng: np.random.Generator, slope: float) -> ImpactDecays:
-    """Five points struck three times: a strong linear mode, and one of a tenth of its energy behind two noisy poles.
-
-    The force has the Laplace transform of its level, so that what changes of the amplitudes is ``slope`` ln(level)."""
-    points = tuple(Dof(point, "+Z") for point in (1, 2, 3, 4, 5) for _ in range(3))
-    level = np.exp(0.15 * rng.standard_normal(15))
-    poles = poles_from(np.array([210.8, 211.3, 240.0]), np.array([0.0098, 0.0054, 0.0056]))
-    strength, noise = np.abs(poles) * np.sqrt([0.06, 0.04, 0.9]), np.array([0.01, 0.008, 2e-4])
-    change = 1 + slope * np.log(level)[:, None] * np.array([1.0, -1.0, 0.0])
-    drawn = noise / np.sqrt(2) * (rng.standard_normal((15, 3)) + 1j * rng.standard_normal((15, 3)))
-    amplitudes = (level[:, None] * strength * (change + drawn))[:, :, None]
-    variance = ((level[:, None] * strength * noise) ** 2)[:, :, None]
-    forces = np.repeat(level[:, None].astype(complex), 3, axis=1)
-    behind = (level[:, None] * strength).astype(complex)[:, :, None]
-    return ImpactDecays(
-        poles, amplitudes, variance, forces, 1000 * level, np.zeros(15), points, (points[0],), behind,
-        1e-12 * variance, np.zeros((3, 2)), 0.05,
-    )  # fmt: skip
-
-
-def test_a_weak_mode_that_slips_behind_two_noisy_poles_is_named():
-    """A tenth of the energy changes by 0.3 per factor e of the force: sqrt(0.1) 0.3 = 0.095 of all, twice the limit."""
-    rng = np.random.default_rng(20261124)
-    sizes = [judge(two_close_poles(rng, 0.3)) for _ in range(20)]
-    assert all(one.verdict == "not linear" for one in sizes)
-    assert np.mean([one.constants.size for one in sizes]) == pytest.approx(0.095, abs=0.005)
-
-
-def test_two_noisy_poles_of_a_linear_mode_are_not_named():
-    rng = np.random.default_rng(20261125)
-    verdicts = [judge(two_close_poles(rng, 0.0)).verdict for _ in range(300)]
-    assert verdicts.count("not linear") == 0 and verdicts.count("linear") >= 285
-
-
-@pytest.mark.slow
-def test_a_table_whose_weakest_mode_alone_slips_is_named():
-    """Slip takes 5.9 % of the work, in the mode at 208 Hz, which two poles fit."""
-    table = bench.drawn(14, 73)
-    assert 0.05 < table.share < 0.06 and linearity(table.run, table.band).verdict == "not linear"
 
 
 def test_no_level_is_read_from_equal_impacts():
