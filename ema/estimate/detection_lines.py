@@ -20,14 +20,14 @@ EXCITED = 0.1
 structure puts a few percent of distortion into its own force; a resonance lowers an excited line to a third."""
 _NEAR = 16
 DISTORTED = 0.005
-"""NonlinearDistortion at the lines left out, over the response, from which on a structure counts as not linear.
+"""Distortion at the lines left out, over the response, from which on a structure counts as not linear.
 
 Set on the 200 tables of `python -m tests.bench.detection_lines` with seed 1: 55 of 55 tables whose FRFs change by 5 %
 or more from half the level to this one have more, 1 of 135 that change by less than 2.5 %. Doubled, 51 of the 55 have;
 halved, 4 of the 135.
 """
 CLEAR = 3.0
-"""NonlinearDistortion over what noise shows of it, from which on it is beyond noise."""
+"""Distortion over what noise shows of it, from which on it is beyond noise."""
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ _WITHIN_REACH = 4.0
 """Loss by a pole left out, in the same units, that further steps may still make good."""
 _ON_THE_WAY = 2.0
 """Poles without a peak, over those that the end result may have, with which the search goes on: several at once stand
-for one mode until another one takes their place. With 1 it ended before that in one of 90 random systems; 4 would only
-cost time where the residual is no noise."""
+for one mode until another one takes their place. With 1 it ended before that in one of 90 random systems. Larger values
+were not tried: they prolong searches of residuals that are no noise."""
 _FAILURES = 2
 """Places where a mode seems to gain but replaces another one; after so many, the search ends."""
 
