@@ -66,6 +66,7 @@ def _document(title: str, found: "JointAssessment") -> dict[str, Any]:
             for one in found.held
         ],
         "weight_of_one_joint": found.weight,
+        "weight_interval": list(found.weight_interval),
         "experiments": [
             {"name": one.name, "one": list(one.one), "two": list(one.two), "separates": one.separates}
             for one in found.experiments
@@ -82,14 +83,17 @@ def sentence(found: "JointAssessment") -> str:
     if against:
         parts.append(f"These do not hold together with the others: {'; '.join(against)}.")
     if found.two is not None:
-        weight = found.weight
+        low, high = found.weight_interval
+        decided = high < 0.05 or low > 0.95
         told = (
-            "One joint and two joints cannot be told apart"
-            if 0.05 < weight < 0.95
-            else f"Both tests had {'one joint' if weight >= 0.95 else 'two joints'}"
+            f"Both tests had {'one joint' if low > 0.95 else 'two joints'}"
+            if decided
+            else "One joint and two joints cannot be told apart"
         )
-        parts.append(f"{told}: one joint has {weight:.0%} of the weight.")
-        if found.experiments and 0.05 < weight < 0.95:
+        parts.append(
+            f"{told}: one joint has {found.weight:.0%} of the weight ({low:.0%} to {high:.0%} by independent runs)."
+        )
+        if found.experiments and not decided:
             best = found.experiments[0]
             parts.append(f"The next measurement to make is: {best.name}; it decides in {best.separates:.0%} of cases.")
     return " ".join((*parts, UNCALIBRATED))

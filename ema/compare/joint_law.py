@@ -1,17 +1,20 @@
 """One friction law for all that was said of a structure: posterior, what it determines, and what cannot hold together.
 
-Parameters are transforms of standard normal variables, so that the prior is the same for all of them. The sampler is
-emcee (Foreman-Mackey et al. 2013); the evidence comes from powers of the likelihood (stepping stones, Xie et al. 2011,
-Systematic Biology 60:150).
+Parameters are transforms of standard normal variables, so that the prior is the same for all of them. Draws follow a
+path of densities from the prior to the posterior of one joint, through powers of the likelihood, and on to that of two
+joints, through correlations between them (sequential Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the
+Royal Statistical Society B 68:411); between two steps emcee moves them (Foreman-Mackey et al. 2013) by differences of
+others (ter Braak 2006, Statistics and Computing 16:239). Independent runs say how far the result is one of chance.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import log_ndtr, ndtr
+from scipy.special import expit, log_ndtr, ndtr
+from scipy.stats import t as student_t
 
 from ema.compare.joint_readings import Beam, hammer, shaker
 from ema.compare.joint_statements import RELATIVE, JointFile, SentenceTable
@@ -19,7 +22,14 @@ from ema.progress import Progress, advance, silent
 
 Draws = Float[np.ndarray, "draw parameter"]
 _RIDGE_POINTS = 14
-_WALKERS, _POWERS, _STEPS, _LAST = 64, 9, 60, 400
+_DRAWS, _RUNS = 400, 4
+"""Draws of a run, and independent runs."""
+_MOVES, _LAST, _THIN = 20, 40, 20
+"""Moves of every draw after a step of the path, and at its ends, where every so many are kept."""
+_KEPT = 0.5
+"""Effective share of the draws that a step of the path leaves; with one half a step costs little of their number."""
+_TWO = np.pi / 4
+"""Angle between the joints of two tests: 0 where they are one, pi/4 where neither says anything of the other."""
 DETERMINED = 0.5
 """Width of a 95 % interval over that of the prior up to which a parameter is called determined."""
 TOGETHER = 0.05
@@ -79,23 +89,42 @@ class Datum:
 
 @dataclass(frozen=True)
 class JointModel:
-    """Parameters, and the readings that they lead to, of one or of two joints."""
+    """Parameters, and the readings that they lead to, of one or of two joints.
+
+    The joint of the hammer test has the normal variables c cos(a) + d sin(a), that of the shaker test c cos(a) -
+    d sin(a): one joint at ``angle`` 0, and any correlation cos(2 a) between both up to none, while each alone keeps its
+    prior. Columns of draws: c, what the tests have of their own, d.
+
+    ``said`` are the numbers and sentences where they are not those of the file.
+    """
 
     told: JointFile
-    two: bool = False
+    angle: float = 0.0
+    said: tuple[Datum, ...] | None = None
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The joint's (of both tests, or of either), then those of the hammer test and of the shaker test."""
+    def two(self) -> bool:
+        """Whether the tests have a joint each."""
+        return self.angle > 0
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """The tests that say something."""
+        return tuple(one for one, said in (("hammer", self.told.hammer), ("shaker", self.told.shaker)) if said)
+
+    @property
+    def _joint(self) -> tuple[Parameter, ...]:
         prior = self.told.prior
-        joint = [
+        return (
             _ranged("friction coefficient", prior.friction_coefficient),
             _ranged("exponent of k_T", prior.exponent, uniform=True),
             Parameter("loss factor", 0.0, 0.1, True),
-        ]
-        parts = [one for one, said in (("hammer", self.told.hammer), ("shaker", self.told.shaker)) if said]
-        found = [replace(one, name=f"{one.name}, {part}") for part in parts for one in joint] if self.two else joint
-        for part in parts:
+        )
+
+    @property
+    def _own(self) -> tuple[Parameter, ...]:
+        prior, found = self.told.prior, []
+        for part in self.tests:
             found += [
                 Parameter(f"drop by the mass, {part}", 0.0, 0.06, True),
                 Parameter(f"added damping, {part}", 0.0, 0.003, True),
@@ -112,13 +141,31 @@ class JointModel:
         return tuple(found)
 
     @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The joint's (of both tests, or of either), then those of the hammer test and of the shaker test."""
+        joint = self._joint
+        if self.two:
+            joint = tuple(replace(one, name=self._named(one.name, part)) for part in self.tests for one in joint)
+        return joint + self._own
+
+    @property
     def data(self) -> tuple[Datum, ...]:
         """Numbers and sentences."""
-        return tuple(_data(self.told))
+        return tuple(_data(self.told)) if self.said is None else self.said
 
     def values(self, z: Draws) -> dict[str, np.ndarray]:
         """Parameters by name."""
-        return {one.name: one.of(z[:, row]) for row, one in enumerate(self.parameters)}
+        joint, own = self._joint, self._own
+        turned = {"": z[:, : len(joint)]}
+        if self.two:
+            common, apart = np.cos(self.angle) * turned[""], np.sin(self.angle) * z[:, len(joint) + len(own) :]
+            turned = {"hammer": common + apart, "shaker": common - apart}
+        found = {
+            self._named(one.name, part): one.of(columns[:, row])
+            for part, columns in turned.items()
+            for row, one in enumerate(joint)
+        }
+        return found | {one.name: one.of(z[:, len(joint) + row]) for row, one in enumerate(own)}
 
     def combinations(self, z: Draws) -> dict[str, np.ndarray]:
         """What a test determines better than its parts."""
@@ -166,8 +213,13 @@ class JointModel:
         if self.told.shaker:
             p = self.values(z)
             drive = p["shape over slip, shaker"] / p[self._named("friction coefficient", "shaker")]
-            test = _Shaker(self._beam(p, "shaker"), drive, np.sort(self.told.levels), np.sort(self.told.normal_forces))
-            columns += [test.reading(one) for one in self.told.shaker]
+            test = _Shaker(np.sort(self.told.levels), np.sort(self.told.normal_forces))
+            asked = [test.conditions(one) for one in self.told.shaker]
+            ends = np.cumsum([each.shape[1] for each in asked])[:-1]
+            levels, forces = np.hstack(asked)
+            found = shaker(self._beam(p, "shaker"), levels, forces, drive)
+            curves = (np.split(each, ends, axis=1) for each in found)
+            columns += [test.reading(*one) for one in zip(self.told.shaker, *curves, strict=True)]
         return np.stack(columns, axis=1)
 
     def log_likelihoods(self, z: Draws) -> Float[np.ndarray, "draw datum"]:
@@ -178,37 +230,45 @@ class JointModel:
 
 @dataclass(frozen=True)
 class _Shaker:
-    beam: Beam
-    drive: np.ndarray
+    """The conditions of a shaker test that sentences are about: pairs of force amplitude and normal force in N."""
+
     levels: np.ndarray
     forces: np.ndarray
 
-    def reading(self, told: SentenceTable) -> np.ndarray:
-        """The quantity of a sentence."""
-        last = self.forces[-1]
-        kind = told.quantity
+    def conditions(self, told: SentenceTable) -> Float[np.ndarray, "2 condition"]:
+        """What a sentence needs: a sweep over normal forces or levels; last, the one condition that it compares."""
+        alone = np.array([[told.level], [told.normal_force]], float)
+        if told.quantity == "stuck frequency":
+            return np.array([[self.levels[0]], [self.forces[-1]]])
+        if told.quantity in ("ridge", "drop", "stuck damping"):
+            sweep = np.stack([np.full(_RIDGE_POINTS, told.level), self.grid])
+        else:
+            sweep = np.stack([self.levels, np.full(len(self.levels), told.normal_force)])
+        return np.hstack([sweep, alone]) if told.quantity in ("stuck damping", "fall") else sweep
+
+    @property
+    def grid(self) -> np.ndarray:
+        """Normal forces in N among which a ridge is looked for."""
+        return np.geomspace(max(self.forces[0], 1e-3 * self.forces[-1]), self.forces[-1], _RIDGE_POINTS)
+
+    def reading(self, told: SentenceTable, frequency: np.ndarray, damping: np.ndarray) -> np.ndarray:
+        """The quantity of a sentence, of frequency [Hz] and damping ratio at its conditions (draw, condition)."""
+        kind, grid = told.quantity, self.grid
         if kind == "stuck frequency":
-            return self._at([self.levels[0]], [last])[0][:, 0]
-        if kind in ("ridge", "drop", "stuck damping"):
-            grid = np.geomspace(max(self.forces[0], 1e-3 * last), last, _RIDGE_POINTS)
-            frequency, damping = self._at(np.full(len(grid), told.level), grid)
-            place, top = _vertex(damping)
-            if kind == "ridge":
-                return np.asarray(np.log(grid[0]) + place * np.log(grid[1] / grid[0]))
-            if kind == "drop":
-                row = np.clip(np.rint(place).astype(int), 0, len(grid) - 1)
-                return np.asarray(frequency[np.arange(len(row)), row] - frequency[:, -1])
-            return np.asarray(self._at([told.level], [told.normal_force])[1][:, 0] / top)
-        damping = self._at(self.levels, np.full(len(self.levels), told.normal_force))[1]
+            return np.asarray(frequency[:, 0])
         if kind == "most damping":
             return np.asarray(damping.max(axis=1))
         if kind == "fall":
-            return np.asarray(damping[:, -1] / self._at([told.level], [told.normal_force])[1][:, 0])
+            return np.asarray(damping[:, -2] / damping[:, -1])
+        if kind == "stuck damping":
+            return np.asarray(damping[:, -1] / _vertex(damping[:, :-1])[1])
         place = _vertex(damping)[0]
+        if kind == "ridge":
+            return np.asarray(np.log(grid[0]) + place * np.log(grid[1] / grid[0]))
+        if kind == "drop":
+            row = np.clip(np.rint(place).astype(int), 0, len(grid) - 1)
+            return np.asarray(frequency[np.arange(len(row)), row] - frequency[:, -1])
         return np.asarray(np.interp(place, np.arange(len(self.levels)), np.log(self.levels)))
-
-    def _at(self, levels: Any, forces: Any) -> tuple[np.ndarray, np.ndarray]:
-        return shaker(self.beam, np.asarray(levels, float), np.asarray(forces, float), self.drive)
 
 
 def _vertex(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -248,17 +308,32 @@ def _data(told: JointFile) -> list[Datum]:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws of a posterior in standard normal variables, and the logarithm of the evidence."""
+    """Draws of a posterior in standard normal variables, from several independent runs of the same number of draws.
+
+    ``log_evidences`` (run,) are logarithms of the evidence; ``acceptance`` is the share of moves that were taken.
+    """
 
     model: JointModel
     draws: Draws
-    log_evidence: float
+    log_evidences: Float[np.ndarray, "run"]
     acceptance: float
     interval: dict[str, tuple[float, float]] = field(init=False)
 
     def __post_init__(self) -> None:
         both = self.model.values(self.draws) | self.model.combinations(self.draws)
         object.__setattr__(self, "interval", {name: _interval(values) for name, values in both.items()})
+
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of the mean evidence."""
+        return float(np.logaddexp.reduce(self.log_evidences) - np.log(len(self.log_evidences)))
+
+    @property
+    def chance(self) -> float:
+        """Largest standard error of a mean of all draws over their standard deviation, from what the runs differ by."""
+        runs = self.draws.reshape(len(self.log_evidences), -1, self.draws.shape[1])
+        error = runs.mean(axis=1).std(axis=0, ddof=1) / np.sqrt(len(runs))
+        return float(np.max(error / self.draws.std(axis=0)))
 
 
 def _interval(values: np.ndarray) -> tuple[float, float]:
@@ -267,38 +342,119 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def sample(model: JointModel, seed: int = 0, progress: Progress = silent, *, steps: int = _LAST) -> Posterior:
-    """Draw from the posterior of a joint, through powers of its likelihood from the prior on."""
-    import emcee
+def posteriors(
+    model: JointModel, seed: int = 0, progress: Progress = silent, *, runs: int = _RUNS, draws: int = _DRAWS
+) -> tuple[Posterior, Posterior | None]:
+    """Draw from the posterior of one joint and, where there are two tests, of two joints.
 
-    size = len(model.parameters)
-    rng = np.random.default_rng(seed)
-    powers = np.append((np.arange(_POWERS) / _POWERS) ** 4, 1.0)
-    # the first stage is exact: draws of the prior
-    z = rng.standard_normal((20 * _WALKERS, size))
-    likelihood = _total(model, z)
-    evidence, kept, accepted = 0.0, z, np.ones(1)
-    for stage in range(1, len(powers)):
-        advance(progress, "posterior", stage, len(powers))
-        more = (powers[stage] - powers[stage - 1]) * likelihood
-        evidence += float(np.logaddexp.reduce(more) - np.log(len(more)))
-        weights = np.exp(more - more.max())
-        start = _spread(kept[rng.choice(len(kept), _WALKERS, p=weights / weights.sum())], rng)
-        state = np.random.RandomState(int(rng.integers(2**31)))
-        sampler = emcee.EnsembleSampler(_WALKERS, size, _tempered(model, float(powers[stage])), vectorize=True)
-        sampler.random_state = state.get_state()
-        last = stage == len(powers) - 1
-        sampler.run_mcmc(start, steps if last else _STEPS, progress=False)
-        burn = steps // 3 if last else _STEPS // 2
-        kept = sampler.get_chain(discard=burn, thin=3, flat=True)
-        likelihood = sampler.get_blobs(discard=burn, thin=3, flat=True).astype(float)
-        accepted = sampler.acceptance_fraction
-    return Posterior(model, kept, evidence, float(accepted.mean()))
+    The evidence of two joints over that of one is a product of few steps of its own, and does not hang on how well the
+    evidence of either is known.
+    """
+    one: list[_Cloud] = []
+    two: list[_Cloud] = []
+    for number in range(runs):
+        advance(progress, "posterior", number + 1, runs)
+        rng = np.random.default_rng([seed, number])
+        one.append(_to_the_data(_Cloud.of_the_prior(model, draws, rng), rng).moved(rng, _LAST))
+        if len(model.tests) == 2:
+            two.append(_to_two_joints(one[-1], rng).moved(rng, _LAST))
+    return _posterior(one), _posterior(two) if two else None
 
 
-def _spread(start: Draws, rng: np.random.Generator) -> Draws:
-    """Walkers that stand on one place cannot move apart."""
-    return np.asarray(start + 1e-3 * rng.standard_normal(start.shape))
+def _posterior(clouds: "Sequence[_Cloud]") -> Posterior:
+    evidences = np.array([each.log_evidence for each in clouds])
+    acceptance = float(np.mean([each.acceptance for each in clouds]))
+    draws = np.concatenate([each.kept for each in clouds])
+    return Posterior(clouds[0].model, draws, evidences, acceptance)
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """Draws of the density prior times likelihood to a ``power``, at one place of the path.
+
+    ``draws`` is where each stands, ``kept`` what it passed through on the last moves.
+    """
+
+    model: JointModel
+    power: float
+    draws: Draws
+    likelihood: Float[np.ndarray, "draw"]
+    log_evidence: float
+    kept: Float[np.ndarray, "kept parameter"]
+    acceptance: float = 1.0
+
+    @classmethod
+    def of_the_prior(cls, model: JointModel, count: int, rng: np.random.Generator) -> "_Cloud":
+        """Independent draws of the prior."""
+        z = rng.standard_normal((count, len(model.parameters)))
+        return cls(model, 0.0, z, _total(model, z), 0.0, z)
+
+    def stepped(self, model: JointModel, power: float, log_weights: np.ndarray, rng: np.random.Generator) -> "_Cloud":
+        """The next place of the path: draws by their weights (systematic resampling), and moved."""
+        evidence = self.log_evidence + float(np.logaddexp.reduce(log_weights) - np.log(len(log_weights)))
+        weights = np.cumsum(np.exp(log_weights - np.logaddexp.reduce(log_weights)))
+        grid = (rng.random() + np.arange(len(weights))) / len(weights)
+        rows = np.minimum(np.searchsorted(weights, grid), len(weights) - 1)
+        z = self.draws[rng.permutation(rows)]
+        return _Cloud(model, power, z, _total(model, z), evidence, z).moved(rng, _MOVES)
+
+    def moved(self, rng: np.random.Generator, steps: int) -> "_Cloud":
+        """The same density after moves of every draw by differences of others."""
+        import emcee
+
+        target = _tempered(self.model, self.power)
+        sampler = emcee.EnsembleSampler(*self.draws.shape, target, vectorize=True, moves=emcee.moves.DEMove())
+        sampler.random_state = np.random.RandomState(int(rng.integers(2**31))).get_state()
+        sampler.run_mcmc(self.draws, steps, progress=False, skip_initial_state_check=True)
+        chain, blobs = sampler.get_chain(), sampler.get_blobs()
+        kept = chain[_THIN - 1 :: _THIN].reshape(-1, chain.shape[-1])
+        acceptance = float(sampler.acceptance_fraction.mean())
+        return replace(self, draws=chain[-1], likelihood=blobs[-1].astype(float), kept=kept, acceptance=acceptance)
+
+
+def _to_the_data(cloud: _Cloud, rng: np.random.Generator) -> _Cloud:
+    """From the prior to the posterior through powers of the likelihood."""
+    while cloud.power < 1:
+        here = cloud
+
+        def weights(power: float, here: _Cloud = here) -> np.ndarray:
+            return (power - here.power) * here.likelihood
+
+        power = _step(weights, cloud.power, 1.0)
+        cloud = cloud.stepped(cloud.model, power, weights(power), rng)
+    return cloud
+
+
+def _to_two_joints(cloud: _Cloud, rng: np.random.Generator) -> _Cloud:
+    """From one joint to one for each test: their difference, which one joint leaves open, begins as in the prior."""
+    apart = rng.standard_normal((len(cloud.draws), len(cloud.model._joint)))
+    cloud = replace(cloud, draws=np.hstack([cloud.draws, apart]))
+    while cloud.model.angle < _TWO:
+        here = cloud
+
+        def weights(angle: float, here: _Cloud = here) -> np.ndarray:
+            return _total(replace(here.model, angle=angle), here.draws) - here.likelihood
+
+        angle = _step(weights, cloud.model.angle, _TWO)
+        cloud = cloud.stepped(replace(cloud.model, angle=angle), 1.0, weights(angle), rng)
+    return cloud
+
+
+def _step(log_weights: Callable[[float], np.ndarray], here: float, end: float) -> float:
+    """How far along the path the draws of one place carry: the effective share of their weights is ``_KEPT``."""
+
+    def share(place: float) -> float:
+        logs = log_weights(place)
+        weights = np.exp(logs - logs.max())
+        return float(np.sum(weights) ** 2 / np.sum(weights**2) / len(weights))
+
+    if share(end) >= _KEPT:
+        return end
+    low, high = here, end
+    for _ in range(20):
+        middle = (low + high) / 2
+        low, high = (middle, high) if share(middle) >= _KEPT else (low, middle)
+    return high
 
 
 def _total(model: JointModel, z: Draws) -> np.ndarray:
@@ -363,9 +519,23 @@ class JointAssessment:
     @property
     def weight(self) -> float:
         """Posterior probability that both tests had the same joint, one half beforehand; NaN for one test."""
+        return self._weight(0.0)
+
+    @property
+    def weight_interval(self) -> tuple[float, float]:
+        """95 % interval of the weight, from what independent runs of the sampler differ by."""
+        if self.two is None:
+            return float("nan"), float("nan")
+        ratios = self.two.log_evidences - self.one.log_evidences
+        reach = float(student_t.ppf(0.975, len(ratios) - 1) * ratios.std(ddof=1) / np.sqrt(len(ratios)))
+        return self._weight(reach), self._weight(-reach)
+
+    def _weight(self, shift: float) -> float:
         if self.two is None:
             return float("nan")
-        return float(1 / (1 + np.exp(self.two.log_evidence - self.one.log_evidence)))
+        ratios = self.two.log_evidences - self.one.log_evidences
+        ratio = float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
+        return float(expit(-(ratio + shift)))
 
     def determined(self, name: str) -> bool:
         """Whether the 95 % interval is at most half as wide as before, in logarithms except where the prior is even."""
@@ -412,8 +582,7 @@ def joint_posterior(told: JointFile, seed: int = 0, progress: Progress = silent)
     >>> found.determined("friction coefficient")
     False
     """
-    one = sample(JointModel(told), seed, progress)
-    two = sample(JointModel(told, two=True), seed + 1, progress) if told.hammer and told.shaker else None
+    one, two = posteriors(JointModel(told), seed, progress)
     experiments = _experiments(one, two) if two is not None else ()
     return JointAssessment(one, two, tuple(_held(one, row) for row in range(len(one.model.data))), experiments)
 
@@ -445,7 +614,7 @@ def _held(found: Posterior, row: int) -> Held:
 
 def _experiments(one: Posterior, two: Posterior) -> tuple[Experiment, ...]:
     """Outcomes of single measurements under either hypothesis, with the noise that they would have."""
-    weight = one.log_evidence - two.log_evidence
+    weight = -float(np.logaddexp.reduce(two.log_evidences - one.log_evidences) - np.log(len(one.log_evidences)))
     found: list[Experiment] = []
     for name, (outcome, std) in _OUTCOMES.items():
         rng = np.random.default_rng(len(found))

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ema.compare.decay_kernels import driven, explained
+
 _SLIPS = np.geomspace(1e-2, 1e4, 72)
 """Slip over that at which the spring yields."""
 _STEP = float(np.log(_SLIPS[1] / _SLIPS[0]))
@@ -19,7 +21,6 @@ _STIFFNESS = (_THETA - np.sin(2 * _THETA) / 2) / np.pi
 _LOSS = 4 / np.maximum(_SLIPS, 1.0) * (1 - 1 / np.maximum(_SLIPS, 1.0)) / np.pi
 
 Columns = Float[np.ndarray, "draw"]
-Curves = Float[np.ndarray, "draw force slip"]
 
 _LEVELS = np.array([0.15, 0.3, 0.45, 0.6, 0.8, 1.0])
 _COUNTS = np.array([17.0, 15.0, 15.0, 13.0, 12.0, 8.0])
@@ -59,13 +60,14 @@ class Beam:
         contact = self.stiffness[:, None] * (forces / 1000.0) ** self.exponent[:, None]
         return contact * self.rest[:, None] / (contact + self.rest[:, None])
 
-    def curves(self, ratio: Float[np.ndarray, "draw force"]) -> tuple[Curves, Curves]:
-        """Frequency [Hz] and damping ratio over the slip."""
-        sliding = self.bare * (1 - self.drop)[:, None, None]
-        square = 1 + ratio[..., None] * _STIFFNESS
-        loss = ratio[..., None] * (_LOSS + self.loss[:, None, None] * _STIFFNESS)
-        damping = (2 * self.damping[:, None, None] * np.sqrt(square) + loss) / (2 * square)
-        return sliding * np.sqrt(square), damping
+    def curves(self, ratio: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Frequency [Hz] and damping ratio at rows of the slips, of stiffness ratios (draw, ...) of the same shape."""
+        drop, damping, loss = (
+            each.reshape(-1, *(1,) * (ratio.ndim - 1)) for each in (self.drop, self.damping, self.loss)
+        )
+        square = 1 + ratio * _STIFFNESS[rows]
+        lost = ratio * (_LOSS[rows] + loss * _STIFFNESS[rows])
+        return self.bare * (1 - drop) * np.sqrt(square), (2 * damping * np.sqrt(square) + lost) / (2 * square)
 
 
 def hammer(
@@ -95,13 +97,11 @@ def hammer(
 class _Decay:
     """The decay from the highest node down to the first, beyond which it is one pole ``linear`` [rad/s].
 
-    ``pole`` [rad/s] and ``duration`` [s] of every piece between two nodes, and when each node is passed [s].
+    ``pole`` [rad/s] and ``duration`` [s] of every piece between two nodes, ``trials`` [rad/s] to begin a search at.
     """
 
     pole: np.ndarray
     duration: np.ndarray
-    phase: np.ndarray
-    passed: np.ndarray
     linear: np.ndarray
     trials: np.ndarray
 
@@ -111,7 +111,7 @@ class _Decay:
         middle = np.sqrt(_NODES[1:] * _NODES[:-1])
         step = np.log(_NODES[1] / _NODES[0])
         logs = np.log(_SLIPS)
-        frequency, damping = beam.curves(ratio)
+        frequency, damping = beam.curves(ratio[..., None], np.arange(len(_SLIPS)))
         shape = (*ratio.shape, len(middle))
         place = np.clip((np.log(middle) - logs[0]) / _STEP, 0, len(_SLIPS) - 1.001)
         below, share = place.astype(int), place % 1
@@ -120,10 +120,6 @@ class _Decay:
             for one in (2 * np.pi * frequency, damping)
         )
         duration = step / (zeta * omega)
-        # time from the highest node on
-        passed = np.concatenate([np.cumsum(duration[..., ::-1], axis=-1)[..., ::-1], np.zeros((*ratio.shape, 1))], -1)
-        turn = omega * duration
-        phase = np.concatenate([np.cumsum(turn[..., ::-1], axis=-1)[..., ::-1], np.zeros((*ratio.shape, 1))], -1)
         low, high = 2 * np.pi * frequency[..., -1], 2 * np.pi * frequency[..., 0]
         linear = -damping[..., 0] * high + 1j * high
         least, most = damping[..., 0], 1.1 * damping.max(axis=-1)
@@ -133,7 +129,7 @@ class _Decay:
             np.log(least)[..., None] + (np.log(most) - np.log(least))[..., None] * np.linspace(0, 1, _DAMPINGS)
         )
         trials = (trial_omega[..., :, None] * (1j - trial_zeta[..., None, :])).reshape(*ratio.shape, -1)
-        return cls(-zeta * omega + 1j * omega, duration, phase, passed, linear, trials)
+        return cls(-zeta * omega + 1j * omega, duration, linear, trials)
 
     def best_pole(self, slips: np.ndarray) -> np.ndarray:
         """The pole that explains most of the decays from these slips (draw, force, level) on."""
@@ -158,32 +154,14 @@ class _Decay:
         return best
 
     def _explained(self, poles: np.ndarray, slips: np.ndarray) -> np.ndarray:
-        """What exponentials of poles (draw, force, pole) explain of all decays: 2 sigma sum |int z conj(e^pt) dt|^2.
-
-        The highest point, of amplitude s, has the decay of the curve from there on; of a decay that begins in a piece,
-        the rest of the piece counts.
-        """
-        conjugate = poles.conj()[..., None]
-        pieces = self.pole[..., None, :] + conjugate
-        whole = np.exp(pieces * self.duration[..., None, :])
-        # backwards from the linear end: what follows a node, for an amplitude of one there
-        ahead = -1 / (self.linear[..., None] + conjugate[..., 0])
-        after = np.empty((*poles.shape, len(_NODES)), complex)
-        after[..., 0] = ahead
-        for row in range(len(_NODES) - 1):
-            after[..., row + 1] = (whole[..., row] - 1) / pieces[..., row] + whole[..., row] * after[..., row]
+        """What exponentials of poles (draw, force, pole) explain of all decays."""
         place = np.log(np.maximum(slips, _START) / _START) / np.log(_NODES[1] / _NODES[0])
         cell = np.minimum(place.astype(int), len(_NODES) - 2)
-        total = np.zeros(poles.shape)
-        for level, count in enumerate(_COUNTS):
-            index = np.broadcast_to(cell[..., level][..., None], poles.shape)[..., None]
-            share = (place - cell)[..., level][..., None]
-            duration = np.take_along_axis(self.duration, cell[..., level][..., None], -1) * share
-            piece = np.take_along_axis(pieces, index, -1)[..., 0]
-            part = np.exp(piece * duration)
-            value = (part - 1) / piece + part * np.take_along_axis(after, index, -1)[..., 0]
-            total += count * slips[..., level][..., None] ** 2 * np.abs(value) ** 2
-        return -2 * poles.real * total
+        levels, cells = (-1, slips.shape[-1]), (-1, self.pole.shape[-1])
+        start = (cell.reshape(levels), (place - cell).reshape(levels), slips.reshape(levels))
+        decay = (self.pole.reshape(cells), self.duration.reshape(cells), self.linear.ravel())
+        found = explained(np.ascontiguousarray(poles.reshape(-1, poles.shape[-1])), start, decay, _COUNTS)
+        return np.asarray(found).reshape(poles.shape)
 
 
 def shaker(
@@ -196,16 +174,9 @@ def shaker(
     drive : shape at the shaker over the slip of the joint, over the friction coefficient.
     """
     ratio = beam.ratio(normal)
-    frequency, damping = beam.curves(ratio)
-    sliding = beam.bare * (1 - beam.drop)[:, None, None]
-    # 2 zeta w^2 q = phi F with q = s x_c / psi and k psi^2 = ratio w_sliding^2
-    needed = np.maximum.accumulate(2 * damping * (frequency / sliding) ** 2 * _SLIPS / ratio[..., None], axis=-1)
-    wanted = drive[:, None] * force / normal
-    below = np.clip(np.sum(needed < wanted[..., None], axis=-1) - 1, 0, len(_SLIPS) - 2)[..., None]
-    low, high = (np.take_along_axis(needed, below + one, axis=-1) for one in (0, 1))
-    share = np.clip((wanted[..., None] - low) / np.maximum(high - low, 1e-300), 0, 1)
-    found = []
-    for curve in (frequency, damping):
-        one, two = (np.take_along_axis(curve, below + step, axis=-1) for step in (0, 1))
-        found.append((one + share * (two - one))[..., 0])
-    return found[0], found[1]
+    wanted = drive[:, None] * np.asarray(force) / normal
+    place = driven(ratio, np.stack([beam.damping, beam.loss]), wanted, (_SLIPS, _STIFFNESS, _LOSS))
+    below = np.minimum(place.astype(int), len(_SLIPS) - 2)
+    ends = [beam.curves(ratio, below + one) for one in (0, 1)]
+    share = place - below
+    return tuple(low + share * (high - low) for low, high in zip(*ends, strict=True))

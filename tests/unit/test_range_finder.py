@@ -31,8 +31,8 @@ def test_search_for_directions_ends_and_counts_those_above_noise(rows: int, colu
 
     found, above = growing(slabs, rows, 128, lambda some: some.above(1.1))
     assert len(found.energies) <= min(rows, columns)
-    # where noise has directions of its own, the directions of the signal stand out, and those alone
-    assert above == (signals if signals < min(rows, columns) else pytest.approx(above))
+    if signals < min(rows, columns):  # noise has directions of its own: those of the signal stand out, and they alone
+        assert above == signals
 
 
 @pytest.mark.timeout(120)

@@ -3,12 +3,13 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from ema.compare.joint_law import Datum, JointModel, sample
+from ema.compare.joint_law import Datum, JointModel, posteriors
 from ema.compare.joint_readings import _COUNTS, _LEVELS, Beam, hammer, shaker
 from ema.compare.joint_statements import JointFile, load
 from ema.errors import InputError
@@ -84,7 +85,8 @@ def told(**changes) -> JointFile:
 def test_draws_and_evidence_are_those_of_weighted_draws_of_the_prior():
     """One broad number, so that 40,000 draws of the prior carry its posterior by their likelihoods."""
     model = JointModel(told())
-    found = sample(model, 3)
+    found, none = posteriors(model, 3)
+    assert none is None
     z = np.random.default_rng(1).standard_normal((40000, len(model.parameters)))
     weights = np.exp(model.log_likelihoods(z).sum(axis=1))
     assert found.log_evidence == pytest.approx(np.log(weights.mean()), abs=0.3)
@@ -94,6 +96,50 @@ def test_draws_and_evidence_are_those_of_weighted_draws_of_the_prior():
         std = float(np.sqrt(weights @ (z[:, row] - mean) ** 2))
         assert found.draws[:, row].mean() == pytest.approx(mean, abs=0.25)
         assert found.draws[:, row].std() == pytest.approx(std, rel=0.25)
+
+
+def test_weight_of_one_joint_is_that_of_draws_of_both_priors():
+    """Broad numbers that contradict each other a little, so that 60,000 draws of each prior carry the evidences."""
+    model = JointModel(
+        told(
+            hammer=[{"sentence": "s", "normal_force": "1 kN", "damping": "2.5 %", "damping_std": "0.4 %"}],
+            levels=["6 N", "30 N"],
+            normal_forces=["25 N", "1 kN"],
+            shaker=[
+                {"sentence": "s", "quantity": "most damping", "normal_force": "1 kN", "value": 0.007, "std": 0.002}
+            ],
+        )
+    )
+    rng, evidences = np.random.default_rng(4), []
+    for each in (model, replace(model, angle=np.pi / 4)):
+        z = rng.standard_normal((60000, len(each.parameters)))
+        evidences.append(np.exp(each.log_likelihoods(z).sum(axis=1)).mean())
+    one, two = posteriors(model, 5)
+    assert two is not None
+    ratio = two.log_evidences - one.log_evidences
+    assert np.log(np.mean(np.exp(ratio))) == pytest.approx(np.log(evidences[1] / evidences[0]), abs=0.1)
+    assert one.log_evidence == pytest.approx(np.log(evidences[0]), abs=0.2)
+    # either joint alone has the prior that one joint has
+    z = rng.standard_normal((60000, len(two.model.parameters)))
+    values = two.model.values(z)
+    for name, one_joint in model.values(z[:, : len(model.parameters)]).items():
+        for part in ("hammer", "shaker"):
+            same = values.get(f"{name}, {part}", values.get(name))
+            np.testing.assert_allclose(
+                np.quantile(same, [0.1, 0.5, 0.9]), np.quantile(one_joint, [0.1, 0.5, 0.9]), rtol=0.05
+            )
+
+
+@pytest.mark.slow
+def test_the_joint_of_the_paper_does_not_hang_on_the_random_numbers(root):
+    """Twelve sharp numbers on fourteen parameters: means of two seeds, over the standard deviations of the draws."""
+    model = JointModel(load(root / "reports" / "work_table_joint"))
+    found = [posteriors(model, seed, runs=2) for seed in (1, 2)]
+    for first, second in zip(*found, strict=True):
+        spread = first.draws.std(axis=0)
+        assert np.max(np.abs(first.draws.mean(axis=0) - second.draws.mean(axis=0)) / spread) < 0.5
+    ratios = [two.log_evidence - one.log_evidence for one, two in found]
+    assert ratios[0] == pytest.approx(ratios[1], abs=0.5)
 
 
 def test_a_sentence_is_the_probability_of_its_interval():
