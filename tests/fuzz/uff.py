@@ -15,7 +15,11 @@ import numpy as np
 from tests.fuzz.cases import Case, Reading, Signals, channels, reading
 from tests.fuzz.mutations import line_damage, noise
 
-_DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
+_AXES = ("X", "Y", "Z", "RX", "RY", "RZ")
+_DIRECTIONS = {0: "S"} | {
+    sign * (at + 1): f"{'+' if sign > 0 else '-'}{_AXES[at]}" for at in range(6) for sign in (1, -1)
+}
+"""Codes of the format: a scalar, translations along and rotations about the axes, of either sign."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def functions(draw: random.Random) -> list[Function]:
     start, step = (draw.choice((0.0, 1.0, 25.0)) if frf else 0.0), draw.choice((0.5, 0.25, 1e-3, 0.0078125))
     nodes = draw.sample(range(1, 90), len(values))
     return [
-        Function(frf, node, draw.choice(list(_DIRECTIONS)), start, step, row, double, binary, place + 1)
+        Function(frf, node, draw.randrange(-3, 4), start, step, row, double, binary, place + 1)
         for place, (node, row) in enumerate(zip(nodes, values, strict=True))
     ]
 
