@@ -109,6 +109,10 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "two-on-a-line.mtx": lambda one: "no entry" in one.refusal,
     "blank-header.hb": lambda one: bool(one.refusal),
     "shifted.hb": lambda one: bool(one.refusal),
+    # one row index of a symmetric matrix is another: its entry fell into the other triangle, and no mirror was made
+    "entry-beyond-the-diagonal.hb": lambda one: "wrong side of the diagonal" in one.refusal,
+    # the last digit of an exponent became a blank
+    "exponent-cut.hb": lambda one: "does not end where its field does" in one.refusal,
 }
 """What must be made of each file."""
 
