@@ -35,6 +35,8 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "last-number-cut.uff": lambda one: one.named == 1 and len(one.signals) == 1,
     # seven bytes lost: the closing line was read as values, the next opening line as the closing one
     "end-eaten.uff": lambda one: one.named >= 1 and "1:+Z/99:+Z" not in one.signals and len(one.signals) == 1,
+    # the sign of an exponent is lost, and the end of the last line
+    "sign-of-an-exponent.uff": lambda one: "an exponent without its sign" in one.refusal,
     # no closing line: the next set was lost
     "no-end.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # the file ends behind an opening line
