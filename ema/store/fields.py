@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 from ema.errors import InputError
-from ema.store import untrusted
 from ema.store.document import decode
 from ema.store.layout import ITEMS
 from ema.store.reading import _array, _contents, _maker, _opened, _state, _tree
@@ -48,8 +47,7 @@ def load_fields(path: str | Path, *fields: str, name: str | None = None) -> dict
         if not names or (name is not None and name not in names):
             raise InputError("no such item in the file", where=str(path), got=name, expected=", ".join(names[:20]))
         group, state = f"{ITEMS}/{0 if name is None else names.index(name)}", _state(path)
-        item = untrusted.member(file, group)
-        tree = _tree(item)
+        tree = _tree(file, group)
 
         def value(field: str) -> Any:
             part: Any = tree
@@ -61,7 +59,7 @@ def load_fields(path: str | Path, *fields: str, name: str | None = None) -> dict
                 part = part[step]
             return decode(
                 part,
-                lambda place, checksum: _array(item, place, checksum),
+                lambda place, checksum: _array(file[group], place, checksum),
                 lambda place, number: _maker(path, f"{group}/{place}/{number}", state)(),
             )
 

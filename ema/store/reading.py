@@ -205,13 +205,11 @@ def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[
         if name is not None and name not in names:
             raise InputError("no such record in the file", where=str(path), got=name, expected=", ".join(names[:20]))
         group = f"{ITEMS}/{0 if name is None else names.index(name)}"
-        place = untrusted.member(file, group)
-        tree = _tree(place)
-        if tree.get("$noun") != "Recording":
-            raise InputError("not a record", where=str(path), got=tree.get("$noun"))
-        node = tree["signals"]
-        signals = _dataset(place, node["$array"])
-        whole, _ = _without_samples(place, tree)
+        if _tree(file, group).get("$noun") != "Recording":
+            raise InputError("not a record", where=str(path), got=_tree(file, group).get("$noun"))
+        node = _tree(file, group)["signals"]
+        signals = _dataset(file[group], node["$array"])
+        whole, _ = _without_samples(file, group)
         _check_pieces(signals, node.get("crc32"), max(samples, _PIECE))
         for start in range(0, signals.shape[1], samples):
             moment = None if whole.start is None else whole.start + timedelta(seconds=start / whole.sampling_rate)
@@ -252,7 +250,7 @@ def _ours(file: h5py.File) -> bool:
     The word is a text of fixed length. Older files keep it in a heap of texts, which is not touched, since the library
     never returns from a damaged one: there the names of the attributes have to do, and the document behind them.
     """
-    if not all(h5py.h5a.exists(file.id, name) for name in (b"format", b"schema_version", b"written_by")):
+    if not {"format", "schema_version", "written_by"} <= set(file.attrs):
         return False
     if file.attrs.get_id("format").dtype.kind != "S":
         return file.attrs.get_id("schema_version").dtype.kind in "iu" and CONTENTS in file
@@ -299,32 +297,14 @@ def _maker(path: Path, group: str, state: tuple[int, int, int]) -> Any:
 
 
 def _item(file: h5py.File, group: str, path: Path, state: tuple[int, int, int]) -> Any:
-    place = _reached(file, group)
-    tree = _tree(place)
-    _check_sequences(place, tree)
+    tree = _tree(file, group)
+    _check_sequences(file, group, tree)
     return decode(
         tree,
-        lambda part, checksum: _array(place, part, checksum),
-        lambda part, number: _maker(path, f"{group}/{part}/{number}", state)(),
-        lambda part: _window(place, part, path, state),
+        lambda part, checksum: _array(file[group], part, checksum),
+        lambda part, place: _maker(path, f"{group}/{part}/{place}", state)(),
+        lambda part: _window(file[group], part, path, state),
     )
-
-
-def _reached(file: h5py.File, group: str) -> h5py.Group:
-    """The group of an item.
-
-    Raises
-    ------
-    InputError : a link leads elsewhere, or back to where the way began.
-    """
-    place, addresses = file, set()
-    for step in group.split("/"):
-        place = untrusted.member(place, step)
-        address = h5py.h5o.get_info(place.id).addr
-        if address in addresses:
-            raise InputError("holds an item inside itself", got=group, advice=_DAMAGED)
-        addresses.add(address)
-    return place
 
 
 def _window(group: h5py.Group, part: str, path: Path, state: tuple[int, int, int]) -> Window:
@@ -334,18 +314,22 @@ def _window(group: h5py.Group, part: str, path: Path, state: tuple[int, int, int
     return Window(StoredArray(path.resolve(), f"{group.name}/{part}", state, values.shape, values.dtype, chunks))
 
 
-def _check_sequences(place: h5py.Group, tree: Any) -> None:
-    """Refuse a document that announces another number of items of a sequence than the file holds.
+def _check_sequences(file: h5py.File, group: str, tree: Any) -> None:
+    """Refuse a document that announces another number of items of a sequence than the file holds, or items in a circle.
 
     Raises
     ------
     InputError : it does.
     """
+    steps = group.split("/")
+    levels = [untrusted.member(file, "/".join(steps[: end + 1])) for end in range(len(steps))]
+    if len({h5py.h5o.get_info(level.id).addr for level in levels}) < len(levels):
+        raise InputError("holds an item inside itself", got=group, advice=_DAMAGED)
     waiting = [tree]
     while waiting:
         part = waiting.pop()
         if isinstance(part, dict) and "$items" in part:
-            there = len(untrusted.member(place, part["$items"])) if part["count"] else 0
+            there = len(untrusted.member(file, f"{group}/{part['$items']}")) if part["count"] else 0
             if part["count"] != there:
                 raise InputError(
                     "holds another number of items than it announces",
@@ -358,22 +342,22 @@ def _check_sequences(place: h5py.Group, tree: Any) -> None:
 
 
 def _header(file: h5py.File, group: str, name: str) -> Header:
-    place = untrusted.member(file, group)
-    tree = _tree(place)
+    tree = _tree(file, group)
     noun = str(tree.get("$noun"))
     if noun != "Recording":
         return Header(name, noun)
-    record, samples = _without_samples(place, tree)
+    record, samples = _without_samples(file, group)
     return Header(name, noun, record, samples)
 
 
-def _without_samples(place: h5py.Group, tree: dict[str, Any]) -> tuple[Recording, int]:
+def _without_samples(file: h5py.File, group: str) -> tuple[Recording, int]:
+    tree = _tree(file, group)
     path = tree["signals"]["$array"]
-    signals = _dataset(place, path)
+    signals = _dataset(file[group], path)
     empty = np.zeros((signals.shape[0], 0), signals.dtype)
     record = decode(
         tree,
-        lambda part, checksum: empty if part == path else _array(place, part, checksum),
+        lambda part, checksum: empty if part == path else _array(file[group], part, checksum),
         _no_items,
     )
     return record, int(signals.shape[1])
@@ -383,16 +367,16 @@ def _no_items(path: str, place: int) -> Any:
     raise InputError("holds a sequence where none may stand", got=path)
 
 
-def _tree(place: h5py.Group) -> dict[str, Any]:
+def _tree(file: h5py.File, group: str) -> dict[str, Any]:
     """The document of an item under today's names."""
-    tree = json.loads(_document(place, DOCUMENT))
+    tree = json.loads(_document(file, f"{group}/{DOCUMENT}"))
     if not isinstance(tree, dict):
         raise InputError("holds a document that is no noun")
-    return migrated(tree, int(place.file.attrs["schema_version"]))
+    return migrated(tree, int(file.attrs["schema_version"]))
 
 
-def _document(parent: h5py.Group, path: str) -> str:
-    return bytes(_dataset(parent, path)[0]).decode("utf-8")
+def _document(file: h5py.File, path: str) -> str:
+    return bytes(_dataset(file, path)[0]).decode("utf-8")
 
 
 def _dataset(parent: h5py.Group, path: str) -> h5py.Dataset:

@@ -80,16 +80,11 @@ def member(group: h5py.Group, path: str) -> Any:
     """
     place: Any = group
     for step in path.strip("/").split("/"):
-        if not isinstance(place, h5py.Group) or step in ("", ".", "..") or not _is_hard(place, step):
+        link = place.get(step, getlink=True) if isinstance(place, h5py.Group) and step not in ("", ".", "..") else None
+        if not isinstance(link, h5py.HardLink):
             raise InputError("holds a link to somewhere else, which is not followed", got=path)
         place = place[step]
     return place
-
-
-def _is_hard(group: h5py.Group, name: str) -> bool:
-    """Whether there is such a link and it leads to a place in this file; asked of the library without a detour."""
-    links, word = group.id.links, name.encode("utf-8")
-    return bool(links.exists(word) and links.get_info(word).type == h5py.h5l.TYPE_HARD)
 
 
 def refuse_link(link: Any, path: str) -> None:
@@ -114,12 +109,12 @@ def check(dataset: h5py.Dataset, path: str, filters: frozenset[int] = BUILT_IN_F
 
 
 def _check(dataset: h5py.Dataset, path: str, filters: frozenset[int], users: tuple[int, ...]) -> None:
-    settings = dataset.id.get_create_plist()
-    if settings.get_layout() == h5py.h5d.VIRTUAL:
+    if dataset.is_virtual:
         _check_virtual(dataset, path, filters, users)
         return
-    if settings.get_external_count():
+    if dataset.external:
         raise InputError("holds an array whose values lie in another file, which is not read", got=path)
+    settings = dataset.id.get_create_plist()
     used = [settings.get_filter(number)[0] for number in range(settings.get_nfilters())]
     strange = [number for number in used if number not in filters]
     if strange:
