@@ -152,9 +152,10 @@ of memory."""
 
 FAULTS = """## Faults while writing
 
-`python -m tests.faults record --moments 1000 --signal KILL --publish` and `--operations`. *Wrong*: something finished is
-lost or computed again, the next start does not come to its end, something is left behind, or a refusal is not one
-sentence."""
+`python -m tests.faults record --moments 1000 --signal KILL --publish`, `--operations` and `--users 200`. *Wrong*:
+something finished is lost or computed again, the next start does not come to its end, something is left behind, or a
+refusal is not one sentence. Where fewer operations were disturbed than there are, they are every other one of those that
+stand for a row of writes to one file."""
 
 
 def _rows(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
