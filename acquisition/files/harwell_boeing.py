@@ -97,7 +97,8 @@ def _parts(
                 f"{len(values)} of {number} numbers",
                 "copy or export it again",
             )
-        odd = next((line for line in body if len(line.rstrip()) % layout[1]), None)
+        odd = next((text for line in body for text in _fields(line, *layout) if text[-1:].isspace()), None)
+        odd = next((line for line in body if len(line.rstrip()) % layout[1]), odd)
         if odd is not None:
             raise wrong("a number that does not end where its field does", repr(odd[-30:]), "copy or export it again")
         parts.append(values)
@@ -143,6 +144,12 @@ def _filled(parts: list[list[str]], size: int, symmetric: bool, wrong: Any) -> F
     if not symmetric:
         return matrix
     if np.any(np.triu(matrix, 1)) and np.any(np.tril(matrix, -1)):
+        if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=0):
+            raise wrong(
+                "an entry on the wrong side of the diagonal: announced as symmetric, and is not",
+                None,
+                "export it again",
+            )
         return matrix  # some writers announce RSA and hold both triangles
     return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
 
@@ -163,8 +170,10 @@ def _layout(text: str) -> tuple[int, int]:
 
 
 def _numbers(lines: list[str], per_line: int, width: int) -> Iterator[str]:
-    for line in lines:
-        for place in range(per_line):
-            text = line[place * width : (place + 1) * width].strip()
-            if text:
-                yield text
+    return (text.strip() for line in lines for text in _fields(line, per_line, width))
+
+
+def _fields(line: str, per_line: int, width: int) -> list[str]:
+    """The fields of a line that are not blank; Fortran puts a number at the end of its field."""
+    fields = [line[place * width : (place + 1) * width] for place in range(per_line)]
+    return [text for text in fields if text.strip()]

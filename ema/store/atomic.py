@@ -129,11 +129,14 @@ def mark() -> str:
 
 
 def remove_abandoned(folder: Path, stem: str, suffix: str) -> None:
-    """Remove temporary files and folders ``<stem><mark>-...<suffix>`` whose process was killed on this machine."""
+    """Remove temporary files and folders ``<stem><mark>-...<suffix>`` whose process was killed on this machine.
+
+    The name of a file may stand between stem and mark: of the stem ``.`` they are those of all files of the folder.
+    """
     machine = mark().partition("-")[0]
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):
-            owner = name.removeprefix(stem).removesuffix(suffix).split("-")
+            owner = name.removeprefix(stem).removesuffix(suffix).rpartition(".")[2].split("-")
             ours = name.startswith(stem) and name.endswith(suffix) and len(owner) == 3 and owner[0] == machine
             if not ours or not owner[1].isdigit() or _alive(int(owner[1])):
                 continue

@@ -29,6 +29,7 @@ from ema.errors import CancelledError, FailureError, InputError
 from ema.estimate import amplitude_dependent_mode
 from ema.file_names import safe_name
 from ema.progress import Progress, advance, silent
+from ema.store.atomic import remove_abandoned
 from ema.study import chain, expectations, friction, kept, mapping, recipe, remote, statements
 from ema.study.recipe import EstimateTable, MapTable, Recipe
 from ema.study.sources import data_of, opened
@@ -225,7 +226,8 @@ class Study:
         array([40., 60., 90.])
         """
         campaign = self.open(progress)
-        make_folder(self.kept)  # a place that cannot be written is to be known before the work, not after it
+        for folder in (self.result.parent, self.kept):  # what cannot be written is to be known before the work
+            make_folder(folder)
         runs = self._runs(campaign)
         finished: list[RunResult] = []
         with _interruptible(self.kept, finished):
@@ -573,7 +575,8 @@ def light(result: StudyResult) -> StudyResult:
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder that results go to, and try it out.
+    """Make the folder that results go to, try it out, and remove what a killed process has left in it and
+    in its folders.
 
     Raises
     ------
@@ -583,6 +586,8 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+        for place in (folder, *(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())):
+            remove_abandoned(place, ".", ".tmp")
     except OSError as error:
         raise FailureError(
             "the folder for the results cannot be used",

@@ -1,7 +1,8 @@
 """Disturb saving, recording or a study at every operation, or at random moments, and count what was lost.
 
 ``python -m tests.faults record --operations`` stops it before, after and within every durable operation, fills the
-disk at each, takes the permission away or sets the clock back; ``python -m tests.faults record --moments 1000 --signal KILL --seed 5`` stops it at random moments. Ends
+disk at each, takes the permission away or sets the clock back; ``python -m tests.faults record --moments 1000 --signal KILL --seed 5`` stops it at random moments;
+``--users 1000`` lets two work in one folder at once, half of the times with the first of them killed. Ends
 with status 1 where anything was lost, left behind or not told in a sentence.
 """
 
@@ -35,6 +36,7 @@ def main() -> int:
     parser.add_argument("--every", type=int, default=1, help="only every so many operations")
     parser.add_argument("--moments", type=int, default=0, help="so many random moments")
     parser.add_argument("--signal", choices=campaign.SIGNALS, action="append", help="only these signals")
+    parser.add_argument("--users", type=int, default=0, help="so many times two at once in one folder")
     parser.add_argument("--seed", type=int, default=None, help="of the moments; drawn by default")
     parser.add_argument("--publish", action="store_true", help="store the counts for docs/files.md")
     told = parser.parse_args()
@@ -53,7 +55,7 @@ def main() -> int:
             if told.publish:
                 what = f"{WORDS[how]}, {len(numbers)} of {len(operations)} operations"
                 _publish(told.subject, what, None, there)
-    whole = campaign.duration(subject) if told.moments else 0.0
+    whole = campaign.duration(subject) if told.moments or told.users else 0.0
     for name in (told.signal or list(campaign.SIGNALS)) if told.moments else []:
         drawn = random.Random(f"{seed} {name}")
         there = [
@@ -64,6 +66,19 @@ def main() -> int:
         _say(outcomes, f"{name} at {told.moments} moments of {whole:.2f} s, seed {seed}")
         if told.publish:
             _publish(told.subject, f"SIG{name} at random moments", seed, there)
+    drawn = random.Random(f"{seed} users")
+    for killed in (False, True) if told.users else ():
+        there = [
+            campaign.beside(
+                subject, drawn.uniform(0, whole), drawn.uniform(0, whole) if killed else None, drawn.randrange(2**31)
+            )
+            for _ in range(told.users // 2)
+        ]
+        outcomes += there
+        what = "two at once in one folder" + (", one of them killed" if killed else "")
+        _say(outcomes, f"{what}, {told.users // 2} times, seed {seed}")
+        if told.publish:
+            _publish(told.subject, what, seed, there)
     wrong = [one for one in outcomes if one.wrong]
     for one in wrong[:20]:
         print(f"  {one.what}: {one.wrong}")

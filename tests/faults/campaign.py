@@ -16,6 +16,9 @@ from typing import Any, ClassVar
 from ema.errors import EmaError
 from tests.faults.operations import Operations
 
+_DISK = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+"""Where the folders are: in memory where there is such a disk. What a process wrote outlives it on either."""
+
 SIGNALS = {"KILL": signal.SIGKILL, "TERM": signal.SIGTERM, "INT": signal.SIGINT}
 
 FINE, SENTENCE, INTERRUPTED, FAULT = 0, 3, 130, 70
@@ -111,6 +114,33 @@ def at_moment(subject: Any, moment: float, name: str, seed: int = 0) -> Outcome:
         return _judged(subject, folder, f"{name} after {moment:.4f} s", status, lines, expected)
 
 
+def beside(subject: Any, moment: float, killed: float | None, seed: int = 0) -> Outcome:
+    """Two processes work in one folder, the second some seconds after the first; ``killed``: when the first is killed.
+
+    Each comes to its end or is refused with a sentence, and one at least comes to its end.
+    """
+    with _prepared(subject) as folder:
+        first = forked(lambda report: subject.work(folder, seed, report))
+        times = {"begin": moment} if killed is None else {"begin": moment, "kill": killed}
+        start, second = time.monotonic(), (0, 0)
+        for what in sorted(times, key=times.__getitem__):
+            time.sleep(max(0.0, start + times[what] - time.monotonic()))
+            if what == "kill":
+                os.kill(first[0], signal.SIGKILL)
+            else:
+                second = forked(lambda report: subject.work(folder, seed + 2, report))
+        ends = [ended(*first), ended(*second)]
+        what = f"two, {moment:.4f} s apart, " + (f"one killed after {killed:.4f} s" if killed else "none killed")
+        allowed = ((FINE, SENTENCE) if killed is None else (FINE, SENTENCE, -signal.SIGKILL), (FINE, SENTENCE))
+        for (status, lines), expected in zip(ends, allowed, strict=True):
+            said = sum(line.startswith("! ") for line in lines)
+            if status not in expected or said != (status == SENTENCE):
+                return Outcome(what, status, (), f"ended with {status}: {' '.join(lines[-12:])}")
+        if killed is None and FINE not in [status for status, _ in ends]:
+            return Outcome(what, SENTENCE, (), "neither came to its end")
+        return _judged(subject, folder, what, FINE, [line for _, lines in ends for line in lines], (FINE,))
+
+
 def duration(subject: Any) -> float:
     """Seconds of the undisturbed work in a forked process."""
     with _prepared(subject) as folder:
@@ -154,11 +184,11 @@ class _prepared:
 
     def __init__(self, subject: Any) -> None:
         if subject.name not in self._masters:
-            master = Path(tempfile.mkdtemp(prefix=f"faults-{subject.name}-"))
+            master = Path(tempfile.mkdtemp(prefix=f"faults-{subject.name}-", dir=_DISK))
             atexit.register(shutil.rmtree, master, ignore_errors=True)
             subject.prepare(master)
             self._masters[subject.name] = master
-        self._base = Path(tempfile.mkdtemp(prefix="faults-"))
+        self._base = Path(tempfile.mkdtemp(prefix="faults-", dir=_DISK))
         self._folder = self._base / "folder"
         shutil.copytree(self._masters[subject.name], self._folder)
 

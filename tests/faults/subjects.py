@@ -130,7 +130,8 @@ class Measuring:
 
 @dataclass
 class Studying:
-    """``run``: a study of two runs with result and report; modes are computed once and kept in this process."""
+    """``run``: a study of two runs with result and report; modes and what the report holds are computed once and kept in
+    this process, and all of it is written each time."""
 
     name: str = "run"
     results: list[RunResult] = field(default_factory=list)
@@ -155,7 +156,7 @@ class Studying:
                 return replace(self.results[0], run=run)
 
             chain.analyse = once
-            _blank_pictures()
+            _composed_once()
             study = Study.load(folder / "recipe.toml")
             study.run()
             shutil.rmtree(folder / "_build")
@@ -345,6 +346,21 @@ def _blank_pictures() -> None:
         save(figure, *arguments, **options)
 
     Figure.savefig = blank  # type: ignore[method-assign]
+
+
+def _composed_once() -> None:
+    """The chapters of a report are composed once: that takes most of the time, and no operation on the disk."""
+    from ema.report import writing
+
+    compose, kept = writing.document_of, list[Any]()
+
+    def once(result: Any, book: Any) -> Any:
+        if not kept:
+            kept.extend((compose(result, book), list(book.tables)))
+        book.tables[:] = kept[1]
+        return kept[0]
+
+    writing.document_of = once
 
 
 def _without_report() -> None:

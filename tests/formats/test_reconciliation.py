@@ -635,6 +635,29 @@ def test_a_row_of_other_numbers_in_front_of_the_titles(tmp_path: Path) -> None:
     np.testing.assert_array_equal(contents.recordings[0].signals, TRUTH[:, :50])
 
 
+@pytest.mark.parametrize(
+    ("behind", "name"),
+    [
+        (["", "mean,0.1,0.2"], " 'mean'"),
+        (["mean,0.1,0.2,0.3"], " 'mean'"),
+        (["", "9.9,0.1"], ""),
+        (["Statistics", "9.9,0.1,3"], ""),
+    ],
+)
+def test_a_single_row_behind_the_table_is_named(tmp_path: Path, behind: list[str], name: str) -> None:
+    (tmp_path / "a.csv").write_text("\n".join([*titled(), *behind]))
+    contents = acquisition.read(tmp_path / "a.csv")
+    assert [(f.code, f.where, f.message) for f in contents.findings] == [
+        ("not-read", f"a.csv, line {51 + len(behind)}", f"a row of numbers{name} behind the table, not read.")
+    ]
+    np.testing.assert_array_equal(contents.recordings[0].signals, TRUTH[:, :50])
+
+
+def test_a_row_that_goes_on_behind_a_table_without_titles(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("\n".join([*titled()[1:], "", "0.5,1,2"]))
+    refused(tmp_path / "a.csv", "a row of the table stands behind its end", time="column 0")
+
+
 def test_a_column_with_a_title_and_nothing_else_is_named(tmp_path: Path) -> None:
     lines = titled("t [s],a,b,c,")
     (tmp_path / "a.csv").write_text("\n".join([lines[0], *(f"{line},," for line in lines[1:])]))

@@ -35,6 +35,8 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "last-number-cut.uff": lambda one: one.named == 1 and len(one.signals) == 1,
     # seven bytes lost: the closing line was read as values, the next opening line as the closing one
     "end-eaten.uff": lambda one: one.named >= 1 and "1:+Z/99:+Z" not in one.signals and len(one.signals) == 1,
+    # the sign of an exponent is lost, and the end of the last line
+    "sign-of-an-exponent.uff": lambda one: "an exponent without its sign" in one.refusal,
     # no closing line: the next set was lost
     "no-end.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # the file ends behind an opening line
@@ -49,6 +51,8 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "blank-of-a-node.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # the same in the node of the reference
     "blank-of-a-reference.uff": lambda one: "is no number" in one.refusal,
+    # a byte in front of the number of points that Python takes for a blank; another changes the entity of the DOF
+    "blank-of-the-points.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # the last number of a line cut away between two full lines, in a function of three lines
     "line-cut.uff": lambda one: one.named == 1 and len(one.signals) == 1,
     # geometry and modes: the title of a trace line lost, so that its nodes were taken for it
@@ -107,6 +111,10 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "two-on-a-line.mtx": lambda one: "no entry" in one.refusal,
     "blank-header.hb": lambda one: bool(one.refusal),
     "shifted.hb": lambda one: bool(one.refusal),
+    # one row index of a symmetric matrix is another: its entry fell into the other triangle, and no mirror was made
+    "entry-beyond-the-diagonal.hb": lambda one: "wrong side of the diagonal" in one.refusal,
+    # the last digit of an exponent became a blank
+    "exponent-cut.hb": lambda one: "does not end where its field does" in one.refusal,
 }
 """What must be made of each file."""
 

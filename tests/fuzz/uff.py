@@ -15,7 +15,11 @@ import numpy as np
 from tests.fuzz.cases import Case, Reading, Signals, channels, reading
 from tests.fuzz.mutations import line_damage, noise
 
-_DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
+_AXES = ("X", "Y", "Z", "RX", "RY", "RZ")
+_DIRECTIONS = {0: "S"} | {
+    sign * (at + 1): f"{'+' if sign > 0 else '-'}{_AXES[at]}" for at in range(6) for sign in (1, -1)
+}
+"""Codes of the format: a scalar, translations along and rotations about the axes, of either sign."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def functions(draw: random.Random) -> list[Function]:
     start, step = (draw.choice((0.0, 1.0, 25.0)) if frf else 0.0), draw.choice((0.5, 0.25, 1e-3, 0.0078125))
     nodes = draw.sample(range(1, 90), len(values))
     return [
-        Function(frf, node, draw.choice(list(_DIRECTIONS)), start, step, row, double, binary, place + 1)
+        Function(frf, node, draw.randrange(-3, 4), start, step, row, double, binary, place + 1)
         for place, (node, row) in enumerate(zip(nodes, values, strict=True))
     ]
 
@@ -244,7 +248,7 @@ def _by_columns(path: Path) -> Signals:
 def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
     *head, rest = data.split(b"\n", 11)
     kind, points = int(head[6][:10]), int(head[6][10:20])
-    start, step = float(head[6][30:43]), float(head[6][43:56])
+    start, step = (float(_fortran(head[6][at : at + 13])) for at in (30, 43))
     frf, size = kind in (5, 6), {2: 4, 4: 8, 5: 8, 6: 16}[kind]
 
     def side(at: int) -> str:
@@ -261,8 +265,7 @@ def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
         text = rest[: closing.start()]
         if b"\0" in text:
             raise ValueError(text)
-        words = re.sub(rb"(?<=\d)[dD](?=[+-]\d)", b"e", text).split()  # Fortran's exponents
-        numbers = np.array([float(word) for word in words])
+        numbers = np.array([float(word) for word in _fortran(text).split()])
         with np.errstate(all="ignore"):
             values = numbers[::2] + 1j * numbers[1::2] if frf else numbers
     if len(values) != points:
@@ -271,6 +274,11 @@ def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
     with np.errstate(all="ignore"):
         # a record begins at its first sample, whatever the time of that
         return name, ((start if frf else 0.0) + step * np.arange(points), values)
+
+
+def _fortran(text: bytes) -> bytes:
+    """Numbers whose exponents Fortran may have written with a D, as Python writes them."""
+    return re.sub(rb"(?<=\d)[dD](?=[+-]\d)", b"e", text)
 
 
 def _by_pyuff(path: Path) -> Signals | None:

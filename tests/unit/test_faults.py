@@ -19,6 +19,7 @@ from ema.datasets import builtin
 from ema.place import shortlist
 from ema.store import atomic
 from ema.study import chain
+from ema.study.study import make_folder
 from tests.faults import campaign
 from tests.faults.operations import HOWS
 from tests.faults.subjects import Mapping, Measuring, Placing, Saving, Studying
@@ -111,3 +112,24 @@ def test_a_generator_of_a_built_in_campaign_that_was_killed_leaves_nothing_behin
     assert builtin.ensure(tmp_path / "campaign", "small")
     assert {path.name for path in (tmp_path / "campaign").iterdir()} == {"raw", other.name}
     assert not builtin.ensure(tmp_path / "campaign", "small")
+
+
+def test_what_a_killed_process_left_goes_with_the_next_start(tmp_path: Path):
+    (tmp_path / "runs").mkdir()
+    machine, ours = atomic.mark().split("-")
+    child = os.fork()
+    if not child:
+        os._exit(0)
+    os.waitpid(child, 0)
+    stranger = "ffffff" if machine != "ffffff" else "000000"
+    gone = [tmp_path / f".a.h5.{machine}-{child}-0a1b.tmp", tmp_path / "runs" / f".b.h5.{machine}-{child}-0a1b.tmp"]
+    kept = [
+        tmp_path / "a.h5",
+        tmp_path / f".a.h5.{machine}-{ours}-0a1b.tmp",  # of a process that lives
+        tmp_path / f".a.h5.{stranger}-{child}-0a1b.tmp",  # of another computer
+        tmp_path / "notes.tmp",
+    ]
+    for path in (*gone, *kept):
+        path.write_text("x")
+    make_folder(tmp_path)
+    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(kept)

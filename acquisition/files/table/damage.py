@@ -107,18 +107,32 @@ def without_single_rows(segments: list[Segment], layout: Layout, where: str) -> 
             continue
         notes: list[Finding] = []
         for row in alone:
-            place = f"{where}, line {row.line}"
-            if row.labels or not row.values.shape[1] == segment.values.shape[1] > 1:
-                continue
-            if _continues(row.values[0, 0], segment.values[:, 0]):
+            same = not row.labels and row.values.shape[1] == segment.values.shape[1] > 1
+            if same and _continues(row.values[0, 0], segment.values[:, 0]):
                 what = "a row of the table stands in front of its titles"
+                place = f"{where}, line {row.line}"
                 notes += differs(what, where=place, layout=layout, recovered="the rows behind them are read")
-            else:
-                message = "a row of numbers in front of the table, not read."
-                notes.append(Finding("info", "not-read", place, message))
+            elif same:
+                notes.append(_beside(row, where, "in front of"))
         kept.append(replace(segment, notes=(*notes, *segment.notes)))
         alone = []
+    for row in alone if kept else ():
+        last = kept[-1]
+        same = not row.labels and row.values.shape[1] == last.values.shape[1] > 1
+        notes = [_beside(row, where, "behind")]
+        if same and _continues(row.values[0, 0], last.values[:, 0]):
+            what, recovered = "a row of the table stands behind its end", "the rows in front of it are read"
+            notes = list(differs(what, where=f"{where}, line {row.line}", layout=layout, recovered=recovered))
+        kept[-1] = replace(last, notes=(*last.notes, *notes))
     return kept
+
+
+def _beside(row: Segment, where: str, side: str) -> Finding:
+    """The finding of a row that belongs to no table."""
+    name = f" {row.labels[0].strip()!r}" if row.labels else ""
+    return Finding(
+        "info", "not-read", f"{where}, line {row.line}", f"a row of numbers{name} {side} the table, not read."
+    )
 
 
 def _continues(number: complex, axis: Any) -> bool:

@@ -166,7 +166,7 @@ def parse(number_line: bytes, records: Sequence[bytes]) -> Header:
     dof, form = lines[5], lines[6]
     # the columns of the format hold, where its integers end with them: the next number may follow without a blank
     aligned = re.match(r"^ *\d+ +\d+ +-?\d+$", form[:30]) and form[9:30:10].isdigit()
-    shape = None if aligned else re.match(r"^\s*(\d+)\s+(\d+)\s+(-?\d+)(?=\s|$|[-.])", form)
+    shape = None if aligned else re.match(r"^\s*(\d+)\s+(\d+)\s+(-?\d+)(?=\s|$|[-.])", form, re.ASCII)
     header = Header(
         ids=tuple(mended(line) for line in lines[:5]),
         function=integer(dof, 0, 5),

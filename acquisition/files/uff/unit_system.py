@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from acquisition import units
+from acquisition.files.uff import records
 from acquisition.files.uff.header58 import Axis, integer, mended, real, text_of
 from ema.units import FRF_OF_RESPONSE, FRF_UNIT, QUANTITIES, SI_UNIT, UNSTATED
 
@@ -77,7 +78,7 @@ def parse164(lines: list[bytes]) -> UnitSystem:
     """
     first = text_of(lines[0])
     code = integer(first, 0, 10)
-    factors = [float(f.replace("D", "E").replace("d", "e")) for raw in lines[1:] for f in text_of(raw).split()]
+    factors = [records.real(word) for raw in lines[1:] for word in records.words(raw)]
     if len(factors) > 4:
         raise ValueError(f"{len(factors)} factors, not 4")
     if len(factors) < 3:

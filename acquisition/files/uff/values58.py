@@ -142,6 +142,10 @@ def _free(data: bytes, fields: tuple[int, ...], wanted: int) -> tuple[Any, str]:
         problem, sound = "a last line of another length", len(lines) - 1
     if not problem and _cut([word for line in words for word in line][:wanted]):
         problem, sound = "the last number is cut short", len(lines) - 1
+    if not problem and b"E+" in (text := _exponents(data).replace(b"e", b"E")) and re.search(rb"E\d", text):
+        # a writer that puts the sign of positive exponents puts that of all
+        sound = next(place for place, line in enumerate(text.rstrip().split(b"\n")) if re.search(rb"E\d", line))
+        problem = "an exponent without its sign"
     numbers = [word for line in words[:sound] for word in line]
     try:
         return np.array(numbers, dtype=np.bytes_).astype(np.float64) if numbers else np.zeros(0), problem
