@@ -1,6 +1,7 @@
 """The full model of a measured structure with a friction beam at one place: what the shortlist is checked with."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +24,7 @@ def model_at(
     place: int,
     joint: BoltedJoint,
     normal_force: float | Sequence[float] | Float[np.ndarray, "joint"],
+    in_plane: Literal["free", "held"] = "free",
 ) -> BeamModel:
     """Return the model of a measured host with the beam of one candidate.
 
@@ -45,6 +47,8 @@ def model_at(
         Joint of the beam.
     normal_force : float or sequence of float or array of shape (joint,)
         F_N [N] of every joint, or of each.
+    in_plane : {"free", "held"}, default "free"
+        Whether a host that hangs freely may move in its own plane.
 
     Returns
     -------
@@ -73,7 +77,7 @@ def model_at(
         rows += [np.zeros((1, len(bare.poles))), deflection[number : number + 1], slope[number : number + 1]]
         dofs += [Dof(node, "+X"), Dof(node, "+Z"), Dof(node, "-RY")]
     shapes, poles = np.concatenate(rows).astype(complex), bare.poles
-    mass = mass_of(bare, surface)
+    mass = mass_of(bare, surface) if in_plane == "free" else None
     if mass is not None:
         # translation along the beam, of unit modal mass; on the suspension, as the lowest mode normal to the surface
         sway = np.array([dof.node >= FIRST_NODE and dof.axis == "X" for dof in dofs]) / np.sqrt(mass)

@@ -83,6 +83,18 @@ def test_frequencies_with_the_beam_are_those_of_a_host_that_moves_in_its_plane(b
     assert off < 0.1 * apart and off < 1e-3
 
 
+def test_a_host_held_in_its_plane_is_asked_for(built):
+    """As the one that the finite elements hold: the recipe's ``in_plane``."""
+    task, candidates, parts, _ = built
+    model = place.model_at(task.bare, task.surface, candidates, 0, task.joint, FORCE, in_plane="held")
+    system = assemble(model)
+    slip = system.contacts.slip
+    stiffness = system.stiffness + slip.T @ (slip * system.contacts.stiffness[:, None])
+    found = np.sqrt(np.maximum(eigh(stiffness, system.mass, eigvals_only=True), 0)) / (2 * np.pi)
+    wanted, high = stuck(parts, False), task.bare.natural_frequencies[7]
+    assert max(np.min(np.abs(found / one - 1)) for one in wanted if 100 < one < high) < 1e-3
+
+
 def test_the_mass_that_moves_is_that_of_the_rigid_body_modes(built):
     """Of the finite elements with their lumps, from shapes alone; none where the structure does not hang freely."""
     task, _, _, host = built
