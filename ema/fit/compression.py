@@ -20,7 +20,7 @@ from ema.data.window import Window
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.fit import noise
-from ema.fit.range_finder import Range, range_finder
+from ema.fit.range_finder import Range, growing
 from ema.progress import Progress, advance, silent
 
 _AT_ONCE = 48_000_000
@@ -198,11 +198,9 @@ def _compressed(frfs: FrfSet, progress: Progress) -> Compressed:
             part = np.asarray(slab.values).transpose(1, 0, 2) * (per_output[:, None, None] * columns)
             yield part.reshape(len(part), -1).view(float)
 
-    found = range_finder(whitened, count, _CHANNELS)
+    found, above = growing(whitened, count, _CHANNELS, lambda some: some.above(_MARGIN))
     if first.columns is None:
         raise InputError("all FRFs are zero", where=first.where, advice="check the response channels and the scaling")
-    while (above := found.above(_MARGIN)) == len(found.energies) and found.others > 0:
-        found = range_finder(whitened, count, 2 * len(found.energies))
     least = max(_FEWEST, min(len(frfs.outputs), len(frfs.inputs)))
     found = found.leading(int(np.clip(above + 2, least, len(found.energies))))
     sample, rows = first.samples()

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Complex, Float, Int
 from ema.fit import model
 from ema.fit.model import Background, Functions
 from ema.fit.noise import NoiseLevel
-from ema.fit.range_finder import DIRECTIONS, range_finder
+from ema.fit.range_finder import DIRECTIONS, Range, growing
 
 EDGE = 2.0
 """Fixed poles of the residual terms lie at the band edges divided and multiplied by this."""
@@ -967,17 +967,17 @@ def _rotated(
     """
     outputs = len(signals)
     flat = (signals * np.sqrt(weights)).reshape(outputs, -1).view(float)
-    rank = DIRECTIONS
-    while True:
-        found = range_finder(lambda: [flat], outputs, rank)
-        # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967).
-        ratio = np.sqrt(min(outputs / flat.shape[1], 0.25))
+    few, many = sorted(flat.shape)
+
+    def loud(found: Range) -> int:
+        # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967); noise of unit variance has the energy
+        # of the longer side in every direction.
+        ratio = np.sqrt(min(few / many, 0.25))
         least = float(found.energies[-1]) / (1 - ratio) ** 2 if not found.others else 0.0
-        floor = min(found.floor, max(float(flat.shape[1]), least)) * (1 + ratio) ** 2
-        above = int(np.count_nonzero(found.energies > 1.05 * floor))
-        if above < len(found.energies) or not found.others:
-            break
-        rank *= 2
+        floor = min(found.floor, max(float(many), least)) * (1 + ratio) ** 2
+        return int(np.count_nonzero(found.energies > 1.05 * floor))
+
+    found, above = growing(lambda: [flat], outputs, DIRECTIONS, loud)
     kept = int(np.clip(above + 2, FEWEST, len(found.energies)))
     leading = np.ascontiguousarray(found.directions[:, :kept].T[::-1])
     rotated = leading @ np.ascontiguousarray(signals).reshape(outputs, -1).view(float)

@@ -22,7 +22,7 @@ import scipy.linalg
 from jaxtyping import Complex, Float
 
 from ema.fit.noise import NoiseLevel
-from ema.fit.range_finder import range_finder
+from ema.fit.range_finder import DIRECTIONS, growing
 
 CIRCLE = 1.2
 """Length of the circle over the length of the band."""
@@ -75,9 +75,7 @@ def principal_outputs(
             part = part.transpose(1, 0, 2).reshape(part.shape[1], -1)
             yield part * per_output[first : first + _BLOCK, None]
 
-    found = range_finder(slabs, outputs)
-    while (above := found.above(1.1)) == len(found.energies) < outputs:
-        found = range_finder(slabs, outputs, 2 * len(found.energies))
+    found, above = growing(slabs, outputs, DIRECTIONS, lambda some: some.above(1.1))
     kept = int(np.clip(above + 1, 4, len(found.energies)))
     rotation = (found.directions[:, :kept].conj() * per_output[:, None]).T
     return np.matmul(rotation, values) * own

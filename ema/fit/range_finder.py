@@ -28,14 +28,19 @@ class Range:
     """Leading directions of the rows of a matrix.
 
     ``directions`` (row, k) are orthonormal, ``compressed`` (k, column) the matrix along them; ``energies`` (k,) fall.
-    ``left_out`` is the energy beside them, and ``others`` the number of directions that it is spread over.
+    ``left_out`` is the energy beside them; ``exhausted`` says that a search for more would find the same.
     """
 
     directions: Shaped[np.ndarray, "row k"]
     compressed: Shaped[np.ndarray, "k column"]
     energies: Float[np.ndarray, "k"]
     left_out: float
-    others: int
+    exhausted: bool = False
+
+    @property
+    def others(self) -> int:
+        """Directions that what was left out is spread over: a matrix has as many as rows or columns, what is fewer."""
+        return min(len(self.directions), self.compressed.shape[1]) - len(self.energies)
 
     @property
     def floor(self) -> float:
@@ -46,15 +51,14 @@ class Range:
         """Directions whose energy exceeds the floor, widened by the edge of a noise matrix of this size (Marchenko and
         Pastur 1967), by a ``margin``.
         """
-        rows, columns = len(self.directions), self.compressed.shape[1]
-        edge = self.floor * (1 + np.sqrt(rows / columns)) ** 2
+        few, many = sorted((len(self.directions), self.compressed.shape[1]))
+        edge = self.floor * (1 + np.sqrt(few / many)) ** 2
         return int(np.count_nonzero(self.energies > margin * edge))
 
     def leading(self, count: int) -> "Range":
         """The first directions alone."""
         left = self.left_out + float(np.sum(self.energies[count:]))
-        others = self.others + len(self.energies[count:])
-        return Range(self.directions[:, :count], self.compressed[:count], self.energies[:count], left, others)
+        return Range(self.directions[:, :count], self.compressed[:count], self.energies[:count], left, self.exhausted)
 
 
 def range_finder(slabs: Callable[[], Iterable[np.ndarray]], rows: int, rank: int = DIRECTIONS) -> Range:
@@ -88,23 +92,39 @@ def range_finder(slabs: Callable[[], Iterable[np.ndarray]], rows: int, rank: int
         products += slab.conj().T @ own
         done += len(slab)
     directions, strength, right = np.linalg.svd(along, full_matrices=False)
-    told = strength > _ROUNDED * max(float(strength[0]), np.finfo(float).tiny)
-    compressed = (right[told] @ products.conj().T) / strength[told, None]
-    return _sorted(directions[:, told], compressed, energy)
+    kept = strength > _ROUNDED * max(float(strength[0]), np.finfo(float).tiny)
+    compressed = (right[kept] @ products.conj().T) / strength[kept, None]
+    return _sorted(directions[:, kept], compressed, energy, rank >= compressed.shape[1])
+
+
+def growing(
+    slabs: Callable[[], Iterable[np.ndarray]], rows: int, rank: int, above: Callable[[Range], int]
+) -> tuple[Range, int]:
+    """Leading directions, twice as many as long as all of them are ``above`` noise, and how many are.
+
+    It ends where the matrix has no further directions: one of 365 rows and 66 columns has 66.
+    """
+    while True:
+        found = range_finder(slabs, rows, rank)
+        count = above(found)
+        if count < len(found.energies) or found.exhausted:
+            return found, count
+        rank *= 2
 
 
 def _exact(matrix: Shaped[np.ndarray, "row column"]) -> Range:
     """All directions of a matrix that has few rows."""
+    count = min(matrix.shape)
     energies, directions = np.linalg.eigh(matrix @ matrix.conj().T)
-    directions, energies = directions[:, ::-1], np.maximum(energies[::-1], 0)
-    return Range(directions, directions.conj().T @ matrix, energies, 0.0, 0)
+    directions, energies = directions[:, ::-1][:, :count], np.maximum(energies[::-1][:count], 0)
+    return Range(directions, directions.conj().T @ matrix, energies, 0.0, exhausted=True)
 
 
 def _sorted(
-    directions: Shaped[np.ndarray, "row k"], compressed: Shaped[np.ndarray, "k column"], energy: float
+    directions: Shaped[np.ndarray, "row k"], compressed: Shaped[np.ndarray, "k column"], energy: float, exhausted: bool
 ) -> Range:
     """The same directions, turned so that what lies along one of them has nothing in common with the others."""
     own, turn = np.linalg.eigh(compressed @ compressed.conj().T)
     turn, own = turn[:, ::-1], np.maximum(own[::-1], 0)
     left = max(energy - float(np.sum(own)), 0.0)
-    return Range(directions @ turn, turn.conj().T @ compressed, own, left, len(directions) - len(own))
+    return Range(directions @ turn, turn.conj().T @ compressed, own, left, exhausted)
