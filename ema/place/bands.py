@@ -175,7 +175,8 @@ def _about_holes(where: str, known: np.ndarray, parted: np.ndarray, solved: np.n
 
 def _asked(nominal: Question, task: Task, candidates: Candidates) -> Question:
     """The question of a draw, in the bands of the nominal one, wider by what a draw may shift."""
-    model = model_at(task.bare, task.surface, candidates, 0, task.joint, float(task.normal_forces[0]))
+    pressed = float(task.normal_forces[0])
+    model = model_at(task.bare, task.surface, candidates, 0, task.joint, pressed, in_plane=task.in_plane)
     bands = tuple((low * (1 - _SHIFT), high * (1 + _SHIFT)) for low, high in nominal.bands)
     return nominal._replace(model=model, normal_forces=task.normal_forces, bands=bands)
 

@@ -79,6 +79,7 @@ def place(
         np.unique(recipe.normal_force),
         modes,
         recipe.output,
+        in_plane=recipe.in_plane,
     )
     effort, wanted = recipe.search, recipe.wanted()
     candidates = grid(

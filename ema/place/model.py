@@ -1,6 +1,7 @@
 """The full model of a measured structure with a friction beam at one place: what the shortlist is checked with."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +10,7 @@ from ema.data import BeamModel, Damping, Joint, Matrices, ModalModel
 from ema.data.placement import BoltedJoint, Candidates
 from ema.dof import Dof
 from ema.place.predictor import ELEMENTS, beam_matrices
-from ema.shapes import Surface
+from ema.shapes import Surface, mass_of
 
 PART = "friction beam"
 FIRST_NODE = 900_001
@@ -23,11 +24,14 @@ def model_at(
     place: int,
     joint: BoltedJoint,
     normal_force: float | Sequence[float] | Float[np.ndarray, "joint"],
+    in_plane: Literal["free", "held"] = "free",
 ) -> BeamModel:
     """Return the model of a measured host with the beam of one candidate.
 
     The host keeps its measured DOFs; the joints are nodes 900001, 900002, ... with axes along the beam, whose shapes
-    come from the surface. Residual terms of the host are left out: they are not known at the joints.
+    come from the surface. Residual terms of the host are left out: they are not known at the joints. A host whose
+    rigid-body modes are known hangs freely: it also moves as a whole along the beam, with all its mass; its turning
+    about the normal and strain in its own plane are left out. Any other host is held in its plane.
 
     Parameters
     ----------
@@ -43,6 +47,8 @@ def model_at(
         Joint of the beam.
     normal_force : float or sequence of float or array of shape (joint,)
         F_N [N] of every joint, or of each.
+    in_plane : {"free", "held"}, default "free"
+        Whether a host that hangs freely may move in its own plane.
 
     Returns
     -------
@@ -70,19 +76,25 @@ def model_at(
         node = FIRST_NODE + number
         rows += [np.zeros((1, len(bare.poles))), deflection[number : number + 1], slope[number : number + 1]]
         dofs += [Dof(node, "+X"), Dof(node, "+Z"), Dof(node, "-RY")]
-    shapes = np.concatenate(rows).astype(complex)
+    shapes, poles = np.concatenate(rows).astype(complex), bare.poles
+    mass = mass_of(bare, surface) if in_plane == "free" else None
+    if mass is not None:
+        # translation along the beam, of unit modal mass; on the suspension, as the lowest mode normal to the surface
+        sway = np.array([dof.node >= FIRST_NODE and dof.axis == "X" for dof in dofs]) / np.sqrt(mass)
+        shapes = np.column_stack([shapes, sway.astype(complex)])
+        poles = np.append(poles, poles[np.argmin(np.abs(poles))])
     host = ModalModel(
-        bare.poles,
+        poles,
         shapes,
         tuple(dofs),
-        shapes / (2j * bare.poles.imag),
+        shapes / (2j * poles.imag),
         tuple(dofs),
         scaling="unit modal mass",
         condition=bare.condition,
         name=bare.name,
     )
-    mass, stiffness, *_ = beam_matrices(beam)
-    count = len(mass) // 3
+    inertia, stiffness, *_ = beam_matrices(beam)
+    count = len(inertia) // 3
     beam_dofs = tuple(Dof(node, direction, PART) for node in range(count) for direction in ("+X", "+Z", "-RY"))
     first = 1 if beam.overhang > 0 else 0
     forces = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), (beam.joints,))
@@ -103,7 +115,7 @@ def model_at(
     )
     return BeamModel(
         host,
-        Matrices(mass, stiffness, beam_dofs),
+        Matrices(inertia, stiffness, beam_dofs),
         joints,
         Damping(),
         name=f"place {place}",

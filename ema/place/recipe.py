@@ -134,6 +134,7 @@ class PlaceRecipe(Table):
     """The whole recipe. ``campaign`` (with ``run``) or ``modes`` (a file) gives the structure without the beam.
 
     ``mass`` of a freely hung structure gives its rigid-body modes; without it they come from the test's mass lines.
+    With ``in_plane = "free"`` it also moves in its own plane against the beam, with all its mass.
     ``near`` Hz picks the target modes; ``at`` is the excited DOF, ``output`` the one whose response counts;
     ``force`` and ``normal_force`` (per joint) span the range of use. ``agreement`` is a store file whose verdict tells
     whether the joint model agrees with a measurement.
@@ -144,6 +145,7 @@ class PlaceRecipe(Table):
     run: str = ""
     modes: str = ""
     mass: Mass | None = None
+    in_plane: Literal["free", "held"] = "free"
     near: Near
     at: Place
     output: Place | None = None

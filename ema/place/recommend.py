@@ -77,7 +77,8 @@ def distribute(
         raise InputError("not a sum of normal forces", where=f"place {place}", got=f"{total} N", expected="above 0 N")
     chosen = task.modes[0] if mode is None else mode
     joints = candidates.catalogue[int(candidates.beams[place])].joints
-    model = model_at(task.bare, task.surface, candidates, place, task.joint, total / joints)
+    each = total / joints
+    model = model_at(task.bare, task.surface, candidates, place, task.joint, each, in_plane=task.in_plane)
     band = _band(task, candidates, place, chosen, total / joints)
 
     def least(logits: Float[np.ndarray, "free"]) -> float:

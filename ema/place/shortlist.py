@@ -222,9 +222,8 @@ def question(task: Task, prediction: Prediction, row: int, fitted: bool = False)
         found = prediction.frequency[row, m]
         found = found[np.isfinite(found)] if np.isfinite(found).any() else np.array([0.9 * bare, 1.1 * bare])
         bands.append((float((1 - _WIDER) * found.min()), float((1 + _WIDER) * found.max())))
-    model = model_at(
-        task.bare, task.surface, prediction.candidates, row, task.joint, float(prediction.normal_forces[0])
-    )
+    pressed = float(prediction.normal_forces[0])
+    model = model_at(task.bare, task.surface, prediction.candidates, row, task.joint, pressed, in_plane=task.in_plane)
     return Question(
         model,
         Dof.parse(task.at),

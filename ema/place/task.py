@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -40,6 +40,8 @@ class Task(NamedTuple):
         DOF whose response counts; the excited one where ``None``.
     scale_std : float, default 0.0
         Relative standard uncertainty of the scale common to all shapes, half that of the calibration of the test.
+    in_plane : {"free", "held"}, default "free"
+        Whether a structure that hangs freely may move in its own plane.
 
     Examples
     --------
@@ -62,6 +64,7 @@ class Task(NamedTuple):
     modes: tuple[int, ...]
     output: Dof | str | None = None
     scale_std: float = 0.0
+    in_plane: Literal["free", "held"] = "free"
 
 
 def predicted(task: Task, candidates: Candidates) -> Prediction:

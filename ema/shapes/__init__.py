@@ -12,7 +12,7 @@ from ema.shapes.complexity import (
 from ema.shapes.continuation import with_plate
 from ema.shapes.correlation import Comparison, auto_mac, co_mac, compare, frac, mac
 from ema.shapes.expansion import Expansion, expand, expand_by_modes
-from ema.shapes.rigid import with_rigid_body
+from ema.shapes.rigid import mass_of, with_rigid_body
 from ema.shapes.surface import Surface, smooth
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "frac",
     "mac",
     "mac_uncertainty",
+    "mass_of",
     "mean_phase",
     "mean_phase_deviation",
     "modal_phase_collinearity",

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ema.data import Finding, Geometry, ModalModel
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.shapes.surface import FLAT, Plane, plane
+from ema.shapes.surface import FLAT, Plane, Surface, plane
 
 _BELOW = 0.01
 """Frequency of the added modes over that of the first elastic one: any value far below serves."""
@@ -128,6 +128,52 @@ def with_rigid_body(
         _EXPLAINED,
     )
     return _extended(model, geometry, face, body), (finding,)
+
+
+def mass_of(model: ModalModel, surface: Surface) -> float | None:
+    """Mass of a freely hung structure by the rigid-body modes normal to its surface.
+
+    Parameters
+    ----------
+    model : ModalModel
+        Modes of unit modal mass, those of the suspension or of :func:`with_rigid_body` included.
+    surface : Surface
+        Their smooth shapes, by :func:`smooth`.
+
+    Returns
+    -------
+    float or None
+        Mass [kg]; ``None`` where the modes below the gap do not move the surface as a rigid body in all its ways: the
+        structure is fixed, or its rigid-body motion is unknown.
+
+    Examples
+    --------
+    >>> from ema.examples import plate
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> print(mass_of(bare, smooth(bare, geometry)))
+    None
+    >>> hung, _ = with_rigid_body(bare, geometry, mass=2.0)
+    >>> round(mass_of(hung, smooth(hung, geometry)), 3)
+    2.0
+    """
+    omega = np.abs(model.poles)
+    ordered = np.sort(omega)
+    gaps = np.flatnonzero(ordered[1:] > _GAP * ordered[:-1])
+    if not len(gaps):
+        return None
+    rows = np.flatnonzero(omega <= ordered[gaps[-1]])
+    sides = surface.extent[:, 1] - surface.extent[:, 0]
+    flat = np.column_stack([np.ones(len(surface.points)), surface.points[:, sides >= FLAT * sides.max()]])
+    moved = surface.values(surface.points)[:, rows]
+    motion, _, rank, _ = np.linalg.lstsq(flat, moved, rcond=None)
+    left = np.sum((moved - flat @ motion) ** 2, axis=0)
+    if rank < flat.shape[1] or np.any(left > (1 - _FLAT_SHARE) * np.sum(moved**2, axis=0)):
+        return None
+    if np.linalg.matrix_rank(motion, tol=1e-6 * float(np.abs(motion).max())) < len(motion):
+        return None
+    # modes of unit modal mass: motion.T @ inertia @ motion = 1 over (w, w_x, w_y) at the origin, whatever the origin
+    return float(np.linalg.inv(motion @ motion.T)[0, 0])
 
 
 def _measured(model: ModalModel, face: Plane) -> bool:

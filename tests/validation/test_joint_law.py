@@ -104,7 +104,7 @@ def test_weight_of_one_joint_is_that_of_draws_of_both_priors():
         told(
             hammer=[{"sentence": "s", "normal_force": "1 kN", "damping": "2.5 %", "damping_std": "0.4 %"}],
             levels=["6 N", "30 N"],
-            normal_forces=["25 N", "1 kN"],
+            normal_forces=["25 N", "100 N", "1 kN"],
             shaker=[
                 {"sentence": "s", "quantity": "most damping", "normal_force": "1 kN", "value": 0.007, "std": 0.002}
             ],
