@@ -4,7 +4,7 @@ Parameters are transforms of standard normal variables, so that the prior is the
 path of densities from the prior to the posterior of one joint, through powers of the likelihood, and on to that of two
 joints, through correlations between them (sequential Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the
 Royal Statistical Society B 68:411); between two steps emcee moves them (Foreman-Mackey et al. 2013) by differences of
-others (ter Braak 2006, Statistics and Computing 16:239). Independent runs say how far the result is one of chance.
+others (ter Braak 2006, Statistics and Computing 16:239; ter Braak and Vrugt 2008, ibid. 18:435). Independent runs say how far the result is one of chance.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,8 +24,10 @@ Draws = Float[np.ndarray, "draw parameter"]
 _RIDGE_POINTS = 14
 _DRAWS, _RUNS = 400, 4
 """Draws of a run, and independent runs."""
-_MOVES, _LAST, _THIN = 20, 40, 20
+_MOVES, _LAST, _THIN = 30, 60, 20
 """Moves of every draw after a step of the path, and at its ends, where every so many are kept."""
+_APART = 1e-3
+"""Distance at which draws of one origin begin, over the standard deviation of the prior."""
 _KEPT = 0.5
 """Effective share of the draws that a step of the path leaves; with one half a step costs little of their number."""
 _TWO = np.pi / 4
@@ -395,15 +397,17 @@ class _Cloud:
         weights = np.cumsum(np.exp(log_weights - np.logaddexp.reduce(log_weights)))
         grid = (rng.random() + np.arange(len(weights))) / len(weights)
         rows = np.minimum(np.searchsorted(weights, grid), len(weights) - 1)
-        z = self.draws[rng.permutation(rows)]
+        # draws on one place cannot move by each other's differences
+        z = self.draws[rng.permutation(rows)] + _APART * rng.standard_normal(self.draws.shape)
         return _Cloud(model, power, z, _total(model, z), evidence, z).moved(rng, _MOVES)
 
     def moved(self, rng: np.random.Generator, steps: int) -> "_Cloud":
         """The same density after moves of every draw by differences of others."""
         import emcee
 
+        moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
         target = _tempered(self.model, self.power)
-        sampler = emcee.EnsembleSampler(*self.draws.shape, target, vectorize=True, moves=emcee.moves.DEMove())
+        sampler = emcee.EnsembleSampler(*self.draws.shape, target, vectorize=True, moves=moves)
         sampler.random_state = np.random.RandomState(int(rng.integers(2**31))).get_state()
         sampler.run_mcmc(self.draws, steps, progress=False, skip_initial_state_check=True)
         chain, blobs = sampler.get_chain(), sampler.get_blobs()
@@ -428,7 +432,8 @@ def _to_the_data(cloud: _Cloud, rng: np.random.Generator) -> _Cloud:
 def _to_two_joints(cloud: _Cloud, rng: np.random.Generator) -> _Cloud:
     """From one joint to one for each test: their difference, which one joint leaves open, begins as in the prior."""
     apart = rng.standard_normal((len(cloud.draws), len(cloud.model._joint)))
-    cloud = replace(cloud, draws=np.hstack([cloud.draws, apart]))
+    both = np.hstack([cloud.draws, apart])
+    cloud = replace(cloud, draws=both, kept=both)
     while cloud.model.angle < _TWO:
         here = cloud
 
