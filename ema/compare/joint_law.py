@@ -4,7 +4,8 @@ Parameters are transforms of standard normal variables, so that the prior is the
 path of densities from the prior to the posterior of one joint, through powers of the likelihood, and on to that of two
 joints, through correlations between them (sequential Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the
 Royal Statistical Society B 68:411); between two steps emcee moves them (Foreman-Mackey et al. 2013) by differences of
-others (ter Braak 2006, Statistics and Computing 16:239; ter Braak and Vrugt 2008, ibid. 18:435). Independent runs say how far the result is one of chance.
+others (ter Braak 2006, Statistics and Computing 16:239; ter Braak and Vrugt 2008, ibid. 18:435). Independent runs say
+how far the result is one of chance.
 """
 
 from collections.abc import Callable, Mapping, Sequence

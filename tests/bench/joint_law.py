@@ -48,6 +48,7 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first table")
+    parser.add_argument("--runs", type=int, default=2, help="runs of the sampler for each table")
     given = parser.parse_args()
     told = load(given.file)
     held: dict[str, list[bool]] = defaultdict(list)
@@ -57,7 +58,9 @@ def main() -> None:
         rng = np.random.default_rng([given.seed, number])
         is_one = number % 2 == 0
         truth, said = drawn(JointModel(told, 0.0 if is_one else TWO_JOINTS), rng)
-        found = JointAssessment(*posteriors(JointModel(told, said=said), int(rng.integers(2**31))), (), ())
+        found = JointAssessment(
+            *posteriors(JointModel(told, said=said), int(rng.integers(2**31)), runs=given.runs), (), ()
+        )
         right = found.one if is_one else found.two
         assert right is not None
         inside = {name: low <= truth[name] <= high for name, (low, high) in right.interval.items()}
