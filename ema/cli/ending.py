@@ -41,10 +41,17 @@ def ends_well(command: Callable[P, int]) -> Callable[P, None]:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             status = FINE
         except Exception as error:
+            if _is_interruption(error):
+                _end("interrupted", INTERRUPTED)
             _end(_fault(error), FAILURE)
         raise SystemExit(status)
 
     return ended
+
+
+def _is_interruption(error: Exception) -> bool:
+    """Whether it is Ctrl-C within a call of a compiled library (h5py's attributes) that cannot hand it on as it is."""
+    return isinstance(error, SystemError) and isinstance(error.__cause__ or error.__context__, KeyboardInterrupt)
 
 
 def _end(sentence: str, status: int) -> NoReturn:

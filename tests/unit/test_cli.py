@@ -214,6 +214,29 @@ def test_errors_become_statuses(raised, status, sentence, capsys):
     assert capsys.readouterr().err == sentence
 
 
+def test_an_interruption_within_a_compiled_library_ends_as_one(capsys, tmp_path, monkeypatch):
+    """Ctrl-C in a slot of a compiled type that may not fail: the interpreter raises a SystemError from it."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    def command() -> int:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise SystemError("<built-in method> returned a result with an exception set") from error
+
+    with pytest.raises(SystemExit) as ended:
+        ends_well(command)()
+    assert ended.value.code == 130 and capsys.readouterr().err == "ema: interrupted\n"
+    assert not list(tmp_path.iterdir())
+
+    def broken() -> int:
+        raise SystemError("bad argument to internal function")
+
+    with pytest.raises(SystemExit) as ended:
+        ends_well(broken)()
+    assert ended.value.code == 3 and "a fault in ema itself" in capsys.readouterr().err
+
+
 def test_a_fault_of_ours_says_how_to_report_it(capsys):
     def command():
         return [][0]
