@@ -41,7 +41,7 @@ def ends_well(command: Callable[P, int]) -> Callable[P, None]:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             status = FINE
         except Exception as error:
-            if _is_interruption(error):
+            if is_interruption(error):
                 _end("interrupted", INTERRUPTED)
             _end(_fault(error), FAILURE)
         raise SystemExit(status)
@@ -49,7 +49,7 @@ def ends_well(command: Callable[P, int]) -> Callable[P, None]:
     return ended
 
 
-def _is_interruption(error: Exception) -> bool:
+def is_interruption(error: BaseException) -> bool:
     """Whether it is Ctrl-C within a call of a compiled library (h5py's attributes) that cannot hand it on as it is."""
     return isinstance(error, SystemError) and isinstance(error.__cause__ or error.__context__, KeyboardInterrupt)
 

@@ -13,6 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, ClassVar
 
+from ema.cli.ending import is_interruption
 from ema.errors import EmaError
 from tests.faults.operations import Operations
 
@@ -61,8 +62,11 @@ def forked(work: Callable[[Callable[[str], None]], None], operations: Operations
     except EmaError as error:
         os.write(writing, f"! {error}\n".encode())
         status = SENTENCE
-    except BaseException:
-        os.write(writing, f"!! {traceback.format_exc()}\n".encode())
+    except BaseException as error:
+        if is_interruption(error):
+            status = INTERRUPTED
+        else:
+            os.write(writing, f"!! {traceback.format_exc()}\n".encode())
     finally:
         os._exit(status)
 
