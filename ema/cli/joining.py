@@ -78,7 +78,7 @@ def _document(title: str, found: "JointAssessment") -> dict[str, Any]:
 def sentence(found: "JointAssessment") -> str:
     """What follows, in a few sentences."""
     names = [name for name in found.one.interval if found.determined(name)]
-    parts = [f"Determined: {', '.join(names)}." if names else "No parameter is determined."]
+    parts = [f"Determined: {'; '.join(names)}." if names else "No parameter is determined."]
     against = [one.datum.quantity for one in found.held if one.verdict.startswith("does not")]
     if against:
         parts.append(f"These do not hold together with the others: {'; '.join(against)}.")
