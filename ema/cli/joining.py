@@ -1,5 +1,6 @@
 """`ema joint`: one friction law for numbers and sentences about a structure, and what cannot hold together."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -117,7 +118,8 @@ def _print(document: dict[str, Any]) -> None:
     for column in ("quantity", "95 % from", "to", "probability", "verdict"):
         table.add_column(column)
     for row in document["statements"]:
-        values = f"{row['low']:.4g}", f"{row['high']:.4g}", f"{row['probability']:.2g}"
+        chance = row["probability"]
+        values = f"{row['low']:.4g}", f"{row['high']:.4g}", "-" if math.isnan(chance) else f"{chance:.2g}"
         table.add_row(Text(row["quantity"]), *values, row["verdict"])
     out.print(table)
     if document["experiments"]:

@@ -4,8 +4,7 @@ Parameters are transforms of standard normal variables, so that the prior is the
 path of densities from the prior to the posterior of one joint, through powers of the likelihood, and on to that of two
 joints, through correlations between them (sequential Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the
 Royal Statistical Society B 68:411); between two steps emcee moves them (Foreman-Mackey et al. 2013) by differences of
-others (ter Braak 2006, Statistics and Computing 16:239; ter Braak and Vrugt 2008, ibid. 18:435). Independent runs say
-how far the result is one of chance.
+others (ter Braak 2006, Statistics and Computing 16:239). Independent runs say how far the result is one of chance.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -406,7 +405,10 @@ class _Cloud:
         """The same density after moves of every draw by differences of others."""
         import emcee
 
-        moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+        # half the usual reach (ter Braak 2006, eq. 2) beside it, where the density is curved; emcee's snooker move is
+        # not used: its factor of the Metropolis ratio has half the exponent of ter Braak and Vrugt (2008), eq. 3
+        usual = 2.38 / np.sqrt(2 * self.draws.shape[1])
+        moves = [(emcee.moves.DEMove(gamma0=reach * usual), 0.5) for reach in (1.0, 0.5)]
         target = _tempered(self.model, self.power)
         sampler = emcee.EnsembleSampler(*self.draws.shape, target, vectorize=True, moves=moves)
         sampler.random_state = np.random.RandomState(int(rng.integers(2**31))).get_state()

@@ -99,7 +99,10 @@ def test_draws_and_evidence_are_those_of_weighted_draws_of_the_prior():
 
 
 def test_weight_of_one_joint_is_that_of_draws_of_both_priors():
-    """Broad numbers that contradict each other a little, so that 60,000 draws of each prior carry the evidences."""
+    """Broad numbers that contradict each other a little, so that 120,000 draws of each prior carry the evidences.
+
+    These have the ratio with a standard error of 0.03, the runs of the sampler that of theirs of 0.05: 0.2 is four.
+    """
     model = JointModel(
         told(
             hammer=[{"sentence": "s", "normal_force": "1 kN", "damping": "2.5 %", "damping_std": "0.4 %"}],
@@ -112,12 +115,12 @@ def test_weight_of_one_joint_is_that_of_draws_of_both_priors():
     )
     rng, evidences = np.random.default_rng(4), []
     for each in (model, replace(model, angle=np.pi / 4)):
-        z = rng.standard_normal((60000, len(each.parameters)))
+        z = rng.standard_normal((120000, len(each.parameters)))
         evidences.append(np.exp(each.log_likelihoods(z).sum(axis=1)).mean())
     one, two = posteriors(model, 5)
     assert two is not None
     ratio = two.log_evidences - one.log_evidences
-    assert np.log(np.mean(np.exp(ratio))) == pytest.approx(np.log(evidences[1] / evidences[0]), abs=0.1)
+    assert np.log(np.mean(np.exp(ratio))) == pytest.approx(np.log(evidences[1] / evidences[0]), abs=0.2)
     assert one.log_evidence == pytest.approx(np.log(evidences[0]), abs=0.2)
     # either joint alone has the prior that one joint has
     z = rng.standard_normal((60000, len(two.model.parameters)))
