@@ -13,7 +13,6 @@ WITHOUT = {
 OLDER = {
     "accuracy, halves",
     "accuracy, listed",
-    "accuracy, systems",
     "archive",
     "cold_starts",
     "hammer",
