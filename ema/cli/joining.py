@@ -61,7 +61,7 @@ def _document(title: str, found: "JointAssessment") -> dict[str, Any]:
                 "quantity": one.datum.quantity,
                 "low": one.low,
                 "high": one.high,
-                "probability": one.probability,
+                "probability": None if math.isnan(one.probability) else one.probability,
                 "verdict": one.verdict,
             }
             for one in found.held
@@ -119,7 +119,7 @@ def _print(document: dict[str, Any]) -> None:
         table.add_column(column)
     for row in document["statements"]:
         chance = row["probability"]
-        values = f"{row['low']:.4g}", f"{row['high']:.4g}", "-" if math.isnan(chance) else f"{chance:.2g}"
+        values = f"{row['low']:.4g}", f"{row['high']:.4g}", "-" if chance is None else f"{chance:.2g}"
         table.add_row(Text(row["quantity"]), *values, row["verdict"])
     out.print(table)
     if document["experiments"]:

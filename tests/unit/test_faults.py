@@ -17,6 +17,7 @@ pytest.importorskip("fcntl", reason="processes are forked")
 from ema import report
 from ema.datasets import builtin
 from ema.place import shortlist
+from ema.report import writing
 from ema.store import atomic
 from ema.study import chain
 from ema.study.study import make_folder
@@ -52,6 +53,7 @@ def test_a_study_a_map_and_a_placement_at_some_operations(subject, monkeypatch):
     for module, name in (
         (chain, "analyse"),
         (report, "write"),
+        (writing, "document_of"),
         (Figure, "savefig"),
         (shortlist, "answer"),
     ):
