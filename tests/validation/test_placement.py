@@ -63,14 +63,16 @@ class Table:
 
     def truth(self, modes: tuple[int, ...], levels=LEVELS, forces=FORCES, joint=JOINT) -> place.Task:
         whole = self.model(np.arange(16), self.values)
-        return place.Task(whole, self.exact, joint, self.dofs[-1], levels, forces, tuple(m + 3 for m in modes))
+        task = place.Task(whole, self.exact, joint, self.dofs[-1], levels, forces, tuple(m + 3 for m in modes))
+        return task._replace(in_plane="held")  # the exact table has modes across its plane alone
 
     def measured(self, modes: tuple[int, ...], noise: float, seed: int, joint=JOINT) -> place.Task:
         clean = self.values[:, MEASURED]
         size = np.sqrt(np.mean(clean**2, axis=0))
         rough = clean + noise * size * np.random.default_rng(seed).standard_normal(clean.shape)
         bare, _ = shapes.with_rigid_body(self.model(MEASURED, rough), self.geometry, 130.0)
-        return place.Task(bare, shapes.smooth(bare, self.geometry), joint, self.dofs[-1], LEVELS, FORCES, modes)
+        task = place.Task(bare, shapes.smooth(bare, self.geometry), joint, self.dofs[-1], LEVELS, FORCES, modes)
+        return task._replace(in_plane="held")
 
 
 def spots(along: int, across: int) -> Candidates:
