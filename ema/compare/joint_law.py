@@ -3,8 +3,8 @@
 Parameters are transforms of standard normal variables, so that the prior is the same for all of them. Draws follow a
 path of densities from the prior to the posterior of one joint, through powers of the likelihood, and on to that of two
 joints, through correlations between them (sequential Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the
-Royal Statistical Society B 68:411); between two steps emcee moves them (Foreman-Mackey et al. 2013) by differences of
-others (ter Braak 2006, Statistics and Computing 16:239). Independent runs say how far the result is one of chance.
+Royal Statistical Society B 68:411); between two steps emcee moves them (Foreman-Mackey et al. 2013) by differential
+evolution (ter Braak 2006, Statistics and Computing 16:239). Independent runs say how far the result is one of chance.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,8 +30,8 @@ _APART = 1e-3
 """Distance at which draws of one origin begin, over the standard deviation of the prior."""
 _KEPT = 0.5
 """Effective share of the draws that a step of the path leaves; with one half a step costs little of their number."""
-_TWO = np.pi / 4
-"""Angle between the joints of two tests: 0 where they are one, pi/4 where neither says anything of the other."""
+INDEPENDENT = np.pi / 4
+"""Angle of two joints of which neither says anything of the other; it is 0 where they are one."""
 DETERMINED = 0.5
 """Width of a 95 % interval over that of the prior up to which a parameter is called determined."""
 TOGETHER = 0.05
@@ -352,26 +352,26 @@ def posteriors(
     The evidence of two joints over that of one is a product of few steps of its own, and does not hang on how well the
     evidence of either is known.
     """
-    one: list[_Cloud] = []
-    two: list[_Cloud] = []
+    one: list[_Particles] = []
+    two: list[_Particles] = []
     for number in range(runs):
         advance(progress, "posterior", number + 1, runs)
         rng = np.random.default_rng([seed, number])
-        one.append(_to_the_data(_Cloud.of_the_prior(model, draws, rng), rng).moved(rng, _LAST))
+        one.append(_to_the_data(_Particles.of_the_prior(model, draws, rng), rng).moved(rng, _LAST))
         if len(model.tests) == 2:
             two.append(_to_two_joints(one[-1], rng).moved(rng, _LAST))
     return _posterior(one), _posterior(two) if two else None
 
 
-def _posterior(clouds: "Sequence[_Cloud]") -> Posterior:
-    evidences = np.array([each.log_evidence for each in clouds])
-    acceptance = float(np.mean([each.acceptance for each in clouds]))
-    draws = np.concatenate([each.kept for each in clouds])
-    return Posterior(clouds[0].model, draws, evidences, acceptance)
+def _posterior(parts: "Sequence[_Particles]") -> Posterior:
+    evidences = np.array([each.log_evidence for each in parts])
+    acceptance = float(np.mean([each.acceptance for each in parts]))
+    draws = np.concatenate([each.kept for each in parts])
+    return Posterior(parts[0].model, draws, evidences, acceptance)
 
 
 @dataclass(frozen=True)
-class _Cloud:
+class _Particles:
     """Draws of the density prior times likelihood to a ``power``, at one place of the path.
 
     ``draws`` is where each stands, ``kept`` what it passed through on the last moves.
@@ -386,23 +386,25 @@ class _Cloud:
     acceptance: float = 1.0
 
     @classmethod
-    def of_the_prior(cls, model: JointModel, count: int, rng: np.random.Generator) -> "_Cloud":
+    def of_the_prior(cls, model: JointModel, count: int, rng: np.random.Generator) -> "_Particles":
         """Independent draws of the prior."""
         z = rng.standard_normal((count, len(model.parameters)))
         return cls(model, 0.0, z, _total(model, z), 0.0, z)
 
-    def stepped(self, model: JointModel, power: float, log_weights: np.ndarray, rng: np.random.Generator) -> "_Cloud":
+    def resampled(
+        self, model: JointModel, power: float, log_weights: np.ndarray, rng: np.random.Generator
+    ) -> "_Particles":
         """The next place of the path: draws by their weights (systematic resampling), and moved."""
         evidence = self.log_evidence + float(np.logaddexp.reduce(log_weights) - np.log(len(log_weights)))
         weights = np.cumsum(np.exp(log_weights - np.logaddexp.reduce(log_weights)))
         grid = (rng.random() + np.arange(len(weights))) / len(weights)
         rows = np.minimum(np.searchsorted(weights, grid), len(weights) - 1)
-        # draws on one place cannot move by each other's differences
+        # identical draws have no difference to move by
         z = self.draws[rng.permutation(rows)] + _APART * rng.standard_normal(self.draws.shape)
-        return _Cloud(model, power, z, _total(model, z), evidence, z).moved(rng, _MOVES)
+        return _Particles(model, power, z, _total(model, z), evidence, z).moved(rng, _MOVES)
 
-    def moved(self, rng: np.random.Generator, steps: int) -> "_Cloud":
-        """The same density after moves of every draw by differences of others."""
+    def moved(self, rng: np.random.Generator, steps: int) -> "_Particles":
+        """The same density after moves of every draw (differential evolution)."""
         import emcee
 
         # half the usual reach (ter Braak 2006, eq. 2) beside it, where the density is curved; emcee's snooker move is
@@ -419,33 +421,33 @@ class _Cloud:
         return replace(self, draws=chain[-1], likelihood=blobs[-1].astype(float), kept=kept, acceptance=acceptance)
 
 
-def _to_the_data(cloud: _Cloud, rng: np.random.Generator) -> _Cloud:
+def _to_the_data(particles: _Particles, rng: np.random.Generator) -> _Particles:
     """From the prior to the posterior through powers of the likelihood."""
-    while cloud.power < 1:
-        here = cloud
+    while particles.power < 1:
+        here = particles
 
-        def weights(power: float, here: _Cloud = here) -> np.ndarray:
+        def weights(power: float, here: _Particles = here) -> np.ndarray:
             return (power - here.power) * here.likelihood
 
-        power = _step(weights, cloud.power, 1.0)
-        cloud = cloud.stepped(cloud.model, power, weights(power), rng)
-    return cloud
+        power = _step(weights, particles.power, 1.0)
+        particles = particles.resampled(particles.model, power, weights(power), rng)
+    return particles
 
 
-def _to_two_joints(cloud: _Cloud, rng: np.random.Generator) -> _Cloud:
+def _to_two_joints(particles: _Particles, rng: np.random.Generator) -> _Particles:
     """From one joint to one for each test: their difference, which one joint leaves open, begins as in the prior."""
-    apart = rng.standard_normal((len(cloud.draws), len(cloud.model._joint)))
-    both = np.hstack([cloud.draws, apart])
-    cloud = replace(cloud, draws=both, kept=both)
-    while cloud.model.angle < _TWO:
-        here = cloud
+    apart = rng.standard_normal((len(particles.draws), len(particles.model._joint)))
+    both = np.hstack([particles.draws, apart])
+    particles = replace(particles, draws=both, kept=both)
+    while particles.model.angle < INDEPENDENT:
+        here = particles
 
-        def weights(angle: float, here: _Cloud = here) -> np.ndarray:
+        def weights(angle: float, here: _Particles = here) -> np.ndarray:
             return _total(replace(here.model, angle=angle), here.draws) - here.likelihood
 
-        angle = _step(weights, cloud.model.angle, _TWO)
-        cloud = cloud.stepped(replace(cloud.model, angle=angle), 1.0, weights(angle), rng)
-    return cloud
+        angle = _step(weights, particles.model.angle, INDEPENDENT)
+        particles = particles.resampled(replace(particles.model, angle=angle), 1.0, weights(angle), rng)
+    return particles
 
 
 def _step(log_weights: Callable[[float], np.ndarray], here: float, end: float) -> float:
@@ -541,9 +543,7 @@ class JointAssessment:
     def _weight(self, shift: float) -> float:
         if self.two is None:
             return float("nan")
-        ratios = self.two.log_evidences - self.one.log_evidences
-        ratio = float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
-        return float(expit(-(ratio + shift)))
+        return float(expit(-_log_ratio(self.one, self.two) - shift))
 
     def determined(self, name: str) -> bool:
         """Whether the 95 % interval is at most half as wide as before, whatever the runs of the sampler differ by."""
@@ -564,6 +564,12 @@ class JointAssessment:
             values = (model.values(z) | model.combinations(z))[name]
             widths.append(np.ptp(np.array(_interval(values if even else np.log(values)))))
         return float(widths[0] / widths[1])
+
+
+def _log_ratio(one: Posterior, two: Posterior) -> float:
+    """Logarithm of the evidence of two joints over that of one: the mean of the ratio over the runs."""
+    ratios = two.log_evidences - one.log_evidences
+    return float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
 
 
 def joint_posterior(told: JointFile, seed: int = 0, progress: Progress = silent) -> JointAssessment:
@@ -628,7 +634,7 @@ def _held(found: Posterior, row: int) -> Held:
 
 def _experiments(one: Posterior, two: Posterior) -> tuple[Experiment, ...]:
     """Outcomes of single measurements under either hypothesis, with the noise that they would have."""
-    weight = -float(np.logaddexp.reduce(two.log_evidences - one.log_evidences) - np.log(len(one.log_evidences)))
+    weight = -_log_ratio(one, two)
     found: list[Experiment] = []
     for name, (outcome, std) in _OUTCOMES.items():
         rng = np.random.default_rng(len(found))

@@ -970,6 +970,7 @@ def _rotated(
     few, many = sorted(flat.shape)
 
     def loud(found: Range) -> int:
+        """How many directions stand out of noise."""
         # Edges of the eigenvalues of a noise matrix (Marchenko and Pastur 1967); noise of unit variance has the energy
         # of the longer side in every direction.
         ratio = np.sqrt(min(few / many, 0.25))

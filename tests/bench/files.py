@@ -155,8 +155,9 @@ FAULTS = """## Faults while writing
 `python -m tests.faults record --moments 1000 --signal KILL --publish`, `--operations` and `--users 200`. *Wrong*:
 something finished is lost or computed again, the next start does not come to its end, something is left behind, or a
 refusal is not one sentence. Where fewer operations were disturbed than there are, they stand for the others: of a row of
-writes to one file the first, the middle and the last, of `run` half of these. All interruptions (SIGINT) that are counted as wrong came within a call
-of the HDF5 library that lists attributes, and ended with its SystemError instead of as an interruption."""
+writes to one file the first, the middle and the last, of `run` half of these. All interruptions (SIGINT) that are
+counted as wrong came within a call of the HDF5 library that lists attributes, and ended with its SystemError. The
+commands end these as interruptions since then; the campaign was not run again, so that what they leave is not known."""
 
 
 def _rows(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:

@@ -16,11 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.compare.joint_law import Datum, JointAssessment, JointModel, posteriors
+from ema.compare.joint_law import INDEPENDENT, Datum, JointAssessment, JointModel, posteriors
 from ema.compare.joint_statements import load
 
-TWO_JOINTS = np.pi / 4
-"""Angle of a model whose tests have joints that say nothing of each other."""
 EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
@@ -57,7 +55,7 @@ def main() -> None:
     for number in range(given.first, given.first + given.n):
         rng = np.random.default_rng([given.seed, number])
         is_one = number % 2 == 0
-        truth, said = drawn(JointModel(told, 0.0 if is_one else TWO_JOINTS), rng)
+        truth, said = drawn(JointModel(told, 0.0 if is_one else INDEPENDENT), rng)
         found = JointAssessment(
             *posteriors(JointModel(told, said=said), int(rng.integers(2**31)), runs=given.runs), (), ()
         )
