@@ -1,6 +1,7 @@
 """What a text says of polar data: whether an amplitude is linear or in dB re what, and the unit of a phase."""
 
 import re
+import unicodedata
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,8 +17,10 @@ _LOGARITHMIC = re.compile(
 )
 """Words of a logarithmic amplitude, whether they say which one or not."""
 _REFERENCE = re.compile(r"^(?:(?:re|ref|rel)\b\.?|reference|relative\s+to|:)\s*", re.IGNORECASE)
+_OVER = re.compile(r"^/\s*(?=\.?\d[\d.]*(?:[eE][-+]?\d+)?\s+\S)")
+"""A reference behind a stroke, ``dB/1.00 (m/s^2)/N``: a number and a unit; ``dB/10`` is none."""
 _NUMBER = re.compile(r"^([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*[*·]?\s*(.*)$")
-_DEGREES = re.compile(r"(?<![A-Za-z])(?:(?i:deg(?:rees?|s)?)|Grad)(?![A-Za-z])|°")
+_DEGREES = re.compile(r"(?<![^\W\d_])(?:(?i:deg(?:rees?|s)?|degr[eé]s?|gradi|grados)|Grad)(?![^\W\d_])|°")
 _RADIANS = re.compile(r"(?<![A-Za-z])rad(?:ians?|s)?(?![A-Za-z])(?!\s*/)", re.IGNORECASE)
 _FACTOR_BEFORE = re.compile(r"(?:\d|pi|π|[*·×])\s*[*·×/]?\s*$|(?:^|[(\[])\s*[-−+]\s*$", re.IGNORECASE)
 _FACTOR_BEHIND = re.compile(r"^\s*(?:[*·×/^²]|\d|pi|π)", re.IGNORECASE)
@@ -72,7 +75,7 @@ def _decibels(rest: str, text: str) -> AmplitudeScale:
     rest = re.sub(r"^[\s)\]]+", "", rest).rstrip()
     while rest and rest[-1] in ")]" and rest.count(")") + rest.count("]") > rest.count("(") + rest.count("["):
         rest = rest[:-1].rstrip()
-    rest = _REFERENCE.sub("", rest)
+    rest = _OVER.sub("", _REFERENCE.sub("", rest))
     if rest[:1] + rest[-1:] in ("()", "[]") and units.known(rest) is None:
         rest = _REFERENCE.sub("", rest[1:-1].strip())
     if not rest:
@@ -144,11 +147,18 @@ def is_unit(cell: str) -> bool:
 
 
 def bare_title(title: str) -> str:
-    """The title of a column without the words that state its scale: ``FRF magnitude dB`` -> ``magnitude``."""
-    words = re.split(r"[\s_\-.,:;()\[\]]+", _DECIBEL.sub("", title).lower().replace("°", ""))
-    drop = re.compile(r"^(|deg(rees?|s)?|grad|rad(ians?|s)?|lin|linear|unwrapp?ed|wrapped|in|of|the|frf|h[12v])$")
+    """The title of a column without accents and words that state its scale: ``FRF magnitude dB`` -> ``magnitude``."""
+    words = re.split(r"[\s_\-.,:;()\[\]]+", without_accents(_DECIBEL.sub("", title)).lower().replace("°", ""))
+    drop = re.compile(
+        r"^(|deg(rees?|s)?|degres?|grad|gradi|grados|rad(ians?|s)?|lin|linear|unwrapp?ed|wrapped|in|of|the|frf|h[12v])$"
+    )
     sign = "-" if re.match(r"^\s*[-−]\s*[^\W\d]", title) else ""  # of a turned phase
     return sign + " ".join(word for word in words if not drop.match(word))
+
+
+def without_accents(text: str) -> str:
+    """The letters of a text without accents: ``Fréquence`` -> ``Frequence``."""
+    return "".join(letter for letter in unicodedata.normalize("NFD", text) if not unicodedata.combining(letter))
 
 
 def amplitude_in_words(label: str, title: str) -> AmplitudeScale | None:

@@ -58,6 +58,10 @@ def asked(path: Path, **options: Any) -> str:
         ("Frequency,FRF Magnitude (dB (g/N)),Phase (degree)", 1.0, "(m/s^2)/N", G),
         ("Frequency,Magnitude,Phase\nHz,dB re 1 g/N,deg", 1.0, "(m/s^2)/N", G),
         ("Frequency,Magnitude,Phase\n[Hz],[dB re 1],[deg]", 1.0, "unstated", 1.0),
+        ("Frequency [Hz],Magnitude [dB/1.00 (m/s^2)/N],Phase [deg]", 1.0, "(m/s^2)/N", 1.0),
+        ("Frequency [Hz],Magnitude dB/1.00 (m/s²)/N,Phase [deg]", 1.0, "(m/s^2)/N", 1.0),
+        ("Frequency,Magnitude,Phase\nHz,dB/1.00e-3 (m/s^2)/N,degrees", 1e-3, "(m/s^2)/N", 1.0),
+        ("Frequence (Hz),Amplitude (dB re 1 g/N),Phase (degrés)", 1.0, "(m/s^2)/N", G),
     ],
 )
 def test_decibels_and_degrees_of_the_header(
@@ -94,6 +98,65 @@ def test_decibels_with_their_unit_apart(tmp_path: Path, heading: str) -> None:
     (frfs,) = contents.frfs
     np.testing.assert_allclose(frfs.values[:, 0, 0], truth, rtol=1e-9)
     assert (frfs.unit, contents.findings) == ("(m/s^2)/N", ())
+
+
+@pytest.mark.parametrize(
+    ("heading", "scale"),
+    [
+        ("Freq. Hz,Mag. (m/s^2)/N,Phs. deg", 1.0),
+        ("Freq. (Hz),Mag. (g/N),Ph. (deg)", G),
+        ("% Freq Hz; Mag g/N; Phase deg", G),
+        ("# f [Hz]  Mag [g/N]  Phase [deg]", G),
+        ("Fréquence [Hz],Module [(m/s²)/N],Phase [deg]", 1.0),
+        ("Frequenza [Hz],Ampiezza [g/N],Fase [gradi]", G),
+        ("Frecuencia [Hz],Amplitud [g/N],Fase [grados]", G),
+        ("Hz,g/N,deg\nLinear,Magnitude,Phase", G),
+    ],
+)
+@pytest.mark.parametrize("code", ["utf-8", "latin-1"])
+def test_titles_as_programs_and_other_languages_write_them(
+    tmp_path: Path, heading: str, scale: float, code: str
+) -> None:
+    truth = single_mode(13)
+    path = write_table(tmp_path / "a.csv", heading, truth, "deg")
+    path.write_bytes(path.read_text(encoding="utf-8").encode(code))
+    contents = acquisition.read(path)
+    (frfs,) = contents.frfs
+    np.testing.assert_allclose(frfs.values[:, 0, 0], truth * scale, rtol=1e-9)
+    np.testing.assert_allclose(frfs.frequencies, LINES, rtol=1e-9)
+    assert (frfs.unit, contents.findings) == ("(m/s^2)/N", ())
+
+
+@pytest.mark.parametrize(
+    "heading", ["Hz,g/N,g/N\nLinear,Real,Imaginary", "Fréquence (Hz),Partie réelle (g/N),Partie imaginaire (g/N)"]
+)
+def test_parts_under_their_units(tmp_path: Path, heading: str) -> None:
+    truth = single_mode(14)
+    rows = "".join(f"{f:.6f},{h.real:.12g},{h.imag:.12g}\n" for f, h in zip(LINES, truth, strict=True))
+    (tmp_path / "a.csv").write_text(f"{heading}\n{rows}", encoding="utf-8")
+    (frfs,) = acquisition.read(tmp_path / "a.csv").frfs
+    np.testing.assert_allclose(frfs.values[:, 0, 0], truth * G, rtol=1e-9)
+    np.testing.assert_allclose(frfs.frequencies, LINES, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("heading", "names"),
+    [
+        ("Level A,Channel V,Sensor N", ("Level A", "Channel V", "Sensor N")),
+        ("measured on Monday; at noon; by hand", ("column 0", "column 1", "column 2")),
+    ],
+)
+def test_other_words_are_neither_units_nor_titles(tmp_path: Path, heading: str, names: tuple[str, ...]) -> None:
+    write_table(tmp_path / "a.csv", heading, single_mode(15), "deg")
+    (record,) = acquisition.read(tmp_path / "a.csv", signals=list(names), sampling_rate=100.0).recordings
+    assert tuple((channel.name, channel.unit) for channel in record.channels) == tuple((n, "unstated") for n in names)
+
+
+@pytest.mark.parametrize("scale", ["dB/10", "dB/oct", "dB/div (g/N)"])
+def test_fractions_of_decibels_are_no_references(tmp_path: Path, scale: str) -> None:
+    path = write_table(tmp_path / "a.csv", f"Frequency,Magnitude [{scale}],Phase (deg)", single_mode(16))
+    with pytest.raises(UnitError):
+        acquisition.read(path)
 
 
 @pytest.mark.parametrize(

@@ -155,6 +155,18 @@ def test_lines_outside_of_any_set_are_named(tmp_path: Path) -> None:
     assert "1 line stands outside" in finding.message
 
 
+@pytest.mark.parametrize("in_front", [b"", b"  1.00000e+00  2.00000e+00\n"], ids=["first", "second"])
+def test_a_line_of_values_without_end_is_named_before_it_is_taken_apart(tmp_path: Path, in_front: bytes) -> None:
+    truth = signals(6)
+    sets = write(tmp_path, truth)
+    lines = lines_of(sets[1])
+    head = b"".join(lines[: -1 - -(-POINTS // 6)])
+    (tmp_path / "a.uff").write_bytes(sets[0] + head + in_front + 20_000 * b"  1.00000e+00" + b"\n    -1\n" + sets[2])
+    contents = acquisition.read(tmp_path / "a.uff")
+    others_are_exact_and_damage_is_named(contents, truth)
+    assert any("a line of more than 65536 characters" in finding.message for finding in contents.findings)
+
+
 def test_zeros_that_fill_the_last_line_are_not_values(tmp_path: Path) -> None:
     truth = signals(5)
     sets = write(tmp_path, truth)

@@ -17,7 +17,7 @@ from acquisition.files.table import announced
 from acquisition.files.table.blocks import parse
 from acquisition.files.table.segment import Segment
 from acquisition.files.table.time_stamps import in_seconds
-from acquisition.files.table.titles import by_titles, distinct, metadata
+from acquisition.files.table.titles import by_titles, distinct, metadata, name_and_unit
 from ema.data import Finding
 
 
@@ -71,7 +71,7 @@ def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
         named = {label: row[np.isfinite(row)] for label, row in zip(segment.labels, segment.values, strict=True)}
         contents = contents_of(Arrays(where, named), layout)
         return replace(contents, findings=(*segment.notes, *contents.findings))
-    pairs = [units.bracketed(title) for title in segment.titles]
+    pairs = [name_and_unit(title) for title in segment.titles]
     texts = segment.units or [unit for _, unit in pairs]
     names = distinct([name for name, _ in pairs])
     unknown = {n: text for n, text in zip(names, texts, strict=True) if text and units.known(text) is None}
@@ -93,13 +93,16 @@ def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
         where, arrays, units=known, titles=names, metadata=metadata(segment.header), labels=labels, headings=headings
     )
     open_question = not layout.kind or (layout.kind == "signals" and layout.signals is None and layout.time is None)
-    chosen = replace(by_titles(names, layout, where) if open_question else layout, axis="columns")
+    stated_by_titles = (
+        by_titles(names, layout, where, dict(zip(names, texts, strict=True))) if open_question else layout
+    )
+    chosen = replace(stated_by_titles, axis="columns")
     clock = announced.rate(segment.header)
     if clock is not None and chosen.sampling_rate is None and chosen.kind in ("", "signals"):
         rounded = clock.rounding > 0 and chosen.time is not None  # then the time axis knows better
         chosen = replace(chosen, sampling_rate=None if rounded else clock.rate)
     if chosen.kind == "signals" and layout.signals is None:
-        of_time = (chosen.time, units.bracketed(chosen.time or "")[0])
+        of_time = (chosen.time, name_and_unit(chosen.time or "")[0])
         listed = [
             name
             for place, name in enumerate(names)

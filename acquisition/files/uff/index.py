@@ -114,16 +114,17 @@ class _Window:
 
     def closing(self, offset: int, binary: bool = False) -> int | None:
         """Offset of the first closing line at or behind an offset; behind binary values it may follow at once."""
-        pattern = rb"(    -1[ \t]*)(?=\r?\n|$)" if binary else rb"(?:^|\n)([ ]{0,5}-1[ \t]*)(?=\r?\n|$)"
-        text, base, length = b"", offset, _PEEK
+        # the line at the offset itself stands behind a line end like all others; a search for one byte is fast
+        pattern = rb"    -1[ \t]*(?=\r?\n|$)" if binary else rb"\n[ ]{0,5}-1[ \t]*(?=\r?\n|$)"
+        lead = 0 if binary else 1
+        text, base, length = b"\n"[:lead], offset - lead, _PEEK
         while base + len(text) < self.size:
             self.file.seek(base + len(text))
             text += self.file.read(length)
             last = base + len(text) >= self.size
             for found in re.finditer(pattern, text):
-                whole = found.end() < len(text) - 1 or last
-                if whole and (found.start() or base == offset):
-                    return base + found.start(1)
+                if found.end() < len(text) - 1 or last:
+                    return base + found.start() + lead
             base, text = base + max(len(text) - 200, 0), text[-200:]
             length = min(4 * length, _SCAN)
         return None

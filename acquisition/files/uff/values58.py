@@ -27,6 +27,10 @@ _CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")
 """What no text holds; a conversion to numbers may skip it."""
 
 
+_LONGEST_LINE = 1 << 16
+"""Most characters of a line of values: the format has 80; text that does not keep to it is taken apart in memory."""
+
+
 @dataclass(frozen=True)
 class Function:
     """One function: its header, abscissa (point,) and ordinate (point,) as written in the file."""
@@ -94,8 +98,10 @@ def from_text(header: Header, data: bytes) -> Function:
 
     Raises
     ------
-    ValueError : something in it is no number.
+    ValueError : something in it is no number, or a line is longer than any writer makes it.
     """
+    if len(data) > _LONGEST_LINE and data.find(b"\n", 0, _LONGEST_LINE) < 0:
+        raise ValueError(f"a line of more than {_LONGEST_LINE} characters")
     if _CONTROL.search(data):
         raise ValueError("a control character among the values")
     fields = widths(header)
@@ -115,8 +121,14 @@ def _free(data: bytes, fields: tuple[int, ...], wanted: int) -> tuple[Any, str]:
 
     Every line holds as many numbers as the first, the last one the rest; text that mostly keeps to the columns of the
     format has no line of another length.
+
+    Raises
+    ------
+    ValueError : something in it is no number, or a line is longer than any writer makes it.
     """
     lines = data.rstrip().split(b"\n")
+    if max(map(len, lines)) > _LONGEST_LINE:
+        raise ValueError(f"a line of more than {_LONGEST_LINE} characters")
     words = [_exponents(line).split() for line in lines]
     each = len(words[0])
     full = sum(fields)
