@@ -150,7 +150,9 @@ class UffModel:
         """The data sets taken apart at blanks."""
         found: dict[str, tuple[Any, Any]] = {}
         text = path.read_bytes().decode("latin-1")
-        for number, body in re.findall(r"(?:^|\n) {4}-1 *\n +(\d+) *\n(.*?)(?=\n {4}-1 *(?:\n|$))", text, re.DOTALL):
+        for number, body in re.findall(
+            r"(?:^|\n) {0,5}-1 *\n +(\d+) *\n(.*?)(?=\n {0,5}-1 *(?:\n|$))", text, re.DOTALL
+        ):
             with suppress(ValueError, IndexError, KeyError):
                 found |= _set(int(number), body.split("\n"))
         return [found]
