@@ -309,7 +309,8 @@ def command(*arguments: str) -> None:
     said, status = io.StringIO(), 0
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
         try:
-            app(list(arguments), standalone_mode=False)
+            # an interruption before the command itself begins is returned as its status, not raised
+            status = int(app(list(arguments), standalone_mode=False) or 0)
         except SystemExit as ended:
             status = int(ended.code or 0)
     lines = said.getvalue().splitlines()
