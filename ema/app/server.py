@@ -1,4 +1,4 @@
-"""The workbench behind a page of this machine: a small server of its own, so that nothing is fetched from elsewhere."""
+"""A page of this machine: a small server of its own, so that nothing is fetched from elsewhere."""
 
 import json
 import math
@@ -11,13 +11,13 @@ from http.server import BaseHTTPRequestHandler
 from importlib.resources import files
 from io import BufferedIOBase, BytesIO
 from ipaddress import ip_address
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol, runtime_checkable
 from urllib.parse import parse_qs, urlsplit
 
-from ema.app import places, views
 from ema.app.connections import Reply, Request, Server
 from ema.app.state import Workbench
-from ema.errors import EmaError, FailureError, InputError, require
+from ema.app.workbench_page import WorkbenchPage
+from ema.errors import EmaError, FailureError, require
 from ema.show.moving import script
 
 LOCAL = "127.0.0.1"
@@ -30,6 +30,26 @@ _POLICY = (
 )
 
 
+@runtime_checkable
+class Page(Protocol):
+    """What the server shows: a page of ours with its script, and its answers."""
+
+    name: str
+    """Of the files in the folder of pages, without their ends."""
+
+    def view(self, name: str, query: dict[str, str]) -> dict[str, Any]:
+        """Part of the page as numbers and texts."""
+
+    def act(self, name: str, request: dict[str, Any], changed: Callable[[], None]) -> dict[str, Any]:
+        """Do what the page asks for; ``changed`` tells all windows."""
+
+    def export(self, kind: str) -> tuple[str, bytes]:
+        """A file for other programs: its name and content."""
+
+    def news(self) -> dict[str, Any]:
+        """What the windows follow."""
+
+
 @dataclass
 class App:
     """A running server.
@@ -37,10 +57,9 @@ class App:
     ``token`` has to be part of the address where others than this machine can reach it.
     """
 
-    bench: Workbench
+    page: Page
     server: Server
     token: str
-    busy: str = ""
 
     @property
     def address(self) -> str:
@@ -60,19 +79,18 @@ class App:
         self.server.shutdown()
         self.server.server_close()
 
-    def tell(self, busy: str = "") -> None:
+    def changed(self) -> None:
         """Let every window know that something has changed."""
-        self.busy = busy
         self.server.wake()
 
 
-def serve(bench: Workbench, host: str = LOCAL, port: int = 8080) -> App:
+def serve(page: Page | Workbench, host: str = LOCAL, port: int = 8080) -> App:
     """Open the port and return the server, which answers once ``run`` is called.
 
     Parameters
     ----------
-    bench : Workbench
-        Study that is worked on.
+    page : Page or Workbench
+        Study that is worked on, or another page of ours.
     host : str, optional
         Address; by default only this machine can reach it. Any other address requires a token that is part of the URL.
     port : int, default 8080
@@ -100,20 +118,16 @@ def serve(bench: Workbench, host: str = LOCAL, port: int = 8080) -> App:
     require("plotly", "app")
     token = "" if _local(host) else secrets.token_urlsafe(24)
     apps: list[App] = []
-
-    def news() -> dict[str, Any]:
-        """What the windows follow."""
-        return {"revision": bench.revision, "busy": apps[0].busy, "saved": bench.saved}
-
+    shown = WorkbenchPage(page) if isinstance(page, Workbench) else page
     try:
-        server = Server((host, port), lambda request: _Handler(apps[0], request).reply, _refusal, news)
+        server = Server((host, port), lambda request: _Handler(apps[0], request).reply, _refusal, shown.news)
     except OSError as error:
         raise FailureError(
             f"the page cannot be served: {error.strerror or error}",
             where=f"{host}:{port}",
             advice="choose another port with --port (0 takes a free one)",
         ) from error
-    apps.append(App(bench, server, token))
+    apps.append(App(shown, server, token))
     return apps[0]
 
 
@@ -142,7 +156,9 @@ def _own(name: str) -> bytes:
 _STATIC: dict[str, tuple[str, Callable[[], bytes]]] = {
     "/plotly.js": ("text/javascript", _plotly),
     "/motion.js": ("text/javascript", lambda: script().encode()),
+    "/common.js": ("text/javascript", lambda: _own("common.js")),
     "/app.js": ("text/javascript", lambda: _own("app.js")),
+    "/live.js": ("text/javascript", lambda: _own("live.js")),
     "/app.css": ("text/css", lambda: _own("app.css")),
 }
 
@@ -222,17 +238,17 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _get(self, path: str, query: dict[str, str]) -> dict[str, Any] | None:
         if path == "/":
-            self._send(200, "text/html", _own("app.html"))
+            self._send(200, "text/html", _own(f"{self.app.page.name}.html"))
         elif path in _STATIC:
             kind, read = _STATIC[path]
             self._send(200, kind, read())
         elif path == "/events":
             self._events()
         elif path == "/export":
-            name, content = views.export(self.app.bench, query.get("kind", ""))
+            name, content = self.app.page.export(query.get("kind", ""))
             self._send(200, "application/octet-stream", content, name)
         elif path.startswith("/api/"):
-            return self._view(path.removeprefix("/api/"), query)
+            return self.app.page.view(path.removeprefix("/api/"), query)
         else:
             self._send(404, "application/json", b'{"error": "there is no such page"}')
         return None
@@ -242,7 +258,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get("X-Ema") != "1":
             self._send(403, "application/json", b'{"error": "this request did not come from our page"}')
             return None
-        return self._act(path.removeprefix("/api/"), _read(self.body))
+        return self.app.page.act(path.removeprefix("/api/"), _read(self.body), self.app.changed)
 
     def _answered(self, work: Callable[[str, dict[str, str]], dict[str, Any] | None]) -> None:
         try:
@@ -273,56 +289,6 @@ class _Handler(BaseHTTPRequestHandler):
         url = urlsplit(f"//{hosts[0]}")
         alone = len(hosts) == 1 and url.netloc == hosts[0] and url.username is None
         return alone and (url.port is None or url.port > 0) and _local(url.hostname or "")
-
-    def _view(self, name: str, query: dict[str, str]) -> dict[str, Any]:
-        bench = self.app.bench
-        match name:
-            case "overview":
-                return views.overview(bench) | {"busy": self.app.busy}
-            case "poles":
-                return views.poles(bench)
-            case "frf":
-                return views.frf(bench, int(query.get("output", 0)), int(query.get("input", 0)))
-            case "matrix":
-                return views.matrix(bench)
-            case "motion":
-                return views.motion(bench)
-            case "hits":
-                return views.hits(bench)
-            case "pulse":
-                return views.pulse(bench, int(query.get("hit", 0)))
-            case "chart":
-                return views.chart(bench, int(query.get("map", 0)))
-            case "point":
-                return views.point(bench, *(int(query.get(name, 0)) for name in ("map", "level", "force")))
-            case "placement":
-                return places.placement_view(bench, int(query.get("number", 0)))
-            case "place":
-                return places.place_view(bench, int(query.get("number", 0)), int(query.get("candidate", 0)))
-        raise InputError("there is no such view", got=name)
-
-    def _act(self, name: str, request: dict[str, Any]) -> dict[str, Any]:
-        app, bench = self.app, self.app.bench
-        actions: dict[str, Callable[[], Any]] = {
-            "run": lambda: bench.choose(str(request["run"])),
-            "pick": lambda: bench.pick(int(request["row"])),
-            "near": lambda: bench.pick_near(float(request["frequency"])),
-            "drop": lambda: bench.drop(int(request["mode"])),
-            "undo": bench.undo,
-            "save": bench.save,
-            "exclude": lambda: bench.exclude(int(request["hit"]), str(request["why"]), str(request["who"])),
-            "behind": lambda: bench.choose(
-                bench.behind(int(request["map"]), int(request["level"]), int(request["force"]))
-            ),
-        }
-        if name not in actions:
-            raise InputError("there is no such action", got=name)
-        app.tell(busy=name)
-        try:
-            done = actions[name]()
-        finally:
-            app.tell()
-        return views.overview(bench) | {"busy": "", "done": str(done or "")}
 
     def _events(self) -> None:
         """The head of a stream with a line for every change, so that all windows show the same."""

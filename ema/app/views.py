@@ -111,11 +111,11 @@ def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
         "inputs": [str(dof) for dof in frfs.inputs],
         "label": frfs.label(output, input_),
         "unit": frf_label(frfs.quantity, frfs.unit),
-        "measured": _curve(frfs.frequencies, frfs.values[:, output, input_]),
+        "measured": curve(frfs.frequencies, frfs.values[:, output, input_]),
     }
     if run.reconstruction is not None:
         synthesised = run.reconstruction
-        answer["synthesised"] = _curve(synthesised.frequencies, synthesised.values[:, output, input_])
+        answer["synthesised"] = curve(synthesised.frequencies, synthesised.values[:, output, input_])
     if run.reconstruction_error is not None:
         answer["error"] = numbers([100 * run.reconstruction_error[output, input_]], 3)[0]
     if frfs.coherence is not None:
@@ -218,7 +218,7 @@ def point(bench: Workbench, place: int, level: int, force: int) -> dict[str, Any
         "run": name,
         "label": frfs.label(output, input_),
         "unit": frf_label(frfs.quantity, frfs.unit),
-        "measured": _curve(frfs.frequencies, frfs.values[:, output, input_]),
+        "measured": curve(frfs.frequencies, frfs.values[:, output, input_]),
         "f": numbers([frequency], 6)[0],
         "zeta": numbers([100 * float(one.damping[level, force])], 4)[0],
         "level": numbers([one.force_levels[level]], 4)[0],
@@ -258,7 +258,8 @@ def _few(frequencies: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nd
     return frequencies[starts], np.maximum.reduceat(values, starts, axis=0)
 
 
-def _curve(frequencies: np.ndarray, values: np.ndarray) -> dict[str, Any]:
+def curve(frequencies: np.ndarray, values: np.ndarray) -> dict[str, Any]:
+    """Magnitude and phase [deg] of an FRF, of every so many lines; magnitudes of zero are ``None``."""
     step = _step(len(frequencies))
     values = values[::step]
     return {

@@ -1,22 +1,28 @@
 """`ema record`: a hammer test as it is measured, or a stepped sine at a force level."""
 
+import time
+import webbrowser
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib.resources import files
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.cli.level_control import ShakerAtLevel, placed
-from ema.data import Channel, Recording, Run, Source
-from ema.errors import EmaError, FailureError
+from ema.data import Channel, FrfSet, Recording, Run, Source
+from ema.errors import EmaError, FailureError, InputError
 
 if TYPE_CHECKING:
     from acquisition import Session, Take
     from acquisition.rig_file import RigFile
+    from ema.app.live_page import LivePage
+    from ema.app.server import App
     from ema.simulate import VirtualRig
 
 app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
@@ -25,21 +31,44 @@ _ENOUGH = 2
 """Takes at a point from which a coherence can be estimated."""
 
 
+DEMONSTRATION = Path("virtual_table")
+"""Folder of the demonstration where none is named."""
+_PAUSE = 1.0
+"""Seconds between impacts of the demonstration, in which somebody can look at them."""
+
+
 @app.command("record")
 @ends_well
 def record(
-    folder: Annotated[Path, typer.Argument(help="Folder with a rig.toml; it becomes a campaign.", show_default=False)],
+    folder: Annotated[
+        Path | None, typer.Argument(help="Folder with a rig.toml; it becomes a campaign.", show_default=False)
+    ] = None,
     run: Annotated[str, typer.Option("--run", help="What the run is called.")] = "run",
     takes: Annotated[int | None, typer.Option("--takes", help="Stop after so many takes.", min=1)] = None,
     level: Annotated[
         str | None,
         typer.Option("--level", help='Force of the shaker at resonance, such as "30 N": it is controlled to it.'),
     ] = None,
+    show: Annotated[
+        bool, typer.Option("--show", help="Show force, spectrum, FRF and coherence of every take in a browser.")
+    ] = False,
+    demo: Annotated[
+        bool, typer.Option("--demo", help="Measure the built-in work table, shown; writes its rig.toml into FOLDER.")
+    ] = False,
+    port: Annotated[int, typer.Option(help="Of the page; 0 takes a free one.", min=0, max=65535)] = 8080,
+    browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
 ) -> int:
     """Measure a hammer or shaker test: a take is judged and on disk before the next; the same command goes on."""
     from acquisition import Session, rig_file
     from ema.estimate import check_impact
 
+    if folder is None and not demo:
+        raise InputError(
+            "no folder is named", expected="a folder with a rig.toml", advice="`ema record --demo` needs none"
+        )
+    folder = folder or DEMONSTRATION
+    if demo:
+        _write_rig(folder)
     rig = rig_file.load(folder)
     target = rig_file.force_level(rig, level, folder)
     judge = check_impact if target is None else ShakerAtLevel(rig, target).judge
@@ -50,18 +79,23 @@ def record(
     if session.point is None:
         print(f"Next: ema run {folder}")
         return FINE
+    window = _Window.opened(session, port, browser) if show or demo else None
     source = opened(rig, session) if target is None else ShakerAtLevel(rig, target).opened()
     reasons: Counter[str] = Counter()
     accepted = rejected = 0
     try:
-        _arm(session, rig)
+        print(_asked(session), flush=True)
         for number, take in enumerate(session.takes(source), 1):
             accepted, rejected = accepted + take.accepted, rejected + (not take.accepted)
             reasons.update(take.reasons)
             print(_line(take, session), flush=True)
+            if window is not None:
+                window.show(take, session)
             if number == takes or session.point is None:
                 break
-            _arm(session, rig)
+            print(_asked(session), flush=True)
+            if demo:
+                time.sleep(_PAUSE)
     except FailureError as error:
         raise FailureError(
             error.what,
@@ -72,6 +106,8 @@ def record(
     finally:
         session.close()
         source.close()
+        if window is not None:
+            window.close()
     print(f"{session.done} of {session.wanted} takes; {rejected} rejected. {_next(session, accepted, reasons)}")
     return FINE if session.point is None or (takes is not None and accepted) else FINDINGS
 
@@ -98,11 +134,66 @@ def opened(rig: "RigFile", session: "Session") -> Source:
     return VirtualHammer(rig, session) if rig.rig.device == "virtual" else rig_file.open_rig(rig)
 
 
-def _arm(session: "Session", rig: "RigFile") -> None:
-    if rig.shaker is not None:
-        print(f"Shaker at point {session.point} ({session.done + 1} of {session.wanted}) ...", flush=True)
-        return
-    print(f"Strike point {session.point} ({session.done + 1} of {session.wanted}, {rig.take.trigger}) ...", flush=True)
+def _write_rig(folder: Path) -> None:
+    """The rig file of the demonstration, where there is none yet.
+
+    Raises
+    ------
+    FailureError : it cannot be written.
+    """
+    file = folder / "rig.toml"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not file.exists():
+            file.write_bytes((files("ema.datasets") / "virtual_rig.toml").read_bytes())
+    except OSError as error:
+        raise FailureError("the rig file cannot be written", where=str(file), got=error.strerror) from error
+
+
+@dataclass
+class _Window:
+    """The page that follows the session, served beside it."""
+
+    page: "LivePage"
+    server: "App"
+
+    @classmethod
+    def opened(cls, session: "Session", port: int, browser: bool) -> "_Window":
+        """Serve the page."""
+        from ema.app.live_page import LivePage
+        from ema.app.server import serve
+
+        page = LivePage(f"{session.run} in {session.folder}", _asked(session))
+        server = serve(page, port=port)
+        Thread(target=server.run, name="page", daemon=True).start()
+        print(f"Open {server.address}", flush=True)
+        if browser:
+            webbrowser.open(server.address)
+        return cls(page, server)
+
+    def show(self, take: "Take", session: "Session") -> None:
+        """Show a take as it was kept."""
+        try:
+            average = averaged(session, take)
+        except EmaError:
+            average = None  # the takes are kept; why they have no average stands in the line of the take
+        self.page.add(take, average, _asked(session))
+        self.server.changed()
+
+    def close(self) -> None:
+        """Give the windows time to fetch the last take, and the port back."""
+        time.sleep(_PAUSE)
+        self.server.stop()
+
+
+def _asked(session: "Session") -> str:
+    """What is to be done now."""
+    if session.point is None:
+        return f"All {session.wanted} takes are measured."
+    count = f"({session.done + 1} of {session.wanted}"
+    if session.rig.shaker is not None:
+        return f"Shaker at point {session.point} {count}) ..."
+    return f"Strike point {session.point} {count}, {session.rig.take.trigger}) ..."
 
 
 def _line(take: "Take", session: "Session") -> str:
@@ -127,20 +218,33 @@ def average(session: "Session", take: "Take") -> str:
     """The running average at the point of a take: number of takes and what their coherence is."""
     import numpy as np
 
+    count = len(session.recordings(take.point)) if take.accepted else 0
+    if count < _ENOUGH:
+        return ""
+    try:
+        frfs = averaged(session, take)
+    except EmaError as error:
+        return f"no average: {error.what}"
+    if frfs is None or frfs.coherence is None:
+        return ""
+    return f"average of {count}, coherence {float(np.nanmedian(frfs.coherence)):.3f}"
+
+
+def averaged(session: "Session", take: "Take") -> FrfSet | None:
+    """FRFs from the point of a take, of all takes there that count; ``None`` for a shaker or without such takes.
+
+    Raises
+    ------
+    EmaError : the takes make no FRF.
+    """
     from ema.data import Condition, Excitation
     from ema.estimate import hammer
 
-    records = session.recordings(take.point) if take.accepted else []
-    if len(records) < _ENOUGH:
-        return ""
+    records = [] if session.rig.shaker else session.recordings(take.point)
+    if not records:
+        return None
     records = [placed(one, session.rig, take.point) for one in records]
-    try:
-        frfs = hammer(Run("take", Condition(Excitation("hammer")), tuple(records)))
-    except EmaError as error:
-        return f"no average: {error.what}"
-    if frfs.coherence is None:
-        return ""
-    return f"average of {len(records)}, coherence {float(np.nanmedian(frfs.coherence)):.3f}"
+    return hammer(Run("take", Condition(Excitation("hammer")), tuple(records)))
 
 
 @dataclass

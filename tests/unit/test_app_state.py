@@ -299,7 +299,7 @@ def test_the_server_answers_this_machine_alone_and_only_our_page(served):
     assert ask(served.address + "api/overview", Host="evil.example:80")[0] == 403
     status, told = ask(served.address + "api/drop", {"mode": 0})
     assert (status, told["error"]) == (403, "this request did not come from our page")
-    assert frequencies(served.bench) == [120, 210, 333]
+    assert frequencies(served.page.bench) == [120, 210, 333]
     status, told = ask(served.address + "api/drop", {"mode": 0}, **{"X-Ema": "1"})
     assert status == 200 and [round(mode["f"]) for mode in told["modes"]] == [210, 333]
 
@@ -309,7 +309,7 @@ def test_every_window_hears_of_a_change_and_the_server_stops_while_they_listen(s
     for one in windows:
         one.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
     assert ask(served.address + "api/drop", {"mode": 0}, **{"X-Ema": "1"})[0] == 200
-    wanted = b'"revision": %d, "busy": ""' % served.bench.revision
+    wanted = b'"revision": %d, "busy": ""' % served.page.bench.revision
     for one in windows:
         data = b""
         while wanted not in data:
@@ -379,7 +379,7 @@ def action(body: bytes, path: bytes = b"/api/near", host: bytes = b"127.0.0.1") 
 def test_every_refusal_has_a_status_and_a_sentence(shared, capfd, data: bytes, status: int, words: str):
     found, told = raw(shared, data)
     assert found == status and words in told["error"] and "Traceback" not in told["error"]
-    assert frequencies(shared.bench) == [120, 210, 333]
+    assert frequencies(shared.page.bench) == [120, 210, 333]
     assert capfd.readouterr().err == ""
 
 
@@ -413,7 +413,7 @@ def test_other_machines_need_the_token(bench: Workbench):
 
 def test_a_port_in_use_is_told(served):
     with pytest.raises(FailureError, match=r"in use.*choose another port with --port"):
-        serve(served.bench, port=served.server.server_address[1])
+        serve(served.page.bench, port=served.server.server_address[1])
 
 
 def test_places_of_a_placement(bench: Workbench):

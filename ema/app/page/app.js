@@ -1,28 +1,7 @@
 "use strict";
-const token = new URLSearchParams(location.search).get("token") || "";
-const part = id => document.getElementById(id);
-const blue = "#0072b2", vermilion = "#d55e00", grey = "#7a7a7a", faint = "#c4c4c4";
 const letters = { o: ["new", faint, 7], f: ["frequency", grey, 9], d: ["frequency and damping", "#e69f00", 10],
                   v: ["frequency and vector", "#009e73", 10], s: ["stable", blue, 11] };
-const quiet = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 const page = { revision: -1, run: null, shapes: null, hits: null, polesOf: "" };
-
-function fail(text) { part("what").textContent = text; part("error").hidden = false; }
-function fine() { part("error").hidden = true; }
-
-async function ask(path, options = {}) {
-  const url = new URL(path, location.href);
-  if (token) url.searchParams.set("token", token);
-  let answer;
-  try { answer = await fetch(url, options); } catch { throw new Error("The server does not answer. What was saved is kept; start `ema app` again."); }
-  if (!answer.ok) {
-    let reply = `The server answers ${answer.status}.`;
-    try { reply = (await answer.json()).error || reply; } catch { /* no words came with it */ }
-    throw new Error(reply);
-  }
-  return answer;
-}
-const get = async path => (await ask(path)).json();
 
 let queue = Promise.resolve();
 function act(name, content = {}) {
@@ -38,12 +17,6 @@ function act(name, content = {}) {
   });
   return queue;
 }
-
-function base(more) {
-  return Object.assign({ margin: { l: 62, r: 20, t: 14, b: 42 }, showlegend: false, hovermode: "closest", paper_bgcolor: "#fff", plot_bgcolor: "#fff",
-    font: { family: "inherit", size: 12, color: "#1c2530" } }, more);
-}
-const axis = (title, more = {}) => Object.assign({ title: { text: title }, gridcolor: "#e9e9e9", zeroline: false, linecolor: grey, automargin: true }, more);
 
 async function drawPoles(overview) {
   const reply = await get("api/poles");
@@ -308,15 +281,8 @@ document.addEventListener("keydown", event => {
   if (event.key === "u" && !part("undo").disabled) act("undo");
   if (event.key === "s") act("save");
 });
-window.addEventListener("unhandledrejection", event => fail(String(event.reason && event.reason.message || event.reason)));
-window.addEventListener("error", event => fail(event.message));
-
-const events = new EventSource(`events${token ? `?token=${encodeURIComponent(token)}` : ""}`);
-events.onmessage = event => {
-  const reply = JSON.parse(event.data);
-  part("busy").textContent = reply.busy ? "working …" : "";
-  if (!reply.busy) refresh();
-};
-events.onopen = () => { if (part("error").dataset.gone) { delete part("error").dataset.gone; page.revision = -1; fine(); refresh(); } };
-events.onerror = () => { part("error").dataset.gone = "1"; fail("The server does not answer. What was saved is kept; start `ema app` again."); };
+follow(news => {
+  if (news.again) page.revision = -1; else part("busy").textContent = news.busy ? "working …" : "";
+  if (!news.busy) refresh();
+});
 refresh();

@@ -1,0 +1,158 @@
+"""A page that follows a measurement: force, spectrum, FRF and coherence of every take as it is kept."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ema.app.views import curve, numbers
+from ema.data import FrfSet, Recording
+from ema.errors import InputError
+from ema.show.style import frf_label
+
+if TYPE_CHECKING:
+    from acquisition import Take
+
+_BEFORE, _BEHIND = 4e-3, 8e-3
+"""Seconds before and behind the peak of an impact that are shown: some contact times of a soft tip."""
+_MOST_POINTS = 2000
+"""Most points of a curve over time; each of them holds the largest of what it stands for."""
+
+
+@dataclass
+class LivePage:
+    """The takes of a session, the last one as curves.
+
+    Parameters
+    ----------
+    title : name of the run and its folder.
+    asked : what is to be done now, such as the point to strike.
+    """
+
+    title: str
+    asked: str = ""
+    name: str = "live"
+    _revision: int = 0
+    _last: dict[str, Any] = field(default_factory=dict)
+    _peaks: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, take: "Take", average: FrfSet | None, asked: str) -> None:
+        """Show a take, and the FRFs of all takes at its point that count.
+
+        Parameters
+        ----------
+        average : FRFs from the point of the take; ``None`` where there are none.
+        asked : what is to be done now.
+        """
+        self._last = {
+            "take": _verdict(take),
+            **_signals(take.record),
+            "frf": None if average is None else _frf(average),
+        }
+        self._peaks.append({"point": take.point, "peak": numbers([take.peak], 5)[0], "accepted": take.accepted})
+        self.asked = asked
+        self._revision += 1
+
+    def news(self) -> dict[str, Any]:
+        """What the windows follow."""
+        return {"revision": self._revision, "busy": ""}
+
+    def view(self, name: str, query: dict[str, str]) -> dict[str, Any]:
+        """The last take and all peaks.
+
+        Raises
+        ------
+        InputError : there is no such view.
+        """
+        if name != "take":
+            raise InputError("there is no such view", got=name)
+        return {
+            "title": self.title,
+            "asked": self.asked,
+            "revision": self._revision,
+            "peaks": list(self._peaks),
+            **self._last,
+        }
+
+    def act(self, name: str, request: dict[str, Any], changed: Callable[[], None]) -> dict[str, Any]:
+        """Refuse: a page only follows a measurement.
+
+        Raises
+        ------
+        InputError : always.
+        """
+        raise InputError("there is no such action", got=name)
+
+    def export(self, kind: str) -> tuple[str, bytes]:
+        """Refuse: the takes are files already.
+
+        Raises
+        ------
+        InputError : always.
+        """
+        raise InputError("there is no such export", got=kind)
+
+
+def _verdict(take: "Take") -> dict[str, Any]:
+    forces = (f"{joint} {mean:.0f} ± {std:.0f} N" for joint, (mean, std) in take.normal_forces.items())
+    return {
+        "point": take.point,
+        "number": take.number,
+        "accepted": take.accepted,
+        "reasons": list(take.reasons),
+        "remarks": list(take.remarks),
+        "peak": f"{take.peak:.4g} N",
+        "normal_force": ", ".join(forces) or "no joint",
+    }
+
+
+def _signals(record: Recording) -> dict[str, Any]:
+    """Force about its peak, its spectrum below its highest value, and the first response."""
+    roles = [channel.role for channel in record.channels]
+    force = record.signals[roles.index("reference")]
+    found: dict[str, Any] = {"force": None, "spectrum": None, "response": None}
+    peak = int(np.argmax(np.abs(force)))
+    begin = max(0, peak - round(_BEFORE * record.sampling_rate))
+    shown = force[begin : peak + round(_BEHIND * record.sampling_rate)]
+    found["force"] = {
+        "time": numbers(1e3 * (begin + np.arange(len(shown)) - peak) / record.sampling_rate, 5),
+        "value": numbers(shown, 5),
+    }
+    spectrum = np.abs(np.fft.rfft(force))
+    lines = np.fft.rfftfreq(len(force), 1 / record.sampling_rate)
+    if spectrum.max() > 0:
+        below = 20 * np.log10(np.maximum(spectrum, 1e-6 * spectrum.max()) / spectrum.max())
+        lines, below = _largest(lines, below)
+        found["spectrum"] = {"f": numbers(lines), "decibels": numbers(below, 4)}
+    if "response" in roles:
+        row = roles.index("response")
+        time, value = _largest(np.arange(len(force)) / record.sampling_rate, record.signals[row])
+        channel = record.channels[row]
+        found["response"] = {
+            "time": numbers(time, 6),
+            "value": numbers(value, 5),
+            "label": f"{channel.name} [{channel.unit}]",
+        }
+    return found
+
+
+def _largest(axis: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At most so many points, each the value of largest size of those that it stands for."""
+    step = -(-len(values) // _MOST_POINTS)
+    blocks = [slice(start, start + step) for start in range(0, len(values), step)]
+    rows = [one.start + int(np.argmax(np.abs(values[one]))) for one in blocks]
+    return axis[rows], values[rows]
+
+
+def _frf(average: FrfSet) -> dict[str, Any]:
+    found = {
+        "label": average.label(0, 0),
+        "unit": frf_label(average.quantity, average.unit),
+        "measured": curve(average.frequencies, average.values[:, 0, 0]),
+        "coherence": None,
+    }
+    if average.coherence is not None:
+        coherence = np.asarray(average.coherence).reshape(len(average.frequencies), -1)[:, 0]
+        found["coherence"] = {"f": numbers(average.frequencies), "value": numbers(coherence, 4)}
+    return found
