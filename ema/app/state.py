@@ -181,6 +181,8 @@ class Workbench:
     def pick(self, row: int) -> None:
         """Select a pole of the table as a mode, or drop it if it is selected; everything that follows from it follows.
 
+        A pole that stands for a mode which is there already, in the same column, takes the place of the one before.
+
         Parameters
         ----------
         row : int
@@ -206,6 +208,9 @@ class Workbench:
             frequency = f"{poles.natural_frequencies[row]:.5g} Hz"
             if row in work.picked:
                 self._pick([other for other in work.picked if other != row], f"drop {frequency}")
+            elif (former := self._of_same_mode(row)) is not None:
+                rows = [row if other == former else other for other in work.picked]
+                self._pick(rows, f"swap {poles.natural_frequencies[former]:.5g} Hz for {frequency}")
             else:
                 self._pick([*work.picked, row], f"pick {frequency}")
 
@@ -503,13 +508,22 @@ class Workbench:
 
     def _picked(self, run: RunResult, rows: Sequence[int]) -> RunResult:
         """The run with the modes of these rows; the fit of all poles does not depend on them and is kept."""
-        if not rows:
-            return _without_modes(run)
+        return _with_modes(run, self._estimate(run).model(index=rows), rows) if rows else _without_modes(run)
+
+    def _estimate(self, run: RunResult) -> Estimate:
         known = self._estimates.get(self.place)
         if known is None or known.frfs is not run.frfs or known.table is not run.poles:
             assert run.poles is not None
             known = self._estimates[self.place] = estimated(run.frfs, run.poles)
-        return _with_modes(run, known.model(index=rows), rows)
+        return known
+
+    def _of_same_mode(self, row: int) -> int | None:
+        """The picked row of the mode that another row stands for too; ``None`` where it is another mode."""
+        picked, known, poles = self.work.picked, self._estimate(self.work.result), self._poles()
+        if not picked or len(known.model(index=[*picked, row]).poles) > len(known.model(index=picked).poles):
+            return None
+        (pole,) = known.model(index=[row]).poles
+        return picked[int(np.argmin(np.abs(poles.poles[list(picked)] - pole)))]
 
     def _keep(self, work: Work, what: str) -> None:
         works = tuple(work if place == self.place else other for place, other in enumerate(self._now.works))

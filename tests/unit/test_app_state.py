@@ -86,6 +86,22 @@ def test_a_second_click_drops_the_pole_and_undo_brings_it_back(bench: Workbench)
         bench.undo()
 
 
+def test_a_second_pick_in_a_column_swaps_the_pole(bench: Workbench):
+    poles = bench.work.result.poles
+    (former,) = [row for row in bench.work.picked if round(poles.natural_frequencies[row]) == 120]
+    column = np.flatnonzero((np.abs(poles.natural_frequencies - 120) < 0.5) & (poles.order != poles.order[former]))
+    other = int(column[np.argmin(poles.order[column])])
+    bench.pick(other)
+    assert frequencies(bench) == [120, 210, 333]
+    assert len(bench.work.picked) == 3 and other in bench.work.picked and former not in bench.work.picked
+    assert bench.undoable.startswith("swap 120")
+    bench.drop(0)
+    assert frequencies(bench) == [210, 333]
+    bench.undo()
+    bench.undo()
+    assert former in bench.work.picked and other not in bench.work.picked
+
+
 def test_every_mode_can_be_dropped(bench: Workbench):
     for _ in range(3):
         bench.drop(0)
