@@ -3,6 +3,7 @@
 import errno
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -363,6 +364,13 @@ def test_the_command_ends_with_sentences(tmp_path: Path, capsys: pytest.CaptureF
     ended = ema_command(capsys, "record", folder, "--run", "beam")
     assert ended.out.startswith("2 of 6 takes are in") and "6 of 6 takes; 0 rejected" in ended.out
     ema_command(capsys, "record", tmp_path).says(2, "there is no rig here; expected a file rig.toml")
+    ema_command(capsys, "record").says(2, "no folder is named; expected a folder with a rig.toml")
+    (tmp_path / "file").touch()
+    ema_command(capsys, "record", tmp_path / "file", "--demo").says(3, "the rig file cannot be written")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        ended = ema_command(capsys, "record", tmp_path / "new", "--demo", "--no-open", "--port", port)
+        assert ended.status == 3 and "the page cannot be served" in ended.err and ended.err.count("\n") == 1
     ema_command(capsys, "record", folder, "--run", "a/b").says(2, "a run is named by letters")
 
 
