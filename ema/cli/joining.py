@@ -36,8 +36,8 @@ def joint(
 
 
 WITHIN_THE_MODEL = (
-    "Intervals and weights hold what they state where one mode with a Masing joint describes the table; what that leaves "
-    "out is not in them."
+    "Intervals and weights hold what they state where one mode with a Masing joint describes the table; what that "
+    "leaves out is not in them."
 )
 """Counted on tables of the model itself (docs/joint.md: simulation-based calibration, Talts et al. 2018)."""
 
