@@ -35,8 +35,11 @@ def joint(
     return FINE
 
 
-UNCALIBRATED = "How often these intervals and weights hold the truth has not been counted: do not quote them."
-"""Goes when the bench of joint laws has been run to its end (simulation-based calibration, Talts et al. 2018)."""
+WITHIN_THE_MODEL = (
+    "Intervals and weights hold what they state where one mode with a Masing joint describes the table; what that "
+    "leaves out is not in them."
+)
+"""Counted on tables of the model itself (docs/joint.md: simulation-based calibration, Talts et al. 2018)."""
 
 
 def _document(title: str, found: "JointAssessment") -> dict[str, Any]:
@@ -97,7 +100,7 @@ def sentence(found: "JointAssessment") -> str:
         if found.experiments and not decided:
             best = found.experiments[0]
             parts.append(f"The next measurement to make is: {best.name}; it decides in {best.separates:.0%} of cases.")
-    return " ".join((*parts, UNCALIBRATED))
+    return " ".join((*parts, WITHIN_THE_MODEL))
 
 
 def _print(document: dict[str, Any]) -> None:

@@ -26,6 +26,7 @@ NOT_MEASURED = (
     "tests.bench.accuracy_goals",
     "tests.bench.simulate_page",
     "tests.bench.stated_errors_page",
+    "tests.bench.joint_law_page",
 )
 """Modules that say where a figure comes from or print it, and do not make it."""
 
@@ -55,7 +56,7 @@ def published() -> dict[str, dict]:
     if stated.exists():
         kinds = json.loads(stated.read_text(encoding="utf-8"))
         found |= {f"stated_errors, {kind}": stored["stamp"] for kind, stored in kinds.items()}
-    for path in (cold, results / "joint_maps.json"):
+    for path in (cold, results / "joint_maps.json", results / "joint_law.json"):
         if path.exists():
             found[path.stem] = json.loads(path.read_text(encoding="utf-8"))
     return found

@@ -341,6 +341,8 @@ def main() -> None:
         accuracy_page,
         archive,
         files,
+        joint_law,
+        joint_law_page,
         joint_maps,
         placement,
         simulate_page,
@@ -375,6 +377,7 @@ def main() -> None:
         (DOCS / page).write_text("\n\n".join(section.strip() for section in sections) + "\n", encoding="utf-8")
     (DOCS / "files.md").write_text(files.page(), encoding="utf-8")
     stated_errors_page.write()
+    joint_law_page.write(DOCS / "joint.md", joint_law.RESULT)
     for name, mark, part in (
         ("compare.md", "joint maps", joint_maps.section),
         ("prediction.md", "map predictions", joint_maps.predictions),
