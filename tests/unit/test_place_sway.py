@@ -26,7 +26,7 @@ def stuck(parts: truth.Parts, sways: bool) -> np.ndarray:
         shear, gap, turn = parts.rows[3 * n : 3 * n + 3]
         stiffness = stiffness + joint.tangential * np.outer(shear, shear) + joint.normal * np.outer(gap, gap)
         stiffness += joint.normal * np.mean(offsets**2) * np.outer(turn, turn)
-    dropped = np.arange(KEPT, parts.host_modes + (0 if sways else 1))
+    dropped = np.arange(KEPT, parts.sway + (0 if sways else 1))
     keep = np.setdiff1d(np.arange(len(stiffness)), dropped)
     squares = eigh(stiffness[np.ix_(keep, keep)], eigvals_only=True)
     return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
@@ -56,7 +56,7 @@ def built() -> tuple[place.Task, Candidates, truth.Parts, truth.Host]:
     )
     spot = np.array([0.5 * bar.spacing + 0.06, 0.5 * case.host.plate.size[1]])
     with pytest.MonkeyPatch.context() as patch:
-        # all modes of its beam: the bench leaves out those above 14 kHz, which carry 1 % of a frequency here
+        # all modes of both parts, of which those of the host are chosen above
         patch.setattr(truth, "HIGHEST", 1e6)
         parts = truth.assembled(case.host, bar, joint, 0.0, points[0], (*spot, 0.0))
     task = place.Task(bare, shapes.smooth(bare, geometry), bolted, "1:+Z", np.ones(1), np.array([FORCE]), case.modes)
