@@ -33,7 +33,7 @@ def answered(case: hosts.Case, told: dict[str, Any], known: dict[str, Any]) -> d
         key = json.dumps([place, mode, float(force), levels.tolist()])
         if key not in known:
             drive = case.measured.points[case.measured.drive]
-            parts = truth.assembled(case.host, case.sheet.bar, case.joint, case.loss, drive, tuple(place))
+            parts = truth.assembled(case.host, case.sheet.bar, case.joint, case.loss, drive, tuple(place), mode)
             machine = truth.Machine(parts, float(force))
             band = truth.search_band(parts, float(force), mode)
             known[key] = [list(machine.resonance(band, float(level), mode))[:2] for level in levels]

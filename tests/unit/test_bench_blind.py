@@ -86,6 +86,19 @@ def test_the_parts_have_the_frequencies_of_all_their_finite_elements(number, stu
     np.testing.assert_allclose(found[first : first + 8], wanted[first : first + 8], rtol=5e-4)
 
 
+def test_the_beam_loses_its_loss_factor_at_the_mode_that_is_asked_for():
+    """Energy lost per period over 2 pi times the strain energy, of a beam deformed at the frequency of a bare mode."""
+    case = hosts.case(99, 1)
+    place = (*(0.45 * np.array(case.host.plate.size)), 0.0)
+    drive = case.measured.points[case.measured.drive]
+    omega = case.host.modes()[0]
+    for mode in (3, 7):
+        parts = truth.assembled(case.host, case.sheet.bar, case.joint, case.loss, drive, place, mode)
+        elastic = slice(parts.sway + 4, None)  # behind the rigid-body modes of the beam
+        lost = omega[mode] * parts.decay[elastic] / parts.squares[elastic]
+        np.testing.assert_allclose(lost, case.loss, rtol=1e-12)
+
+
 def test_a_truth_that_sticks_is_the_linear_structure():
     """Frequency and damping of the time program against dense solutions of the same parts."""
     case = hosts.case(3, 0)

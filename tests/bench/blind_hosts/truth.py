@@ -123,16 +123,21 @@ class Parts:
     sway: int
 
 
-def assembled(host: Host, bar: Bar, joint: Joint, loss: float, drive: np.ndarray, place: tuple[float, ...]) -> Parts:
-    """The parts of a place (x, y of the middle in m, angle in rad) with a force at ``drive`` (x, y)."""
+def assembled(
+    host: Host, bar: Bar, joint: Joint, loss: float, drive: np.ndarray, place: tuple[float, ...], mode: int = 3
+) -> Parts:
+    """The parts of a place (x, y of the middle in m, angle in rad) with a force at ``drive`` (x, y).
+
+    The loss factor of the beam holds at the frequency of the bare ``mode``.
+    """
     omega, damping, shapes = host.modes(np.inf)
     x, y, angle = place
     along = np.array([np.cos(angle), np.sin(angle)])
     points = np.array([x, y]) + 0.5 * bar.spacing * np.array([[-1.0], [1.0]]) * along
     deflection = host.plate.rows(points) @ shapes
     slope = (along[0] * host.plate.rows(points, 1) + along[1] * host.plate.rows(points, 0, 1)) @ shapes
-    # a material loss factor eta is the viscous damping eta K / omega near omega: that of the first two elastic modes
-    near = np.sqrt(omega[3] * omega[4])
+    # a material loss factor eta is the viscous damping eta K / omega near omega
+    near = omega[mode]
     drive_row = host.plate.rows(drive[None]) @ shapes
     omega, of_host, count = condensed(omega, np.vstack([deflection, slope, drive_row]), HIGHEST)
     free, bar_shapes, nodes = bar_modes(bar)
