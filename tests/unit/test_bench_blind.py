@@ -96,7 +96,7 @@ def test_the_beam_loses_its_loss_factor_at_the_mode_that_is_asked_for():
         parts = truth.assembled(case.host, case.sheet.bar, case.joint, case.loss, drive, place, mode)
         elastic = slice(parts.sway + 4, None)  # behind the rigid-body modes of the beam
         lost = omega[mode] * parts.decay[elastic] / parts.squares[elastic]
-        np.testing.assert_allclose(lost, case.loss, rtol=1e-12)
+        np.testing.assert_allclose(lost, case.loss, rtol=1e-9)  # of two eigenvalue problems
 
 
 def test_a_truth_that_sticks_is_the_linear_structure():
