@@ -25,6 +25,8 @@ RESIDUAL = 14000.0
 """Hz of the modes that stand for the static flexibility of all that are left out: far above what is excited."""
 SLIDERS = 9
 FAMILIES = ("uneven", "normal", "weakening")
+MAJORITY = 0.5
+"""Share of a bare mode that one resonance has to hold to be that mode; else the truth has no number."""
 SETTLED = 2e-4
 """Change of the extrapolated amplitude between blocks, relative, at which a steady state counts as reached."""
 
@@ -335,6 +337,11 @@ def linear(parts: Parts, normal_force: float, stuck: bool) -> tuple[np.ndarray, 
             stiffness += k * np.outer(row, row)
     values, shapes = np.linalg.eigh(stiffness)
     return np.sqrt(np.maximum(values, 0)) / (2 * np.pi), shapes
+
+
+def share(parts: Parts, normal_force: float, mode: int) -> float:
+    """The largest share of a bare mode that one resonance holds, the smaller of joints that slide and that stick."""
+    return min(float(np.max(linear(parts, normal_force, stuck)[1][mode] ** 2)) for stuck in (False, True))
 
 
 def search_band(parts: Parts, normal_force: float, mode: int) -> tuple[float, float]:
