@@ -12,7 +12,7 @@ from ema.data import Finding, ModalMap, Provenance
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.placement import Candidates
 from ema.errors import InputError
-from ema.place.fundamental import fundamental
+from ema.place.fundamental import MAJORITY, fundamental, shares
 from ema.place.intervals import beams_drawn, drawn
 from ema.place.model import model_at
 from ema.place.shortlist import Question, question, verify_all
@@ -74,7 +74,8 @@ def forecast(
     Returns
     -------
     Forecast
-        Values and bands; NaN where there is none, with a finding.
+        Values and bands; NaN where there is none, with a finding: the joint parts, no peak belongs to the mode, or the
+        beam spreads it over several resonances of which none holds half.
 
     Raises
     ------
@@ -107,7 +108,8 @@ def forecast(
     rng = np.random.default_rng(seed)
     nominal = question(asked, predicted(asked, here), 0, method == "measured")
     ((_, whole),) = verify_all([nominal], executor)
-    middle = whole[:, :2]
+    spread_out = np.repeat((shares(nominal) < MAJORITY)[:, None], len(asked.force_levels), axis=1)
+    middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
     rough, spread = fundamental(nominal), np.empty((draws, *middle.shape))
     opened = np.empty((draws, *middle[:, 0].shape), bool)
     for number, one in enumerate(drawn(asked, draws, rng)):
@@ -119,7 +121,8 @@ def forecast(
     low, high = _band(middle, spread / rough[:, :2])
     known = np.isfinite(low[:, 1])
     beam = here.catalogue[int(here.beams[0])]
-    findings = _about_holes(f"place {place}", known, np.mean(opened, axis=0) > 1 - _ENOUGH, np.isfinite(middle[:, 1]))
+    parted = np.mean(opened, axis=0) > 1 - _ENOUGH
+    findings = _about_holes(f"place {place}", known, spread_out, parted, np.isfinite(middle[:, 1]))
     bare = task.bare.poles[list(task.modes)]
     return Forecast(
         (float(here.centres[0, 0]), float(here.centres[0, 1])),
@@ -143,26 +146,36 @@ def forecast(
     )
 
 
-def _about_holes(where: str, known: np.ndarray, parted: np.ndarray, solved: np.ndarray) -> tuple[Finding, ...]:
-    """Why conditions have no band: the joints part, no peak belongs to the mode, or too few draws have one."""
+def _about_holes(
+    where: str, known: np.ndarray, spread_out: np.ndarray, parted: np.ndarray, solved: np.ndarray
+) -> tuple[Finding, ...]:
+    """Why conditions have no band: the mode is spread over several resonances, the joints part, no peak belongs to the
+    mode, or too few draws have one."""
     findings = []
     for code, lost, why, advice in (
         (
+            "mode-spread",
+            spread_out,
+            "the beam spreads the mode over several resonances, none of which holds half of it: no single frequency "
+            "and damping ratio are those of the mode.",
+            "Look at the FRFs there, choose another place, or a beam whose own resonance is further away.",
+        ),
+        (
             "joint-parts",
-            parted,
+            parted & ~spread_out,
             "the normal force of a joint varies by more than F_N in a fifth of the draws or more: it parts there "
             "unless it also pulls, and what is predicted holds only then.",
             "Press more, or excite less.",
         ),
         (
             "no-peak",
-            ~known & ~parted & ~solved,
+            ~known & ~parted & ~spread_out & ~solved,
             "no peak of the response belongs to the mode: another mode moves more wherever there is one.",
             "Choose another excited DOF, or ask for the neighbouring mode.",
         ),
         (
             "no-band",
-            ~known & ~parted & solved,
+            ~known & ~parted & ~spread_out & solved,
             "a fifth of the draws or more have no peak that belongs to the mode.",
             "Their bands are left open.",
         ),

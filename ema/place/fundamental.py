@@ -51,6 +51,27 @@ def fundamental(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
     return result
 
 
+MAJORITY = 0.5
+"""Share of a bare mode that one resonance has to hold to be that mode; of two resonances at most one can hold it."""
+
+
+def shares(question: Question) -> Float[np.ndarray, "mode force"]:
+    """The largest share of each target mode that one mode of the structure with the beam holds.
+
+    In mass-normalised coordinates the squared parts of a bare mode in all modes with the beam add up to one. The
+    smaller of the shares with sliding and with sticking joints counts.
+    """
+    result = np.empty((len(question.targets), len(question.normal_forces)))
+    for column, force in enumerate(question.normal_forces):
+        model = question.model.with_normal_force(float(force))
+        squares, _, _, rows, _, bare, _ = _structure(model, question.at, question.at)
+        stiffness = _contact(model)[0]
+        _, stuck = np.linalg.eigh(np.diag(squares) + rows.T @ (rows * stiffness[:, None]))
+        parts = np.stack([bare, bare @ stuck])[:, list(question.targets)]
+        result[:, column] = np.min(np.max(parts**2, axis=2), axis=0)
+    return result
+
+
 def _structure(model: BeamModel, at: Dof, output: Dof) -> tuple[np.ndarray, ...]:
     """Modes without the tangential contacts: squares, decay, loss, slips, excited DOF and output, bare modes."""
     assert isinstance(model.host, ModalModel)

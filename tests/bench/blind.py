@@ -33,8 +33,11 @@ def answered(case: hosts.Case, told: dict[str, Any], known: dict[str, Any]) -> d
         key = json.dumps([place, mode, float(force), levels.tolist()])
         if key not in known:
             drive = case.measured.points[case.measured.drive]
-            parts = truth.assembled(case.host, case.sheet.bar, case.joint, case.loss, drive, tuple(place))
+            parts = truth.assembled(case.host, case.sheet.bar, case.joint, case.loss, drive, tuple(place), mode)
             machine = truth.Machine(parts, float(force))
+            if truth.share(parts, float(force), mode) < truth.MAJORITY:
+                known[key] = [[float("nan")] * 2 for _ in levels]
+                return known[key]
             band = truth.search_band(parts, float(force), mode)
             known[key] = [list(machine.resonance(band, float(level), mode))[:2] for level in levels]
         return known[key]

@@ -10,6 +10,9 @@ from ema import place, shapes
 from ema.data import FrictionLaw, Geometry, ModalModel, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.dof import Dof
+from ema.place.fundamental import shares
+from ema.place.shortlist import question
+from ema.place.task import predicted
 from ema.simulate.structure import assemble
 from tests.bench.blind_hosts import hosts, truth
 
@@ -26,7 +29,7 @@ def stuck(parts: truth.Parts, sways: bool) -> np.ndarray:
         shear, gap, turn = parts.rows[3 * n : 3 * n + 3]
         stiffness = stiffness + joint.tangential * np.outer(shear, shear) + joint.normal * np.outer(gap, gap)
         stiffness += joint.normal * np.mean(offsets**2) * np.outer(turn, turn)
-    dropped = np.arange(KEPT, parts.host_modes + (0 if sways else 1))
+    dropped = np.arange(KEPT, parts.sway + (0 if sways else 1))
     keep = np.setdiff1d(np.arange(len(stiffness)), dropped)
     squares = eigh(stiffness[np.ix_(keep, keep)], eigvals_only=True)
     return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
@@ -56,7 +59,7 @@ def built() -> tuple[place.Task, Candidates, truth.Parts, truth.Host]:
     )
     spot = np.array([0.5 * bar.spacing + 0.06, 0.5 * case.host.plate.size[1]])
     with pytest.MonkeyPatch.context() as patch:
-        # all modes of its beam: the bench leaves out those above 14 kHz, which carry 1 % of a frequency here
+        # all modes of both parts, of which those of the host are chosen above
         patch.setattr(truth, "HIGHEST", 1e6)
         parts = truth.assembled(case.host, bar, joint, 0.0, points[0], (*spot, 0.0))
     task = place.Task(bare, shapes.smooth(bare, geometry), bolted, "1:+Z", np.ones(1), np.array([FORCE]), case.modes)
@@ -81,6 +84,16 @@ def test_frequencies_with_the_beam_are_those_of_a_host_that_moves_in_its_plane(b
         max(np.min(np.abs(found / one - 1)) for one in wanted if 0.9 * low < one < high) for wanted in (free, held)
     )
     assert off < 0.1 * apart and off < 1e-3
+
+
+def test_the_share_of_a_mode_that_one_resonance_holds_is_that_of_the_finite_elements(built):
+    """Of all elastic modes of the lower half of the band, joints sliding and sticking."""
+    task, candidates, parts, _ = built
+    modes = tuple(range(3, 8))
+    asked = task._replace(modes=modes)
+    found = shares(question(asked, predicted(asked, candidates), 0, False))
+    wanted = [truth.share(parts, FORCE, mode) for mode in modes]
+    assert found[:, 0] == pytest.approx(wanted, abs=0.02) and min(wanted) < 0.9
 
 
 def test_a_host_held_in_its_plane_is_asked_for(built):

@@ -20,9 +20,13 @@ from tests.bench.blind_hosts.elements import Bar, Plate
 STEP = 6e-6
 """s; central differences err by (omega h)^2 / 24: 1.5e-5 of a frequency of 500 Hz."""
 HIGHEST = 7000.0
-"""Hz up to which modes of the parts are kept."""
+"""Hz up to which modes of the host are kept, and half of that of the beam; above it their static flexibility is."""
+RESIDUAL = 14000.0
+"""Hz of the modes that stand for the static flexibility of all that are left out: far above what is excited."""
 SLIDERS = 9
 FAMILIES = ("uneven", "normal", "weakening")
+MAJORITY = 0.5
+"""Share of a bare mode that one resonance has to hold to be that mode; else the truth has no number."""
 SETTLED = 2e-4
 """Change of the extrapolated amplitude between blocks, relative, at which a steady state counts as reached."""
 
@@ -61,15 +65,15 @@ class Host:
         """Kg."""
         return self.plate.per_area * self.plate.size[0] * self.plate.size[1] + sum(mass for _, mass in self.lumps)
 
-    def modes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Circular frequencies, damping ratios, mass-normalised shapes (unknown, mode) up to ``HIGHEST``."""
+    def modes(self, highest: float = HIGHEST) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Circular frequencies, damping ratios, mass-normalised shapes (unknown, mode) up to some frequency in Hz."""
         mass, stiffness = self.plate.matrices()
         for node, lump in self.lumps:
             mass[3 * node, 3 * node] += lump
         columns, rows = self.plate.cells
         for node in (0, rows, columns * (rows + 1), columns * (rows + 1) + rows):
             stiffness[3 * node, 3 * node] += self.spring
-        values, vectors = eigh(stiffness, mass, subset_by_value=(-np.inf, (2 * np.pi * HIGHEST) ** 2))
+        values, vectors = eigh(stiffness, mass, subset_by_value=(-np.inf, (2 * np.pi * highest) ** 2))
         omega = np.sqrt(np.maximum(values, 1.0))
         damping = np.full(len(omega), self.rigid_damping)
         damping[3:] = np.resize(self.damping, len(omega) - 3)
@@ -77,13 +81,30 @@ class Host:
 
 
 def bar_modes(bar: Bar) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
-    """Circular frequencies and shapes of the free beam, and the nodes of its joints."""
+    """Circular frequencies and shapes of the free beam, all of them, and the nodes of its joints."""
     mass, stiffness, nodes = bar.matrices()
     values, vectors = eigh(stiffness, mass)
-    keep = values < (2 * np.pi * 2 * HIGHEST) ** 2
-    omega = np.sqrt(np.maximum(values[keep], 0.0))
+    omega = np.sqrt(np.maximum(values, 0.0))
     omega[:3] = 0.0
-    return omega, vectors[:, keep], nodes
+    return omega, vectors, nodes
+
+
+def condensed(omega: np.ndarray, rows: np.ndarray, highest: float) -> tuple[np.ndarray, np.ndarray, int]:
+    """Circular frequencies and rows (place, mode) of a part with its modes above ``highest`` Hz as static flexibility.
+
+    The flexibility sum r r^T / omega^2 of what is left out is a sum over few modes at ``RESIDUAL``, one for each place
+    at which the part is touched (residual attachment modes: MacNeal 1971, Computers and Structures 1:581). Third: the
+    number of modes that are kept.
+    """
+    keep = omega < 2 * np.pi * highest
+    left = rows[:, ~keep] / omega[~keep]
+    values, vectors = np.linalg.eigh(left @ left.T)
+    residual = 2 * np.pi * RESIDUAL * vectors * np.sqrt(np.maximum(values, 0.0))
+    return (
+        np.concatenate([omega[keep], np.full(len(values), 2 * np.pi * RESIDUAL)]),
+        np.hstack([rows[:, keep], residual]),
+        int(keep.sum()),
+    )
 
 
 @dataclass(frozen=True)
@@ -91,7 +112,8 @@ class Parts:
     """Both parts with the beam at one place.
 
     ``squares`` 1/s^2 and ``decay`` 1/s (mode,); ``rows`` (6, mode): shear, gap and rocking of the first joint, then of
-    the second, as seen from the host to the beam.
+    the second, as seen from the host to the beam. The first ``host_modes`` are those of the host; ``sway`` is the mode
+    of the host's motion in its own plane, behind what stands for the flexibility of its others.
     """
 
     squares: np.ndarray
@@ -100,34 +122,44 @@ class Parts:
     drive: np.ndarray
     joint: Joint
     host_modes: int
+    sway: int
 
 
-def assembled(host: Host, bar: Bar, joint: Joint, loss: float, drive: np.ndarray, place: tuple[float, ...]) -> Parts:
-    """The parts of a place (x, y of the middle in m, angle in rad) with a force at ``drive`` (x, y)."""
-    omega, damping, shapes = host.modes()
+def assembled(
+    host: Host, bar: Bar, joint: Joint, loss: float, drive: np.ndarray, place: tuple[float, ...], mode: int = 3
+) -> Parts:
+    """The parts of a place (x, y of the middle in m, angle in rad) with a force at ``drive`` (x, y).
+
+    The loss factor of the beam holds at the frequency of the bare ``mode``.
+    """
+    omega, damping, shapes = host.modes(np.inf)
     x, y, angle = place
     along = np.array([np.cos(angle), np.sin(angle)])
     points = np.array([x, y]) + 0.5 * bar.spacing * np.array([[-1.0], [1.0]]) * along
     deflection = host.plate.rows(points) @ shapes
     slope = (along[0] * host.plate.rows(points, 1) + along[1] * host.plate.rows(points, 0, 1)) @ shapes
+    # a material loss factor eta is the viscous damping eta K / omega near omega
+    near = omega[mode]
+    drive_row = host.plate.rows(drive[None]) @ shapes
+    omega, of_host, count = condensed(omega, np.vstack([deflection, slope, drive_row]), HIGHEST)
     free, bar_shapes, nodes = bar_modes(bar)
+    touched = np.concatenate([[3 * node + k for k in range(3)] for node in nodes])
+    free, of_bar, _ = condensed(free, bar_shapes[touched], 2 * HIGHEST)
     # the host also moves as a rigid body along the beam, on the same soft springs
     squares = np.concatenate([omega**2, [4 * host.spring / host.mass], free**2])
-    # a material loss factor eta is the viscous damping eta K / omega near omega: that of the first two elastic modes
-    near = np.sqrt(omega[3] * omega[4])
+    damping = np.resize(damping, len(omega))
     decay = np.concatenate([2 * damping * omega, [2 * 0.03 * np.sqrt(squares[len(omega)])], loss * free**2 / near])
-    count = len(omega)
-    rows = np.zeros((6, len(squares)))
+    beam, rows = len(omega) + 1, np.zeros((6, len(squares)))
     for n in range(2):
-        u, w, turn = (bar_shapes[3 * nodes[n] + k] for k in range(3))
-        rows[3 * n, :count] = joint.height * slope[n]
-        rows[3 * n, count] = -1 / np.sqrt(host.mass)
-        rows[3 * n, count + 1 :] = u + 0.5 * bar.height * turn
-        rows[3 * n + 1, :count], rows[3 * n + 1, count + 1 :] = -deflection[n], w
-        rows[3 * n + 2, :count], rows[3 * n + 2, count + 1 :] = -slope[n], turn
+        u, w, turn = of_bar[3 * n : 3 * n + 3]
+        rows[3 * n, : beam - 1] = joint.height * of_host[2 + n]
+        rows[3 * n, beam - 1] = -1 / np.sqrt(host.mass)
+        rows[3 * n, beam:] = u + 0.5 * bar.height * turn
+        rows[3 * n + 1, : beam - 1], rows[3 * n + 1, beam:] = -of_host[n], w
+        rows[3 * n + 2, : beam - 1], rows[3 * n + 2, beam:] = -of_host[2 + n], turn
     force = np.zeros(len(squares))
-    force[:count] = host.plate.rows(drive[None])[0] @ shapes
-    return Parts(squares, decay, rows, force, joint, count)
+    force[: beam - 1] = of_host[4]
+    return Parts(squares, decay, rows, force, joint, count, beam - 1)
 
 
 @njit(cache=True, fastmath=False)
@@ -305,6 +337,11 @@ def linear(parts: Parts, normal_force: float, stuck: bool) -> tuple[np.ndarray, 
             stiffness += k * np.outer(row, row)
     values, shapes = np.linalg.eigh(stiffness)
     return np.sqrt(np.maximum(values, 0)) / (2 * np.pi), shapes
+
+
+def share(parts: Parts, normal_force: float, mode: int) -> float:
+    """The largest share of a bare mode that one resonance holds, the smaller of joints that slide and that stick."""
+    return min(float(np.max(linear(parts, normal_force, stuck)[1][mode] ** 2)) for stuck in (False, True))
 
 
 def search_band(parts: Parts, normal_force: float, mode: int) -> tuple[float, float]:
