@@ -151,7 +151,7 @@ class _Decay:
         step = np.stack([(self.frequencies[:, 1] - self.frequencies[:, 0]) / 2 + 0.01 * place[1], 0.3 * place[1]])
         for _ in range(_REFINEMENTS):
             around = place[:, :, None] + step[:, :, None] * np.array([-1.0, 0.0, 1.0])
-            found = np.log(self._explained(*around, slips))
+            found = np.log(self._explained(*around, slips))  # type: ignore[call-arg]  # two rows: frequencies, rates
             place = place + _newton(found) * step
             place[1] = np.maximum(place[1], around[1, :, 0] / 2)
             step = 0.4 * step
