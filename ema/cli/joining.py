@@ -36,10 +36,10 @@ def joint(
 
 
 WITHIN_THE_MODEL = (
-    "Intervals and weights hold what they state where one mode with a Masing joint describes the table; what that "
-    "leaves out is not in them."
+    "On tables of this model 95 % intervals hold 94 %, and the weights lean towards one joint; what one mode with a "
+    "Masing joint leaves out is in neither."
 )
-"""Counted on tables of the model itself (docs/joint.md: simulation-based calibration, Talts et al. 2018)."""
+"""Counted on 171 tables (docs/joint.md: simulation-based calibration, Talts et al. 2018)."""
 
 
 def _document(title: str, found: "JointAssessment") -> dict[str, Any]:

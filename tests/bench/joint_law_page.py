@@ -25,7 +25,7 @@ def section(stored: dict[str, Any]) -> str:
     lines = [
         f"{len(tables)} tables, {sum(one['one'] for one in tables)} of them with one joint, of the prior of the paper's file "
         f"({', '.join(sorted({str(one['runs']) for one in tables}))} runs of the sampler each; 95 % intervals of the counts, "
-        "parameters of one table as one draw). A table whose interval does not hold its parameter counts as missed.",
+        "parameters of one table as one draw).",
         "",
         "| 95 % intervals | hold the truth |",
         "|---|---|",
