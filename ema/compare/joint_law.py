@@ -1,13 +1,13 @@
 """One friction law for all that was said of a structure: posterior, what it determines, and what cannot hold together.
 
 Parameters are transforms of standard normal variables, so that the prior is the same for all of them. Draws follow a
-path of densities from the prior to the posterior of one joint, through powers of the likelihood, and on to that of two
-joints, through correlations between them (sequential Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the
-Royal Statistical Society B 68:411); between two steps emcee moves them (Foreman-Mackey et al. 2013) by differential
-evolution (ter Braak 2006, Statistics and Computing 16:239). Independent runs say how far the result is one of chance.
+path of densities from the prior to the posterior, of one joint and of two, through powers of the likelihood (sequential
+Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the Royal Statistical Society B 68:411); between two steps emcee
+moves them (Foreman-Mackey et al. 2013) by differential evolution (ter Braak 2006, Statistics and Computing 16:239).
+Independent runs say how far the result is one of chance.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,8 +30,6 @@ _APART = 1e-3
 """Distance at which draws of one origin begin, over the standard deviation of the prior."""
 _KEPT = 0.5
 """Effective share of the draws that a step of the path leaves; with one half a step costs little of their number."""
-INDEPENDENT = np.pi / 4
-"""Angle of two joints of which neither says anything of the other; it is 0 where they are one."""
 DETERMINED = 0.5
 """Width of a 95 % interval over that of the prior up to which a parameter is called determined."""
 TOGETHER = 0.05
@@ -93,21 +91,13 @@ class Datum:
 class JointModel:
     """Parameters, and the readings that they lead to, of one or of two joints.
 
-    The joint of the hammer test has the normal variables c cos(a) + d sin(a), that of the shaker test c cos(a) -
-    d sin(a): one joint at ``angle`` 0, and any correlation cos(2 a) between both up to none, while each alone keeps its
-    prior. Columns of draws: c, what the tests have of their own, d.
-
+    With ``two`` the hammer test and the shaker test have a joint each, of which neither says anything of the other.
     ``said`` are the numbers and sentences where they are not those of the file.
     """
 
     told: JointFile
-    angle: float = 0.0
+    two: bool = False
     said: tuple[Datum, ...] | None = None
-
-    @property
-    def two(self) -> bool:
-        """Whether the tests have a joint each."""
-        return self.angle > 0
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -158,16 +148,14 @@ class JointModel:
     def values(self, z: Draws) -> dict[str, np.ndarray]:
         """Parameters by name."""
         joint, own = self._joint, self._own
-        turned = {"": z[:, : len(joint)]}
-        if self.two:
-            common, apart = np.cos(self.angle) * turned[""], np.sin(self.angle) * z[:, len(joint) + len(own) :]
-            turned = {"hammer": common + apart, "shaker": common - apart}
+        parts = self.tests if self.two else ("",)
         found = {
-            self._named(one.name, part): one.of(columns[:, row])
-            for part, columns in turned.items()
+            self._named(one.name, part): one.of(z[:, number * len(joint) + row])
+            for number, part in enumerate(parts)
             for row, one in enumerate(joint)
         }
-        return found | {one.name: one.of(z[:, len(joint) + row]) for row, one in enumerate(own)}
+        first = len(parts) * len(joint)
+        return found | {one.name: one.of(z[:, first + row]) for row, one in enumerate(own)}
 
     def combinations(self, z: Draws) -> dict[str, np.ndarray]:
         """What a test determines better than its parts."""
@@ -347,19 +335,15 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
 def posteriors(
     model: JointModel, seed: int = 0, progress: Progress = silent, *, runs: int = _RUNS, draws: int = _DRAWS
 ) -> tuple[Posterior, Posterior | None]:
-    """Draw from the posterior of one joint and, where there are two tests, of two joints.
-
-    The evidence of two joints over that of one is a product of few steps of its own, and does not hang on how well the
-    evidence of either is known.
-    """
+    """Draw from the posterior of one joint and, where there are two tests, of two joints."""
     one: list[_Particles] = []
     two: list[_Particles] = []
+    models = [(model, one)] + [(replace(model, two=True), two)] * (len(model.tests) == 2)
     for number in range(runs):
         advance(progress, "posterior", number + 1, runs)
         rng = np.random.default_rng([seed, number])
-        one.append(_to_the_data(_Particles.of_the_prior(model, draws, rng), rng).moved(rng, _LAST))
-        if len(model.tests) == 2:
-            two.append(_to_two_joints(one[-1], rng).moved(rng, _LAST))
+        for each, found in models:
+            found.append(_to_the_data(_Particles.of_the_prior(each, draws, rng), rng).moved(rng, _LAST))
     return _posterior(one), _posterior(two) if two else None
 
 
@@ -391,17 +375,16 @@ class _Particles:
         z = rng.standard_normal((count, len(model.parameters)))
         return cls(model, 0.0, z, _total(model, z), 0.0, z)
 
-    def resampled(
-        self, model: JointModel, power: float, log_weights: np.ndarray, rng: np.random.Generator
-    ) -> "_Particles":
+    def at(self, power: float, rng: np.random.Generator) -> "_Particles":
         """The next place of the path: draws by their weights (systematic resampling), and moved."""
+        log_weights = (power - self.power) * self.likelihood
         evidence = self.log_evidence + float(np.logaddexp.reduce(log_weights) - np.log(len(log_weights)))
         weights = np.cumsum(np.exp(log_weights - np.logaddexp.reduce(log_weights)))
         grid = (rng.random() + np.arange(len(weights))) / len(weights)
         rows = np.minimum(np.searchsorted(weights, grid), len(weights) - 1)
         # identical draws have no difference to move by
         z = self.draws[rng.permutation(rows)] + _APART * rng.standard_normal(self.draws.shape)
-        return _Particles(model, power, z, _total(model, z), evidence, z).moved(rng, _MOVES)
+        return _Particles(self.model, power, z, _total(self.model, z), evidence, z).moved(rng, _MOVES)
 
     def moved(self, rng: np.random.Generator, steps: int) -> "_Particles":
         """The same density after moves of every draw (differential evolution)."""
@@ -424,43 +407,21 @@ class _Particles:
 def _to_the_data(particles: _Particles, rng: np.random.Generator) -> _Particles:
     """From the prior to the posterior through powers of the likelihood."""
     while particles.power < 1:
-        here = particles
-
-        def weights(power: float, here: _Particles = here) -> np.ndarray:
-            return (power - here.power) * here.likelihood
-
-        power = _step(weights, particles.power, 1.0)
-        particles = particles.resampled(particles.model, power, weights(power), rng)
+        particles = particles.at(_next_power(particles), rng)
     return particles
 
 
-def _to_two_joints(particles: _Particles, rng: np.random.Generator) -> _Particles:
-    """From one joint to one for each test: their difference, which one joint leaves open, begins as in the prior."""
-    apart = rng.standard_normal((len(particles.draws), len(particles.model._joint)))
-    both = np.hstack([particles.draws, apart])
-    particles = replace(particles, draws=both, kept=both)
-    while particles.model.angle < INDEPENDENT:
-        here = particles
+def _next_power(particles: _Particles) -> float:
+    """How far along the path the draws carry: the effective share of their weights is ``_KEPT``."""
 
-        def weights(angle: float, here: _Particles = here) -> np.ndarray:
-            return _total(replace(here.model, angle=angle), here.draws) - here.likelihood
-
-        angle = _step(weights, particles.model.angle, INDEPENDENT)
-        particles = particles.resampled(replace(particles.model, angle=angle), 1.0, weights(angle), rng)
-    return particles
-
-
-def _step(log_weights: Callable[[float], np.ndarray], here: float, end: float) -> float:
-    """How far along the path the draws of one place carry: the effective share of their weights is ``_KEPT``."""
-
-    def share(place: float) -> float:
-        logs = log_weights(place)
+    def share(power: float) -> float:
+        logs = (power - particles.power) * particles.likelihood
         weights = np.exp(logs - logs.max())
         return float(np.sum(weights) ** 2 / np.sum(weights**2) / len(weights))
 
-    if share(end) >= _KEPT:
-        return end
-    low, high = here, end
+    if share(1.0) >= _KEPT:
+        return 1.0
+    low, high = particles.power, 1.0
     for _ in range(20):
         middle = (low + high) / 2
         low, high = (middle, high) if share(middle) >= _KEPT else (low, middle)
@@ -567,9 +528,8 @@ class JointAssessment:
 
 
 def _log_ratio(one: Posterior, two: Posterior) -> float:
-    """Logarithm of the evidence of two joints over that of one: the mean of the ratio over the runs."""
-    ratios = two.log_evidences - one.log_evidences
-    return float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
+    """Logarithm of the evidence of two joints over that of one, each the mean over its runs."""
+    return float(np.logaddexp.reduce(two.log_evidences) - np.logaddexp.reduce(one.log_evidences))
 
 
 def joint_posterior(told: JointFile, seed: int = 0, progress: Progress = silent) -> JointAssessment:

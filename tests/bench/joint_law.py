@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ema.compare.joint_law import INDEPENDENT, Datum, JointAssessment, JointModel, posteriors
+from ema.compare.joint_law import Datum, JointAssessment, JointModel, posteriors
 from ema.compare.joint_statements import JointFile, load
 from tests.bench import provenance
 from tests.bench.joint_law_page import counts
@@ -49,7 +49,7 @@ def counted(told: JointFile, seed: int, number: int, runs: int) -> dict[str, Any
     """One table: what holds its truth, what is called determined, and the weight of one joint with its range."""
     rng = np.random.default_rng([seed, number])
     is_one = number % 2 == 0
-    truth, said = drawn(JointModel(told, 0.0 if is_one else INDEPENDENT), rng)
+    truth, said = drawn(JointModel(told, two=not is_one), rng)
     found = JointAssessment(*posteriors(JointModel(told, said=said), int(rng.integers(2**31)), runs=runs), (), ())
     right = found.one if is_one else found.two
     assert right is not None

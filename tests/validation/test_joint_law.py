@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from ema.compare.joint_law import INDEPENDENT, Datum, JointModel, posteriors
+from ema.compare.joint_law import Datum, JointModel, posteriors
 from ema.compare.joint_readings import _COUNTS, _LEVELS, Beam, hammer, shaker
 from ema.compare.joint_statements import JointFile, load
 from ema.errors import InputError
@@ -114,7 +114,7 @@ def test_weight_of_one_joint_is_that_of_draws_of_both_priors():
         )
     )
     rng, evidences = np.random.default_rng(4), []
-    for each in (model, replace(model, angle=INDEPENDENT)):
+    for each in (model, replace(model, two=True)):
         z = rng.standard_normal((120000, len(each.parameters)))
         evidences.append(np.exp(each.log_likelihoods(z).sum(axis=1)).mean())
     one, two = posteriors(model, 5)
