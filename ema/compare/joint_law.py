@@ -1,10 +1,10 @@
 """One friction law for all that was said of a structure: posterior, what it determines, and what cannot hold together.
 
 Parameters are transforms of standard normal variables, so that the prior is the same for all of them. Draws follow a
-path of densities from the prior to the posterior, of one joint and of two, through powers of the likelihood (sequential
-Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the Royal Statistical Society B 68:411); between two steps emcee
-moves them (Foreman-Mackey et al. 2013) by differential evolution (ter Braak 2006, Statistics and Computing 16:239).
-Independent runs say how far the result is one of chance.
+path of densities from the prior to the posterior, of one joint and of two, through powers of the likelihood
+(sequential Monte Carlo, Del Moral, Doucet and Jasra 2006, Journal of the Royal Statistical Society B 68:411); between
+two steps emcee moves them (Foreman-Mackey et al. 2013) by differential evolution (ter Braak 2006, Statistics and
+Computing 16:239). Independent runs say how far the result is one of chance.
 """
 
 from collections.abc import Mapping, Sequence
