@@ -537,7 +537,7 @@ def joint_posterior(told: JointFile, seed: int = 0, progress: Progress = silent)
 
     The law is a Masing spring whose stiffness grows with the normal force; place, beam, hammer and shaker are nuisance
     parameters with stated priors. Where there is a hammer and a shaker test, one joint is compared with two. On
-    tables of this model 95 % intervals hold 92 to 94 % (simulation-based calibration, docs/joint.md); its own error is
+    tables of this model 95 % intervals hold 91 to 94 % (simulation-based calibration, docs/joint.md); its own error is
     not in them.
 
     Parameters
