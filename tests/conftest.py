@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import scipy.linalg  # noqa: F401 (loads linear algebra, so that its threads can be limited)
+from hypothesis import settings
 from jaxtyping import install_import_hook
 from threadpoolctl import threadpool_limits
 
@@ -14,6 +15,10 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # One thread: several test processes share the cores, and idle threads of linear algebra would take them from each other.
 threadpool_limits(1, user_api="blas")
+
+# The same examples in every run, and no bound on the clock.
+settings.register_profile("suite", derandomize=True, deadline=None)
+settings.load_profile("suite")
 
 
 def _checked_modules() -> list[str]:
