@@ -189,7 +189,16 @@ def _about_holes(
 def _asked(nominal: Question, task: Task, candidates: Candidates) -> Question:
     """The question of a draw, in the bands of the nominal one, wider by what a draw may shift."""
     pressed = float(task.normal_forces[0])
-    model = model_at(task.bare, task.surface, candidates, 0, task.joint, pressed, in_plane=task.in_plane)
+    model = model_at(
+        task.bare,
+        task.surface,
+        candidates,
+        0,
+        task.joint,
+        pressed,
+        in_plane=task.in_plane,
+        flexibility_factor=task.flexibility_factor,
+    )
     bands = tuple((low * (1 - _SHIFT), high * (1 + _SHIFT)) for low, high in nominal.bands)
     return nominal._replace(model=model, normal_forces=task.normal_forces, bands=bands)
 

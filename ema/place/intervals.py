@@ -7,6 +7,7 @@ import numpy as np
 
 from ema.data.placement import BoltedJoint, Candidates, Prediction
 from ema.dof import Dof, match
+from ema.place.flexibility import flexibility_std
 from ema.place.task import Task, predicted
 from ema.progress import Progress, advance, silent
 
@@ -35,15 +36,17 @@ SPRINGS = 40
 def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
     """The task with draws of the smoothed shapes, of the shapes at the excited DOF, and of what the joint leaves open.
 
-    The shape at a measured DOF is as uncertain as the scatter of the points about the surface; the scale of all shapes
-    is drawn with ``scale_std`` of the task. What the joint states with a relative uncertainty is log-normal, alike in
-    all joints (``BoltedJoint``). With ``form`` "open" every draw has another Iwan law with the same mu and k_T.
+    The shape at a measured DOF is as uncertain as the scatter of the points about the surface; the scale of all
+    shapes is drawn with ``scale_std`` of the task. What the joint states with a relative uncertainty is log-normal,
+    alike in all joints (``BoltedJoint``); so is the flexibility of the modes above those measured
+    (``flexibility_std``). With ``form`` "open" every draw has another Iwan law with the same mu and k_T.
     """
     surface = task.surface
     roots = []
     for covariance in surface.covariance:
         size, turned = np.linalg.eigh(covariance)
         roots.append(turned * np.sqrt(np.maximum(size, 0)))
+    above = flexibility_std(task.bare, surface)
     rows = sorted({row for dof in (task.at, task.output) if dof is not None for row in _rows(task, dof)})
     for _ in range(draws):
         shift = np.stack([root @ rng.standard_normal(len(root)) for root in roots], axis=1)
@@ -56,6 +59,7 @@ def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
             joint=joint,
             surface=replace(surface, coefficients=scale * (surface.coefficients + shift)),
             normal_forces=task.normal_forces * np.exp(task.joint.force_std * rng.standard_normal()),
+            flexibility_factor=float(np.exp(above * rng.standard_normal())),
         )
 
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from ema.data import BeamModel, Damping, Joint, Matrices, ModalModel
 from ema.data.placement import BoltedJoint, Candidates
 from ema.dof import Dof
+from ema.place.flexibility import flexibility
 from ema.place.predictor import ELEMENTS, beam_matrices
 from ema.shapes import Surface, mass_of
 
@@ -25,11 +26,13 @@ def model_at(
     joint: BoltedJoint,
     normal_force: float | Sequence[float] | Float[np.ndarray, "joint"],
     in_plane: Literal["free", "held"] = "free",
+    flexibility_factor: float = 1.0,
 ) -> BeamModel:
     """Return the model of a measured host with the beam of one candidate.
 
     The host keeps its measured DOFs; the joints are nodes 900001, 900002, ... with axes along the beam, whose shapes
-    come from the surface. Residual terms of the host are left out: they are not known at the joints. A host whose
+    come from the surface. Of the modes above those measured the static flexibility at each joint is estimated from the
+    measured ones and the residual terms at driving points; a model without residual terms has none. A host whose
     rigid-body modes are known hangs freely: it also moves as a whole along the beam, with all its mass; its turning
     about the normal and strain in its own plane are left out. Any other host is held in its plane.
 
@@ -49,6 +52,8 @@ def model_at(
         F_N [N] of every joint, or of each.
     in_plane : {"free", "held"}, default "free"
         Whether a host that hangs freely may move in its own plane.
+    flexibility_factor : float, default 1.0
+        Factor on the estimated flexibility of the modes above those measured.
 
     Returns
     -------
@@ -77,12 +82,24 @@ def model_at(
         rows += [np.zeros((1, len(bare.poles))), deflection[number : number + 1], slope[number : number + 1]]
         dofs += [Dof(node, "+X"), Dof(node, "+Z"), Dof(node, "-RY")]
     shapes, poles = np.concatenate(rows).astype(complex), bare.poles
+    # bolts press a round patch; where its length is not told, the beam touches with its whole width
+    above = flexibility(bare, surface, points, angle, joint.contact_length or beam.width)
+    if above is not None:
+        # one mode for each joint and motion, of the flexibility phi^2/omega^2
+        amplitudes = np.sqrt(flexibility_factor * np.stack([above.deflection, above.slope])).T * above.frequency
+        extra = np.zeros((len(dofs), 2 * beam.joints), complex)
+        for number in range(beam.joints):
+            for motion in range(2):
+                extra[len(bare.dofs) + 3 * number + 1 + motion, 2 * number + motion] = amplitudes[number, motion]
+        shapes = np.hstack([shapes, extra])
+        ratio = np.median(-bare.poles.real / np.abs(bare.poles))
+        poles = np.append(poles, np.full(2 * beam.joints, above.frequency * (-ratio + 1j * np.sqrt(1 - ratio**2))))
     mass = mass_of(bare, surface) if in_plane == "free" else None
     if mass is not None:
         # translation along the beam, of unit modal mass; on the suspension, as the lowest mode normal to the surface
         sway = np.array([dof.node >= FIRST_NODE and dof.axis == "X" for dof in dofs]) / np.sqrt(mass)
         shapes = np.column_stack([shapes, sway.astype(complex)])
-        poles = np.append(poles, poles[np.argmin(np.abs(poles))])
+        poles = np.append(poles, bare.poles[np.argmin(np.abs(bare.poles))])
     host = ModalModel(
         poles,
         shapes,

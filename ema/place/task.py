@@ -42,6 +42,8 @@ class Task(NamedTuple):
         Relative standard uncertainty of the scale common to all shapes, half that of the calibration of the test.
     in_plane : {"free", "held"}, default "free"
         Whether a structure that hangs freely may move in its own plane.
+    flexibility_factor : float, default 1.0
+        Factor on the estimated flexibility of the modes above those measured.
 
     Examples
     --------
@@ -65,6 +67,7 @@ class Task(NamedTuple):
     output: Dof | str | None = None
     scale_std: float = 0.0
     in_plane: Literal["free", "held"] = "free"
+    flexibility_factor: float = 1.0
 
 
 def predicted(task: Task, candidates: Candidates) -> Prediction:

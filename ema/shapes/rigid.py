@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ema.data import Finding, Geometry, ModalModel
 from ema.dof import Dof
@@ -157,11 +157,46 @@ def mass_of(model: ModalModel, surface: Surface) -> float | None:
     >>> round(mass_of(hung, smooth(hung, geometry)), 3)
     2.0
     """
+    motion = _rigid_motion(model, surface)[1]
+    # modes of unit modal mass: motion.T @ inertia @ motion = 1 over (w, w_x, w_y) at the origin, whatever the origin
+    return None if motion is None else float(np.linalg.inv(motion @ motion.T)[0, 0])
+
+
+def rigid_rows(model: ModalModel, surface: Surface) -> Int[np.ndarray, "rigid"]:
+    """Rows of the rigid-body modes normal to the surface.
+
+    Parameters
+    ----------
+    model : ModalModel
+        Modes, those of the suspension or of :func:`with_rigid_body` included.
+    surface : Surface
+        Their smooth shapes, by :func:`smooth`.
+
+    Returns
+    -------
+    integer array of shape (rigid,)
+        Rows of ``model``; none where :func:`mass_of` knows no mass.
+
+    Examples
+    --------
+    >>> from ema.examples import plate
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> hung, _ = with_rigid_body(bare, geometry, mass=2.0)
+    >>> len(rigid_rows(bare, smooth(bare, geometry))), len(rigid_rows(hung, smooth(hung, geometry)))
+    (0, 3)
+    """
+    rows, motion = _rigid_motion(model, surface)
+    return rows if motion is not None else rows[:0]
+
+
+def _rigid_motion(model: ModalModel, surface: Surface) -> tuple[np.ndarray, np.ndarray | None]:
+    """Modes below the gap, and their (w, w_x, w_y) at the origin where they move the surface as a rigid body."""
     omega = np.abs(model.poles)
     ordered = np.sort(omega)
     gaps = np.flatnonzero(ordered[1:] > _GAP * ordered[:-1])
     if not len(gaps):
-        return None
+        return np.zeros(0, int), None
     rows = np.flatnonzero(omega <= ordered[gaps[-1]])
     sides = surface.extent[:, 1] - surface.extent[:, 0]
     flat = np.column_stack([np.ones(len(surface.points)), surface.points[:, sides >= FLAT * sides.max()]])
@@ -169,11 +204,10 @@ def mass_of(model: ModalModel, surface: Surface) -> float | None:
     motion, _, rank, _ = np.linalg.lstsq(flat, moved, rcond=None)
     left = np.sum((moved - flat @ motion) ** 2, axis=0)
     if rank < flat.shape[1] or np.any(left > (1 - _FLAT_SHARE) * np.sum(moved**2, axis=0)):
-        return None
+        return rows, None
     if np.linalg.matrix_rank(motion, tol=1e-6 * float(np.abs(motion).max())) < len(motion):
-        return None
-    # modes of unit modal mass: motion.T @ inertia @ motion = 1 over (w, w_x, w_y) at the origin, whatever the origin
-    return float(np.linalg.inv(motion @ motion.T)[0, 0])
+        return rows, None
+    return rows, motion
 
 
 def _measured(model: ModalModel, face: Plane) -> bool:

@@ -3,6 +3,7 @@
 import json
 import random
 from dataclasses import dataclass, field
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -100,13 +101,13 @@ class Table:
         return reading(path, channels)
 
     def independent(self, path: Path) -> list[Signals]:
-        """What pandas makes of it in each dialect."""
+        """What pandas makes of it in each dialect; lines end where Unicode has them end, as at a vertical tabulator."""
         import pandas
 
-        found = []
+        text, found = "\n".join(path.read_bytes().decode("latin-1").splitlines()), []
         for mark, point in ((",", "."), (";", ","), ("\t", ".")):
             try:
-                table = pandas.read_csv(path, sep=mark, decimal=point, encoding="latin-1", dtype=np.float64)
+                table = pandas.read_csv(StringIO(text), sep=mark, decimal=point, dtype=np.float64)
                 values = table.to_numpy()
                 if values.shape[1] < 2:
                     continue
