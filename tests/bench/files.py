@@ -148,8 +148,7 @@ FUZZ = """## Mutated files
 `python -m tests.fuzz --reader uff --n 100000 --seed 5 --publish`. *Right*: read as it was written or, with noise in its
 bytes, as another parser reads it. *Named*: refused, or every channel that is not exact has a finding. *Not to be seen*:
 wrong, and the format has no means to show it. *Wrong*: wrong in silence, a crash, more than 5 s of processor time or 1 GB
-of memory. The seven of `table` are read as their bytes say: one digit was changed or lost, which no text shows, and the end of one
-line became a vertical tabulator or a next line, which ends a line too, but not for the parser that they are compared with."""
+of memory."""
 
 FAULTS = """## Faults while writing
 
