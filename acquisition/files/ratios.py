@@ -206,7 +206,9 @@ def _complex(arrays: Arrays, layout: Layout) -> Polar:
         unit, other = _stated(arrays, layout.real), _stated(arrays, layout.imaginary)
         if unit != other and UNSTATED not in (unit, other):
             raise InputError("real and imaginary part differ in unit", where=arrays.where, got=f"{unit}, {other}")
-        return Polar(real + 1j * imaginary, other if unit == UNSTATED else unit)
+        with np.errstate(invalid="ignore"):  # infinite numbers have a finding
+            values = real + 1j * imaginary
+        return Polar(values, other if unit == UNSTATED else unit)
     if layout.amplitude is not None and layout.phase is not None:
         amplitude, phase = arrays.numbers(layout.amplitude), arrays.numbers(layout.phase)
         if amplitude.shape != phase.shape:

@@ -1,5 +1,6 @@
 """Frequency axes with lines that are missing, and such that are uneven on purpose."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -37,3 +38,13 @@ def test_lost_lines_are_named_and_counted(tmp_path: Path, lost: list[int]) -> No
 )
 def test_axes_that_are_meant_so_have_no_finding(tmp_path: Path, axis: np.ndarray) -> None:
     assert "lines-missing" not in codes(tmp_path / "a.csv", axis)
+
+
+@pytest.mark.parametrize("titles", ["Real,Imaginary", "Magnitude,Phase (deg)"])
+def test_infinite_numbers_have_a_finding_and_no_warning_of_numpy(tmp_path: Path, titles: str) -> None:
+    rows = "\n".join(f"{line},1e999,1e999" for line in range(20))
+    (tmp_path / "a.csv").write_text(f"Frequency [Hz],{titles}\n{rows}\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        contents = acquisition.read(tmp_path / "a.csv", amplitude_unit="(m/s^2)/N" if "Phase" in titles else None)
+    assert "not-finite" in {finding.code for finding in contents.findings}
