@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from tests.fuzz.cases import Subject
 from tests.fuzz.containers import CONTAINERS
+from tests.fuzz.frd import Frd
 from tests.fuzz.ours import Matrix, Store, Toml
 from tests.fuzz.tables import Json, Lvm, Table
 from tests.fuzz.uff import Uff
@@ -20,4 +21,5 @@ SUBJECTS: dict[str, Callable[[], Subject]] = {
     "boeing": lambda: Matrix("boeing", ".hb"),
     "store": Store,
     "toml": Toml,
+    "frd": Frd,
 }

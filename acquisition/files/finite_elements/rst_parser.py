@@ -30,6 +30,7 @@ def modes(path: Path) -> dict[str, Any]:
     return {
         "analysis": "modes",
         "nodes": nodes,
+        "at": nodes,
         "xyz": xyz,
         "faces": surface(result.grid),
         "frequencies": np.asarray(result.time_values, float),
