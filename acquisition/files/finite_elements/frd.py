@@ -41,9 +41,6 @@ _NUMBER = [_LEAD, _DIGIT, _POINT, *[_DIGIT] * 5, _EXPONENT, _SIGN, _DIGIT, _DIGI
 """Bytes that may stand in the twelve columns of a number (E12.5)."""
 _MODAL = "2", "MODAL"
 """Kind of a frequency analysis, and its name."""
-_ROUNDING = 1e-6
-"""Relative, of a frequency whose square times (2 pi)^2 is written with seven digits."""
-
 
 class _Damage(Exception):
     """What does not fit in a block: ``args`` are what, got and expected."""
@@ -61,7 +58,7 @@ class _Parser:
         end = self.data.find(b"\n", self.place)
         end = len(self.data) if end < 0 else end
         text = self.data[self.place : end].decode("latin-1")
-        self.place = end + 1
+        self.place = min(end + 1, len(self.data))
         return text[:-1].rstrip(" ") if text.endswith("\r") else text.rstrip(" ")
 
     def number(self) -> int:
@@ -77,7 +74,8 @@ class _Parser:
                 raise _Damage("the file ends within binary data", len(raw) // layout.itemsize, count)
             self.place += len(raw)
             table = np.frombuffer(raw, layout)
-            nodes, values = table["node"].astype(np.int64), table["values"].astype(float)
+            with np.errstate(invalid="ignore"):  # signalling NaNs are refused with all that is not finite
+                nodes, values = table["node"].astype(np.int64), table["values"].astype(float)
         else:
             nodes, values = self._text(count, _TEXT[form], width)
             if (end := self.line()) != " -3":
@@ -110,6 +108,8 @@ class _Parser:
         """Pass values of nodes that are no displacements."""
         if form in _BINARY:
             self.place += count * (4 + width * np.dtype(_BINARY[form]).itemsize)
+            if self.place > len(self.data):
+                raise _Damage("the file ends within binary data")
             return
         end = self.data.find(b"\n -3", self.place - 1)
         lines = self.data[self.place - 1 : max(end, self.place - 1)]
@@ -135,12 +135,16 @@ class _Parser:
 
     def _binary_elements(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
         for _ in range(count):
-            number, kind, *_ = head = np.frombuffer(self.data[self.place : self.place + 16], "<i4").tolist()
-            if len(head) < 4 or kind not in ELEMENTS:
-                raise _Damage("binary data hold no element", kind if len(head) == 4 else "the end of the file")
-            nodes = self.data[self.place + 16 : self.place + 16 + 4 * ELEMENTS[kind].nodes]
-            self.place += 16 + len(nodes)
-            yield number, kind, np.frombuffer(nodes[: len(nodes) // 4 * 4], "<i4").tolist()
+            number, kind, *_ = self._integers(4)
+            if kind not in ELEMENTS:
+                raise _Damage("binary data hold no element", f"type {kind}")
+            yield number, kind, self._integers(ELEMENTS[kind].nodes)
+
+    def _integers(self, count: int) -> list[int]:
+        if len(self.data) < self.place + 4 * count:
+            raise _Damage("the file ends within binary data")
+        self.place += 4 * count
+        return np.frombuffer(self.data, "<i4", count, self.place - 4 * count).tolist()
 
     def _text_elements(self, form: int) -> Iterator[tuple[int, int, list[int]]]:
         digits = _TEXT[form]
@@ -179,24 +183,15 @@ def _real(text: str) -> float:
     return float(text)
 
 
-@dataclass
-class _Announced:
-    """What the records of parameters say of the results behind them."""
-
-    step: int | None = None
-    stiffness: float | None = None
-    mode: int | None = None
+class _Announced(dict[str, str]):
+    """Values of the records of parameters by name, which tell of the results behind them."""
 
     def take(self, line: str) -> None:
-        """Read a record; those of other names say nothing of modes."""
-        name, kind = {"STEP": ("step", _integer), "GK": ("stiffness", _real), "MODE": ("mode", _integer)}.get(
-            line[6:24].rstrip(), ("", _integer)
-        )
-        if name:
-            value = kind(line[24:36])
-            if getattr(self, name) not in (None, value):
-                raise _Damage("two records of one parameter contradict", repr(line[:60]), getattr(self, name))
-            setattr(self, name, value)
+        """Read a record."""
+        name = line[6:24].rstrip(" ")
+        if not re.fullmatch(r"[ -~]+", line) or name in self:
+            raise _Damage("a record of parameters is damaged or stands twice", repr(line[:60]))
+        self[name] = line[24:36]
 
 
 @dataclass(frozen=True)
@@ -291,23 +286,23 @@ class _Reader:
     def _result(self, head: re.Match[str]) -> None:
         announced, self.announced = self.announced, _Announced()
         count, step, form = _integer(head[3]), _integer(head[5]), int(head[7])
-        if announced.step is None or _integer(head[1]) != 100 + step:
-            raise _Damage("the number of a step is missing or contradicts", f"{announced.step}, {head[1]}, {step}")
-        if self.before is not None and announced.step not in (self.before + 1, 1):
-            raise _Damage("results are missing or stand twice", f"number {announced.step}", self.before + 1)
-        self.before = announced.step
+        if "STEP" not in announced or _integer(head[1]) != 100 + step:
+            raise _Damage("the number of a step is missing or contradicts", f"{announced}, {head[1]}, {step}")
+        number = _integer(announced["STEP"])
+        if self.before is not None and number not in (self.before + 1, 1):
+            raise _Damage("results are missing or stand twice", f"number {number}", self.before + 1)
+        self.before = number
         kind = head[4].strip() == _MODAL[0], head[6].strip() == _MODAL[1]
-        if kind[0] != kind[1] or (kind[0] and announced.mode is None and self.any_mode):
-            raise _Damage("the kind of an analysis contradicts", f"{head[4]}{head[6]}, mode {announced.mode}")
-        name, width = self._field(form)
-        if name != "DISP" or not all(kind) or announced.mode is None:
+        if kind[0] != kind[1] or (kind[0] and "MODE" not in announced and self.any_mode):
+            raise _Damage("the kind of an analysis contradicts", f"{head[4]}{head[6]}, {announced}")
+        name, width = self._field(all(kind))
+        if name != "DISP" or not all(kind) or "MODE" not in announced:
             self.others |= name == "DISP"
             self.parser.skip(count, form, width)
             return
         frequency = _real(head[2])
-        if announced.stiffness is not None and not _agree(frequency, head[2], announced.stiffness):
-            numbers = head[2].strip(), f"{np.sqrt(announced.stiffness) / (2 * np.pi):.6g} from the stiffness"
-            raise _Damage("a frequency contradicts the stiffness of its mode", *numbers)
+        if "GK" in announced and _real(announced["GK"]) >= 0 and not _agree(head[2], announced["GK"]):
+            raise _Damage("a frequency contradicts the stiffness of its mode", head[2].strip(), announced["GK"])
         nodes, values = self.parser.nodal(count, form, width)
         order = np.argsort(nodes)
         mode = _Mode(step, frequency, nodes[order], values[order, :3])
@@ -319,8 +314,8 @@ class _Reader:
             raise _Damage("two displacements of one mode, as real and imaginary part of a sector", f"step {step}")
         self.modes.append(mode)
 
-    def _field(self, form: int) -> tuple[str, int]:
-        """Name of what follows, and how many components are written."""
+    def _field(self, modal: bool) -> tuple[str, int]:
+        """Name of what follows, and how many components are written; of modes those of displacements have one name."""
         line = self.parser.line()
         field = _FIELD.fullmatch(line)
         if field is None:
@@ -332,15 +327,21 @@ class _Reader:
             magnitude = place == 3 and line == " -5  ALL         1    2    0    0    1ALL"
             if not line.startswith(" -5") or (name == "DISP" and wrong and not magnitude):
                 raise _Damage("a record -5 of a component is damaged", repr(line[:60]))
+            if modal and name != "DISP" and not wrong:
+                raise _Damage("displacements of a mode by another name", repr(name), "DISP")
         return name, sum(line[33:38] != _COMPUTED for line in lines)
 
 
-def _agree(frequency: float, text: str, stiffness: float) -> bool:
-    """Whether a frequency is that of a stiffness per unit of mass, to the digits of both."""
+def _agree(frequency: str, stiffness: str) -> bool:
+    """Whether the stiffness per unit of mass is (2 pi f)^2, to the digits of both texts."""
+    f, k = float(frequency), float(stiffness)
+    return abs((2 * np.pi * f) ** 2 - k) <= _unit(stiffness) + 8 * np.pi**2 * abs(f) * _unit(frequency)
+
+
+def _unit(text: str) -> float:
+    """One in the last digit of a number."""
     mantissa, _, exponent = text.strip().partition("E")
-    rounding = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
-    expected = float(np.sqrt(stiffness)) / (2 * np.pi)
-    return abs(abs(frequency) - expected) <= _ROUNDING * abs(frequency) + rounding
+    return float(10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2])))
 
 
 def read(path: Path, layout: Layout) -> Contents:
