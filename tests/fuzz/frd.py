@@ -73,7 +73,7 @@ def _signal(values: Any) -> tuple[Any, Any]:
     return np.arange(len(values), dtype=float), np.asarray(values, dtype=float)
 
 
-def _named(nodes: Any, xyz: Any, cells: Any, modes: list[tuple[float, Any, Any]]) -> Signals:
+def named(nodes: Any, xyz: Any, cells: Any, modes: list[tuple[float, Any, Any]]) -> Signals:
     """All content by names; a mode is a frequency, nodes and displacements."""
     found = {f"node {int(node)}": _signal(at) for node, at in zip(nodes, xyz)}
     found |= {f"face {face}": _signal(face) for face in _faces(cells)}
@@ -206,7 +206,7 @@ class Model:
             if rounded is None:
                 rounded = [[float(f"{x:.5E}") for x in row] for row in shape]
             modes.append((float(_value(frequency)), self.at, rounded))
-        return _named(self.nodes, xyz, self.cells, modes)
+        return named(self.nodes, xyz, self.cells, modes)
 
 
 def _value(value: float) -> str:
@@ -381,7 +381,7 @@ def _parsed(data: bytes) -> Signals:
             modal = False
         elif key[:5] != "    1":
             raise ValueError(line)
-    return _named(list(nodes), list(nodes.values()), cells, modes)
+    return named(list(nodes), list(nodes.values()), cells, modes)
 
 
 @dataclass

@@ -6,6 +6,7 @@ from tests.fuzz.cases import Subject
 from tests.fuzz.containers import CONTAINERS
 from tests.fuzz.frd import Frd
 from tests.fuzz.ours import Matrix, Store, Toml
+from tests.fuzz.rst import Rst
 from tests.fuzz.tables import Json, Lvm, Table
 from tests.fuzz.uff import Uff
 from tests.fuzz.uff_model import UffModel
@@ -22,4 +23,5 @@ SUBJECTS: dict[str, Callable[[], Subject]] = {
     "store": Store,
     "toml": Toml,
     "frd": Frd,
+    "rst": Rst,
 }

@@ -1,14 +1,18 @@
 """Ansys results by ansys-mapdl-reader, in the process of the parsers.
 
-The library follows pointers and takes counts as they come. Before it reads, every record that it will use is found by its
-pointer, with the same length in front of it and behind it and within the file, and what is written twice is compared.
+The library follows pointers and takes counts as they come. Before it draws the mesh, every record that it will use is found
+by its pointer, with the same length in front of it and behind it and within the file, and what is written twice is compared.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from ansys.mapdl import reader
+from ansys.mapdl.reader._binary_reader import c_read_record
+from ansys.mapdl.reader._rst_keys import geometry_header_keys, result_header_keys, solution_data_header_keys
+from ansys.mapdl.reader.common import parse_header
 from jaxtyping import Float, Int
 
 from acquisition.files.finite_elements.nodal import surface
@@ -16,6 +20,8 @@ from ema.errors import InputError
 
 _MODAL = 2
 """Number of a modal analysis in the header of a result file (ANTYPE)."""
+_RESULTS = 12
+"""Number of the kind of a file with results."""
 _HEADER = 103
 """Word at which the header of the results begins."""
 _PACKED = 0x38000000
@@ -24,6 +30,8 @@ _WHOLE, _HALF = 0x80000000, 0x40000000
 """Bits of a record of integers, and of one whose numbers have half of the usual bytes."""
 _ABSENT = 2.0**100
 """Value of a direction in which a node cannot move."""
+_TYPE_NAME = slice(133, 135)
+"""Place of the name of an element type, such as SOLID186, in its record; blank in some versions."""
 _SET_NUMBERS = slice(4, 7)
 """Place of the numbers of load step, substep and set in the header of a result set."""
 
@@ -35,9 +43,9 @@ class _Damage(Exception):
 class _Records:
     """Records by the number of the word at which they begin: length, kind, data, length."""
 
-    def __init__(self, path: Path, result: Any) -> None:
+    def __init__(self, path: Path) -> None:
         self.words = np.fromfile(path, "<i4")
-        self.result = result
+        self.path = path
 
     def size(self, place: int) -> int:
         """Words of a record with its three of length and kind."""
@@ -56,7 +64,7 @@ class _Records:
         if kind & ~(_PACKED | _WHOLE | _HALF) or bool(kind & _WHOLE) != integers:
             raise _Damage(f"the record at word {place} is of another kind", hex(kind))
         if kind & _PACKED:
-            return np.asarray(self.result.read_record(place))
+            return np.asarray(c_read_record(str(self.path), place))
         data = self.words[place + 2 : place + 2 + length].tobytes()
         number = {(True, False): "<i4", (True, True): "<i2", (False, False): "<f8", (False, True): "<f4"}
         form = np.dtype(number[integers, bool(kind & _HALF)])
@@ -81,9 +89,22 @@ class _Announced:
     """
 
     def __init__(self, records: _Records) -> None:
-        self.records, result = records, records.result
-        head, geometry = result._resultheader, result._geometry_header
-        for place in (0, _HEADER, head["ptrGEO"]):
+        self.records = records
+        if len(records.counted(0, 100, "words of the first record")) and records.words[2] != _RESULTS:
+            raise _Damage("the first record is not that of results", int(records.words[2]), _RESULTS)
+        self.head = parse_header(records.read(_HEADER, integers=True), result_header_keys)
+        self.kind, self.sectors = int(self.head["kan"]), int(self.head["nSector"])
+
+    def compare(self) -> None:
+        """Read the tables.
+
+        Raises
+        ------
+        _Damage : they contradict the file or each other.
+        """
+        records, head = self.records, self.head
+        geometry = parse_header(records.read(int(head["ptrGEO"]), integers=True), geometry_header_keys)
+        for place in (head["ptrCYC"], geometry["ptrCSY"], geometry["ptrCOMP"]):
             records.size(int(place))
         self.count, self.elements, self.sets = (int(head[name]) for name in ("nnod", "nelm", "nsets"))
         most = int(head["resmax"])
@@ -105,6 +126,9 @@ class _Announced:
         if missing := set(self.numbers.tolist()) - set(self.nodes.tolist()):
             raise _Damage("results at a node without a place", f"node {min(missing)}")
         self._cells(geometry, cells)
+        kinds = {tuple(self._directions(records.read(int(place), integers=True))) for place in self.places}
+        if len(kinds) > 1 or any(len(one) != int(head["numdof"]) for one in kinds):
+            raise _Damage("sets of results have other degrees of freedom than the file", sorted(kinds), head["numdof"])
 
     def _nodes(self, place: int, count: int) -> tuple[Any, Any, Any]:
         """Numbers, coordinates and angles: records one behind the other of number, three coordinates and three angles."""
@@ -149,14 +173,24 @@ class _Announced:
             about = self.records.read(table + int(place), integers=True)
             if len(about) < 94 or int(about[0]) in found:
                 raise _Damage("an element type is damaged", f"word {table + int(place)}")
+            name = about[_TYPE_NAME].astype(">i4").tobytes()
+            if re.fullmatch(rb"[A-Z]+[0-9]+ *", name) and int(re.findall(rb"[0-9]+", name)[0]) != about[1]:
+                raise _Damage("an element type has another name than number", int(about[1]), name.decode())
             found[int(about[0])] = int(about[60])
         return found
+
+    def _directions(self, head: Any) -> list[int]:
+        """Degrees of freedom in a set of results by their numbers."""
+        kinds = [int(kind) for kind in head[20 : 20 + int(head[19])]] if len(head) >= 95 else []
+        if not 0 < len(kinds) == int(head[19]) or len(set(kinds)) < len(kinds) or not {1, 2, 3} & set(kinds):
+            raise _Damage("a set of results has no displacements", f"degrees of freedom {kinds}")
+        return kinds
 
     def moved(self, index: int) -> tuple[float, Int[np.ndarray, "m"], Float[np.ndarray, "m 3"]]:
         """Frequency, nodes and displacements in global directions of a set of results."""
         place = int(self.places[index])
         head = self.records.read(place, integers=True)
-        if len(head) < 95 or not np.array_equal(head[_SET_NUMBERS], self.steps[index]):
+        if not np.array_equal(head[_SET_NUMBERS], self.steps[index]):
             raise _Damage("its numbers contradict the table of steps", head[_SET_NUMBERS].tolist(), self.steps[index])
         if (int(head[1]), int(head[2])) != (self.elements, self.count):
             raise _Damage("it has other elements or nodes than the file", head[1:3].tolist())
@@ -165,13 +199,10 @@ class _Announced:
         about = self.records.read(place + self.records.size(place), integers=False)
         if not len(about) or about[0] != self.times[index]:
             raise _Damage("its frequency contradicts the table", float(about[0]), float(self.times[index]))
-        header = self.records.result._result_solution_header(index)
-        kinds = [int(kind) for kind in head[20 : 20 + int(head[19])]]
+        header, kinds = parse_header(head, solution_data_header_keys), self._directions(head)
         width, start = len(kinds) + int(header["nfldof"]), place + int(header["ptrNSL"])
-        if not 0 < len(kinds) == int(head[19]) or len(set(kinds)) < len(kinds) or not {1, 2, 3} & set(kinds):
-            raise _Damage("it has no displacements", f"degrees of freedom {kinds}")
         values = self.records.read(start, integers=False)
-        if len(values) % width:
+        if width < len(kinds) or len(values) % width:
             raise _Damage("the number of its values contradicts", len(values), f"a multiple of {width}")
         values, nodes = values.reshape(-1, width), self.numbers
         if len(values) < self.count:
@@ -208,25 +239,24 @@ def modes(path: Path) -> dict[str, Any]:
     ------
     InputError : the mesh or the tables are damaged.
     """
-    result = reader.read_binary(str(path), read_mesh=False)
-    if type(result).__name__ != "Result":
-        return {"analysis": f"a {type(result).__name__}"}
-    kind = int(result._resultheader["kan"])
-    if kind != _MODAL:
-        return {"analysis": f"an analysis of type {kind}"}
     try:
-        announced = _Announced(_Records(path, result))
+        announced = _Announced(_Records(path))
+        if announced.kind != _MODAL or announced.sectors > 1:
+            return {"analysis": f"an analysis of type {announced.kind}, {announced.sectors} sectors"}
+        announced.compare()
     except _Damage as damage:
         what, got, expected = _sentence(damage)
         advice = "copy or export the file again"
         raise InputError(what, where=path.name, got=got, expected=expected, advice=advice) from None
+    result = reader.read_binary(str(path))
+    if type(result).__name__ != "Result":
+        return {"analysis": f"a {type(result).__name__}"}
     found, damaged = [], []
     for index in range(announced.sets):
         try:
             found.append(announced.moved(index))
         except _Damage as damage:
             damaged.append([f"mode {index + 1}", *(None if one is None else str(one) for one in _sentence(damage))])
-    result._store_mesh()
     at = sorted(set(announced.numbers.tolist()).intersection(*(nodes.tolist() for _, nodes, _ in found)))
     return {
         "analysis": "modes",
