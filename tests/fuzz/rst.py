@@ -44,7 +44,12 @@ class Model:
         types = []
         for number, kind in enumerate(kinds, 1):
             about = np.zeros(200, int)
-            about[:2], about[60], about[62], about[93] = (number, kind), _CELLS[kind][0], _CELLS[kind][0], _CELLS[kind][2]
+            about[:2], about[60], about[62], about[93] = (
+                (number, kind),
+                _CELLS[kind][0],
+                _CELLS[kind][0],
+                _CELLS[kind][2],
+            )
             about[133:135] = np.frombuffer(f"{'SHELL' if kind == 181 else 'SOLID'}{kind}".encode(), ">i4")
             types.append(_record(about))
         size = len(table) // 4
@@ -64,7 +69,10 @@ class Model:
             ("elements", _record(range(1, len(self.cells) + 1))),
             ("pointers", _record([0] * 2 * _SETS)),
             ("frequencies", _record([*self.frequencies, *[0.0] * (_SETS - len(sets))], "<f8")),
-            ("steps", _record([one for k in range(_SETS) for one in ((1, k + 1, k + 1) if k < len(sets) else (0,) * 3)])),
+            (
+                "steps",
+                _record([one for k in range(_SETS) for one in ((1, k + 1, k + 1) if k < len(sets) else (0,) * 3)]),
+            ),
             ("geometry", b"\0" * 332),
             ("table of types", table),
             *(("type", one) for one in types),
@@ -80,7 +88,7 @@ class Model:
         pointers = []
         for parts in sets:
             pointers.append(word)
-            found += [("set", part) for part in parts]
+            found += zip(("set", "frequency", "set", "nodes of a set"), parts)
             word += sum(map(len, parts)) // 4
         count = len(self.nodes)
         whole = {"pointers": _record([*pointers, *[0] * (2 * _SETS - len(sets))])}
@@ -89,7 +97,17 @@ class Model:
         standard[25:28], standard[94] = (16384, word, 1), 0
         whole["standard"] = _record(standard)
         head = np.zeros(80, "<i4")
-        head[:9] = 12, max(self.nodes), count, _SETS, len(self.directions), len(self.cells), len(self.cells), 2, len(sets)
+        head[:9] = (
+            12,
+            max(self.nodes),
+            count,
+            _SETS,
+            len(self.directions),
+            len(self.cells),
+            len(self.cells),
+            2,
+            len(sets),
+        )
         names = ("pointers", "frequencies", "steps", "elements", "nodes with results", "geometry")
         head[9:16] = word, *(at[name] for name in names)
         head[20], head[35] = 1, _DISPLACEMENTS
@@ -105,7 +123,11 @@ class Model:
         values = self.shapes[number][list(self.order)]
         rows = [row for row in range(len(self.nodes)) if row != self.missing]
         head = np.zeros(200, "<i4")
-        head[1:3], head[4:7], head[19] = (len(self.cells), len(self.nodes)), (1, number + 1, number + 1), len(self.directions)
+        head[1:3], head[4:7], head[19] = (
+            (len(self.cells), len(self.nodes)),
+            (1, number + 1, number + 1),
+            len(self.directions),
+        )
         head[20 : 20 + len(self.directions)] = self.directions
         frequency = _record([self.frequencies[number], *[0.0] * 9], "<f8")
         head[10] = head[104] = 203 + len(frequency) // 4
@@ -114,7 +136,9 @@ class Model:
 
     def signals(self) -> Signals:
         """The content by names."""
-        at = [node for place, node in enumerate(self.nodes) if self.missing is None or self.order[self.missing] != place]
+        at = [
+            node for place, node in enumerate(self.nodes) if self.missing is None or self.order[self.missing] != place
+        ]
         modes = []
         for frequency, shape in zip(self.frequencies, self.shapes):
             moved = _turned(shape, self.directions, self.angles)
@@ -210,7 +234,10 @@ class Rst:
         else:
             one = records.pop(place)
             records[goal:goal] = [one] * (how == "moved")
-        return Case(b"".join(one for _, one in records), "damage", f"record {name} {how} {place} to {goal}", truth)
+        blind = "results in the place of others of the same length" if name == "set" and how != "lost" else ""
+        return Case(
+            b"".join(one for _, one in records), "damage", f"record {name} {how} {place} to {goal}", truth, blind
+        )
 
     def read(self, path: Path) -> Reading:
         """What our reader makes of it."""
@@ -229,7 +256,9 @@ def _edit(draw: random.Random, made: Model) -> Case:
         made = replace(made, frequencies=(*made.frequencies[:-1], 2 * made.frequencies[-1]))
     if how == "a value":
         shapes = made.shapes.copy()
-        shapes[-1, draw.randrange(len(made.nodes)), draw.randrange(len(made.directions))] = draw.choice((0.0, -1.0, 1e12))
+        shapes[-1, draw.randrange(len(made.nodes)), draw.randrange(len(made.directions))] = draw.choice(
+            (0.0, -1.0, 1e12)
+        )
         made = replace(made, shapes=shapes)
     data = b"".join(one for _, one in made.records())
     return Case(data + b"\0" * 4096 * (how == "a longer file"), "edit", how, made.signals())
@@ -246,7 +275,9 @@ def _integer(draw: random.Random, records: list[tuple[str, bytes]], truth: Signa
     now = int(words[at])
     words[at] = draw.choice((min(now, 2**31 - 2) + 1, max(now, 1 - 2**31) - 1, 0, -1, 2**31 - 1, draw.randrange(400)))
     records[place] = (name, words.tobytes())
-    return Case(b"".join(one for _, one in records), "damage", f"integer {at} of {name}", truth)
+    once = (name == "cell" and at >= 12) or name == "nodes of a set"
+    blind = "the number of a node in an element or a set, which stands there once" if once else ""
+    return Case(b"".join(one for _, one in records), "damage", f"integer {at} of {name}", truth, blind)
 
 
 def _parsed(data: bytes) -> Signals:
@@ -269,7 +300,9 @@ def _parsed(data: bytes) -> Signals:
     table, at = words(int(head[14])), int(geometry[26])
     places = [words(at + 17 * row, "<f8") for row in range(int(geometry[3]))]
     about = {int(place[0]): place for place in places}
-    types = {int(one[0]): int(one[1]) for one in (words(int(geometry[20]) + int(at)) for at in words(int(geometry[20])))}
+    types = {
+        int(one[0]): int(one[1]) for one in (words(int(geometry[20]) + int(at)) for at in words(int(geometry[20])))
+    }
     index = words(int(geometry[28])).view("<i8")
     cells = [words(int(geometry[28]) + int(index[row])) for row in range(int(geometry[4]))]
     drawn = [_drawn(types[int(cell[1])], tuple(map(int, cell[10:]))) for cell in cells]

@@ -23,7 +23,7 @@ class Element:
 
 
 def _quadratic(linear: Element, edges: str) -> Element:
-    """The element with a node in the middle of every edge; ``edges`` are pairs of corners in the order of these nodes."""
+    """The element with a node in the middle of every edge; ``edges`` are pairs of corners in their order."""
     corners = linear.nodes
     between = {frozenset(map(int, edge)): corners + place for place, edge in enumerate(edges.split())}
     faces = tuple(

@@ -1,7 +1,7 @@
 """Result files of CalculiX (.frd): the modes of a frequency analysis and their mesh.
 
-Records of fixed columns as the manual of CalculiX GraphiX describes them, in text or with binary blocks. Every count, length
-and number that the file announces is compared with what it delivers.
+Records of fixed columns as the manual of CalculiX GraphiX describes them, in text or with binary blocks. Every count,
+length and number that the file announces is compared with what it delivers.
 """
 
 import re
@@ -23,11 +23,9 @@ from ema.errors import InputError
 
 _MESH = re.compile(r"    ([23])C {18}([ \d]{11}\d) {37}([0-3])", re.ASCII)
 """Head of the nodes or elements: how many, and how they are written."""
-_RESULT = re.compile(
-    r"  100CL([ \d]{4}\d)(.{12})([ \d]{11}\d).{20}([ \d]\d)([ \d]{4}\d)(.{10})( [0-3])", re.ASCII
-)
-"""Head of results: 100 and the number of the step, frequency, how many nodes, kind of analysis, number of the step, name of
-the kind, and how they are written."""
+_RESULT = re.compile(r"  100CL([ \d]{4}\d)(.{12})([ \d]{11}\d).{20}([ \d]\d)([ \d]{4}\d)(.{10})( [0-3])", re.ASCII)
+"""Head of results: 100 and the number of the step, frequency, how many nodes, kind of analysis, number of the step,
+name of the kind, and how they are written."""
 _FIELD = re.compile(r" -4  (.{8})([ \d]{4}\d)[ \d]{4}\d", re.ASCII)
 _DISPLACEMENT = re.compile(r" -5  D([1-6])          1    2    ([1-6])    0(?:    0)?")
 _COMPUTED = "    1"
@@ -41,6 +39,7 @@ _NUMBER = [_LEAD, _DIGIT, _POINT, *[_DIGIT] * 5, _EXPONENT, _SIGN, _DIGIT, _DIGI
 """Bytes that may stand in the twelve columns of a number (E12.5)."""
 _MODAL = "2", "MODAL"
 """Kind of a frequency analysis, and its name."""
+
 
 class _Damage(Exception):
     """What does not fit in a block: ``args`` are what, got and expected."""
@@ -210,7 +209,7 @@ class _Reader:
     def __init__(self, data: bytes, layout: Layout, where: str) -> None:
         self.layout, self.where, self.findings = layout, where, list[Finding]()
         self.parser, self.announced = _Parser(data), _Announced()
-        self.nodes: Int[np.ndarray, "n"] | None = None
+        self.nodes: Int[np.ndarray, n] | None = None
         self.xyz = np.zeros((0, 3))
         self.cells: dict[int, list[list[int]]] | None = None
         self.modes: list[_Mode] = []

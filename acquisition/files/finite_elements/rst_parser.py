@@ -1,7 +1,8 @@
 """Ansys results by ansys-mapdl-reader, in the process of the parsers.
 
-The library follows pointers and takes counts as they come. Before it draws the mesh, every record that it will use is found
-by its pointer, with the same length in front of it and behind it and within the file, and what is written twice is compared.
+The library follows pointers and takes counts as they come. Before it draws the mesh, every record that it will use is
+found by its pointer, within the file and with one length in front of it and behind it, and what is written twice is
+compared.
 """
 
 import re
@@ -24,8 +25,8 @@ _RESULTS = 12
 """Number of the kind of a file with results."""
 _HEADER = 103
 """Word at which the header of the results begins."""
-_PACKED = 0x38000000
-"""Bits of a record whose data are packed."""
+_PACKED, _UNKNOWN = 0x38000000, 0x07000000
+"""Bits of a record whose data are packed, and those that have no meaning."""
 _WHOLE, _HALF = 0x80000000, 0x40000000
 """Bits of a record of integers, and of one whose numbers have half of the usual bytes."""
 _ABSENT = 2.0**100
@@ -44,7 +45,7 @@ class _Records:
     """Records by the number of the word at which they begin: length, kind, data, length."""
 
     def __init__(self, path: Path) -> None:
-        self.words = np.fromfile(path, "<i4")
+        self.words = np.memmap(path, "<i4", "r", shape=(path.stat().st_size // 4,))
         self.path = path
 
     def size(self, place: int) -> int:
@@ -61,7 +62,7 @@ class _Records:
     def read(self, place: int, *, integers: bool) -> Any:
         """The numbers of a record."""
         length, kind = self.size(place) - 3, int(self.words[place + 1]) & 0xFFFFFFFF
-        if kind & ~(_PACKED | _WHOLE | _HALF) or bool(kind & _WHOLE) != integers:
+        if kind & _UNKNOWN or bool(kind & _WHOLE) != integers:
             raise _Damage(f"the record at word {place} is of another kind", hex(kind))
         if kind & _PACKED:
             return np.asarray(c_read_record(str(self.path), place))
@@ -106,12 +107,12 @@ class _Announced:
         geometry = parse_header(records.read(int(head["ptrGEO"]), integers=True), geometry_header_keys)
         for place in (head["ptrCYC"], geometry["ptrCSY"], geometry["ptrCOMP"]):
             records.size(int(place))
-        self.count, self.elements, self.sets = (int(head[name]) for name in ("nnod", "nelm", "nsets"))
+        self.count, self.sets = int(head["nnod"]), int(head["nsets"])
         most = int(head["resmax"])
         if not 0 <= self.sets <= most:
             raise _Damage("more sets of results than there may be", self.sets, most)
         self.numbers = records.counted(int(head["ptrNOD"]), self.count, "nodes with results")
-        cells = records.counted(int(head["ptrELM"]), self.elements, "elements")
+        cells = records.counted(int(head["ptrELM"]), int(head["nelm"]), "elements")
         low_high = records.counted(int(head["ptrDSI"]), 2 * most, "pointers to results").view("<u4").astype(np.int64)
         self.places = (low_high[:most] + (low_high[most:] << 32))[: self.sets]
         self.times = records.counted(int(head["ptrTIM"]), most, "frequencies", integers=False)[: self.sets]
@@ -131,11 +132,17 @@ class _Announced:
             raise _Damage("sets of results have other degrees of freedom than the file", sorted(kinds), head["numdof"])
 
     def _nodes(self, place: int, count: int) -> tuple[Any, Any, Any]:
-        """Numbers, coordinates and angles: records one behind the other of number, three coordinates and three angles."""
-        rows = np.zeros((min(max(count, 0), len(self.records.words) // 4), 7))
-        for row in rows:
-            row[:] = self.records.counted(place, 7, "values of a node", integers=False)
-            place += self.records.size(place)
+        """Numbers, coordinates and angles: one record behind the other of number, three coordinates, three angles."""
+        count = max(count, 0)
+        words = self.records.words[max(place, 0) : max(place, 0) + 17 * count]
+        table = words.reshape(count, 17) if len(words) == 17 * count else words[:0].reshape(0, 17)
+        if len(table) and np.all(table[:, [0, 1, 16]] == (14, 0, 14)):
+            rows = np.ascontiguousarray(table[:, 2:16]).view("<f8")
+        else:
+            rows = np.zeros((min(count, len(self.records.words) // 4), 7))
+            for row in rows:
+                row[:] = self.records.counted(place, 7, "values of a node", integers=False)
+                place += self.records.size(place)
         with np.errstate(invalid="ignore"):
             nodes = rows[:, 0].astype(np.int64)
         if len(rows) != count or not np.all(np.isfinite(rows)) or np.any(nodes != rows[:, 0]) or np.any(nodes < 1):
@@ -155,20 +162,20 @@ class _Announced:
             cell = self.records.read(table + int(place), integers=True)
             if len(cell) < 11 or int(cell[1]) not in types:
                 raise _Damage("an element has no type", f"word {table + int(place)}")
-            if len(cell) - 10 > types[int(cell[1])] or not known.issuperset(cell[10:].tolist()):
-                raise _Damage("an element has other nodes than its type or the file", f"element {cell[8]}")
+            if not known.issuperset(cell[10:].tolist()):
+                raise _Damage("an element has nodes that are not in the file", f"element {cell[8]}")
             found.append(int(cell[8]))
-        if found != numbers.tolist():
+        if len(set(found)) < len(found) or not set(numbers.tolist()).issubset(found):
             raise _Damage("the elements are other ones than their table has", len(found), len(numbers))
 
-    def _types(self, table: int, geometry: dict[str, Any]) -> dict[int, int]:
-        """How many nodes an element has by the number of its type."""
+    def _types(self, table: int, geometry: dict[str, Any]) -> set[int]:
+        """The numbers of the types of elements."""
         places = self.records.read(table, integers=True)
         if geometry["mapFlag"]:
             places = self.records.read(table + self.records.size(table), integers=True)
         elif len(places) < int(geometry["maxety"]):
             raise _Damage("the number of element types contradicts", len(places), int(geometry["maxety"]))
-        found = {}
+        found: set[int] = set()
         for place in places[places != 0]:
             about = self.records.read(table + int(place), integers=True)
             if len(about) < 94 or int(about[0]) in found:
@@ -176,7 +183,7 @@ class _Announced:
             name = about[_TYPE_NAME].astype(">i4").tobytes()
             if re.fullmatch(rb"[A-Z]+[0-9]+ *", name) and int(re.findall(rb"[0-9]+", name)[0]) != about[1]:
                 raise _Damage("an element type has another name than number", int(about[1]), name.decode())
-            found[int(about[0])] = int(about[60])
+            found.add(int(about[0]))
         return found
 
     def _directions(self, head: Any) -> list[int]:
@@ -192,12 +199,12 @@ class _Announced:
         head = self.records.read(place, integers=True)
         if not np.array_equal(head[_SET_NUMBERS], self.steps[index]):
             raise _Damage("its numbers contradict the table of steps", head[_SET_NUMBERS].tolist(), self.steps[index])
-        if (int(head[1]), int(head[2])) != (self.elements, self.count):
-            raise _Damage("it has other elements or nodes than the file", head[1:3].tolist())
+        if int(head[2]) != self.count:
+            raise _Damage("it has other nodes than the file", int(head[2]), self.count)
         if head[18]:
             raise _Damage("it is a part of a complex mode, which is not read")
         about = self.records.read(place + self.records.size(place), integers=False)
-        if not len(about) or about[0] != self.times[index]:
+        if not len(about) or not np.isclose(about[0], self.times[index], rtol=1e-6, atol=0):
             raise _Damage("its frequency contradicts the table", float(about[0]), float(self.times[index]))
         header, kinds = parse_header(head, solution_data_header_keys), self._directions(head)
         width, start = len(kinds) + int(header["nfldof"]), place + int(header["ptrNSL"])
@@ -232,8 +239,8 @@ def _axes(angles: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
 
 
 def modes(path: Path) -> dict[str, Any]:
-    """``analysis``, and of ``"modes"`` the ``nodes``, ``xyz``, ``faces``, ``frequencies`` in Hz, ``shapes`` at the nodes
-    ``at``, and ``damaged``: what is wrong with modes that are not among them, and what was got and expected.
+    """``analysis``, and of ``"modes"`` the ``nodes``, ``xyz``, ``faces``, ``frequencies`` in Hz, ``shapes`` at the
+    nodes ``at``, and ``damaged``: what is wrong with modes that are not among them, what was got and expected.
 
     Raises
     ------
