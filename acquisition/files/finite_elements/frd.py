@@ -60,9 +60,9 @@ class _Parser:
         self.place = min(end + 1, len(self.data))
         return text[:-1].rstrip(" ") if text.endswith("\r") else text.rstrip(" ")
 
-    def number(self) -> int:
-        """The number of the next line."""
-        return self.data.count(b"\n", 0, self.place) + 1
+    def number(self, place: int) -> int:
+        """The number of the line that begins at a place."""
+        return self.data.count(b"\n", 0, place) + 1
 
     def nodal(self, count: int, form: int, width: int = 3) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "n w"]]:
         """Numbers and values of nodes up to the end of their block."""
@@ -97,7 +97,7 @@ class _Parser:
         if fits < count or not np.all(right):
             row = fits if np.all(right) else int(np.argmin(right))
             self.place += row * length
-            line = self.number()
+            line = self.number(self.place)
             raise _Damage(f"line {line} is none of a node", repr(self.line()[:60]), f"node {row + 1} of {count}")
         self.place += count * length
         nodes = rows[:, 3 : 3 + digits].copy().view(f"S{digits}")[:, 0].astype(np.int64)
@@ -152,13 +152,13 @@ class _Parser:
             match = head.fullmatch(line)
             kind = _integer(match[2]) if match else 0
             if match is None or kind not in ELEMENTS:
-                raise _Damage(f"line {self.number() - 1} is none of an element", repr(line[:60]))
+                raise _Damage(f"line {self.number(self.place) - 1} is none of an element", repr(line[:60]))
             nodes: list[int] = []
             while len(nodes) < ELEMENTS[kind].nodes:
                 row = self.line()
                 most = min({5: 15, 10: 10}[digits], ELEMENTS[kind].nodes - len(nodes))
                 if row[:3] != " -2" or len(row) != 3 + digits * most:
-                    raise _Damage(f"line {self.number() - 1} is none of an element's nodes", repr(row[:60]))
+                    raise _Damage(f"line {self.number(self.place) - 1} is none of an element's nodes", repr(row[:60]))
                 nodes += [_integer(row[at : at + digits]) for at in range(3, len(row), digits)]
             yield _integer(match[1]), kind, nodes
 
@@ -226,11 +226,11 @@ class _Reader:
         """
         parser, whole = self.parser, False
         while not whole and parser.place < len(parser.data):
-            line, number = parser.line(), parser.number() - 1
+            start, line = parser.place, parser.line()
             try:
                 whole = self._block(line)
             except _Damage as damage:
-                self._damaged(damage, line, number)
+                self._damaged(damage, line, parser.number(start))
         if not whole:
             self._differs("the file ends too early", ("no record 9999 at its end", "one"), "what is complete is read")
         elif parser.data[parser.place :].strip():

@@ -32,5 +32,7 @@ def read(path: Path, layout: Layout) -> Contents:
     for mode, what, got, expected in parsed["damaged"]:
         where = f"{path.name}: {mode}"
         notes += differs(what, where=where, layout=layout, got=got, expected=expected, recovered="it is left out")
+    if parsed["undrawn"]:
+        notes += (Finding("warning", "not-read", path.name, f"{parsed['undrawn']}; the mesh is read without faces."),)
     found = contents(parsed, layout, path.name)
     return replace(found, findings=(*notes, *found.findings))

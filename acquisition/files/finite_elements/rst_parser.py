@@ -94,6 +94,7 @@ class _Announced:
         if len(records.counted(0, 100, "words of the first record")) and records.words[2] != _RESULTS:
             raise _Damage("the first record is not that of results", int(records.words[2]), _RESULTS)
         self.head = parse_header(records.read(_HEADER, integers=True), result_header_keys)
+        self.undrawn = ""  # why the mesh has no faces
         self.kind, self.sectors = int(self.head["kan"]), int(self.head["nSector"])
 
     def compare(self) -> None:
@@ -114,7 +115,10 @@ class _Announced:
         self.numbers = records.counted(int(head["ptrNOD"]), self.count, "nodes with results")
         cells = records.counted(int(head["ptrELM"]), int(head["nelm"]), "elements")
         low_high = records.counted(int(head["ptrDSI"]), 2 * most, "pointers to results").view("<u4").astype(np.int64)
-        self.places = (low_high[:most] + (low_high[most:] << 32))[: self.sets]
+        places = low_high[:most] + (low_high[most:] << 32)
+        if np.count_nonzero(places) != self.sets or not np.all(places[: self.sets]):
+            raise _Damage("the number of sets of results contradicts", np.count_nonzero(places), self.sets)
+        self.places = places[: self.sets]
         self.times = records.counted(int(head["ptrTIM"]), most, "frequencies", integers=False)[: self.sets]
         self.steps = records.counted(int(head["ptrLSP"]), 3 * most, "numbers of steps").reshape(-1, 3)[: self.sets]
         if len(np.unique(self.places)) < self.sets:
@@ -165,17 +169,19 @@ class _Announced:
             if not known.issuperset(cell[10:].tolist()):
                 raise _Damage("an element has nodes that are not in the file", f"element {cell[8]}")
             found.append(int(cell[8]))
+            if len(cell) - 10 != types[int(cell[1])] and not self.undrawn:
+                self.undrawn = f"element {cell[8]} has {len(cell) - 10} nodes and its type {types[int(cell[1])]}"
         if len(set(found)) < len(found) or not set(numbers.tolist()).issubset(found):
             raise _Damage("the elements are other ones than their table has", len(found), len(numbers))
 
-    def _types(self, table: int, geometry: dict[str, Any]) -> set[int]:
-        """The numbers of the types of elements."""
+    def _types(self, table: int, geometry: dict[str, Any]) -> dict[int, int]:
+        """How many nodes an element has by the number of its type."""
         places = self.records.read(table, integers=True)
         if geometry["mapFlag"]:
             places = self.records.read(table + self.records.size(table), integers=True)
         elif len(places) < int(geometry["maxety"]):
             raise _Damage("the number of element types contradicts", len(places), int(geometry["maxety"]))
-        found: set[int] = set()
+        found: dict[int, int] = {}
         for place in places[places != 0]:
             about = self.records.read(table + int(place), integers=True)
             if len(about) < 94 or int(about[0]) in found:
@@ -183,7 +189,7 @@ class _Announced:
             name = about[_TYPE_NAME].astype(">i4").tobytes()
             if re.fullmatch(rb"[A-Z]+[0-9]+ *", name) and int(re.findall(rb"[0-9]+", name)[0]) != about[1]:
                 raise _Damage("an element type has another name than number", int(about[1]), name.decode())
-            found.add(int(about[0]))
+            found[int(about[0])] = int(about[60])
         return found
 
     def _directions(self, head: Any) -> list[int]:
@@ -240,7 +246,8 @@ def _axes(angles: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
 
 def modes(path: Path) -> dict[str, Any]:
     """``analysis``, and of ``"modes"`` the ``nodes``, ``xyz``, ``faces``, ``frequencies`` in Hz, ``shapes`` at the
-    nodes ``at``, and ``damaged``: what is wrong with modes that are not among them, what was got and expected.
+    nodes ``at``; ``undrawn``: why there are no faces; and ``damaged``: what is wrong with modes that are left out,
+    what was got and expected.
 
     Raises
     ------
@@ -269,7 +276,8 @@ def modes(path: Path) -> dict[str, Any]:
         "analysis": "modes",
         "nodes": announced.nodes,
         "xyz": announced.xyz,
-        "faces": _faces(result.grid, announced.nodes),
+        "faces": np.zeros((0, 0), int) if announced.undrawn else _faces(result.grid, announced.nodes),
+        "undrawn": announced.undrawn,
         "at": np.array(at, np.int64),
         "frequencies": np.array([frequency for frequency, _, _ in found]),
         "shapes": np.array([shape[_rows(nodes, at)] for _, nodes, shape in found]),
