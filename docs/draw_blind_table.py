@@ -26,7 +26,7 @@ def blind_table():
             colour = SERIES[column][0]
             at = places + 0.24 * (column - 1)
             low, high = factor * bands[:, :, column]
-            axes.bar(at, high - low, 0.18, low, color=colour, alpha=0.35, lw=0, label=f"told, F_N {force:g} N")
+            axes.bar(at, high - low, 0.18, low, color=colour, alpha=0.35, lw=0, label=f"predicted, F_N {force:g} N")
             axes.hlines(factor * told[:, column], at - 0.09, at + 0.09, color=colour, lw=1.6)
             axes.plot(at, factor * true[:, column], ls="", marker="D", ms=4.5, color=BLACK, mec="white", mew=0.5,
                       zorder=5, label="true" if column == len(found.forces) - 1 else None)
@@ -39,7 +39,7 @@ def blind_table():
                    textcoords="offset points", fontsize=8, color="0.35")
     right.set_ylim(0, None)
     left.set_ylim(found.frequency_bands.min() - 0.4, found.frequency_bands.max() + 0.4)
-    left.set_title("Told before, true afterwards: frequency")
+    left.set_title("Predicted before, true afterwards: frequency")
     right.set_title("Damping")
     left.legend(fontsize=8, loc="upper left")
     return figure

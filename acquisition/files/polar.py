@@ -91,7 +91,8 @@ def to_complex(arrays: Arrays, layout: Layout, amplitude: Any, phase: Any) -> Po
         )
     doubt = _check_phase(phase, turn, where)
     linear = _linear(amplitude, scale, where)
-    values = linear * np.exp(1j * turn.factor * np.asarray(phase, dtype=np.float64))
+    with np.errstate(invalid="ignore"):  # infinite numbers of a damaged file have a finding
+        values = linear * np.exp(1j * turn.factor * np.asarray(phase, dtype=np.float64))
     still = [constant(np.squeeze(v), p, where) for v, p in ((amplitude, layout.amplitude), (phase, layout.phase))]
     findings = (*scale_note, *turn_note, *doubt, *(note for notes in still for note in notes))
     return Polar(values, scale.unit, findings, scale.decibels)

@@ -40,6 +40,7 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
     unit, overruled = _unit(raw, layout, arrays.where)
     frf_set = make_frfs(frequencies, block, outputs, inputs, unit, arrays.where, coherence)
     findings = (*raw.findings, *overruled, *not_finite(frf_set.values, arrays.where))
+    findings = (*findings, *missing_lines(frequencies, arrays.where))
     return Contents(frfs=(frf_set,), findings=findings)
 
 
@@ -158,6 +159,29 @@ def check_frequencies(frequencies: Any, where: str) -> None:
         )
 
 
+_LINES_PER_GAP = 10
+"""Lines for each gap from which gaps are damage: an odd multisine leaves out one line of three or four on purpose, for
+distortion (Pintelon, Schoukens, System Identification, 2nd ed. (2012), section 4.3); a lost row is one of all."""
+_OFF_GRID = 0.1
+"""Share of the spacing by which written frequencies may be off the even axis: one digit behind the spacing's first."""
+
+
+def missing_lines(frequencies: Any, where: str) -> tuple[Finding, ...]:
+    """A finding where lines are missing in an axis of frequencies in Hz, shape (line,), that is even but for them."""
+    steps = np.diff(np.asarray(frequencies, float))
+    if len(steps) < _LINES_PER_GAP:
+        return ()
+    usual = float(np.median(steps))
+    spacings = np.round(steps / usual)
+    gaps = np.flatnonzero(spacings > 1)
+    if np.any(np.abs(steps / usual - spacings) > _OFF_GRID) or not 0 < len(gaps) <= len(steps) / _LINES_PER_GAP:
+        return ()
+    count, first = int(np.sum(spacings[gaps] - 1)), float(frequencies[gaps[0]]) + usual
+    message = f"{count} of {len(steps) + 1 + count} lines that are {usual:g} Hz apart are missing, first {first:g} Hz."
+    advice = "Export the file again if the lines were not left out on purpose."
+    return (Finding("warning", "lines-missing", where, message, float(count), 0.0, advice),)
+
+
 def _complex(arrays: Arrays, layout: Layout) -> Polar:
     if layout.frf is not None:
         _refuse_polar(arrays, layout.frf)
@@ -182,7 +206,9 @@ def _complex(arrays: Arrays, layout: Layout) -> Polar:
         unit, other = _stated(arrays, layout.real), _stated(arrays, layout.imaginary)
         if unit != other and UNSTATED not in (unit, other):
             raise InputError("real and imaginary part differ in unit", where=arrays.where, got=f"{unit}, {other}")
-        return Polar(real + 1j * imaginary, other if unit == UNSTATED else unit)
+        with np.errstate(invalid="ignore"):  # infinite numbers have a finding
+            values = real + 1j * imaginary
+        return Polar(values, other if unit == UNSTATED else unit)
     if layout.amplitude is not None and layout.phase is not None:
         amplitude, phase = arrays.numbers(layout.amplitude), arrays.numbers(layout.phase)
         if amplitude.shape != phase.shape:

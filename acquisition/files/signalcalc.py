@@ -4,14 +4,18 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files import sniff, table
 from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.polar import Polar, to_complex
-from acquisition.files.ratios import make_frfs
+from acquisition.files.ratios import make_frfs, missing_lines
+from acquisition.files.reconcile import differs
 from acquisition.files.scales import bare_title
+from ema.data import Finding
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import UNSTATED
@@ -22,11 +26,13 @@ def read(path: Path, layout: Layout) -> Contents:
 
     Raises
     ------
-    InputError : the columns are not frequency, real and imaginary part, or frequency, magnitude and phase.
+    InputError : the columns are not frequency, real and imaginary part, or frequency, magnitude and phase; or the
+        table is interrupted, and salvage was not asked for.
     UnitError : the scale of the magnitude or the unit of the phase is stated nowhere.
     """
     text = table.decode(sniff.whole(path))
-    segment = table.parse(text, layout, path.name)[0]
+    segment, *others = table.parse(text, layout, path.name)
+    lost = _reconciled(segment, others, layout, path.name)
     if segment.values.shape[1] != 3:
         raise InputError(
             "not frequency, real and imaginary part", where=path.name, got=f"{segment.values.shape[1]} columns"
@@ -42,7 +48,27 @@ def read(path: Path, layout: Layout) -> Contents:
     header = tuple(
         (line.split("\t", 1)[0].strip(), line.split("\t", 1)[1].strip()) for line in segment.header[:4] if "\t" in line
     )
-    return Contents(frfs=(frfs,), findings=(*raw.findings, *not_finite(frfs.values, path.name)), metadata=header)
+    damage = (*segment.notes, *lost, *missing_lines(frfs.frequencies, path.name), *not_finite(frfs.values, path.name))
+    return Contents(frfs=(frfs,), findings=(*raw.findings, *damage), metadata=header)
+
+
+def _reconciled(segment: table.Segment, others: list[table.Segment], layout: Layout, where: str) -> tuple[Finding, ...]:
+    """Findings about rows that are damaged: the header begins with words, and one table stands below it.
+
+    Raises
+    ------
+    InputError : there are some, and salvage was not asked for.
+    """
+    rows, what, line = len(segment.values), "", segment.line
+    number = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
+    if any(number.fullmatch(cell) for cell in (segment.header[-1] if segment.header else "").split("\t")):
+        what, line = "a row that holds no numbers", line - 1
+    elif others:
+        what, line = "rows of another number of cells inside the table", others[0].line
+    if not what:
+        return ()
+    recovered = f"{rows} rows {'in front of it' if others else 'behind it'} are read"
+    return differs(what, where=f"{where}, line {line}", layout=layout, recovered=recovered)
 
 
 def _complex(segment: table.Segment, layout: Layout, where: str) -> Polar:
@@ -57,7 +83,8 @@ def _complex(segment: table.Segment, layout: Layout, where: str) -> Polar:
     kinds = [bare_title(title) for title in titles[1:3]]
     first, second = segment.values[:, 1], segment.values[:, 2]
     if kinds == ["real", "imaginary"]:
-        return Polar(first + 1j * second, UNSTATED)
+        with np.errstate(invalid="ignore"):  # infinite numbers have a finding
+            return Polar(first + 1j * second, UNSTATED)
     if len(kinds) != 2 or not (kinds[0].startswith(("mag", "amp")) and kinds[1].startswith("phase")):
         raise InputError(
             "neither real and imaginary part nor magnitude and phase",

@@ -29,6 +29,12 @@ _READ = ("acquisition/registry.py", "acquisition/files/sanity.py", "tests/fuzz/c
 _ARRANGED = tuple(f"acquisition/files/table/{name}.py" for name in ("reading", "titles", "segment", "announced"))
 _TEXT = (*_READ, *_ARRANGED, "acquisition/files/signals.py", "tests/fuzz/tables.py")
 _TABLE = (*_TEXT, *(f"acquisition/files/table/{name}.py" for name in ("blocks", "damage", "numbers")))
+_FRF_TEXT = (
+    *_READ,
+    *(f"acquisition/files/table/{name}.py" for name in ("blocks", "damage", "numbers", "segment")),
+    *(f"acquisition/files/{name}.py" for name in ("ratios", "polar")),
+    "tests/fuzz/frf_text.py",
+)
 _CONTAINER = (*_READ, *_ISOLATED, "acquisition/files/signals.py", "tests/fuzz/containers.py")
 _MATRIX = ("acquisition/files/matrices.py", "acquisition/files/harwell_boeing.py", "tests/fuzz/ours.py")
 _ELEMENTS = (
@@ -44,6 +50,8 @@ RESTS: dict[str, tuple[str, ...]] = {
     "fuzz uff-model": (*_READ, *_MODEL, "tests/fuzz/uff_model.py"),
     "fuzz table": _TABLE,
     "fuzz lvm": (*_TEXT, "acquisition/files/lvm.py"),
+    "fuzz frf-table": (*_FRF_TEXT, *_ARRANGED),
+    "fuzz signalcalc": (*_FRF_TEXT, "acquisition/files/signalcalc.py"),
     "fuzz json": (*_TEXT, "acquisition/files/json_arrays.py"),
     "fuzz npy": (*_CONTAINER, "acquisition/files/npy.py"),
     "fuzz npz": (*_CONTAINER, "acquisition/files/npy.py"),

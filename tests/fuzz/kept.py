@@ -55,6 +55,15 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "blank-of-the-points.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # the last number of a line cut away between two full lines, in a function of three lines
     "line-cut.uff": lambda one: one.named == 1 and len(one.signals) == 1,
+    # a time record whose type became that of a coherence
+    "coherence.uff": lambda one: one.named == 1 and len(one.signals) == 1,
+    # FRFs in text: a frequency line lost from an axis that is even but for it
+    "frequency-line-lost.txt": lambda one: one.named == 1 and len(one.signals) == 1,
+    "frequency-line-lost.csv": lambda one: one.named == 1 and len(one.signals) == 1,
+    # the first number of the first row is none: the row was taken for a line of the header
+    "first-row-damaged.txt": lambda one: "a row that holds no numbers" in one.refusal,
+    # a cell behind the last tab of a row: all rows from there on were lost
+    "row-of-four-cells.txt": lambda one: "another number of cells" in one.refusal,
     # geometry and modes: the title of a trace line lost, so that its nodes were taken for it
     "trace-line-without-title.unv": lambda one: one.named == 1 and _count(one, "line") == 1,
     # all elements behind a blank record were lost

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from tests.fuzz.cases import Subject
 from tests.fuzz.containers import CONTAINERS
 from tests.fuzz.frd import Frd
+from tests.fuzz.frf_text import FrfTable, SignalCalc
 from tests.fuzz.ours import Matrix, Store, Toml
 from tests.fuzz.rst import Rst
 from tests.fuzz.tables import Json, Lvm, Table
@@ -16,6 +17,8 @@ SUBJECTS: dict[str, Callable[[], Subject]] = {
     "uff-model": UffModel,
     "table": Table,
     "lvm": Lvm,
+    "frf-table": FrfTable,
+    "signalcalc": SignalCalc,
     "json": Json,
     **CONTAINERS,
     "market": lambda: Matrix("market", ".mtx"),

@@ -329,8 +329,8 @@ def _frf_sets(
                 made.findings.append(_problem(where, lines[0].entry, error.args[0] if error.args else str(error)))
     alone = sum(map(len, left.values()))
     if alone:
-        message = f"{alone} coherences belong to no FRF of the file."
-        made.findings.append(Finding("info", "coherence-alone", where, message))
+        message = f"{alone} coherences belong to no FRF of the file and are not read."
+        made.findings.append(Finding("warning", "coherence-alone", where, message, float(alone), 0.0))
 
 
 def _blocks(made: Gathered, lines: list[_Line], where: str) -> list[list[_Line]]:

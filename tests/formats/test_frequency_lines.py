@@ -1,0 +1,50 @@
+"""Frequency axes with lines that are missing, and such that are uneven on purpose."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import acquisition
+
+
+def codes(path: Path, frequencies: np.ndarray) -> dict[str, float]:
+    """Findings about an FRF table with these frequencies in Hz: code and value."""
+    rng = np.random.default_rng(20261125)
+    rows = np.column_stack([frequencies, rng.normal(size=(len(frequencies), 2))])
+    np.savetxt(path, rows, delimiter=",", header="Frequency [Hz],Real,Imaginary", comments="", fmt="%.6g")
+    contents = acquisition.read(path)
+    np.testing.assert_allclose(contents.frfs[0].frequencies, frequencies, rtol=1e-5)
+    return {finding.code: finding.value for finding in contents.findings}
+
+
+@pytest.mark.parametrize("lost", [[7], [7, 8, 31], [1, 20, 40, 59]])
+def test_lost_lines_are_named_and_counted(tmp_path: Path, lost: list[int]) -> None:
+    axis = np.delete(12.5 + 0.78125 * np.arange(80), lost)
+    assert codes(tmp_path / "a.csv", axis)["lines-missing"] == len(lost)
+
+
+@pytest.mark.parametrize(
+    "axis",
+    [
+        12.5 + 0.78125 * np.arange(80),
+        np.geomspace(5, 500, 60),
+        np.setdiff1d(np.arange(1, 400, 2), np.arange(5, 400, 8)).astype(float),  # odd lines, one of four left out
+        np.concatenate([np.arange(10, 40), 40 + 0.25 * np.arange(60)]),  # refined about a resonance
+        np.round(3.7 * np.arange(1, 90)),  # rounded to full Hz
+    ],
+    ids=["even", "logarithmic", "odd multisine", "refined", "rounded"],
+)
+def test_axes_that_are_meant_so_have_no_finding(tmp_path: Path, axis: np.ndarray) -> None:
+    assert "lines-missing" not in codes(tmp_path / "a.csv", axis)
+
+
+@pytest.mark.parametrize("titles", ["Real,Imaginary", "Magnitude,Phase (deg)"])
+def test_infinite_numbers_have_a_finding_and_no_warning_of_numpy(tmp_path: Path, titles: str) -> None:
+    rows = "\n".join(f"{line},1e999,1e999" for line in range(20))
+    (tmp_path / "a.csv").write_text(f"Frequency [Hz],{titles}\n{rows}\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        contents = acquisition.read(tmp_path / "a.csv", amplitude_unit="(m/s^2)/N" if "Phase" in titles else None)
+    assert "not-finite" in {finding.code for finding in contents.findings}
