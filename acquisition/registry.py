@@ -96,9 +96,6 @@ _FORMATS = (
         "acquisition.files.finite_elements.frd",
         sniff.frd,
         ("modes", "geometry"),
-        (),
-        "fe",
-        ("pyvista_frd",),
     ),
     Format(
         "rst",

@@ -12,7 +12,6 @@ from acquisition.isolated import limits, wire
 from ema.errors import EmaError
 
 TASKS = {
-    "frd": "acquisition.files.finite_elements.frd_parser:modes",
     "gzip": "acquisition.files.sniff:unpacked",
     "hdf5": "acquisition.files.hdf5:tree",
     "market": "acquisition.files.matrices:entries",

@@ -38,6 +38,12 @@ _FRF_TEXT = (
 )
 _CONTAINER = (*_READ, *_ISOLATED, "acquisition/files/signals.py", "tests/fuzz/containers.py")
 _MATRIX = ("acquisition/files/matrices.py", "acquisition/files/harwell_boeing.py", "tests/fuzz/ours.py")
+_ELEMENTS = (
+    *_READ,
+    "acquisition/files/reconcile.py",
+    "acquisition/files/finite_elements/nodal.py",
+    "tests/fuzz/frd.py",
+)
 _STORE = ("ema/store",)
 _STUDY = (*_STORE, "ema/study/study.py", "ema/study/kept.py")
 RESTS: dict[str, tuple[str, ...]] = {
@@ -61,6 +67,18 @@ RESTS: dict[str, tuple[str, ...]] = {
         "acquisition/files/sampled.py",
     ),
     "fuzz xlsx": (*_CONTAINER, "acquisition/files/xlsx.py", *_ARRANGED),
+    "fuzz frd": (
+        *_ELEMENTS,
+        "acquisition/files/finite_elements/frd.py",
+        "acquisition/files/finite_elements/elements.py",
+    ),
+    "fuzz rst": (
+        *_ELEMENTS,
+        *_ISOLATED,
+        "acquisition/files/finite_elements/rst.py",
+        "acquisition/files/finite_elements/rst_parser.py",
+        "tests/fuzz/rst.py",
+    ),
     "fuzz market": (*_MATRIX, *_ISOLATED),
     "fuzz boeing": _MATRIX,
     "fuzz store": (*_STORE, "tests/fuzz/ours.py"),

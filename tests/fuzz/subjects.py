@@ -4,8 +4,10 @@ from collections.abc import Callable
 
 from tests.fuzz.cases import Subject
 from tests.fuzz.containers import CONTAINERS
+from tests.fuzz.frd import Frd
 from tests.fuzz.frf_text import FrfTable, SignalCalc
 from tests.fuzz.ours import Matrix, Store, Toml
+from tests.fuzz.rst import Rst
 from tests.fuzz.tables import Json, Lvm, Table
 from tests.fuzz.uff import Uff
 from tests.fuzz.uff_model import UffModel
@@ -23,4 +25,6 @@ SUBJECTS: dict[str, Callable[[], Subject]] = {
     "boeing": lambda: Matrix("boeing", ".hb"),
     "store": Store,
     "toml": Toml,
+    "frd": Frd,
+    "rst": Rst,
 }

@@ -23,7 +23,7 @@ def contents(parsed: dict[str, Any], layout: Layout, where: str) -> Contents:
     Parameters
     ----------
     parsed : ``nodes`` (n,), ``xyz`` (n, 3), ``faces`` (face, corner) as rows of ``nodes`` filled with -1; and of
-        results ``frequencies`` (mode,) in Hz and ``shapes`` (mode, n, 3) in global directions.
+        results ``frequencies`` (mode,) in Hz and ``shapes`` (mode, m, 3) in global directions at the nodes ``at`` (m,).
 
     Raises
     ------
@@ -44,10 +44,10 @@ def contents(parsed: dict[str, Any], layout: Layout, where: str) -> Contents:
     geometry = Geometry(nodes, unit.to_si(xyz), faces=_faces(nodes, parsed["faces"]), name=where)
     if "shapes" not in parsed:
         return Contents(geometry=geometry, findings=findings)
-    return Contents(modes=(_model(nodes, parsed, where),), geometry=geometry, findings=findings)
+    return Contents(modes=(_model(parsed, where),), geometry=geometry, findings=findings)
 
 
-def _model(nodes: Int[np.ndarray, "n"], parsed: dict[str, Any], where: str) -> ModalModel:
+def _model(parsed: dict[str, Any], where: str) -> ModalModel:
     """The modes: undamped and, since the units of mass are not stated, unscaled."""
     frequencies, shapes = np.asarray(parsed["frequencies"], float), np.asarray(parsed["shapes"], float)
     if not np.all(np.isfinite(frequencies)) or not np.all(np.isfinite(shapes)):
@@ -59,7 +59,7 @@ def _model(nodes: Int[np.ndarray, "n"], parsed: dict[str, Any], where: str) -> M
     return ModalModel(
         poles_from(frequencies[elastic], np.zeros(int(elastic.sum()))),
         shapes[elastic].reshape(int(elastic.sum()), -1).T.astype(complex),
-        tuple(Dof(int(node), direction) for node in nodes for direction in _DIRECTIONS),
+        tuple(Dof(int(node), direction) for node in parsed["at"] for direction in _DIRECTIONS),
         np.zeros((0, int(elastic.sum())), complex),
         (),
         scaling="unscaled",

@@ -1,11 +1,14 @@
 """Result files of Ansys Mechanical APDL (.rst): the modes of a modal analysis and their mesh."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from acquisition.contents import Contents
 from acquisition.files.finite_elements.nodal import contents
 from acquisition.files.layout import Layout
+from acquisition.files.reconcile import differs
 from acquisition.isolated import call
+from ema.data import Finding
 from ema.errors import InputError
 
 
@@ -25,4 +28,11 @@ def read(path: Path, layout: Layout) -> Contents:
             got=parsed["analysis"],
             expected="a modal analysis (ANTYPE,MODAL) of all sectors",
         )
-    return contents(parsed, layout, path.name)
+    notes: tuple[Finding, ...] = ()
+    for mode, what, got, expected in parsed["damaged"]:
+        where = f"{path.name}: {mode}"
+        notes += differs(what, where=where, layout=layout, got=got, expected=expected, recovered="it is left out")
+    if parsed["undrawn"]:
+        notes += (Finding("warning", "not-read", path.name, f"{parsed['undrawn']}; the mesh is read without faces."),)
+    found = contents(parsed, layout, path.name)
+    return replace(found, findings=(*notes, *found.findings))
