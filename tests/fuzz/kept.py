@@ -154,7 +154,7 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "parameters-swallowed.frd": lambda one: "a record of parameters" in one.refusal,
     # the end within binary elements
     "binary-cut.frd": lambda one: "ends within binary data" in one.refusal,
-    # valid: directions Y, Z, X, which were taken for X, Y, Z; a node without results, which was at rest
+    # valid: directions Y, Z, X, which were taken for X, Y, Z; a node without results, which got those of another
     "directions.rst": lambda one: _moves(one, 3, 0.7622597120847118, -0.6414703941072214, 2.000416546342423),
     "node-without-results.rst": lambda one: _count(one, "mode") == 2 * (1 + 3) and _count(one, "node") == 4,
     # valid: a node with axes of its own that has no third direction; the number that says so was turned with the others
