@@ -358,7 +358,7 @@ def _parsed(data: bytes) -> Signals:
     cells: list[tuple[int, tuple[int, ...]]] = []
     modes: list[tuple[float, Any, Any]] = []
     modal = False
-    while (at := lines.place) < len(data) and (line := lines.next()) != " 9999":
+    while b"\n" in data[(at := lines.place) :] and (line := lines.next()) != " 9999":
         try:
             if line[:6] == "    2C":
                 nodes = dict(lines.rows(int(line[24:36]), int(line[73]), 3))
@@ -382,8 +382,13 @@ class _Lines:
     place: int = 0
 
     def next(self) -> str:
-        """The next line."""
-        end = self.data.find(b"\n", self.place) if b"\n" in self.data[self.place :] else len(self.data)
+        """The next line.
+
+        Raises
+        ------
+        ValueError : there is none.
+        """
+        end = self.data.index(b"\n", self.place)
         line = self.data[self.place : end].decode("latin-1").rstrip("\r ")
         self.place = end + 1
         return line
