@@ -1,5 +1,6 @@
 """Modes and meshes of finite element programs, against what these programs themselves print."""
 
+import random
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import acquisition
 from ema.data import Geometry
 from ema.errors import InputError
+from tests.fuzz import rst
 
 PLATE = Path(__file__).parent / "l_plate.frd"
 """A free L-shaped steel plate solved by CalculiX: 73 hexahedra (C3D8I) of 25 x 25 x 6 mm on a grid of 12 by 9 without
@@ -92,3 +94,48 @@ def test_a_torn_file_is_refused_or_loses_whole_modes_with_a_word(tmp_path: Path,
     torn.write_bytes(whole[: int(part * len(whole))])
     with pytest.raises(InputError, match=r"torn\.frd"):
         acquisition.read(torn)
+
+
+def test_salvage_leaves_a_damaged_mode_out_and_names_it(tmp_path: Path) -> None:
+    lines = PLATE.read_text().splitlines(keepends=True)
+    third = [number for number, line in enumerate(lines) if line.startswith("    1PSTEP")][2]
+    del lines[third + 20]  # the line of a node
+    torn = tmp_path / "torn.frd"
+    torn.write_text("".join(lines))
+    with pytest.raises(InputError, match=r"torn\.frd: line 764: .* is none of a node.*salvage=true"):
+        acquisition.read(torn, unit="m")
+    contents = acquisition.read(torn, unit="m", salvage=True)
+    (model,), (whole,) = contents.modes, acquisition.read(PLATE, unit="m").modes
+    assert [(finding.code, finding.where) for finding in contents.findings] == [("salvaged", "torn.frd: line 764")]
+    kept = [0, 1, 3, 4, 5]
+    assert np.array_equal(model.poles, whole.poles[kept]) and np.array_equal(model.shapes, whole.shapes[:, kept])
+
+
+def test_damaged_elements_are_left_out_where_salvage_is_asked_for(tmp_path: Path) -> None:
+    torn = tmp_path / "torn.frd"
+    torn.write_text(PLATE.read_text().replace(" -1         7    1    0    1\n", "", 1))
+    with pytest.raises(InputError, match=r"is none of an element"):
+        acquisition.read(torn, unit="m")
+    contents = acquisition.read(torn, unit="m", salvage=True)
+    assert contents.geometry.faces == () and "the mesh has no faces" in contents.findings[0].message
+    assert len(contents.modes[0].poles) == 6
+
+
+def test_layers_of_a_composite_are_elements_that_calculix_does_not_count(tmp_path: Path) -> None:
+    layers = tmp_path / "layers.frd"
+    layers.write_text(
+        PLATE.read_text().replace("    3C                            73", "    3C                            70")
+    )
+    assert len(acquisition.read(layers, unit="m").geometry.faces) == 188
+
+
+def test_parts_of_complex_modes_of_ansys_are_refused(tmp_path: Path) -> None:
+    made = rst.model(random.Random(1))
+    words = [np.frombuffer(data, "<i4").copy() for _, data in made.records()]
+    heads = [one for (name, _), one in zip(made.records(), words, strict=True) if name == "set" and len(one) == 203]
+    heads[0][2 + 18] = 1
+    path = tmp_path / "damped.rst"
+    path.write_bytes(b"".join(one.tobytes() for one in words))
+    pytest.importorskip("ansys.mapdl.reader")
+    with pytest.raises(InputError, match=r"damped\.rst: mode 1: it is a part of a complex mode"):
+        acquisition.read(path)

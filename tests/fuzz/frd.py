@@ -346,41 +346,33 @@ def _head_damage(draw: random.Random, blocks: list[list[bytes]], truth: Signals)
     before, changed[block][place] = changed[block][place], line
     near = line[:7] == b"  100CL" and 12 <= at < 24 and np.isclose(float(before[12:24]), float(line[12:24]), 1e-6, 0)
     blind = "the last digits of a frequency, behind those of its stiffness" if near else ""
+    if what == "a column shifted" and line[:3] == b" -2" and len(before[at:].split()) == 1:
+        blind = "the last number of an element's nodes without its last digit"
     return Case(_joined(changed), "damage", f"{what}: block {block} line {place} byte {at}", truth, blind)
 
 
 def _parsed(data: bytes) -> Signals:
-    """The file by the columns of its records, without any comparison of what they announce.
-
-    Raises
-    ------
-    ValueError, IndexError : a record is none.
-    """
+    """The file by the columns of its records, without any comparison of what they announce; a damaged block is left out."""
     lines = _Lines(data)
     nodes: dict[int, Any] = {}
     cells: list[tuple[int, tuple[int, ...]]] = []
     modes: list[tuple[float, Any, Any]] = []
     modal = False
-    while (line := lines.next()) != " 9999":
-        key = line[:6]
-        if key == "    2C":
-            nodes = dict(lines.rows(int(line[24:36]), int(line[73]), 3))
-        elif key == "    3C":
-            cells = lines.cells(int(line[24:36]), int(line[73]))
-        elif key == "    1P":
+    while b"\n" in data[(at := lines.place) :] and (line := lines.next()) != " 9999":
+        try:
+            if line[:6] == "    2C":
+                nodes = dict(lines.rows(int(line[24:36]), int(line[73]), 3))
+            elif line[:6] == "    3C":
+                cells = lines.cells(int(line[24:36]), int(line[73]))
+            elif line[:6] == "  100C":
+                modal, displaced = False, modal
+                modes += lines.results(line, displaced)
+            elif line[:5] != "    1":
+                raise ValueError(line)
             modal |= line.startswith("    1PMODE")
-        elif key == "  100C":
-            field, components = lines.next(), []
-            for _ in range(int(field[13:18])):
-                components.append(lines.next())
-            width = sum(component[33:38] != "    1" for component in components)
-            displaced = modal and field[5:13].rstrip() == "DISP"
-            table = lines.rows(int(line[24:36]), int(line[73:75]), width, keep=displaced)
-            if displaced:
-                modes.append((float(line[12:24]), [node for node, _ in table], [row for _, row in table]))
-            modal = False
-        elif key[:5] != "    1":
-            raise ValueError(line)
+        except (ValueError, IndexError, KeyError):
+            later = [place for key in (b"\n    1PSTEP", b"\n 9999") if (place := data.find(key, at)) >= 0]
+            modal, lines.place = False, min(later, default=len(data) - 1) + 1
     return named(list(nodes), list(nodes.values()), cells, modes)
 
 
@@ -390,7 +382,12 @@ class _Lines:
     place: int = 0
 
     def next(self) -> str:
-        """The next line."""
+        """The next line.
+
+        Raises
+        ------
+        ValueError : there is none.
+        """
         end = self.data.index(b"\n", self.place)
         line = self.data[self.place : end].decode("latin-1").rstrip("\r ")
         self.place = end + 1
@@ -403,6 +400,16 @@ class _Lines:
         if len(values) != count:
             raise ValueError(kind)
         return values.tolist()
+
+    def results(self, line: str, modal: bool) -> list[tuple[float, Any, Any]]:
+        """The mode behind the head of results, if it is one."""
+        field = self.next()
+        components = [self.next() for _ in range(int(field[13:18]))]
+        width = sum(component[33:38] != "    1" for component in components)
+        displaced = modal and field[5:13].rstrip() == "DISP"
+        table = self.rows(int(line[24:36]), int(line[73:75]), width, keep=displaced)
+        rows = [node for node, _ in table], [row for _, row in table]
+        return [(float(line[12:24]), *rows)] if displaced else []
 
     def rows(self, count: int, form: int, width: int, *, keep: bool = True) -> list[tuple[int, list[float]]]:
         """Numbers and values of nodes; of a table that is not kept its end alone."""

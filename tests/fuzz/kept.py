@@ -5,8 +5,11 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
+
 from acquisition.files import matrices
 from ema.errors import EmaError
+from tests.fuzz import frd
 from tests.fuzz.cases import Reading, channels, reading
 from tests.fuzz.uff_model import contents_of
 
@@ -20,12 +23,19 @@ def _read(path: Path) -> Reading:
         except EmaError as error:
             return Reading(refusal=str(error))
         return Reading()
+    if path.suffix in (".frd", ".rst"):
+        return reading(path, frd.contents_of, unit="m")
     return reading(path, contents_of if path.suffix == ".unv" else channels)
 
 
 def _count(one: Reading, what: str) -> int:
     """How many signals of a kind there are; of a mode its pole and its values at every node."""
     return sum(name.startswith(what) for name in one.signals)
+
+
+def _moves(one: Reading, node: int, *expected: float) -> bool:
+    """Whether a node moves so in the lowest of two modes."""
+    return np.allclose(one.signals[f"mode at 12.3456789, node {node}"][1], expected, rtol=1e-9)
 
 
 EXPECTED: dict[str, Callable[[Reading], bool]] = {
@@ -124,6 +134,39 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "entry-beyond-the-diagonal.hb": lambda one: "wrong side of the diagonal" in one.refusal,
     # the last digit of an exponent became a blank
     "exponent-cut.hb": lambda one: "does not end where its field does" in one.refusal,
+    # displacements: the line of a node lost, which became 0; D1 and D2 exchanged in the list of components
+    "row-lost.frd": lambda one: "expected node 4 of 4" in one.refusal,
+    "components-exchanged.frd": lambda one: "record -5 of a component" in one.refusal,
+    # three nodes announced, and four are there; a digit lost, and a blank put in behind the number
+    "count-of-nodes.frd": lambda one: "no end behind 3 nodes" in one.refusal,
+    "column-shifted.frd": lambda one: "expected node 3 of 4" in one.refusal,
+    # the first mode lost whole, doubled whole, and without the record of its step
+    "mode-lost.frd": lambda one: "results are missing or stand twice" in one.refusal,
+    "mode-doubled.frd": lambda one: "two displacements of one mode" in one.refusal,
+    "step-lost.frd": lambda one: "the number of a step is missing" in one.refusal,
+    # a digit of a frequency, which its stiffness tells as well
+    "frequency.frd": lambda one: "contradicts the stiffness" in one.refusal,
+    # valid: a static step in front of a mode, which was taken for a mode at 1 Hz; a node without results, which was at rest
+    "static-step.frd": lambda one: _count(one, "mode") == 1 + 4,
+    "nodes-without-results.frd": lambda one: _count(one, "mode") == 2 * (1 + 3) and _count(one, "node") == 4,
+    # displacements by another name vanished; so did those behind which the head of the stresses was swallowed
+    "field-renamed.frd": lambda one: "displacements of a mode by another name" in one.refusal,
+    "parameters-swallowed.frd": lambda one: "a record of parameters" in one.refusal,
+    # the end within binary elements
+    "binary-cut.frd": lambda one: "ends within binary data" in one.refusal,
+    # valid: directions Y, Z, X, which were taken for X, Y, Z; a node without results, which got those of another
+    "directions.rst": lambda one: _moves(one, 3, 0.7622597120847118, -0.6414703941072214, 2.000416546342423),
+    "node-without-results.rst": lambda one: _count(one, "mode") == 2 * (1 + 3) and _count(one, "node") == 4,
+    # valid: a node with axes of its own that has no third direction; the number that says so was turned with the others
+    "absent-and-turned.rst": lambda one: _moves(one, 5, -1.022233352179296, -0.5915779146234558, 0.22118111059743722),
+    # a displacement is NaN, which became 0; the second direction of a set is none, and moved by 0
+    "nan.rst": lambda one: "mode 2: a displacement is NaN" in one.refusal,
+    "direction-of-a-set.rst": lambda one: "other degrees of freedom" in one.refusal,
+    # three sets of results of which two are announced
+    "fewer-sets.rst": lambda one: "number of sets of results contradicts" in one.refusal,
+    # SHELL181 with the number 182; a shell of four nodes with the type of a brick, which was drawn with a corner many times
+    "routine-number.rst": lambda one: "another name than number" in one.refusal,
+    "type-of-a-shell.rst": lambda one: one.named == 1 and _count(one, "face") == 0,
 }
 """What must be made of each file."""
 

@@ -122,22 +122,27 @@ class _Parser:
         """Nodes of the elements by type; a layer of a composite is an element that CalculiX does not count."""
         found: dict[int, list[list[int]]] = {}
         numbers = set()
-        for number, kind, nodes in self._binary_elements(count) if form in _BINARY else self._text_elements(form):
+        materials = [int(number) for number in re.findall(rb"^    1UMAT( *\d+)", self.data[: self.place], re.MULTILINE)]
+        for number, kind, material, nodes in (
+            self._binary_elements(count) if form in _BINARY else self._text_elements(form)
+        ):
+            if materials and material > max(materials):
+                raise _Damage("an element has a material that is not in the file", material, f"up to {max(materials)}")
             found.setdefault(kind, []).append(nodes)
             numbers.add(number)
         total = sum(map(len, found.values()))
-        if len(numbers) < total:
-            raise _Damage("an element number occurs twice")
+        if len(numbers) < total or min(numbers, default=1) < 1:
+            raise _Damage("an element number occurs twice or is not above 0")
         if total < count:
             raise _Damage("elements are missing", total, count)
         return found
 
-    def _binary_elements(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
+    def _binary_elements(self, count: int) -> Iterator[tuple[int, int, int, list[int]]]:
         for _ in range(count):
-            number, kind, *_ = self._integers(4)
+            number, kind, _, material = self._integers(4)
             if kind not in ELEMENTS:
                 raise _Damage("binary data hold no element", f"type {kind}")
-            yield number, kind, self._integers(ELEMENTS[kind].nodes)
+            yield number, kind, material, self._integers(ELEMENTS[kind].nodes)
 
     def _integers(self, count: int) -> list[int]:
         if len(self.data) < self.place + 4 * count:
@@ -145,9 +150,9 @@ class _Parser:
         self.place += 4 * count
         return np.frombuffer(self.data, "<i4", count, self.place - 4 * count).tolist()
 
-    def _text_elements(self, form: int) -> Iterator[tuple[int, int, list[int]]]:
+    def _text_elements(self, form: int) -> Iterator[tuple[int, int, int, list[int]]]:
         digits = _TEXT[form]
-        head = re.compile(rf" -1([ \d]{{{digits - 1}}}\d)([ \d]{{4}}\d)[ \d]{{4}}\d[ \d]{{4}}\d")
+        head = re.compile(rf" -1([ \d]{{{digits - 1}}}\d)([ \d]{{4}}\d)[ \d]{{4}}\d([ \d]{{4}}\d)")
         while (line := self.line()) != " -3":
             match = head.fullmatch(line)
             kind = _integer(match[2]) if match else 0
@@ -160,7 +165,7 @@ class _Parser:
                 if row[:3] != " -2" or len(row) != 3 + digits * most:
                     raise _Damage(f"line {self.number(self.place) - 1} is none of an element's nodes", repr(row[:60]))
                 nodes += [_integer(row[at : at + digits]) for at in range(3, len(row), digits)]
-            yield _integer(match[1]), kind, nodes
+            yield _integer(match[1]), kind, _integer(match[3]), nodes
 
 
 def _is_count(columns: UInt8[np.ndarray, "n w"]) -> Any:
@@ -209,7 +214,7 @@ class _Reader:
     def __init__(self, data: bytes, layout: Layout, where: str) -> None:
         self.layout, self.where, self.findings = layout, where, list[Finding]()
         self.parser, self.announced = _Parser(data), _Announced()
-        self.nodes: Int[np.ndarray, n] | None = None
+        self.nodes: Any = None  # numbers, once they were read
         self.xyz = np.zeros((0, 3))
         self.cells: dict[int, list[list[int]]] | None = None
         self.modes: list[_Mode] = []

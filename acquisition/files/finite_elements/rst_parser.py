@@ -215,8 +215,8 @@ class _Announced:
         header, kinds = parse_header(head, solution_data_header_keys), self._directions(head)
         width, start = len(kinds) + int(header["nfldof"]), place + int(header["ptrNSL"])
         values = self.records.read(start, integers=False)
-        if width < len(kinds) or len(values) % width:
-            raise _Damage("the number of its values contradicts", len(values), f"a multiple of {width}")
+        if width < len(kinds) or len(values) % width or len(values) > width * self.count:
+            raise _Damage("the number of its values contradicts", len(values), f"{width} at {self.count} nodes")
         values, nodes = values.reshape(-1, width), self.numbers
         if len(values) < self.count:
             rows = self.records.counted(start + self.records.size(start), len(values), "nodes of a set")
@@ -224,7 +224,7 @@ class _Announced:
                 raise _Damage("it names nodes that are not in the table")
             nodes = nodes[rows - 1]
         columns = [kinds.index(kind) if kind in kinds else -1 for kind in (1, 2, 3)]
-        shape = np.where(np.array(columns) < 0, _ABSENT, values[: self.count, columns])
+        shape = np.where(np.array(columns) < 0, _ABSENT, values[:, columns])
         if not np.all(np.isfinite(shape)):
             raise _Damage("a displacement is NaN or infinite")
         there = ~np.all(shape == _ABSENT, axis=1)
