@@ -41,7 +41,7 @@ def blind_table():
     left.set_ylim(found.frequency_bands.min() - 0.4, found.frequency_bands.max() + 0.4)
     left.set_title("Predicted before, true afterwards: frequency")
     right.set_title("Damping")
-    left.legend(fontsize=8, loc="upper left")
+    right.legend(fontsize=8, loc="lower center", ncol=2)
     return figure
 
 
