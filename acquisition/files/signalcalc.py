@@ -59,15 +59,15 @@ def _reconciled(segment: table.Segment, others: list[table.Segment], layout: Lay
     ------
     InputError : there are some, and salvage was not asked for.
     """
-    rows, what, line = len(segment.values), "", segment.line
     number = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
-    if any(number.fullmatch(cell) for cell in (segment.header[-1] if segment.header else "").split("\t")):
-        what, line = "a row that holds no numbers", line - 1
+    last = segment.header[-1] if segment.header else ""
+    if any(number.fullmatch(cell) for cell in last.split("\t")):
+        what, line, side = "a row that holds no numbers", segment.line - 1, "behind"
     elif others:
-        what, line = "rows of another number of cells inside the table", others[0].line
-    if not what:
+        what, line, side = "rows of another number of cells inside the table", others[0].line, "in front of"
+    else:
         return ()
-    recovered = f"{rows} rows {'in front of it' if others else 'behind it'} are read"
+    recovered = f"the {len(segment.values)} rows {side} it are read"
     return differs(what, where=f"{where}, line {line}", layout=layout, recovered=recovered)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import acquisition
+from ema.errors import InputError
 
 
 def codes(path: Path, frequencies: np.ndarray) -> dict[str, float]:
@@ -48,3 +49,23 @@ def test_infinite_numbers_have_a_finding_and_no_warning_of_numpy(tmp_path: Path,
         warnings.simplefilter("error")
         contents = acquisition.read(tmp_path / "a.csv", amplitude_unit="(m/s^2)/N" if "Phase" in titles else None)
     assert "not-finite" in {finding.code for finding in contents.findings}
+
+
+@pytest.mark.parametrize(
+    ("place", "cells", "rows", "side"), [(0, "x\t 1\t 2\t", 39, "behind"), (25, "50\t 1\t 2\t9", 25, "in front of")]
+)
+def test_signalcalc_rows_beside_a_damaged_one_are_salvaged(
+    tmp_path: Path, place: int, cells: str, rows: int, side: str
+) -> None:
+    head = "Units: Ratio\t\nRef Chan:Resp Chan\t1+Z:2+Z\t\n\t\nFrequency\t Real\t Imaginary\t\nHz\t(m/s^2)(N)\t \t\n"
+    lines = [f"{2 * k}\t {k % 7}.5\t -{k % 5}.25\t" for k in range(40)]
+    lines[place] = cells
+    path = tmp_path / "a.txt"
+    path.write_text(head + "\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=f"line {place + 6}"):
+        acquisition.read(path)
+    contents = acquisition.read(path, salvage=True)
+    first = 1 if side == "behind" else 0
+    np.testing.assert_array_equal(contents.frfs[0].frequencies, 2.0 * np.arange(first, first + rows))
+    (finding,) = [finding for finding in contents.findings if finding.code == "salvaged"]
+    assert f"the {rows} rows {side} it are read" in finding.message
