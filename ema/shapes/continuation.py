@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from ema.data import Finding, ModalModel, poles_from
 from ema.errors import InputError
-from ema.shapes.surface import Surface
+from ema.shapes.surface import Surface, products
 
 _AGREES = 0.15
 """Relative error of the plate's natural frequencies up to which it is believed."""
@@ -46,7 +46,8 @@ def with_plate(
     surface : Surface
         Their smooth shapes, by :func:`smooth`.
     degree : int, default 14
-        Total degree of the polynomials; their shortest half wave is about the extent over two thirds of it.
+        Total degree of the polynomials over a square, whose shortest half wave is about the side over two thirds of it;
+        over a rectangle as short in both directions.
 
     Returns
     -------
@@ -56,7 +57,7 @@ def with_plate(
     Raises
     ------
     InputError
-        If the surface has another number of modes, or a degree above ``degree``.
+        If the surface has another number of modes.
 
     References
     ----------
@@ -85,9 +86,6 @@ def with_plate(
             got=f"{surface.coefficients.shape[1]} modes",
             expected=f"{len(model.poles)}",
         )
-    most = int(surface.powers.sum(axis=1).max())
-    if degree < most:
-        raise InputError("the degree is below that of the surface", where=where, got=degree, expected=f"{most} or more")
     omega = np.abs(model.poles)
     elastic = np.flatnonzero(omega > 0.1 * np.median(omega))
     if len(elastic) < _FEWEST:
@@ -114,7 +112,8 @@ def _plate(surface: Surface, omega: np.ndarray, elastic: np.ndarray, degree: int
     from scipy.linalg import eigh
     from scipy.optimize import nnls
 
-    powers = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)], dtype=np.int64)
+    basis = products(surface.extent, degree)
+    powers = np.unique(np.vstack([surface.powers, basis]), axis=0)
     count = len(powers)
     fine = replace(
         surface,
@@ -123,7 +122,7 @@ def _plate(surface: Surface, omega: np.ndarray, elastic: np.ndarray, degree: int
         covariance=np.zeros((0, count, count)),
         noise=np.zeros(0),
     )
-    inertia, bending = _energies(fine, degree)
+    inertia, bending = _energies(fine, int(powers.max()))
     measured = _embedded(surface, powers)[:, elastic]
     # modes of unit modal mass: m S = 1 with S = shapes^T inertia shapes, in the least-squares sense m = tr S / sum S^2
     seen = measured.T @ inertia @ measured
@@ -132,9 +131,12 @@ def _plate(surface: Surface, omega: np.ndarray, elastic: np.ndarray, degree: int
     # and sum_k D_k shapes^T bending_k shapes = omega^2, each entry over omega_i omega_j; no stiffness is negative
     columns = np.stack([(measured.T @ part @ measured / scale).ravel() for part in bending], axis=1)
     stiffness, _ = nnls(columns, np.eye(len(elastic)).ravel())
-    total = np.einsum("k,kij->ij", stiffness, bending)
-    squares, vectors = eigh(total, mass * inertia)
-    return Plate(mass, stiffness, np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), vectors, powers)
+    rows = _rows(basis, powers)
+    total = np.einsum("k,kij->ij", stiffness, bending)[np.ix_(rows, rows)]
+    squares, vectors = eigh(total, mass * inertia[np.ix_(rows, rows)])
+    coefficients = np.zeros((count, len(rows)))
+    coefficients[rows] = vectors
+    return Plate(mass, stiffness, np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), coefficients, powers)
 
 
 def _energies(surface: Surface, degree: int) -> tuple[Float[np.ndarray, "term term"], Float[np.ndarray, "4 term term"]]:
@@ -160,13 +162,14 @@ def _energies(surface: Surface, degree: int) -> tuple[Float[np.ndarray, "term te
 def _embedded(surface: Surface, powers: Int[np.ndarray, "term 2"]) -> Float[np.ndarray, "term mode"]:
     """The coefficients of the surface among those of more polynomials."""
     result = np.zeros((len(powers), surface.coefficients.shape[1]))
-    result[_rows(surface, powers)] = surface.coefficients
+    result[_rows(surface.powers, powers)] = surface.coefficients
     return result
 
 
-def _rows(surface: Surface, powers: Int[np.ndarray, "term 2"]) -> list[int]:
+def _rows(some: Int[np.ndarray, "part 2"], powers: Int[np.ndarray, "term 2"]) -> list[int]:
+    """Where some products stand among all."""
     known = {(int(i), int(j)): row for row, (i, j) in enumerate(powers)}
-    return [known[int(i), int(j)] for i, j in surface.powers]
+    return [known[int(i), int(j)] for i, j in some]
 
 
 def _continued(model: ModalModel, surface: Surface, plate: Plate, first: int) -> tuple[ModalModel, Surface]:
@@ -187,7 +190,7 @@ def _continued(model: ModalModel, surface: Surface, plate: Plate, first: int) ->
         findings=model.findings,
         name=model.name,
     )
-    rows = _rows(surface, plate.powers)
+    rows = _rows(surface.powers, plate.powers)
     covariance = np.zeros((len(poles), terms, terms))
     covariance[np.ix_(range(len(model.poles)), rows, rows)] = surface.covariance
     coefficients = np.hstack([_embedded(surface, plate.powers), plate.coefficients[:, first:]])
