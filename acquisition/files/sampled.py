@@ -10,7 +10,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
-from acquisition.files.signals import make_recording
+from acquisition.files.signals import make_recording, unmeasured
 from ema.data import Finding, Recording
 
 
@@ -77,4 +77,6 @@ def _unit(channel: Sampled, layout: Layout, where: str, findings: list[Finding])
     if channel.unit and unit is None:
         message = f"{channel.unit!r} is not a unit; the numbers are taken without one."
         findings.append(Finding("warning", "unknown-unit", f"{where}, {channel.name}", message))
+    if unit is not None:
+        findings.extend(unmeasured(channel.name, unit, where))
     return unit or units.parse(units.UNSTATED)

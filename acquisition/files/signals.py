@@ -82,7 +82,8 @@ def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str]) -> list[
 def make_recording(
     signals: Any, names: Sequence[str], unit: Sequence[units.Unit], sampling_rate: float, where: str, **more: Any
 ) -> Recording:
-    """A recording with its signals in SI."""
+    """A recording with its signals in SI; numbers of what no sensor measures, such as %, as they stand."""
+    unit = [u if u.quantity in QUANTITIES else units.parse(UNSTATED) for u in unit]
     if not (np.isfinite(sampling_rate) and sampling_rate > 0):
         raise InputError("no sampling rate", where=where, got=f"{sampling_rate} Hz", expected="more than 0 Hz")
     if signals.shape[1] < 2:
@@ -93,6 +94,16 @@ def make_recording(
         signals = np.stack([u.to_si(row) for u, row in zip(unit, signals, strict=True)])
     channels = tuple(make_channel(name, u) for name, u in zip(names, unit, strict=True))
     return Recording(signals, float(sampling_rate), channels, name=where, **more)
+
+
+def unmeasured(name: str, unit: units.Unit, where: str) -> tuple[Finding, ...]:
+    """A finding where the unit of a channel is one of what no sensor measures, such as %."""
+    if not unit.stated or unit.quantity in QUANTITIES:
+        return ()
+    message = (
+        f"{unit.text!r} is a unit of {unit.quantity}, which no sensor measures; the numbers are taken without one."
+    )
+    return (Finding("warning", "unit-doubtful", f"{where}, {name}", message, advice="Say it in the channel table."),)
 
 
 def make_channel(name: str, unit: units.Unit, dof: Dof | None = None) -> Channel:
@@ -134,8 +145,10 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
     if signals.dtype not in (np.float32, np.float64):
         signals = signals.astype(np.float64)
     rate = _rate(arrays, layout, signals.shape[1])
-    record = make_recording(signals, names, channel_units(arrays, layout, names), rate, arrays.where)
-    notes = (*_assumed_seconds(arrays, layout, rate), *_overruled_rate(arrays, layout))
+    unit = channel_units(arrays, layout, names)
+    record = make_recording(signals, names, unit, rate, arrays.where)
+    odd = [note for name, one in zip(names, unit, strict=True) for note in unmeasured(name, one, arrays.where)]
+    notes = (*odd, *_assumed_seconds(arrays, layout, rate), *_overruled_rate(arrays, layout, rate))
     return Contents(recordings=(record,), findings=(*not_finite(record.signals, arrays.where), *notes))
 
 
@@ -148,10 +161,11 @@ def _assumed_seconds(arrays: Arrays, layout: Layout, rate: float) -> tuple[Findi
     return (Finding("warning", "time-unit-assumed", arrays.where, message, rate, SLOW, advice),)
 
 
-def _overruled_rate(arrays: Arrays, layout: Layout) -> tuple[Finding, ...]:
-    """A finding where the layout states a sampling rate and a number of the file beside the signals another one."""
-    if not isinstance(layout.sampling_rate, (int, float)) or layout.time is not None:
+def _overruled_rate(arrays: Arrays, layout: Layout, rate: float) -> tuple[Finding, ...]:
+    """A finding where the layout or the time axis states a sampling rate and a number beside the signals another."""
+    if layout.time is None and not isinstance(layout.sampling_rate, (int, float)):
         return ()
+    source = "layout" if layout.time is None else "time axis"
     notes = []
     for name, array in arrays.arrays.items():
         word = re.sub(r"[\s_-]", "", re.split(r"[./]", name)[-1].lower())
@@ -159,11 +173,9 @@ def _overruled_rate(arrays: Arrays, layout: Layout) -> tuple[Finding, ...]:
             continue
         number = float(np.ravel(array)[0])
         stated = number if word in _RATES else 1 / number if number else 0.0
-        if stated <= 0 or abs(stated / layout.sampling_rate - 1) > CLOCK:
-            message = (
-                f"the file says {number:g} of {name}, the layout {layout.sampling_rate:g} Hz; the layout is taken."
-            )
-            advice = "Make sure that the layout is right."
+        if stated <= 0 or abs(stated / rate - 1) > CLOCK:
+            message = f"the file says {number:g} of {name}, the {source} {rate:g} Hz; the {source} is taken."
+            advice = f"Make sure that the {source} is right."
             notes.append(Finding("warning", "rate-overruled", arrays.where, message, stated, None, advice))
     return tuple(notes)
 

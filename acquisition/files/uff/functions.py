@@ -220,7 +220,10 @@ def _recording(
         rate = rate_of(clock.factor * first.x[:length], name)
     rows, channels = [], []
     for entry, function in zip(group, functions, strict=True):
-        found = scale(function.header.ordinate, function.header.response.direction, systems[entry.number])
+        axis = function.header.ordinate
+        found = scale(axis, function.header.response.direction, systems[entry.number])
+        if found.stated and channel_unit(found)[0] == "unstated":
+            found = Scale("unstated", note=found.note or f"the unit {axis.unit!r} is one of {found.quantity}, not used")
         _note(made, name, entry, found.note)
         rows.append(found.apply(function.y[:length]))
         channels.append(_channel(function.header, found))
