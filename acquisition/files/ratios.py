@@ -241,7 +241,8 @@ def _refuse_polar(arrays: Arrays, place: str) -> None:
 
 def _freq_out_in(values: Any, lines: int, layout: Layout, where: str) -> Any:
     """Any arrangement of the FRFs as (freq, out, in), frequency being the axis of the right length."""
-    values = np.squeeze(values)
+    values = np.asarray(values)
+    values = values if values.ndim == 3 and lines in values.shape else np.squeeze(values)
     places = [axis for axis, length in enumerate(values.shape) if length == lines]
     if values.ndim == 0 or values.ndim > 3 or not places:
         raise InputError(
