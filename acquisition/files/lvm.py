@@ -14,7 +14,7 @@ from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
 from acquisition.files.sampled import TOGETHER
-from acquisition.files.signals import make_recording, nice_rate, rate_of, same_rate, unmeasured
+from acquisition.files.signals import before_si, make_recording, nice_rate, rate_of, same_rate, unmeasured
 from acquisition.files.table.titles import distinct, roles
 from ema.data import Finding
 from ema.errors import InputError
@@ -138,7 +138,8 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
     metadata = tuple(
         (key, header[key][0]) for key in ("Operator", "Project", "Description", "Date", "Time") if header.get(key)
     )
-    return Contents(recordings=(record,), findings=(*notes, *not_finite(record.signals, name)), metadata=metadata)
+    findings = (*notes, *not_finite(record.signals, name))
+    return Contents(recordings=(record,), findings=findings, metadata=metadata, units=before_si(names, found))
 
 
 def _second(header: dict[str, list[str]], name: str) -> float:

@@ -10,7 +10,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
-from acquisition.files.signals import make_recording, unmeasured
+from acquisition.files.signals import before_si, make_recording, unmeasured
 from ema.data import Finding, Recording
 
 
@@ -48,6 +48,7 @@ def recordings(
     first = min((channel.start for channel in channels), default=0.0)
     made: list[Recording] = []
     findings: list[Finding] = []
+    stated: list[tuple[str, str]] = []
     for group in groups:
         late = group[0].start - first
         name = where if len(groups) == 1 else f"{where}, {group[0].rate:g} Hz"
@@ -60,8 +61,9 @@ def recordings(
         signals = np.stack([np.asarray(channel.samples, dtype=np.float64) for channel in group])
         record = make_recording(signals, [c.name for c in group], found, group[0].rate, name)
         findings.extend(not_finite(record.signals, name))
+        stated.extend(before_si([c.name for c in group], found))
         made.append(record)
-    return Contents(recordings=tuple(made), findings=tuple(findings), metadata=tuple(metadata))
+    return Contents(recordings=tuple(made), findings=tuple(findings), metadata=tuple(metadata), units=tuple(stated))
 
 
 def _together(one: Sampled, other: Sampled) -> bool:

@@ -106,6 +106,12 @@ def unmeasured(name: str, unit: units.Unit, where: str) -> tuple[Finding, ...]:
     return (Finding("warning", "unit-doubtful", f"{where}, {name}", message, advice="Say it in the channel table."),)
 
 
+def before_si(names: Sequence[str], unit: Sequence[units.Unit]) -> tuple[tuple[str, str], ...]:
+    """Names of the channels and the units from which their numbers became SI."""
+    pairs = zip(names, unit, strict=True)
+    return tuple((name, one.text) for name, one in pairs if one.stated and one.quantity in QUANTITIES)
+
+
 def make_channel(name: str, unit: units.Unit, dof: Dof | None = None) -> Channel:
     """A channel of a known unit; a force is taken as the reference."""
     quantity: Any = unit.quantity if unit.quantity in QUANTITIES else "unstated"
@@ -149,7 +155,8 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
     record = make_recording(signals, names, unit, rate, arrays.where)
     odd = [note for name, one in zip(names, unit, strict=True) for note in unmeasured(name, one, arrays.where)]
     notes = (*odd, *_assumed_seconds(arrays, layout, rate), *_overruled_rate(arrays, layout, rate))
-    return Contents(recordings=(record,), findings=(*not_finite(record.signals, arrays.where), *notes))
+    findings = (*not_finite(record.signals, arrays.where), *notes)
+    return Contents(recordings=(record,), findings=findings, units=before_si(names, unit))
 
 
 def _assumed_seconds(arrays: Arrays, layout: Layout, rate: float) -> tuple[Finding, ...]:
@@ -175,7 +182,7 @@ def _overruled_rate(arrays: Arrays, layout: Layout, rate: float) -> tuple[Findin
         stated = number if word in _RATES else 1 / number if number else 0.0
         if stated <= 0 or abs(stated / rate - 1) > CLOCK:
             message = f"the file says {number:g} of {name}, the {source} {rate:g} Hz; the {source} is taken."
-            advice = f"Make sure that the {source} is right."
+            advice = "Make sure that the one that is taken is right."
             notes.append(Finding("warning", "rate-overruled", arrays.where, message, stated, None, advice))
     return tuple(notes)
 

@@ -62,6 +62,7 @@ def merge(parts: list[Contents]) -> Contents:
         geometry=next((part.geometry for part in parts if part.geometry is not None), None),
         findings=tuple(f for part in parts for f in part.findings),
         metadata=tuple(dict.fromkeys(m for part in parts for m in part.metadata)),
+        units=tuple(dict.fromkeys(u for part in parts for u in part.units)),
     )
 
 
@@ -135,7 +136,8 @@ def _reconciled(segment: Segment, contents: Contents, layout: Layout, where: str
         same_rate(record.sampling_rate, stated, samples, where)
     elif stated is not None:
         message = f"the header says {stated:g} Hz, the layout {record.sampling_rate:g} Hz; the layout is taken."
-        notes = (Finding("warning", "rate-overruled", where, message, advice="Make sure that the layout is right."),)
+        advice = "Make sure that the one that is taken is right."
+        notes = (Finding("warning", "rate-overruled", where, message, advice=advice),)
     count = announced.rows(segment.header)
     # a length may be one in seconds
     if count is None or count == samples or abs(count * record.sampling_rate / samples - 1) < 0.01:
