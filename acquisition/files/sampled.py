@@ -10,7 +10,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
-from acquisition.files.signals import before_si, make_recording, unmeasured
+from acquisition.files.signals import before_si, make_recording, overruled_unit, unmeasured
 from ema.data import Finding, Recording
 
 
@@ -58,10 +58,16 @@ def recordings(
             advice = "Start all channels by one trigger: phases between recordings mean nothing."
             findings.append(Finding("warning", "begins-later", name, message, late, TOGETHER / group[0].rate, advice))
         found = [_unit(channel, layout, name, findings) for channel in group]
+        names, texts = [c.name for c in group], [c.unit for c in group]
         signals = np.stack([np.asarray(channel.samples, dtype=np.float64) for channel in group])
-        record = make_recording(signals, [c.name for c in group], found, group[0].rate, name)
+        record = make_recording(signals, names, found, group[0].rate, name)
         findings.extend(not_finite(record.signals, name))
-        stated.extend(before_si([c.name for c in group], found))
+        findings.extend(
+            note
+            for one, text, unit in zip(names, texts, found, strict=True)
+            for note in overruled_unit(one, text, unit, name)
+        )
+        stated.extend(before_si(names, found))
         made.append(record)
     return Contents(recordings=tuple(made), findings=tuple(findings), metadata=tuple(metadata), units=tuple(stated))
 

@@ -11,6 +11,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import PLACE, Arrays, not_finite
 from acquisition.files.layout import Layout
+from acquisition.files.polar import unit_overruled
 from ema.data import Channel, Finding, Recording
 from ema.dof import Dof
 from ema.errors import InputError
@@ -57,8 +58,8 @@ def nice_rate(step: float, tolerance: float) -> float:
     return float(whole) if whole and abs(whole / rate - 1) <= tolerance else rate
 
 
-def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str]) -> list[units.Unit]:
-    """Unit of every channel: the user's, else the file's, else unstated.
+def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str], stated: Sequence[str]) -> list[units.Unit]:
+    """Unit of every channel: the user's, else that ``stated`` by the file, else unstated.
 
     Raises
     ------
@@ -66,17 +67,39 @@ def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str]) -> list[
     """
     given = layout.units
     if isinstance(given, Mapping):
-        texts = [given.get(name, arrays.units.get(name, UNSTATED)) for name in names]
+        texts = [given.get(name, text) for name, text in zip(names, stated, strict=True)]
     elif given is not None:
         listed = arrays.texts(given)
         texts = listed * len(names) if len(listed) == 1 else listed
     else:
-        texts = [arrays.units.get(name, UNSTATED) for name in names]
+        texts = list(stated)
     if len(texts) != len(names):
         raise InputError(
             "the number of units", where=arrays.where, got=len(texts), expected=f"{len(names)}, one per channel"
         )
     return [units.parse(text) for text in texts]
+
+
+def overruled_unit(name: str, text: str, taken: units.Unit, where: str) -> tuple[Finding, ...]:
+    """A finding where the unit that is taken is not the one that the file states."""
+    there = units.known(text) if text else None
+    if there is None or not there.stated or (there.factor, there.quantity) == (taken.factor, taken.quantity):
+        return ()
+    return (unit_overruled(f"{where}, {name}", "unit", text, taken.text),)
+
+
+def overruled_units(
+    layout: Layout, names: Sequence[str], stated: Sequence[str], taken: Sequence[units.Unit], where: str
+) -> tuple[Finding, ...]:
+    """Findings where the layout states another unit than the file, or one of a channel that is not there."""
+    three = zip(names, stated, taken, strict=True)
+    notes = [note for name, text, unit in three for note in overruled_unit(name, text, unit, where)]
+    for name in layout.units if isinstance(layout.units, Mapping) else ():
+        if name not in names:
+            message = f"the layout states a unit of {name!r}, and no channel is called that."
+            advice = "Correct the name: " + ", ".join(names[:20]) + "."
+            notes.append(Finding("warning", "unit-doubtful", where, message, advice=advice))
+    return tuple(notes)
 
 
 def make_recording(
@@ -124,6 +147,7 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
     """Time signals."""
     places = _places(arrays, layout)
     blocks, names = [], []
+    stated: list[str] = []
     if layout.time is not None:
         arrays[layout.time]  # a place that is not there is refused before anything is cut by it
     time_of = PLACE.match(layout.time or "")
@@ -141,6 +165,8 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
             kept[int(time_of["number"])] = False
         default = [place] if array.ndim == 1 else [f"{_axis(array, layout)} {number}" for number in range(len(block))]
         names += [name for name, keep in zip(default, kept, strict=True) if keep]
+        of_all = arrays.units.get(place, UNSTATED)
+        stated += [arrays.units.get(name, of_all) for name, keep in zip(default, kept, strict=True) if keep]
         blocks.append(block[_rows(kept)])
     lengths = {block.shape[1] for block in blocks}
     if len(lengths) != 1:
@@ -151,9 +177,11 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
     if signals.dtype not in (np.float32, np.float64):
         signals = signals.astype(np.float64)
     rate = _rate(arrays, layout, signals.shape[1])
-    unit = channel_units(arrays, layout, names)
+    unit = channel_units(arrays, layout, names, stated)
     record = make_recording(signals, names, unit, rate, arrays.where)
     odd = [note for name, one in zip(names, unit, strict=True) for note in unmeasured(name, one, arrays.where)]
+    odd += overruled_units(layout, names, stated, unit, arrays.where)
+    odd += _overruled_time(arrays, layout)
     notes = (*odd, *_assumed_seconds(arrays, layout, rate), *_overruled_rate(arrays, layout, rate))
     findings = (*not_finite(record.signals, arrays.where), *notes)
     return Contents(recordings=(record,), findings=findings, units=before_si(names, unit))
@@ -166,6 +194,15 @@ def _assumed_seconds(arrays: Arrays, layout: Layout, rate: float) -> tuple[Findi
     message = f"nothing states the unit of the times; taken as seconds, they make {rate:.4g} samples a second."
     advice = "Say time_unit='s' or time_unit='ms'."
     return (Finding("warning", "time-unit-assumed", arrays.where, message, rate, SLOW, advice),)
+
+
+def _overruled_time(arrays: Arrays, layout: Layout) -> tuple[Finding, ...]:
+    """A finding where the layout states another unit of the time axis than the file."""
+    text = arrays.label(layout.time) if layout.time is not None and layout.time_unit else ""
+    there = units.known(text) if text else None
+    if there is None or there.quantity != "time" or there.factor == units.parse(str(layout.time_unit)).factor:
+        return ()
+    return (unit_overruled(arrays.where, "time", text, str(layout.time_unit)),)
 
 
 def _overruled_rate(arrays: Arrays, layout: Layout, rate: float) -> tuple[Finding, ...]:

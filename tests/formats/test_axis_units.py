@@ -103,3 +103,52 @@ def test_no_measurement_lasts_giga_seconds_or_parts_of_a_year(text: str) -> None
     """Meant were g, Pa, A and kA."""
     with pytest.raises(UnitError, match="unit of time"):
         units.parse(text)
+
+
+def test_a_unit_of_the_layout_that_overrules_the_file_is_named(tmp_path: Path) -> None:
+    rows = "".join(f"{n},{value!r}\n" for n, value in enumerate(SIGNAL.tolist()))
+    (tmp_path / "a.csv").write_text("t [ms],c [m/s^2]\n" + rows)
+    tdms = _tdms(tmp_path / "a.tdms", wf_increment=0.001, unit_string="m/s^2")
+    for path in (tmp_path / "a.csv", tdms):
+        for unit, codes in (("g", ["unit-overruled"]), ("m/s²", [])):
+            contents = acquisition.read(path, units={"c": unit})
+            factor = 9.80665 if unit == "g" else 1.0
+            np.testing.assert_allclose(contents.recordings[0].signals[0], factor * SIGNAL, rtol=1e-12)
+            assert [note.code for note in contents.findings] == codes
+    contents = acquisition.read(tmp_path / "a.csv", time="t", signals=["c"], time_unit="s")
+    assert contents.recordings[0].sampling_rate == 1.0
+    assert [note.code for note in contents.findings] == ["unit-overruled"]
+
+
+def test_a_unit_of_a_channel_that_is_not_there_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        "t [s],acc\n" + "".join(f"{n / 1000},{v!r}\n" for n, v in enumerate(SIGNAL.tolist()))
+    )
+    (note,) = acquisition.read(tmp_path / "a.csv", units={"ac": "g"}).findings
+    assert note.code == "unit-doubtful" and "'ac'" in note.message
+
+
+def test_the_unit_of_an_array_is_that_of_its_channels(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["data"] = np.stack([SIGNAL, 2 * SIGNAL])
+        file["data"].attrs["unit"] = "kN"
+    for options in ({}, {"names": ["a", "b"]}):
+        (record,) = acquisition.read(tmp_path / "a.h5", signals="data", sampling_rate=1000.0, **options).recordings
+        np.testing.assert_allclose(record.signals, [1000 * SIGNAL, 2000 * SIGNAL], rtol=1e-12)
+        assert [channel.unit for channel in record.channels] == ["N", "N"]
+
+
+def test_what_is_no_coherence_is_left_out(tmp_path: Path) -> None:
+    """In per cent without saying so, as some programs write it; where they say so it is read."""
+    rows = "".join(f"{2 * n + 2},{v!r},0.1,{60 + n / 10}\n" for n, v in enumerate(SIGNAL.tolist()))
+    head = "Frequency [Hz],Real [g/N],Imag [g/N],Coherence"
+    (tmp_path / "a.csv").write_text(f"{head}\n{rows}")
+    contents = acquisition.read(tmp_path / "a.csv")
+    assert contents.frfs[0].coherence is None
+    assert [note.code for note in contents.findings] == ["not-read"]
+    (tmp_path / "a.csv").write_text(f"{head} [%]\n{rows}")
+    contents = acquisition.read(tmp_path / "a.csv")
+    np.testing.assert_allclose(contents.frfs[0].coherence[:, 0, 0], (60 + np.arange(200) / 10) / 100, rtol=1e-12)
+    assert contents.findings == ()
