@@ -448,7 +448,15 @@ def _stating(path: Path, unit: str, kind: str) -> str:
     """A run whose files hold the numbers of :func:`record` in a unit that they state."""
     (path / "raw").mkdir(parents=True)
     hammer, acc = record().signals
-    if kind == "csv":
+    if kind == "uff":
+        names = ("hammer", "N"), ("acc", unit)
+        channels = tuple(Channel(name, Dof(k), unit="unstated") for k, (name, _) in enumerate(names, 1))
+        acquisition.write(path / "raw" / "bare_2.uff", Recording(record().signals, RATE, channels, name="take"))
+        text = (path / "raw" / "bare_2.uff").read_text()
+        for _, label in names:  # of the ordinates in their order
+            text = text.replace(f"{'unstated':<20} unstated", f"{'NONE':<20} {label:<8}", 1)
+        (path / "raw" / "bare_2.uff").write_text(text)
+    elif kind == "csv":
         rows = "".join(f"{n / RATE:.3f},{a},{b}\n" for n, (a, b) in enumerate(zip(hammer, acc, strict=True)))
         (path / "raw" / "bare_2.csv").write_text(f"t [s],hammer [N],acc [{unit}]\n{rows}")
     else:
@@ -464,7 +472,7 @@ def _stating(path: Path, unit: str, kind: str) -> str:
     return RUN.replace("h5", kind)
 
 
-@pytest.mark.parametrize("kind", ["csv", "tdms"])
+@pytest.mark.parametrize("kind", ["csv", "tdms", "uff"])
 def test_the_file_and_the_channel_table_state_one_unit(tmp_path: Path, kind: str) -> None:
     """The unit of the table had been passed over: numbers in g were taken for those in m/s^2 that the file states."""
     run = _stating(tmp_path / "a", "m/s^2", kind)
