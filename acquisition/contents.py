@@ -25,6 +25,8 @@ class Contents:
         What a reader of the file has to know.
     metadata : tuple of tuple of (str, str), optional
         ``(name, text)`` of what the file says about itself.
+    units : tuple of tuple of (str, str), optional
+        ``(channel, unit)`` that the numbers of a record had before they became SI, where a unit was stated.
 
     Examples
     --------
@@ -39,6 +41,7 @@ class Contents:
     geometry: Geometry | None = None
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     metadata: tuple[tuple[str, str], ...] = ()
+    units: tuple[tuple[str, str], ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.recordings or self.frfs or self.modes or self.geometry is not None)

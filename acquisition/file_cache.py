@@ -61,6 +61,10 @@ class Files:
         """What the reader of the file has to say about it."""
         return () if self._is_stored(path) else self.contents(path, options).findings
 
+    def units(self, path: Path, options: dict[str, Any]) -> tuple[tuple[str, str], ...]:
+        """The channels of the file and the units that their numbers had before they became SI."""
+        return () if self._is_stored(path) else self.contents(path, options).units
+
     def takes(self, path: Path, options: dict[str, Any]) -> tuple[Take, ...]:
         """The records in the file; those of our own files stay on disk until they are read.
 

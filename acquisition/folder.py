@@ -23,6 +23,7 @@ from acquisition.scaling import (
     lines_of_record,
     node_number,
     refuse_doubles,
+    same_units,
     scaled_frf,
     scaled_record,
 )
@@ -284,6 +285,7 @@ class _Opening:
             for take, name in zip(takes, names, strict=True):
                 here = f"{where}, {name}"
                 with _telling_damage(self.files.findings(item.path, options)):
+                    same_units(take.header.channels, table, self.files.units(item.path, options), here)
                     lines = lines_of_record(take.header.channels, table, item, self.axes, here)
                 lines = self.repairs.lines(run.id, item, lines)
                 refuse_doubles(lines, here)

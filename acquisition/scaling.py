@@ -55,6 +55,34 @@ def lines_of_record(
     return lines
 
 
+def same_units(
+    present: tuple[Channel, ...], table: list[ChannelTable], in_file: tuple[tuple[str, str], ...], where: str
+) -> None:
+    """Refuse a channel table that states another unit of one quantity than the file does.
+
+    Raises
+    ------
+    UnitError : one channel has two units.
+    """
+    stated: dict[str, set[str]] = {}
+    for name, text in in_file:
+        stated.setdefault(name, set()).add(text)
+    for slot in _slots(present, table, where) if table and stated else ():
+        texts = stated.get(present[slot.row].name, set())
+        if len(texts) != 1 or not slot.spec.unit or slot.spec.unit == UNSTATED:
+            continue
+        there, given = units.parse(next(iter(texts))), units.parse(slot.spec.unit)
+        if there.quantity == given.quantity and (there.factor, there.offset) != (given.factor, given.offset):
+            raise UnitError(
+                "the file and the channel table disagree about the unit",
+                where=f"{where}, channel {slot.name}",
+                got=f"{there.text} in the file",
+                expected=f"{given.text} as in the table",
+                advice="take unit out of the table where the file is right; where it is wrong, do so and repair it "
+                f'with unit = "{given.text}" and was = "{there.text}"',
+            )
+
+
 def lines_of_frf(
     frf: FrfSet, table: list[ChannelTable], item: Item, axes: LocalAxes, where: str
 ) -> tuple[tuple[Line, ...], tuple[Line, ...]]:
@@ -151,6 +179,13 @@ def rescaled(line: Line, new: str, was: str, where: str) -> Line:
             where=where,
             got=f"{new} ({quantity})",
             expected=f"a unit of {line.channel.quantity}",
+        )
+    if factor == old_factor:
+        raise InputError(
+            "a repair that changes nothing",
+            where=where,
+            got=f"{old} before it and {new} behind it",
+            advice='say was = "..." with the wrong unit or sensitivity that the numbers were converted from',
         )
     volts = _is_sensitivity(new)
     channel = replace(

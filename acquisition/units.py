@@ -28,6 +28,8 @@ _WORDS = {
     "microstrain": "microstrain_unit",
     "strain": "strain_unit",
     "ustr": "microstrain_unit",
+    "mil": "thou",
+    "mils": "thou",
     "degF": "degF",
     "degreeC": "degC",
     "sec": "s",
@@ -59,6 +61,10 @@ _OF_STRUCTURES: dict[tuple[tuple[str, int], ...], str] = {
 }
 """What describes a structure, and no sensor measures."""
 _ANGULAR = {"frequency": "angular velocity", "ratio": "rotation"}
+_TURNS = re.compile(r"(?<!ste)radian$|degree$|turn$|revolution$|grade$|revolutions_per_(minute|second)$")
+"""How the names of units of angles end: they may have a prefix, as in krad/s."""
+_LONGEST = 86400.0
+"""The longest unit of time that is taken, in s: what makes it longer was meant otherwise (``Gs`` for g, ``a``)."""
 _EXAMPLES = {"frequency": "Hz", "density": "kg/m^3", "stiffness": "N/m", "mass": "kg", "area": "m^2", "ratio": "%"}
 _USUAL = (
     "N",
@@ -219,7 +225,7 @@ def parse(text: str, of_structure: bool = False) -> Unit:
     if of_structure and dimension in _OF_STRUCTURES:
         return Unit(text, factor, _OF_STRUCTURES[dimension], offset)
     quantity = _DIMENSIONS.get(dimension, "")
-    if names & {"radian", "degree", "turn", "revolution"} or "revolutions_per_minute" in names:
+    if any(map(_TURNS.search, names)):
         angular_acceleration = dimension == (("[time]", -2),)
         quantity = "angular acceleration" if angular_acceleration else _ANGULAR.get(quantity, quantity)
     if quantity == "ratio" and names & {"strain_unit", "microstrain_unit"}:
@@ -228,6 +234,8 @@ def parse(text: str, of_structure: bool = False) -> Unit:
         quantity = "strain"  # um/m, mm/m
     if quantity == "mass":
         raise _refuse(text, "a mass is not what a sensor measures", "write lbf or kgf for a force, g for gravity")
+    if quantity == "time" and (factor > _LONGEST or any(name.endswith("year") for name in names)):
+        raise _refuse(text, "a unit of time that no measurement has", "write g for gravity, Pa for a pressure")
     if not quantity:
         raise _refuse(text, "a unit of no known quantity", expected="one of " + ", ".join(QUANTITIES))
     return Unit(text, factor, quantity, offset)

@@ -14,8 +14,8 @@ from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
 from acquisition.files.sampled import TOGETHER
-from acquisition.files.signals import make_recording, nice_rate, rate_of, same_rate
-from acquisition.files.table.titles import distinct
+from acquisition.files.signals import before_si, make_recording, nice_rate, rate_of, same_rate, unmeasured
+from acquisition.files.table.titles import distinct, roles
 from ema.data import Finding
 from ema.errors import InputError
 
@@ -114,7 +114,7 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
     ]
     for place in times[1:]:
         same_rate(rate_of(values[:, place], name), rate_of(values[:, times[0]], name), len(values), name)
-    rate = _rate(header, values[:, times[0]] if times else None, decimal, name)
+    rate = _rate(header, values[:, times[0]] if times else None, decimal, name) / _second(header, name)
     _check_starts(header, [float(values[0, place]) for place in times], rate, name)
     names = distinct([titles[place] or f"column {place}" for place in signals])
     notes += [
@@ -133,11 +133,35 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
             message = f"{label!r} is not a unit; the numbers are taken without one."
             notes.append(Finding("warning", "unknown-unit", f"{name}, {title}", message))
         found.append(unit or units.parse(units.UNSTATED))
+        notes += unmeasured(title, found[-1], name)
     record = make_recording(np.ascontiguousarray(values[:, signals].T), names, found, rate, name)
     metadata = tuple(
         (key, header[key][0]) for key in ("Operator", "Project", "Description", "Date", "Time") if header.get(key)
     )
-    return Contents(recordings=(record,), findings=(*notes, *not_finite(record.signals, name)), metadata=metadata)
+    findings = (*notes, *not_finite(record.signals, name))
+    return Contents(recordings=(record,), findings=findings, metadata=metadata, units=before_si(names, found))
+
+
+def _second(header: dict[str, list[str]], name: str) -> float:
+    """The unit of the axis of a segment in s.
+
+    Raises
+    ------
+    InputError : the axis is none of time, as of a spectrum.
+    """
+    dimensions = {cell.strip() for cell in header.get("X_Dimension", []) if cell.strip()}
+    labels = {cell.strip() for cell in header.get("X_Unit_Label", []) if cell.strip()}
+    unit = units.known(next(iter(labels), "s"))
+    timed = all("time" in roles(text) for text in dimensions)
+    if not timed or len(labels) > 1 or unit is None or unit.quantity != "time":
+        raise InputError(
+            "the axis of a segment is none of time",
+            where=name,
+            got=", ".join(sorted(dimensions | labels)),
+            expected="Time in s, ms or the like",
+            advice="export the time signals",
+        )
+    return unit.factor
 
 
 def _time_columns(segment: _Segment, titles: list[str]) -> list[int]:

@@ -32,14 +32,16 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
             advice="say frequency='...' or frequency_step=... [Hz]",
         )
     block = _freq_out_in(values, len(frequencies), layout, arrays.where)
-    coherence = None
+    coherence: Any = None
+    odd: tuple[Finding, ...] = ()
     if layout.coherence is not None:
         coherence = _freq_out_in(arrays.numbers(layout.coherence), len(frequencies), layout, arrays.where)
+        coherence, odd = _between_0_and_1(coherence, arrays, layout.coherence)
     outputs = _dofs(arrays, layout.outputs, block.shape[1])
     inputs = _dofs(arrays, layout.inputs, block.shape[2])
     unit, overruled = _unit(raw, layout, arrays.where)
     frf_set = make_frfs(frequencies, block, outputs, inputs, unit, arrays.where, coherence)
-    findings = (*raw.findings, *overruled, *not_finite(frf_set.values, arrays.where))
+    findings = (*raw.findings, *overruled, *odd, *not_finite(frf_set.values, arrays.where))
     findings = (*findings, *missing_lines(frequencies, arrays.where))
     return Contents(frfs=(frf_set,), findings=findings)
 
@@ -62,6 +64,19 @@ def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, .
             "the unit is not that of the reference in dB", where=where, got=repr(layout.unit), expected=raw.unit
         )
     return layout.unit, (unit_overruled(where, "unit", raw.unit, layout.unit),)
+
+
+def _between_0_and_1(coherence: Any, arrays: Arrays, place: str) -> tuple[Any, tuple[Finding, ...]]:
+    """Coherences, in the unit that the file states, or ``None`` with a finding where they are none."""
+    unit = units.known(arrays.units.get(place, "1"))
+    coherence = unit.factor * coherence if unit is not None and unit.quantity == "ratio" else coherence
+    finite = coherence[np.isfinite(coherence)]
+    # some analysers write more than 1 at a few lines; another unit shows at most of them
+    if not finite.size or 0 <= np.median(finite) <= 1:
+        return coherence, ()
+    message = f"values from {finite.min():.4g} to {finite.max():.4g} are no coherence; they are left out."
+    advice = "Export it as a number from 0 to 1, or with its unit (%)."
+    return None, (Finding("warning", "not-read", f"{arrays.where}, {place}", message, advice=advice),)
 
 
 def _hertz(arrays: Arrays, layout: Layout) -> Any:
@@ -241,7 +256,8 @@ def _refuse_polar(arrays: Arrays, place: str) -> None:
 
 def _freq_out_in(values: Any, lines: int, layout: Layout, where: str) -> Any:
     """Any arrangement of the FRFs as (freq, out, in), frequency being the axis of the right length."""
-    values = np.squeeze(values)
+    values = np.asarray(values)
+    values = values if values.ndim == 3 and lines in values.shape else np.squeeze(values)
     places = [axis for axis, length in enumerate(values.shape) if length == lines]
     if values.ndim == 0 or values.ndim > 3 or not places:
         raise InputError(

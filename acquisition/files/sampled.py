@@ -10,7 +10,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
-from acquisition.files.signals import make_recording
+from acquisition.files.signals import before_si, make_recording, overruled_unit, unmeasured
 from ema.data import Finding, Recording
 
 
@@ -48,6 +48,7 @@ def recordings(
     first = min((channel.start for channel in channels), default=0.0)
     made: list[Recording] = []
     findings: list[Finding] = []
+    stated: list[tuple[str, str]] = []
     for group in groups:
         late = group[0].start - first
         name = where if len(groups) == 1 else f"{where}, {group[0].rate:g} Hz"
@@ -57,11 +58,18 @@ def recordings(
             advice = "Start all channels by one trigger: phases between recordings mean nothing."
             findings.append(Finding("warning", "begins-later", name, message, late, TOGETHER / group[0].rate, advice))
         found = [_unit(channel, layout, name, findings) for channel in group]
+        names, texts = [c.name for c in group], [c.unit for c in group]
         signals = np.stack([np.asarray(channel.samples, dtype=np.float64) for channel in group])
-        record = make_recording(signals, [c.name for c in group], found, group[0].rate, name)
+        record = make_recording(signals, names, found, group[0].rate, name)
         findings.extend(not_finite(record.signals, name))
+        findings.extend(
+            note
+            for one, text, unit in zip(names, texts, found, strict=True)
+            for note in overruled_unit(one, text, unit, name)
+        )
+        stated.extend(before_si(names, found))
         made.append(record)
-    return Contents(recordings=tuple(made), findings=tuple(findings), metadata=tuple(metadata))
+    return Contents(recordings=tuple(made), findings=tuple(findings), metadata=tuple(metadata), units=tuple(stated))
 
 
 def _together(one: Sampled, other: Sampled) -> bool:
@@ -77,4 +85,6 @@ def _unit(channel: Sampled, layout: Layout, where: str, findings: list[Finding])
     if channel.unit and unit is None:
         message = f"{channel.unit!r} is not a unit; the numbers are taken without one."
         findings.append(Finding("warning", "unknown-unit", f"{where}, {channel.name}", message))
+    if unit is not None:
+        findings.extend(unmeasured(channel.name, unit, where))
     return unit or units.parse(units.UNSTATED)

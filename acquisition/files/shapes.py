@@ -4,12 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
 from ema.data import Finding, ModalModel, poles_from
 from ema.dof import Dof
-from ema.errors import InputError
+from ema.errors import InputError, UnitError
 
 
 def modes(arrays: Arrays, layout: Layout) -> Contents:
@@ -47,16 +48,15 @@ def modes(arrays: Arrays, layout: Layout) -> Contents:
 def _poles(arrays: Arrays, layout: Layout, count: int) -> tuple[Any, tuple[Finding, ...]]:
     """Poles of the shapes; NaN and a finding where no frequencies are given."""
 
-    def values(given: Any) -> Any:
-        return arrays.vector(given) if isinstance(given, str) else np.asarray(given, dtype=np.float64)
-
     if layout.natural_frequencies is None:
         note = Finding(
             "warning", "frequencies-unstated", arrays.where, f"{count} mode shapes without natural frequencies."
         )
         return np.full(count, np.nan, dtype=np.complex128), (note,)
-    frequencies = values(layout.natural_frequencies)
-    damping = np.zeros(count) if layout.damping_ratios is None else values(layout.damping_ratios)
+    frequencies = _given(arrays, layout.natural_frequencies, "Hz", ("frequency", "angular velocity"))
+    damping = np.zeros(count)
+    if layout.damping_ratios is not None:
+        damping = _given(arrays, layout.damping_ratios, "1", ("ratio",))
     for name, given in (("natural frequencies", frequencies), ("damping ratios", damping)):
         if len(given) != count:
             raise InputError(
@@ -66,4 +66,29 @@ def _poles(arrays: Arrays, layout: Layout, count: int) -> tuple[Any, tuple[Findi
                 expected="as many of one as of the other",
                 advice="find out which belong together; read the shapes alone meanwhile",
             )
+    odd = np.flatnonzero(~((frequencies >= 0) & (frequencies < 1e12) & (damping >= 0) & (damping < 1)))
+    if len(odd):
+        raise InputError(
+            "no mode of a structure",
+            where=f"{arrays.where}, mode {odd[0] + 1}",
+            got=f"{frequencies[odd[0]]:g} Hz with a damping ratio of {damping[odd[0]]:g}",
+            expected="frequencies from 0 Hz on and damping ratios from 0 to 1",
+            advice="divide damping in % by 100" if damping[odd[0]] >= 1 else "",
+        )
     return poles_from(frequencies, damping), ()
+
+
+def _given(arrays: Arrays, given: Any, usual: str, quantities: tuple[str, ...]) -> Any:
+    """Frequencies in Hz or damping ratios: as they are, or at a place in the unit that the file states there.
+
+    Raises
+    ------
+    UnitError : the file states a unit of something else.
+    """
+    if not isinstance(given, str):
+        return np.asarray(given, dtype=np.float64)
+    text = arrays.units.get(given, usual)
+    unit = units.parse(text)
+    if unit.quantity not in quantities:
+        raise UnitError("not the unit of " + quantities[0], where=f"{arrays.where}, {given}", got=repr(text))
+    return unit.factor / (2 * np.pi if unit.quantity == "angular velocity" else 1.0) * arrays.vector(given)

@@ -11,6 +11,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import PLACE, Arrays, not_finite
 from acquisition.files.layout import Layout
+from acquisition.files.polar import unit_overruled
 from ema.data import Channel, Finding, Recording
 from ema.dof import Dof
 from ema.errors import InputError
@@ -57,8 +58,8 @@ def nice_rate(step: float, tolerance: float) -> float:
     return float(whole) if whole and abs(whole / rate - 1) <= tolerance else rate
 
 
-def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str]) -> list[units.Unit]:
-    """Unit of every channel: the user's, else the file's, else unstated.
+def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str], stated: Sequence[str]) -> list[units.Unit]:
+    """Unit of every channel: the user's, else that ``stated`` by the file, else unstated.
 
     Raises
     ------
@@ -66,12 +67,12 @@ def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str]) -> list[
     """
     given = layout.units
     if isinstance(given, Mapping):
-        texts = [given.get(name, arrays.units.get(name, UNSTATED)) for name in names]
+        texts = [given.get(name, text) for name, text in zip(names, stated, strict=True)]
     elif given is not None:
         listed = arrays.texts(given)
         texts = listed * len(names) if len(listed) == 1 else listed
     else:
-        texts = [arrays.units.get(name, UNSTATED) for name in names]
+        texts = list(stated)
     if len(texts) != len(names):
         raise InputError(
             "the number of units", where=arrays.where, got=len(texts), expected=f"{len(names)}, one per channel"
@@ -79,10 +80,33 @@ def channel_units(arrays: Arrays, layout: Layout, names: Sequence[str]) -> list[
     return [units.parse(text) for text in texts]
 
 
+def overruled_unit(name: str, text: str, taken: units.Unit, where: str) -> tuple[Finding, ...]:
+    """A finding where the unit that is taken is not the one that the file states."""
+    there = units.known(text) if text else None
+    if there is None or not there.stated or (there.factor, there.quantity) == (taken.factor, taken.quantity):
+        return ()
+    return (unit_overruled(f"{where}, {name}", "unit", text, taken.text),)
+
+
+def overruled_units(
+    layout: Layout, names: Sequence[str], stated: Sequence[str], taken: Sequence[units.Unit], where: str
+) -> tuple[Finding, ...]:
+    """Findings where the layout states another unit than the file, or one of a channel that is not there."""
+    three = zip(names, stated, taken, strict=True)
+    notes = [note for name, text, unit in three for note in overruled_unit(name, text, unit, where)]
+    for name in layout.units if isinstance(layout.units, Mapping) else ():
+        if name not in names:
+            message = f"the layout states a unit of {name!r}, and no channel is called that."
+            advice = "Correct the name: " + ", ".join(names[:20]) + "."
+            notes.append(Finding("warning", "unit-doubtful", where, message, advice=advice))
+    return tuple(notes)
+
+
 def make_recording(
     signals: Any, names: Sequence[str], unit: Sequence[units.Unit], sampling_rate: float, where: str, **more: Any
 ) -> Recording:
-    """A recording with its signals in SI."""
+    """A recording with its signals in SI; numbers of what no sensor measures, such as %, as they stand."""
+    unit = [u if u.quantity in QUANTITIES else units.parse(UNSTATED) for u in unit]
     if not (np.isfinite(sampling_rate) and sampling_rate > 0):
         raise InputError("no sampling rate", where=where, got=f"{sampling_rate} Hz", expected="more than 0 Hz")
     if signals.shape[1] < 2:
@@ -93,6 +117,22 @@ def make_recording(
         signals = np.stack([u.to_si(row) for u, row in zip(unit, signals, strict=True)])
     channels = tuple(make_channel(name, u) for name, u in zip(names, unit, strict=True))
     return Recording(signals, float(sampling_rate), channels, name=where, **more)
+
+
+def unmeasured(name: str, unit: units.Unit, where: str) -> tuple[Finding, ...]:
+    """A finding where the unit of a channel is one of what no sensor measures, such as %."""
+    if not unit.stated or unit.quantity in QUANTITIES:
+        return ()
+    message = (
+        f"{unit.text!r} is a unit of {unit.quantity}, which no sensor measures; the numbers are taken without one."
+    )
+    return (Finding("warning", "unit-doubtful", f"{where}, {name}", message, advice="Say it in the channel table."),)
+
+
+def before_si(names: Sequence[str], unit: Sequence[units.Unit]) -> tuple[tuple[str, str], ...]:
+    """Names of the channels and the units from which their numbers became SI."""
+    pairs = zip(names, unit, strict=True)
+    return tuple((name, one.text) for name, one in pairs if one.stated and one.quantity in QUANTITIES)
 
 
 def make_channel(name: str, unit: units.Unit, dof: Dof | None = None) -> Channel:
@@ -107,6 +147,7 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
     """Time signals."""
     places = _places(arrays, layout)
     blocks, names = [], []
+    stated: list[str] = []
     if layout.time is not None:
         arrays[layout.time]  # a place that is not there is refused before anything is cut by it
     time_of = PLACE.match(layout.time or "")
@@ -124,6 +165,8 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
             kept[int(time_of["number"])] = False
         default = [place] if array.ndim == 1 else [f"{_axis(array, layout)} {number}" for number in range(len(block))]
         names += [name for name, keep in zip(default, kept, strict=True) if keep]
+        of_all = arrays.units.get(place, UNSTATED)
+        stated += [arrays.units.get(name, of_all) for name, keep in zip(default, kept, strict=True) if keep]
         blocks.append(block[_rows(kept)])
     lengths = {block.shape[1] for block in blocks}
     if len(lengths) != 1:
@@ -134,9 +177,14 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
     if signals.dtype not in (np.float32, np.float64):
         signals = signals.astype(np.float64)
     rate = _rate(arrays, layout, signals.shape[1])
-    record = make_recording(signals, names, channel_units(arrays, layout, names), rate, arrays.where)
-    notes = (*_assumed_seconds(arrays, layout, rate), *_overruled_rate(arrays, layout))
-    return Contents(recordings=(record,), findings=(*not_finite(record.signals, arrays.where), *notes))
+    unit = channel_units(arrays, layout, names, stated)
+    record = make_recording(signals, names, unit, rate, arrays.where)
+    odd = [note for name, one in zip(names, unit, strict=True) for note in unmeasured(name, one, arrays.where)]
+    odd += overruled_units(layout, names, stated, unit, arrays.where)
+    odd += _overruled_time(arrays, layout)
+    notes = (*odd, *_assumed_seconds(arrays, layout, rate), *_overruled_rate(arrays, layout, rate))
+    findings = (*not_finite(record.signals, arrays.where), *notes)
+    return Contents(recordings=(record,), findings=findings, units=before_si(names, unit))
 
 
 def _assumed_seconds(arrays: Arrays, layout: Layout, rate: float) -> tuple[Finding, ...]:
@@ -148,10 +196,20 @@ def _assumed_seconds(arrays: Arrays, layout: Layout, rate: float) -> tuple[Findi
     return (Finding("warning", "time-unit-assumed", arrays.where, message, rate, SLOW, advice),)
 
 
-def _overruled_rate(arrays: Arrays, layout: Layout) -> tuple[Finding, ...]:
-    """A finding where the layout states a sampling rate and a number of the file beside the signals another one."""
-    if not isinstance(layout.sampling_rate, (int, float)) or layout.time is not None:
+def _overruled_time(arrays: Arrays, layout: Layout) -> tuple[Finding, ...]:
+    """A finding where the layout states another unit of the time axis than the file."""
+    text = arrays.label(layout.time) if layout.time is not None and layout.time_unit else ""
+    there = units.known(text) if text else None
+    if there is None or there.quantity != "time" or there.factor == units.parse(str(layout.time_unit)).factor:
         return ()
+    return (unit_overruled(arrays.where, "time", text, str(layout.time_unit)),)
+
+
+def _overruled_rate(arrays: Arrays, layout: Layout, rate: float) -> tuple[Finding, ...]:
+    """A finding where the layout or the time axis states a sampling rate and a number beside the signals another."""
+    if layout.time is None and not isinstance(layout.sampling_rate, (int, float)):
+        return ()
+    source = "layout" if layout.time is None else "time axis"
     notes = []
     for name, array in arrays.arrays.items():
         word = re.sub(r"[\s_-]", "", re.split(r"[./]", name)[-1].lower())
@@ -159,11 +217,9 @@ def _overruled_rate(arrays: Arrays, layout: Layout) -> tuple[Finding, ...]:
             continue
         number = float(np.ravel(array)[0])
         stated = number if word in _RATES else 1 / number if number else 0.0
-        if stated <= 0 or abs(stated / layout.sampling_rate - 1) > CLOCK:
-            message = (
-                f"the file says {number:g} of {name}, the layout {layout.sampling_rate:g} Hz; the layout is taken."
-            )
-            advice = "Make sure that the layout is right."
+        if stated <= 0 or abs(stated / rate - 1) > CLOCK:
+            message = f"the file says {number:g} of {name}, the {source} {rate:g} Hz; the {source} is taken."
+            advice = "Make sure that the one that is taken is right."
             notes.append(Finding("warning", "rate-overruled", arrays.where, message, stated, None, advice))
     return tuple(notes)
 

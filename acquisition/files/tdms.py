@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
@@ -31,16 +32,27 @@ def read(path: Path, layout: Layout) -> Contents:
     there = call("tdms", path)
     sampled = []
     for channel in there["channels"]:
-        rate = nice_rate(channel["step"], 1e-9) if channel["step"] else layout.sampling_rate
+        place = f"{path.name}, {channel['channel']}"
+        unit = units.known(channel["axis"] or "s")
+        if unit is not None and unit.quantity != "time":
+            message = f"its axis is one of {unit.quantity} in {channel['axis']}, not of time."
+            notes.append(Finding("warning", "not-read", place, message, advice="Export the time signal."))
+            continue
+        if unit is None:
+            message = f"the unit {channel['axis']!r} of its axis is none of time; it is taken in s."
+            notes.append(Finding("warning", "unit-doubtful", place, message, advice="Check the sampling rate."))
+        second = 1.0 if unit is None else unit.factor
+        rate = nice_rate(second * channel["step"], 1e-9) if channel["step"] else layout.sampling_rate
         if not isinstance(rate, (int, float)):
             raise InputError(
                 "the channel has no time step",
-                where=f"{path.name}, {channel['channel']}",
+                where=place,
                 advice="say sampling_rate=... [Hz]",
             )
-        sampled.append(Sampled(channel["name"], channel["unit"], channel["samples"], float(rate), channel["start"]))
+        start = second * channel["offset"] + channel["start"]
+        sampled.append(Sampled(channel["name"], channel["unit"], channel["samples"], float(rate), start))
     if not sampled:
-        raise InputError("no numeric channel in the file", where=path.name)
+        raise InputError("no channel with numbers over time in the file", where=path.name)
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
     notes += [
         Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no numbers.") for name in there["left"]
@@ -99,8 +111,9 @@ def _announced(path: Path, layout: Layout) -> list[Finding]:
 def channels(path: Path) -> dict[str, Any]:
     """The numeric ``channels`` of a file, its ``metadata``, if its last segment is ``cut``, and what is ``left`` out.
 
-    Each channel has its ``channel`` name, a ``name`` that is its own in the file, ``unit``, ``samples`` and the
-    ``step`` in s, 0 where none is stated, and ``start`` in s after the first time stamp of the file.
+    Each channel has its ``channel`` name, a ``name`` that is its own in the file, ``unit``, ``samples``, the
+    ``step``, 0 where none is stated, and the ``offset`` of its axis in the unit ``axis``, empty where none is stated,
+    and ``start`` in s after the first time stamp of the file.
     """
     nptdms = require("nptdms", "formats")
     made, left = [], []
@@ -119,7 +132,9 @@ def channels(path: Path) -> dict[str, Any]:
                         "name": channel.name if len(groups) == 1 else f"{group.name}/{channel.name}",
                         "unit": str(properties.get("unit_string") or properties.get("Unit") or ""),
                         "step": float(properties.get("wf_increment") or 0.0),
-                        "start": float(properties.get("wf_start_offset") or 0.0) + _seconds(properties, stamps),
+                        "axis": str(properties.get("wf_xunit_string") or ""),
+                        "offset": float(properties.get("wf_start_offset") or 0.0),
+                        "start": _seconds(properties, stamps),
                         "samples": np.asarray(channel[:]),
                     }
                 )

@@ -13,6 +13,7 @@ from acquisition.files.signals import channel_units, make_recording
 from acquisition.isolated import call
 from ema.data import Finding
 from ema.errors import InputError, require
+from ema.units import UNSTATED
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -39,9 +40,8 @@ def read(path: Path, layout: Layout) -> Contents:
     names = [f"channel {number + 1}" for number in range(signals.shape[1])]
     if layout.names is not None:
         names = pool.texts(layout.names)
-    record = make_recording(
-        np.ascontiguousarray(signals.T), names, channel_units(pool, layout, names), float(rate), path.name
-    )
+    unit = channel_units(pool, layout, names, [UNSTATED] * len(names))
+    record = make_recording(np.ascontiguousarray(signals.T), names, unit, float(rate), path.name)
     note = Finding(
         "info",
         "full-scale",

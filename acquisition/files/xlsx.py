@@ -153,6 +153,9 @@ def _segment(
             expected="a number",
             recovered=f"{len(rows)} such cells are left out of column {name}",
         )
+    for column in sorted(set(titles) - set(columns.tolist()) - others.keys()):
+        message = f"column {titles[column]} holds nothing: it is empty, or its formulas were never calculated."
+        notes.append(Finding("warning", "not-read", where, message, advice="Save it with the program of the table."))
     filled = np.unique(places[:, 0])
     empty = last - first + 1 - len(filled)
     if empty:

@@ -21,6 +21,8 @@ def counts(tables: list[dict[str, Any]]) -> list[str]:
 
 def section(stored: dict[str, Any]) -> str:
     """The counts as tables of the page."""
+    from tests.bench.write_docs import older  # that module writes this page
+
     tables = stored["tables"]
     lines = [
         f"{len(tables)} tables, {sum(one['one'] for one in tables)} of them with one joint, of the prior of the paper's file "
@@ -37,7 +39,7 @@ def section(stored: dict[str, Any]) -> str:
         "",
         f"Measured {stored['date']} on {stored['machine']['processor']} ({stored['machine']['cores']} cores).",
     ]
-    return "\n".join(lines)
+    return "\n".join(lines) + older(("joint_law",))
 
 
 def _held(tables: list[dict[str, Any]]) -> list[list[str]]:

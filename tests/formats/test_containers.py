@@ -139,3 +139,39 @@ def test_reading_loads_no_heavy_package() -> None:
     code = "import sys, acquisition; acquisition.formats(); print([m for m in ('pandas','pint','scipy','h5py','pyuff') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_rate_beside_the_signals_that_contradicts_their_time_axis_is_named(tmp_path: Path) -> None:
+    times = np.arange(200) / 100
+    for name, number, codes in (("fs", 100.0, []), ("fs", 200.0, ["rate-overruled"]), ("dt", 0.02, ["rate-overruled"])):
+        np.savez(tmp_path / "a.npz", t=times, a=_signals()[0], **{name: number})
+        contents = acquisition.read(tmp_path / "a.npz", time="t", signals="a")
+        assert contents.recordings[0].sampling_rate == 100.0
+        assert [note.code for note in contents.findings] == codes
+
+
+def test_one_output_and_several_inputs_stay_what_they_are(tmp_path: Path) -> None:
+    """The axes of an array (frequency, output, input) mean the same however long they are."""
+    draw = np.random.default_rng(3)
+    frequencies = np.arange(50) * 2.0
+    for outputs, inputs in ((1, 4), (4, 1), (1, 1)):
+        values = draw.normal(size=(50, outputs, inputs)) + 1j * draw.normal(size=(50, outputs, inputs))
+        np.savez(tmp_path / "a.npz", f=frequencies, h=values)
+        (frf,) = acquisition.read(tmp_path / "a.npz", frequency="f", frf="h").frfs
+        np.testing.assert_array_equal(frf.values, values)
+        assert (len(frf.outputs), len(frf.inputs)) == (outputs, inputs)
+
+
+def test_a_column_of_formulas_that_were_never_calculated_is_named(tmp_path: Path) -> None:
+    """A workbook that another program wrote holds no results of its formulas."""
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.active.append(["t [s]", "a [N]", "twice a [N]"])
+    for place, value in enumerate(_signals()[0].tolist()):
+        book.active.append([0.01 * place, value, f"=2*B{place + 2}"])
+    book.save(tmp_path / "a.xlsx")
+    contents = acquisition.read(tmp_path / "a.xlsx")
+    np.testing.assert_allclose(contents.recordings[0].signals, _signals()[:1], rtol=1e-15)
+    (note,) = contents.findings
+    assert note.code == "not-read" and "twice a [N]" in note.message and "formulas" in note.message

@@ -404,6 +404,41 @@ def test_a_logger_states_its_sampling_rate_in_the_header(tmp_path: Path) -> None
     refused(tmp_path / "b.csv", "contradicts the time axis")
 
 
+def test_a_rate_whose_mark_may_part_thousands_states_nothing(tmp_path: Path) -> None:
+    """``2,048 Hz`` above a table with points is 2048 Hz rather than 2.048 Hz, and so is ``51.200 Hz`` with commas."""
+    rows = "".join(f"{a:.6f};{b:.6f}\n" for a, b in TRUTH.T)
+    comma = rows.replace(".", ",")
+    for line, body in (("Sampling Rate: 2,048 Hz", rows), ("Abtastrate: 51.200 Hz", comma), ("dt = 1,250 s", rows)):
+        (tmp_path / "a.csv").write_text(f"{line}\nF [N];a [g]\n{body}")
+        refused(tmp_path / "a.csv", "does not say what its arrays are")
+        assert acquisition.read(tmp_path / "a.csv", sampling_rate=2048.0).recordings[0].sampling_rate == 2048.0
+    for line, body, rate in (
+        ("Sampling Rate: 2.048 kHz", rows, 2048.0),
+        ("Sampling Rate: 0,128 kHz", rows, 128.0),
+        ("Sampling Rate: 2,048 kHz", comma, 2048.0),
+    ):
+        (tmp_path / "a.csv").write_text(f"{line}\nF [N];a [g]\n{body}")
+        assert acquisition.read(tmp_path / "a.csv").recordings[0].sampling_rate == rate
+
+
+@pytest.mark.parametrize("line", ["# sampling_rate = 200", "Fs,200", "Sample Rate: 200", "Sample Rate: 2,000"])
+def test_a_rate_without_a_unit_that_contradicts_the_time_axis(tmp_path: Path, line: str) -> None:
+    rows = "".join(f"{k / 100:.2f},{a:.6f}\n" for k, a in enumerate(TRUTH[0]))
+    (tmp_path / "a.csv").write_text(f"{line}\nt [s],a [N]\n{rows}")
+    refused(tmp_path / "a.csv", "the sampling rate contradicts the time axis")
+    for stated in ("100", "0.1", "1e-4"):  # Hz, kHz, MHz
+        (tmp_path / "a.csv").write_text(f"Sample Rate: {stated}\nt [s],a [N]\n{rows}")
+        assert acquisition.read(tmp_path / "a.csv").recordings[0].sampling_rate == 100.0
+
+
+def test_a_rate_of_the_header_that_the_layout_overrules_is_named(tmp_path: Path) -> None:
+    for line in ("Sampling Rate(Hz),50", "Sample Interval,0.02"):
+        (tmp_path / "a.csv").write_text(f"{line}\nForce (N)\n" + "".join(f"{a:.6f}\n" for a in TRUTH[0]))
+        contents = acquisition.read(tmp_path / "a.csv", sampling_rate=100.0)
+        assert contents.recordings[0].sampling_rate == 100.0
+        assert [note.code for note in contents.findings] == ["rate-overruled"]
+
+
 SCOPE = "Model,A 3014\nHorizontal Units,s\nSample Interval,{interval}\nRecord Length,{count}\n\nTIME,CH1,CH2\n"
 
 

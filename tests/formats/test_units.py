@@ -49,6 +49,11 @@ LBF = 4.4482216152605
         ("microstrain", 1e-6, "strain"),
         ("%", 0.01, "ratio"),
         ("kHz", 1e3, "frequency"),
+        ("mil", 0.0254e-3, "displacement"),
+        ("mils/lbf", 0.0254e-3 / LBF, "receptance"),
+        ("krad/s", 1e3, "angular velocity"),
+        ("mrad", 1e-3, "rotation"),
+        ("rps", 6.283185307179586, "angular velocity"),
         ("unstated", 1, "unstated"),
     ],
 )

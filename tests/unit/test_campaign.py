@@ -444,6 +444,58 @@ def test_mixed_units_between_the_files_of_a_run_are_refused(tmp_path: Path) -> N
         acquisition.open_campaign(folder(tmp_path, HEAD + CHANNELS + RUN, files))
 
 
+def _stating(path: Path, unit: str, kind: str) -> str:
+    """A run whose files hold the numbers of :func:`record` in a unit that they state."""
+    (path / "raw").mkdir(parents=True)
+    hammer, acc = record().signals
+    if kind == "uff":
+        names = ("hammer", "N"), ("acc", unit)
+        channels = tuple(Channel(name, Dof(k), unit="unstated") for k, (name, _) in enumerate(names, 1))
+        acquisition.write(path / "raw" / "bare_2.uff", Recording(record().signals, RATE, channels, name="take"))
+        text = (path / "raw" / "bare_2.uff").read_text()
+        for _, label in names:  # of the ordinates in their order
+            text = text.replace(f"{'unstated':<20} unstated", f"{'NONE':<20} {label:<8}", 1)
+        (path / "raw" / "bare_2.uff").write_text(text)
+    elif kind == "csv":
+        rows = "".join(f"{n / RATE:.3f},{a},{b}\n" for n, (a, b) in enumerate(zip(hammer, acc, strict=True)))
+        (path / "raw" / "bare_2.csv").write_text(f"t [s],hammer [N],acc [{unit}]\n{rows}")
+    else:
+        nptdms = pytest.importorskip("nptdms")
+        channels = [("hammer", hammer, "N"), ("acc", acc, unit)]
+        with nptdms.TdmsWriter(path / "raw" / "bare_2.tdms") as writer:
+            writer.write_segment(
+                [
+                    nptdms.ChannelObject("g", name, values, {"wf_increment": 1 / RATE, "unit_string": text})
+                    for name, values, text in channels
+                ]
+            )
+    return RUN.replace("h5", kind)
+
+
+@pytest.mark.parametrize("kind", ["csv", "tdms", "uff"])
+def test_the_file_and_the_channel_table_state_one_unit(tmp_path: Path, kind: str) -> None:
+    """The unit of the table had been passed over: numbers in g were taken for those in m/s^2 that the file states."""
+    run = _stating(tmp_path / "a", "m/s^2", kind)
+    with pytest.raises(
+        InputError, match=r"disagree about the unit; got m/s\^2 in the file, expected g as in the table"
+    ):
+        acquisition.open_campaign(folder(tmp_path / "a", HEAD + CHANNELS + run, {}))
+    bare = CHANNELS.replace('unit = "g"\n', "")
+    acc = record().signals[1]
+    taken = acquisition.open_campaign(folder(tmp_path / "a", HEAD + bare + run, {}))["bare"].recordings[0]
+    np.testing.assert_allclose(taken.signals[1], acc, rtol=1e-12)
+    run = _stating(tmp_path / "b", "g", kind)
+    for table in (bare, CHANNELS, CHANNELS.replace('"g"', '"gn"')):
+        taken = acquisition.open_campaign(folder(tmp_path / "b", HEAD + table + run, {}))["bare"].recordings[0]
+        np.testing.assert_allclose(taken.signals[1], 9.80665 * acc, rtol=1e-12)
+    repair = '[[repairs]]\nwhat = "unit"\nchannel = "acc"\nunit = "m/s^2"\nwho = "me"\nwhy = "data sheet"\n'
+    with pytest.raises(InputError, match="a repair that changes nothing"):
+        acquisition.open_campaign(folder(tmp_path / "b", HEAD + bare + run + repair, {}))
+    repair += 'was = "g"\n'
+    taken = acquisition.open_campaign(folder(tmp_path / "b", HEAD + bare + run + repair, {}))["bare"].recordings[0]
+    np.testing.assert_allclose(taken.signals[1], acc, rtol=1e-12)
+
+
 def test_a_path_without_campaign_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no campaign here"):
         acquisition.open_campaign(tmp_path)

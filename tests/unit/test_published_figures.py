@@ -16,6 +16,7 @@ OLDER = {
     "archive",
     "cold_starts",
     "hammer",
+    "joint_law",
     "joint_maps",
     "simulate, first call, double_beam and damping_map",
     "simulate, first call, double_beam and frf",

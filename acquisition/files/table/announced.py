@@ -29,6 +29,8 @@ _COUNT = re.compile(
 )
 _SECONDS = (1.0, 1e-3, 1e-6, 1e-9)
 """Units that an interval without one may have, in s."""
+_HERTZ = (1.0, 1e3, 1e6)
+"""Units that a rate without one may have, in Hz."""
 
 
 @dataclass(frozen=True)
@@ -43,22 +45,33 @@ def _matches(pattern: re.Pattern[str], header: tuple[str, ...]) -> Iterator[re.M
     return (found for line in header if (found := pattern.match(line)))
 
 
-def rate(header: tuple[str, ...]) -> Clock | None:
-    """The sampling rate that a line such as ``Sampling Rate(Hz),50`` or ``dt = 0.02 s`` states with its unit."""
+def rate(header: tuple[str, ...], decimal: str) -> Clock | None:
+    """The sampling rate that a line such as ``Sampling Rate(Hz),50`` or ``dt = 0.02 s`` states with its unit.
+
+    A number that may be one or a thousand, ``2,048`` above a table with the decimal mark ``.``, states nothing.
+    """
     for found in _matches(_RATE, header):
-        unit = found["before"] or found["after"]
-        if unit:
-            prefix = {"k": 1e3, "m": 1e6}.get(unit[0].lower(), 1.0) if len(unit) > 2 and unit[0] in "kKmM" else 1.0
-            return Clock(_number(found) * prefix, 0.0)
+        unit, readings = found["before"] or found["after"], _readings(found, decimal)
+        if unit and len(readings) == 1:
+            return Clock(readings[0] * _prefix(unit), 0.0)
     for found in _matches(_INTERVAL, header):
-        known = units.known(found["before"] or found["after"] or "")
-        if known is not None and _number(found) > 0:
-            return Clock(1.0 / (_number(found) * known.factor), _rounding(found))
+        known, readings = units.known(found["before"] or found["after"] or ""), _readings(found, decimal)
+        if known is not None and len(readings) == 1 and readings[0] > 0:
+            return Clock(1.0 / (readings[0] * known.factor), _rounding(found))
     return None
 
 
-def _number(found: re.Match[str]) -> float:
-    return float(found["number"].replace(",", "."))
+def _prefix(unit: str) -> float:
+    return {"k": 1e3, "m": 1e6}.get(unit[0].lower(), 1.0) if len(unit) > 2 and unit[0] in "kKmM" else 1.0
+
+
+def _readings(found: re.Match[str], decimal: str) -> tuple[float, ...]:
+    """What a number may be: two values where its mark is not that of the table and may part thousands."""
+    text = found["number"]
+    value = float(text.replace(",", "."))
+    if decimal not in text and re.fullmatch(r"[1-9]\d{0,2}[.,]\d{3}", text):
+        return (value, 1e3 * value)
+    return (value,)
 
 
 def _rounding(found: re.Match[str]) -> float:
@@ -68,15 +81,21 @@ def _rounding(found: re.Match[str]) -> float:
     return 0.5 * 10.0**-places / float(digits) if float(digits) else 0.0
 
 
-def contradiction(header: tuple[str, ...], measured: float) -> float | None:
-    """The rate in Hz of a stated interval that is not that of the time axis, whatever unit the interval is in."""
+def contradiction(header: tuple[str, ...], measured: float, decimal: str) -> float | None:
+    """A stated rate in Hz, or that of a stated interval, which is not the measured one in whatever unit it may be."""
+    for found in _matches(_RATE, header):
+        unit = found["before"] or found["after"]
+        multiples = (_prefix(unit),) if unit else _HERTZ
+        rates = [value * multiple for value in _readings(found, decimal) for multiple in multiples]
+        if rates[0] > 0 and all(abs(rate / measured - 1) > CLOCK for rate in rates):
+            return rates[0]
     for found in _matches(_INTERVAL, header):
-        stated = _number(found)
         known = units.known(found["before"] or found["after"] or "")
         factors = _SECONDS if known is None else (known.factor,)
+        steps = [value * factor for value in _readings(found, decimal) for factor in factors]
         within = CLOCK + _rounding(found)
-        if stated > 0 and all(abs(stated * factor * measured - 1) > within for factor in factors):
-            return 1.0 / (stated * factors[0])
+        if steps[0] > 0 and all(abs(step * measured - 1) > within for step in steps):
+            return 1.0 / steps[0]
     return None
 
 

@@ -38,7 +38,7 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
         """End the block of rows."""
         source = lines[begin:place] if labels else ()
         made = _segment(header, rows, labels, delimiter=delimiter, where=where)
-        segments.append(replace(made, line=begin + 1, source=tuple(source), closed=closed))
+        segments.append(replace(made, line=begin + 1, source=tuple(source), closed=closed, decimal=decimal))
 
     while place < len(lines):
         columns = rows[0].shape[1] if rows else 0

@@ -62,6 +62,7 @@ def merge(parts: list[Contents]) -> Contents:
         geometry=next((part.geometry for part in parts if part.geometry is not None), None),
         findings=tuple(f for part in parts for f in part.findings),
         metadata=tuple(dict.fromkeys(m for part in parts for m in part.metadata)),
+        units=tuple(dict.fromkeys(u for part in parts for u in part.units)),
     )
 
 
@@ -97,7 +98,7 @@ def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
         by_titles(names, layout, where, dict(zip(names, texts, strict=True))) if open_question else layout
     )
     chosen = replace(stated_by_titles, axis="columns")
-    clock = announced.rate(segment.header)
+    clock = announced.rate(segment.header, segment.decimal)
     if clock is not None and chosen.sampling_rate is None and chosen.kind in ("", "signals"):
         rounded = clock.rounding > 0 and chosen.time is not None  # then the time axis knows better
         chosen = replace(chosen, sampling_rate=None if rounded else clock.rate)
@@ -110,15 +111,17 @@ def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
         ]
         chosen = replace(chosen, signals=[name for name in listed if not _counts(name, pool)] or listed)
     contents = contents_of(pool, chosen)
-    contents = replace(contents, findings=(*contents.findings, *_reconciled(segment, contents, layout, where)))
+    contents = replace(
+        contents, findings=(*contents.findings, *_reconciled(segment, contents, layout, where, chosen.time is not None))
+    )
     stated = layout.units is not None or layout.unit is not None
     polar = (chosen.amplitude, chosen.phase)
     notes = [] if stated else [_unknown_unit(where, n, text) for n, text in unknown.items() if n not in polar]
     return replace(contents, findings=(*segment.notes, *contents.findings, *notes))
 
 
-def _reconciled(segment: Segment, contents: Contents, layout: Layout, where: str) -> tuple[Finding, ...]:
-    """Compare the rows and the interval that a header announces with those of a record.
+def _reconciled(segment: Segment, contents: Contents, layout: Layout, where: str, timed: bool) -> tuple[Finding, ...]:
+    """Compare the rows, rate and interval that a header announces with those of a record, ``timed`` by a time axis.
 
     Raises
     ------
@@ -127,14 +130,19 @@ def _reconciled(segment: Segment, contents: Contents, layout: Layout, where: str
     if not contents.recordings:
         return ()
     (record,), samples = contents.recordings, len(segment.values)
-    stated = announced.contradiction(segment.header, record.sampling_rate)
-    if stated is not None:
+    stated = announced.contradiction(segment.header, record.sampling_rate, segment.decimal)
+    notes: tuple[Finding, ...] = ()
+    if stated is not None and timed:
         same_rate(record.sampling_rate, stated, samples, where)
+    elif stated is not None:
+        message = f"the header says {stated:g} Hz, the layout {record.sampling_rate:g} Hz; the layout is taken."
+        advice = "Make sure that the one that is taken is right."
+        notes = (Finding("warning", "rate-overruled", where, message, advice=advice),)
     count = announced.rows(segment.header)
     # a length may be one in seconds
     if count is None or count == samples or abs(count * record.sampling_rate / samples - 1) < 0.01:
-        return ()
-    return differs(
+        return notes
+    lost = differs(
         "another number of rows than the header announces",
         where=where,
         layout=layout,
@@ -142,6 +150,7 @@ def _reconciled(segment: Segment, contents: Contents, layout: Layout, where: str
         expected=count,
         recovered=f"the {samples} rows are read",
     )
+    return (*notes, *lost)
 
 
 _COUNTERS = ("sample", "samples", "no", "no.", "nr", "nr.", "index", "#", "count", "scan", "record", "number")

@@ -23,4 +23,6 @@ class Segment:
     """The rows as text, where every row begins with a name."""
     closed: bool = False
     """Whether a delimiter stands behind the last number of every row."""
+    decimal: str = "."
+    """The decimal mark of its numbers."""
     notes: tuple[Finding, ...] = ()

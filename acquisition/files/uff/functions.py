@@ -34,6 +34,8 @@ class Gathered:
     recordings: list[Recording] = field(default_factory=list)
     frfs: list[FrfSet] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    units: list[tuple[str, str]] = field(default_factory=list)
+    """Channels, and the units of their labels before they became SI."""
     noted: set[str] = field(default_factory=set)
     """Wordings of the findings about units."""
 
@@ -220,10 +222,15 @@ def _recording(
         rate = rate_of(clock.factor * first.x[:length], name)
     rows, channels = [], []
     for entry, function in zip(group, functions, strict=True):
-        found = scale(function.header.ordinate, function.header.response.direction, systems[entry.number])
+        axis = function.header.ordinate
+        found = scale(axis, function.header.response.direction, systems[entry.number])
+        if found.stated and channel_unit(found)[0] == "unstated":
+            found = Scale("unstated", note=found.note or f"the unit {axis.unit!r} is one of {found.quantity}, not used")
         _note(made, name, entry, found.note)
         rows.append(found.apply(function.y[:length]))
         channels.append(_channel(function.header, found))
+        if found.stated and axis.unit.upper() not in ("", "NONE"):
+            made.units.append((channels[-1].name, axis.unit))
     places = Counter((channel.dof, channel.quantity) for channel in channels)
     if len(places) < len(channels):
         dof = next(place[0] for place, count in places.items() if count > 1)

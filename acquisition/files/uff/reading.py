@@ -157,7 +157,9 @@ def read(path: Path, layout: Layout) -> Contents:
         gathered.findings.append(Finding("info", "not-read", path.name, f"{times} {what}, not read."))
     findings = tuple(dict.fromkeys((*gathered.findings, *made.findings, *gathered.parts.findings, *notes)))
     metadata = (*gathered.metadata, *_ids(sound))
-    contents = Contents(tuple(made.recordings), tuple(made.frfs), tuple(modes), geometry, findings, metadata)
+    contents = Contents(
+        tuple(made.recordings), tuple(made.frfs), tuple(modes), geometry, findings, metadata, tuple(made.units)
+    )
     return contents if contents else _nothing(contents, entries, path.name)
 
 

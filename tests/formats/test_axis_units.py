@@ -1,0 +1,154 @@
+"""Units beside the usual ones: of an axis that is no time, of channels that no sensor measures, of what looks alike."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import acquisition
+from acquisition import units
+from ema.data import Channel, Recording
+from ema.errors import InputError, UnitError
+
+SIGNAL = 0.5 * np.random.default_rng(7).uniform(-1, 1, 200)
+LVM = """LabVIEW Measurement\t
+Separator\tTab
+Decimal_Separator\t.
+X_Columns\tNo
+***End_of_Header***\t
+Channels\t1
+Samples\t200
+Y_Unit_Label\t{unit}
+X_Dimension\t{dimension}
+X_Unit_Label\t{label}
+X0\t0.0
+Delta_X\t0.5
+***End_of_Header***\t
+X_Value\tc
+"""
+
+
+def _tdms(path: Path, **properties: object) -> Path:
+    import nptdms
+
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.ChannelObject("g", "c", SIGNAL, properties)])
+    return path
+
+
+def _lvm(path: Path, unit: str = "N", dimension: str = "Time", label: str = "s") -> Path:
+    head = LVM.format(unit=unit, dimension=dimension, label=label)
+    path.write_text(head + "".join(f"\t{value!r}\n" for value in SIGNAL.tolist()))
+    return path
+
+
+def test_a_time_step_in_ms(tmp_path: Path) -> None:
+    """LabVIEW and DIAdem state the unit of the axis beside its step: 0.5 ms is 2000 Hz."""
+    tdms = _tdms(tmp_path / "a.tdms", wf_increment=0.5, wf_xname="Time", wf_xunit_string="ms", unit_string="N")
+    for path in (tdms, _lvm(tmp_path / "a.lvm", label="ms")):
+        (record,) = acquisition.read(path).recordings
+        assert record.sampling_rate == pytest.approx(2000.0, rel=1e-12)
+        np.testing.assert_allclose(record.signals[0], SIGNAL, rtol=1e-15)
+
+
+def test_a_spectrum_is_no_time_signal(tmp_path: Path) -> None:
+    """Its step of 0.5 Hz is not one of 0.5 s."""
+    path = _tdms(tmp_path / "a.tdms", wf_increment=0.5, wf_xname="Frequency", wf_xunit_string="Hz", unit_string="g")
+    with pytest.raises(InputError, match="over time"):
+        acquisition.read(path)
+    for options in ({"dimension": "Frequency", "label": ""}, {"label": "Hz"}):
+        with pytest.raises(InputError, match="none of time"):
+            acquisition.read(_lvm(tmp_path / "a.lvm", **options))
+
+
+def test_a_spectrum_beside_time_signals_is_named(tmp_path: Path) -> None:
+    import nptdms
+
+    spectrum = nptdms.ChannelObject("g", "spectrum", SIGNAL, {"wf_increment": 0.5, "wf_xunit_string": "Hz"})
+    force = nptdms.ChannelObject("g", "force", SIGNAL, {"wf_increment": 0.001, "unit_string": "N"})
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([force, spectrum])
+    contents = acquisition.read(tmp_path / "a.tdms")
+    assert [channel.name for record in contents.recordings for channel in record.channels] == ["force"]
+    assert [(note.code, note.where) for note in contents.findings] == [("not-read", "a.tdms, spectrum")]
+
+
+@pytest.mark.parametrize("kind", ["csv", "tdms", "lvm", "uff"])
+def test_a_channel_in_what_no_sensor_measures_keeps_its_numbers(tmp_path: Path, kind: str) -> None:
+    """Without a unit there is nothing that its numbers could have been converted to."""
+    path = tmp_path / f"a.{kind}"
+    if kind == "csv":
+        rows = "".join(f"{0.001 * n:.3f},{value!r}\n" for n, value in enumerate(SIGNAL.tolist()))
+        path.write_text("t [s],c [%]\n" + rows)
+    elif kind == "tdms":
+        _tdms(path, wf_increment=0.001, unit_string="%")
+    elif kind == "lvm":
+        _lvm(path, unit="%")
+    else:
+        acquisition.write(path, Recording(SIGNAL[None], 1000.0, (Channel("c"),), name="a"))
+        lines = path.read_text().splitlines()
+        place = next(number for number, line in enumerate(lines) if line.split()[:1] == ["58"]) + 9
+        assert lines[place].split()[4:] == ["unstated", "unstated"]
+        lines[place] = lines[place].replace("unstated", "NONE    ", 1).replace("unstated", "%       ")
+        path.write_text("\n".join(lines) + "\n")
+    contents = acquisition.read(path)
+    (record,) = contents.recordings
+    assert record.channels[0].unit == "unstated"
+    np.testing.assert_allclose(record.signals[0], SIGNAL, rtol=1e-6)
+    assert "unit-doubtful" in [note.code for note in contents.findings]
+
+
+@pytest.mark.parametrize("text", ["Gs", "pa", "a", "ka"])
+def test_no_measurement_lasts_giga_seconds_or_parts_of_a_year(text: str) -> None:
+    """Meant were g, Pa, A and kA."""
+    with pytest.raises(UnitError, match="unit of time"):
+        units.parse(text)
+
+
+def test_a_unit_of_the_layout_that_overrules_the_file_is_named(tmp_path: Path) -> None:
+    rows = "".join(f"{n},{value!r}\n" for n, value in enumerate(SIGNAL.tolist()))
+    (tmp_path / "a.csv").write_text("t [ms],c [m/s^2]\n" + rows)
+    tdms = _tdms(tmp_path / "a.tdms", wf_increment=0.001, unit_string="m/s^2")
+    for path in (tmp_path / "a.csv", tdms):
+        for unit, codes in (("g", ["unit-overruled"]), ("m/s²", [])):
+            contents = acquisition.read(path, units={"c": unit})
+            factor = 9.80665 if unit == "g" else 1.0
+            np.testing.assert_allclose(contents.recordings[0].signals[0], factor * SIGNAL, rtol=1e-12)
+            assert [note.code for note in contents.findings] == codes
+    contents = acquisition.read(tmp_path / "a.csv", time="t", signals=["c"], time_unit="s")
+    assert contents.recordings[0].sampling_rate == 1.0
+    assert [note.code for note in contents.findings] == ["unit-overruled"]
+
+
+def test_a_unit_of_a_channel_that_is_not_there_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        "t [s],acc\n" + "".join(f"{n / 1000},{v!r}\n" for n, v in enumerate(SIGNAL.tolist()))
+    )
+    (note,) = acquisition.read(tmp_path / "a.csv", units={"ac": "g"}).findings
+    assert note.code == "unit-doubtful" and "'ac'" in note.message
+
+
+def test_the_unit_of_an_array_is_that_of_its_channels(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["data"] = np.stack([SIGNAL, 2 * SIGNAL])
+        file["data"].attrs["unit"] = "kN"
+    for options in ({}, {"names": ["a", "b"]}):
+        (record,) = acquisition.read(tmp_path / "a.h5", signals="data", sampling_rate=1000.0, **options).recordings
+        np.testing.assert_allclose(record.signals, [1000 * SIGNAL, 2000 * SIGNAL], rtol=1e-12)
+        assert [channel.unit for channel in record.channels] == ["N", "N"]
+
+
+def test_what_is_no_coherence_is_left_out(tmp_path: Path) -> None:
+    """In per cent without saying so, as some programs write it; where they say so it is read."""
+    rows = "".join(f"{2 * n + 2},{v!r},0.1,{60 + n / 10}\n" for n, v in enumerate(SIGNAL.tolist()))
+    head = "Frequency [Hz],Real [g/N],Imag [g/N],Coherence"
+    (tmp_path / "a.csv").write_text(f"{head}\n{rows}")
+    contents = acquisition.read(tmp_path / "a.csv")
+    assert contents.frfs[0].coherence is None
+    assert [note.code for note in contents.findings] == ["not-read"]
+    (tmp_path / "a.csv").write_text(f"{head} [%]\n{rows}")
+    contents = acquisition.read(tmp_path / "a.csv")
+    np.testing.assert_allclose(contents.frfs[0].coherence[:, 0, 0], (60 + np.arange(200) / 10) / 100, rtol=1e-12)
+    assert contents.findings == ()
