@@ -4,12 +4,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Complex, Float
 
+from ema.data import ModalModel, poles_from
 from ema.data.placement import BoltedJoint, Candidates, Prediction
 from ema.dof import Dof, match
 from ema.place.flexibility import flexibility_std
 from ema.place.task import Task, predicted
 from ema.progress import Progress, advance, silent
+from ema.shapes import Surface, rigid_rows
+
+UNKNOWN_DAMPING = 0.7
+"""Standard deviation of the logarithm of a damping ratio of which nothing is known, such as that of a suspension."""
+_SEVERAL, _MOST_DAMPING = 4, 0.9
+"""Modes from which on the scatter of their damping ratios is that of others; damping ratio of a draw at most."""
 
 
 def samples(
@@ -34,7 +42,10 @@ SPRINGS = 40
 
 
 def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
-    """The task with draws of the smoothed shapes, of the shapes at the excited DOF, and of what the joint leaves open.
+    """The task with draws of the bare modes, of their smoothed shapes, and of what the joint leaves open.
+
+    Frequencies and damping ratios of measured modes are drawn with their covariance; what nobody measured has the
+    damping ratios of other modes (``UNKNOWN_DAMPING``).
 
     The shape at a measured DOF is as uncertain as the scatter of the points about the surface; the scale of all
     shapes is drawn with ``scale_std`` of the task. What the joint states with a relative uncertainty is log-normal,
@@ -46,7 +57,7 @@ def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
     for covariance in surface.covariance:
         size, turned = np.linalg.eigh(covariance)
         roots.append(turned * np.sqrt(np.maximum(size, 0)))
-    above = flexibility_std(task.bare, surface)
+    above, damping = flexibility_std(task.bare, surface), _damping_std(task.bare, surface)
     rows = sorted({row for dof in (task.at, task.output) if dof is not None for row in _rows(task, dof)})
     for _ in range(draws):
         shift = np.stack([root @ rng.standard_normal(len(root)) for root in roots], axis=1)
@@ -55,12 +66,39 @@ def drawn(task: Task, draws: int, rng: np.random.Generator) -> Iterator[Task]:
         shapes[rows] += surface.noise * rng.standard_normal((len(rows), len(surface.noise)))
         scale = 1 + task.scale_std * rng.standard_normal() if task.scale_std > 0 else 1.0
         yield task._replace(
-            bare=replace(task.bare, shapes=scale * shapes),
+            bare=replace(task.bare, poles=_poles(task.bare, damping, rng), shapes=scale * shapes),
             joint=joint,
             surface=replace(surface, coefficients=scale * (surface.coefficients + shift)),
             normal_forces=task.normal_forces * np.exp(task.joint.force_std * rng.standard_normal()),
             flexibility_factor=float(np.exp(above * rng.standard_normal())),
         )
+
+
+def _damping_std(bare: ModalModel, surface: Surface) -> Float[np.ndarray, "mode"]:
+    """Standard deviation of the logarithm of the damping ratio of every mode of which none was measured, else 0."""
+    rigid = rigid_rows(bare, surface)
+    unknown = ~bare.shapes.any(axis=0)
+    elastic = np.setdiff1d(np.flatnonzero(~unknown), rigid)
+    scatter = (
+        float(np.std(np.log(bare.damping_ratios[elastic]), ddof=1)) if len(elastic) >= _SEVERAL else UNKNOWN_DAMPING
+    )
+    result = np.where(unknown, scatter, 0.0)
+    assumed = [row for row in rigid if bare.covariance is None or not bare.covariance[row].any()]
+    result[assumed] = UNKNOWN_DAMPING
+    return result
+
+
+def _poles(bare: ModalModel, damping_std: np.ndarray, rng: np.random.Generator) -> Complex[np.ndarray, "mode"]:
+    """A draw of the poles; damping ratios stay positive."""
+    count = len(bare.poles)
+    frequency, ratio = bare.natural_frequencies, bare.damping_ratios
+    logarithm = damping_std * rng.standard_normal(count)
+    if bare.covariance is not None:
+        size, turned = np.linalg.eigh(bare.covariance)
+        moved = np.einsum("mij,mj,mj->mi", turned, np.sqrt(np.maximum(size, 0)), rng.standard_normal((count, 2)))
+        frequency = np.maximum(frequency + moved[:, 0], 0.5 * frequency)
+        logarithm = logarithm + moved[:, 1] / np.maximum(ratio, 1e-12)
+    return poles_from(frequency, np.minimum(ratio * np.exp(logarithm), _MOST_DAMPING))
 
 
 def _joint(joint: BoltedJoint, rng: np.random.Generator) -> BoltedJoint:

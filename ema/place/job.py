@@ -18,7 +18,7 @@ from ema.place.ranking import search
 from ema.place.recipe import PlaceRecipe
 from ema.place.task import Task
 from ema.progress import Progress, silent
-from ema.shapes import smooth, with_plate, with_rigid_body
+from ema.shapes import smooth, with_body_uncertainty, with_plate, with_rigid_body
 
 _FAR = 0.05
 
@@ -65,11 +65,12 @@ def place(
             expected="the structure without the beam",
             advice="choose the bare run",
         )
+    measured = len(bare.poles)
     bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
     modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
     if len(set(modes)) < len(modes):
         raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
-    surface = smooth(bare, geometry)
+    surface = with_body_uncertainty(smooth(bare, geometry), len(bare.poles) - measured, recipe.mass is not None)
     task = Task(
         bare,
         surface,

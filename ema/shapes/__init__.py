@@ -12,7 +12,7 @@ from ema.shapes.complexity import (
 from ema.shapes.continuation import with_plate
 from ema.shapes.correlation import Comparison, auto_mac, co_mac, compare, frac, mac
 from ema.shapes.expansion import Expansion, expand, expand_by_modes
-from ema.shapes.rigid import mass_of, rigid_rows, with_rigid_body
+from ema.shapes.rigid import mass_of, rigid_rows, with_body_uncertainty, with_rigid_body
 from ema.shapes.surface import Surface, smooth
 
 __all__ = [
@@ -39,6 +39,7 @@ __all__ = [
     "realise",
     "rigid_rows",
     "smooth",
+    "with_body_uncertainty",
     "with_plate",
     "with_rigid_body",
 ]

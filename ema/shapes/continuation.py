@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from ema.data import Finding, ModalModel, poles_from
 from ema.errors import InputError
+from ema.shapes.rigid import extended_covariance
 from ema.shapes.surface import Surface, products
 
 _AGREES = 0.15
@@ -185,6 +186,7 @@ def _continued(model: ModalModel, surface: Surface, plate: Plate, first: int) ->
         np.hstack([model.participation, still[1]]),
         model.inputs,
         scaling=model.scaling,
+        covariance=extended_covariance(model, count),
         condition=model.condition,
         provenance=model.provenance,
         findings=model.findings,

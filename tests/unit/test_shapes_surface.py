@@ -45,9 +45,7 @@ def test_slopes_and_curvatures_of_exact_shapes(plate):
     slope, curvature = truth(plate, places)
     fine, coarse = (shapes.smooth(*measured(plate, 0.0, counts=counts)) for counts in ((20, 15), (10, 8)))
     assert np.all(np.linalg.norm(fine.values(places, 1) - slope, axis=0) < 0.003 * np.linalg.norm(slope, axis=0))
-    assert np.all(
-        np.linalg.norm(fine.values(places, 2) - curvature, axis=0) < 0.02 * np.linalg.norm(curvature, axis=0)
-    )
+    assert np.all(np.linalg.norm(fine.values(places, 2) - curvature, axis=0) < 0.02 * np.linalg.norm(curvature, axis=0))
     assert np.all(np.linalg.norm(coarse.values(places, 1) - slope, axis=0) < 0.02 * np.linalg.norm(slope, axis=0))
     for order, exact in ((1, slope), (2, curvature)):
         assert np.mean(np.abs(coarse.values(places, order) - exact) < 1.96 * coarse.std(places, order)) > 0.9

@@ -196,7 +196,10 @@ def case(seed: int, number: int) -> Case:
     loss = float(rng.uniform(*LOSS))
     sheet = replace(
         sheet,
-        length=float(2 * joint.half_length * np.exp(STATED["length"] / 1.96 * rng.standard_normal())),
+        # each slider stands for a part of the patch about it
+        length=float(
+            2 * joint.half_length * SLIDERS / (SLIDERS - 1) * np.exp(STATED["length"] / 1.96 * rng.standard_normal())
+        ),
         loss=float(loss * np.exp(LOSS_STD * rng.standard_normal())),
     )
     return Case(measured, sheet, host, joint, loss, modes)
