@@ -4,7 +4,6 @@ It errs like every balance of one harmonic, by about the same share in the nomin
 relative to the nominal case of the same kind and moved to what all harmonics give for that one.
 """
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -64,36 +63,48 @@ def shares(question: Question) -> Float[np.ndarray, "mode force"]:
     result = np.empty((len(question.targets), len(question.normal_forces)))
     for column, force in enumerate(question.normal_forces):
         model = question.model.with_normal_force(float(force))
-        squares, _, _, rows, _, bare, _ = _structure(model, question.at, question.at)
-        stiffness = _contact(model)[0]
-        _, stuck = np.linalg.eigh(np.diag(squares) + rows.T @ (rows * stiffness[:, None]))
-        parts = np.stack([bare, bare @ stuck])[:, list(question.targets)]
+        squares, _, _, rows, _, springs, flexibility, _ = _structure(model, question.at, question.at)
+        sliding = np.diag(squares) + springs.T @ (springs / flexibility.real[:, None])
+        sticking = sliding + rows.T @ (rows * _contact(model)[0][:, None])
+        parts = np.stack([np.linalg.eigh(one)[1][list(question.targets)] for one in (sliding, sticking)])
         result[:, column] = np.min(np.max(parts**2, axis=2), axis=0)
     return result
 
 
 def _structure(model: BeamModel, at: Dof, output: Dof) -> tuple[np.ndarray, ...]:
-    """Modes without the tangential contacts: squares, decay, loss, slips, excited DOF and output, bare modes."""
-    assert isinstance(model.host, ModalModel)
+    """Host and beam in modes of their own, where the damping of each couples none of them, and what joins them.
+
+    Squares, decay, loss factors (mode,), host first; slips (contact, mode); excited DOF and output (2, mode); normal
+    springs (spring, mode) with their flexibilities, those of the joints' gaps first; number of the host's modes.
+    """
+    assert isinstance(model.host, ModalModel) and model.beam is not None
+    from ema.simulate.modal_host import modal_coordinates
     from ema.simulate.reduction import natural_modes
     from ema.simulate.structure import assemble
 
-    system = assemble(replace(model, joints=tuple(replace(joint, tangential_loss=0.0) for joint in model.joints)))
-    squares, shapes = natural_modes(system.stiffness, system.mass)
-    squares = np.where(squares < 1e-12 * squares[-1], 0.0, squares)
-    decay, losses = np.zeros(len(squares)), np.zeros(len(squares))
-    if system.decay is not None:
-        decay = (system.decay * np.diag(system.mass)) @ shapes**2
-    if system.loss is not None:
-        lost = np.sum(shapes * (system.loss @ shapes), axis=0)
-        losses = np.divide(lost, squares, out=np.zeros_like(lost), where=squares > 0)
-    rows = np.ascontiguousarray(system.contacts.slip[: system.contacts.tangential] @ shapes)
-    ends = np.stack([system.row(at) @ shapes, system.row(output) @ shapes])
-    # coordinates of the host are its bare modes, those of the beam follow
-    bare = np.ascontiguousarray(shapes[: len(model.host.poles)])
-    normals = system.normals
-    pressing = np.ascontiguousarray((normals.stiffness[:, None] * normals.rows) @ shapes)
-    return squares, decay, losses, rows, ends, bare, pressing
+    system, host = assemble(model), modal_coordinates(model.host)
+    masses, count = np.diag(host.mass), len(host.mass)
+    squares, shapes = natural_modes(model.beam.stiffness, model.beam.mass)
+    # the free beam's own rigid-body motion
+    squares = np.where(squares < 1e-9 * squares[-1], 0.0, squares)
+    reach = np.zeros((count + len(shapes), count + shapes.shape[1]))
+    reach[:count, :count], reach[count:, count:] = np.diag(1 / np.sqrt(masses)), shapes
+    springs, stiffness = system.normals.rows, system.normals.stiffness.astype(complex)
+    losses = np.repeat([joint.normal_loss for joint in model.joints], [len(joint.pairs) for joint in model.joints])
+    stiffness *= 1 + 1j * losses
+    if system.rocking is not None:
+        springs = np.vstack([springs, system.rocking[0]])
+        stiffness = np.append(stiffness, system.rocking[1])
+    return (
+        np.concatenate([np.diag(host.stiffness) / masses, squares]),
+        np.concatenate([host.decay, np.zeros(len(squares))]),
+        np.concatenate([np.zeros(count), np.full(len(squares), float(model.beam_loss))]),
+        np.ascontiguousarray(system.contacts.slip[: system.contacts.tangential] @ reach),
+        np.stack([system.row(at) @ reach, system.row(output) @ reach]),
+        np.ascontiguousarray(springs @ reach),
+        1 / stiffness,
+        np.array([count]),
+    )
 
 
 def _contact(model: BeamModel) -> tuple[Any, ...]:

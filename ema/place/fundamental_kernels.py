@@ -1,8 +1,10 @@
 """Compiled: the fundamental of a structure with friction contacts, all its modes together, under a harmonic force.
 
-The structure without the tangential contacts has modes of squared frequencies s, decay rates d and loss factors e; the
-slips at its contacts are r = F D - R f(r), with R and D sums of the modal receptances g = 1/(s (1 + j e) - omega^2 +
-j omega d) and f the first harmonic of the friction forces (describing function of the law).
+Host and beam apart have modes of squared frequencies s, decay rates d and loss factors e, and receptances that are
+sums of g = 1/(s (1 + j e) - omega^2 + j omega d). Normal springs of flexibilities c join them with the forces
+p = (C + G_pp)^-1 (F G_pd - G_pr f), which makes the slips at the contacts r = F D - R f(r) with
+R = G_rr - G_rp (C + G_pp)^-1 G_pr, D likewise, and f the first harmonic of the friction forces (describing function of
+the law). Nothing is left out of the damping, as it would be in modes of the whole.
 """
 
 import math
@@ -17,37 +19,59 @@ LEFT = 1e-4
 
 
 @compiled(error_model="numpy")
-def respond(omega, load, structure, contact, x, z, m, q):
-    """Displacement of the excited DOF and of the output, and the modal amplitudes ``q``; NaN where unsolved.
+def respond(omega, load, structure, contact, x, z, m, q, p):
+    """Displacement of the excited DOF and of the output, the modal amplitudes ``q``, and the forces ``p`` of the normal
+    springs; NaN where unsolved.
 
     ``structure``: squares, decay, loss (mode,), ``rows`` (contact, mode), ``ends`` (2, mode): excited DOF, output;
-    ``bare`` (bare mode, mode): what the modes of the bare structure take part with; ``pressing`` (joint, mode): normal
-    forces of the joints. ``contact``: k_T, slip forces, loss factor, first harmonic of the law, F_N at rest (joint,).
+    ``springs`` (spring, mode), flexibilities (spring,), number of the host's modes, which come first. ``contact``: k_T,
+    slip forces, loss factor, first harmonic of the law, F_N at rest (joint,).
     """
-    squares, decay, loss, rows, ends, _, _ = structure
+    squares, decay, loss, rows, ends, springs, flexibility, _ = structure
     k_t, limit, tangential_loss, table, _ = contact
-    n, square = rows.shape[0], omega * omega
-    for i in range(n):
-        z[DRIVE, i] = 0j
-        for j in range(n):
-            m[COUPLED, i, j] = 0j
+    n, held, square = rows.shape[0], springs.shape[0], omega * omega
+    # receptances between slips and springs; the last column is under the load
+    g = np.zeros((n + held, n + held + 1), np.complex128)
     for k in range(len(squares)):
-        g = 1 / complex(squares[k] - square, squares[k] * loss[k] + omega * decay[k])
-        q[k] = g
-        for i in range(n):
-            part = rows[i, k] * g
-            z[DRIVE, i] += part * (load * ends[0, k])
+        q[k] = 1 / complex(squares[k] - square, squares[k] * loss[k] + omega * decay[k])
+        for i in range(n + held):
+            row = rows[i, k] if i < n else springs[i - n, k]
+            if row == 0.0:
+                continue
+            part = row * q[k]
+            g[i, n + held] += part * (load * ends[0, k])
             for j in range(i + 1):
-                m[COUPLED, i, j] += part * rows[j, k]
-    for i in range(n):
+                g[i, j] += part * (rows[j, k] if j < n else springs[j - n, k])
+    for i in range(n + held):
         for j in range(i):
-            m[COUPLED, j, i] = m[COUPLED, i, j]
+            g[j, i] = g[i, j]
+    joined = g[n:, n : n + held].copy()
+    for s in range(held):
+        joined[s, s] += flexibility[s]
+    towards = np.empty((held, n + 1), np.complex128)
+    for s in range(held):
+        towards[s, :n], towards[s, n] = g[n + s, :n], g[n + s, n + held]
+    towards = np.linalg.solve(joined, towards)
+    for i in range(n):
+        z[DRIVE, i] = g[i, n + held]
+        for s in range(held):
+            z[DRIVE, i] -= g[i, n + s] * towards[s, n]
+        for j in range(n):
+            m[COUPLED, i, j] = g[i, j]
+            for s in range(held):
+                m[COUPLED, i, j] -= g[i, n + s] * towards[s, j]
     left = slips(k_t, limit, tangential_loss, table, x, z, m)
+    for s in range(held):
+        p[s] = towards[s, n]
+        for i in range(n):
+            p[s] -= towards[s, i] * z[FORCE, i]
     driver, output = 0j, 0j
     for k in range(len(squares)):
         pushed = complex(load * ends[0, k], 0.0)
         for i in range(n):
             pushed -= rows[i, k] * z[FORCE, i]
+        for s in range(held):
+            pushed -= springs[s, k] * p[s]
         q[k] *= pushed
         driver += ends[0, k] * q[k]
         output += ends[1, k] * q[k]
@@ -62,9 +86,10 @@ def curve(frequencies, load, structure, contact):
     n = structure[3].shape[0]
     x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
     m, q = np.zeros((4, n, n), np.complex128), np.zeros(len(structure[0]), np.complex128)
+    p = np.zeros(len(structure[6]), np.complex128)
     result = np.empty(len(frequencies), np.complex128)
     for k in range(len(frequencies)):
-        result[k] = respond(2 * math.pi * frequencies[k], load, structure, contact, x, z, m, q)[1]
+        result[k] = respond(2 * math.pi * frequencies[k], load, structure, contact, x, z, m, q, p)[1]
     return result
 
 
@@ -74,18 +99,13 @@ logarithm; steps towards it at most. A spacing twice as wide misses peaks of dam
 
 
 @compiled(error_model="numpy")
-def taking_part(target, bare, q):
-    """Amplitude of the bare mode ``target`` in a motion where no other bare mode moves more; else 0."""
-    wanted, most = 0.0, 0.0
-    for b in range(bare.shape[0]):
-        part = 0j
-        for k in range(len(q)):
-            part += bare[b, k] * q[k]
-        if b == target:
-            wanted = abs(part)
-        else:
-            most = max(most, abs(part))
-    return wanted if wanted >= most else 0.0
+def taking_part(target, count, q):
+    """Amplitude of the bare mode ``target`` in a motion where none of the other bare modes moves more; else 0."""
+    wanted = abs(q[target])
+    for b in range(count):
+        if abs(q[b]) > wanted:
+            return 0.0
+    return wanted
 
 
 @compiled(error_model="numpy")
@@ -100,14 +120,15 @@ def peak_of(target, low, high, load, structure, contact):
     n, count = structure[3].shape[0], max(int(math.log(high / low) / SPACING) + 1, 5)
     x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
     m, q = np.zeros((4, n, n), np.complex128), np.zeros(len(structure[0]), np.complex128)
+    p = np.zeros(len(structure[6]), np.complex128)
     step, top, best = math.log(high / low) / (count - 1), -1, 0.0
     heights, slip, before = np.zeros(count), np.zeros(n, np.complex128), np.zeros(n, np.complex128)
     moved, moved_before = 0.0, 0.0
     for k in range(count):
         before[:] = z[SLIP]
-        output = respond(2 * math.pi * low * math.exp(k * step), load, structure, contact, x, z, m, q)[1]
+        output = respond(2 * math.pi * low * math.exp(k * step), load, structure, contact, x, z, m, q, p)[1]
         heights[k] = abs(output) if not math.isnan(output.real) else 0.0
-        moved_before, moved = moved, taking_part(target, structure[5], q)
+        moved_before, moved = moved, taking_part(target, structure[7][0], q)
         if k > 1 and heights[k - 2] < heights[k - 1] >= heights[k] and moved_before > best:
             top, best = k - 1, moved_before
             slip[:] = before
@@ -129,7 +150,7 @@ def peak_of(target, low, high, load, structure, contact):
             done = False
         new = min(max(new, at[0] + 0.1 * (at[1] - at[0])), at[2] - 0.1 * (at[2] - at[1]))
         omega = 2 * math.pi * low * math.exp(at[1] if done else new)
-        driver, output = respond(omega, load, structure, contact, x, z, m, q)
+        driver, output = respond(omega, load, structure, contact, x, z, m, q, p)
         value = abs(output) if not math.isnan(output.real) else 0.0
         if done or value > y[1]:
             energy = 0.0
@@ -138,11 +159,8 @@ def peak_of(target, low, high, load, structure, contact):
             frequency = omega / (2 * math.pi)
             damping = -0.5 * load * driver.imag / (omega**2 * energy)
             opening = 0.0
-            for i in range(structure[6].shape[0]):
-                force = 0j
-                for k in range(len(q)):
-                    force += structure[6][i, k] * q[k]
-                opening = max(opening, abs(force) / contact[4][i])
+            for i in range(len(contact[4])):
+                opening = max(opening, abs(p[i]) / contact[4][i])
         if done:
             break
         side = 0 if new < at[1] else 2

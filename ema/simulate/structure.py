@@ -55,7 +55,8 @@ class System:
     coordinate) leads from them to the DOFs, ``None`` where they are the same. ``decay`` (coordinate,) in 1/s is the
     damping a measured host brings; ``loss`` (coordinate, coordinate) in N/m holds the stiffnesses of sticking joints
     times their loss factors. ``spacing`` is the distance of neighbouring node pairs in m, infinite where unknown.
-    ``normals`` are the node pairs in the normal direction, at rest under their preload.
+    ``normals`` are the node pairs in the normal direction, at rest under their preload; ``rocking`` holds rows and
+    stiffnesses in N m of normal springs that are spread over a length.
     """
 
     mass: Float[np.ndarray, "n n"]
@@ -70,6 +71,7 @@ class System:
     reach: Float[np.ndarray, "dof n"] | None = None
     decay: Float[np.ndarray, "n"] | None = None
     loss: Float[np.ndarray, "n n"] | None = None
+    rocking: tuple[Float[np.ndarray, "spring n"], Float[np.ndarray, "spring"]] | None = None
 
     def row(self, dof: Dof | str) -> Float[np.ndarray, "n"]:
         """Row of a DOF in the coordinates.
@@ -287,7 +289,9 @@ def assemble(model: BeamModel) -> System:
     normals = _normals(model, parts, reach)
     bound = normals.rows[normals.elastic]
     stiffness = stiffness + bound.T @ (bound * normals.stiffness[normals.elastic][:, None])
-    stiffness = stiffness + _rocking(model, parts, reach, normals)
+    rocking = _rocking(model, parts, reach, normals)
+    if rocking is not None:
+        stiffness = stiffness + rocking[0].T @ (rocking[0] * rocking[1][:, None])
     normals = press(normals, mass, stiffness, model.name)
     contacts = _contacts(model, parts, reach, normals)
     held, findings = _rigid_contacts(contacts, mass, stiffness, model.name)
@@ -305,6 +309,7 @@ def assemble(model: BeamModel) -> System:
         reach,
         decay,
         _loss(model, held, normals),
+        rocking,
     )
 
 
@@ -367,19 +372,19 @@ def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals
 
 def _rocking(
     model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals: NormalPairs
-) -> Float[np.ndarray, "n n"] | float:
+) -> tuple[Float[np.ndarray, "spring n"], Float[np.ndarray, "spring"]] | None:
     """What linear normal springs spread over a length add: k_N l^2 / 12 between the rotations of host and beam."""
-    result: Float[np.ndarray, "n n"] | float = 0.0
-    pair = 0
+    rows, springs, pair = list[np.ndarray](), list[np.ndarray](), 0
     for joint in model.joints:
         count = len(joint.pairs)
         if joint.contact_length:
-            rows = rocking_rows(joint, *parts)
-            rows = rows if reach is None else rows @ reach
-            springs = normals.stiffness[pair : pair + count] * joint.contact_length**2 / 12
-            result = result + rows.T @ (rows * springs[:, None])
+            rows.append(rocking_rows(joint, *parts))
+            springs.append(normals.stiffness[pair : pair + count] * joint.contact_length**2 / 12)
         pair += count
-    return result
+    if not rows:
+        return None
+    turned = np.vstack(rows)
+    return turned if reach is None else turned @ reach, np.concatenate(springs)
 
 
 def _loss(model: BeamModel, contacts: Contacts, normals: NormalPairs) -> Float[np.ndarray, "n n"] | None:

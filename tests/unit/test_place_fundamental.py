@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 from scipy.optimize import minimize_scalar
 
 from ema import place, shapes
-from ema.data import FrictionLaw
+from ema.data import FrictionLaw, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.place.fundamental import fundamental
 from ema.place.intervals import beams_drawn, drawn
@@ -63,11 +63,17 @@ def stuck_peaks(task: place.Task, candidates: Candidates = SPOT) -> list[tuple[f
 
 
 def test_a_stuck_structure_has_its_linear_peaks(task):
-    """Frequency and damping of every target against dense solutions of the same matrices."""
+    """Frequency and damping of every target against dense solutions of the same matrices.
+
+    Bare modes have damping ratios from 0.2 to 1.1 %: the beam mixes them, and in modes of the sliding structure, whose
+    damping had been taken for diagonal, ratios were off by 0.3 % here and 5 % on other plates.
+    """
+    ratios = np.linspace(0.002, 0.011, len(task.bare.poles))[::-1]
+    task = task._replace(bare=replace(task.bare, poles=poles_from(task.bare.natural_frequencies, ratios)))
     found = fundamental(question(task, predicted(task, SPOT), 0))[:, :2, 0, 0]
     for (frequency, damping), (peak, ratio) in zip(found, stuck_peaks(task), strict=True):
         assert frequency == pytest.approx(peak, rel=3e-5)
-        assert damping == pytest.approx(ratio, rel=0.02)
+        assert damping == pytest.approx(ratio, rel=1e-3)
 
 
 def test_the_peak_of_the_mode_is_taken_and_not_a_higher_one_beside_it(task):
@@ -108,11 +114,13 @@ def test_a_contact_length_resists_rocking(task):
 
 
 def test_a_lossy_beam_damps_by_its_share_of_the_strain_energy(task):
-    """Against dense solutions; the draws leave out that losses couple modes, which steel's loss factors allow."""
+    """Against dense solutions."""
     lossy, steel = (replace(SPOT, catalogue=(replace(BEAM, loss=loss),)) for loss in (0.05, 0.01))
     without, damping, small = (np.array(stuck_peaks(task, one))[:, 1] for one in (SPOT, lossy, steel))
     assert answer(question(task, predicted(task, lossy), 0))[:, 1, 0, 0] == pytest.approx(damping, rel=0.01)
-    assert fundamental(question(task, predicted(task, steel), 0))[:, 1, 0, 0] == pytest.approx(small, rel=0.01)
+    for candidates, ratio in ((lossy, damping), (steel, small)):
+        found = fundamental(question(task, predicted(task, candidates), 0))[:, 1, 0, 0]
+        assert found == pytest.approx(ratio, rel=1e-3)
     assert max(damping / without) > 1.02
 
 
