@@ -18,6 +18,8 @@ _ALONG = 30
 """Degree at most in one direction: the third derivatives of higher ones lose digits."""
 _APART = 0.1
 """Share of a product's values at the points that no product of longer waves has, from which they tell it."""
+_LEFT = 6
+"""Points beyond the free terms, at least."""
 _PENALTY = 3
 """Order of the derivatives that are penalised: one above bending, so that curvatures are smooth as well."""
 _SHARE = 0.85
@@ -267,8 +269,8 @@ def smooth(model: ModalModel, geometry: Geometry, degree: int | None = None) -> 
         np.zeros(count),
         points,
     )
-    free = powers.sum(axis=1) < _order(powers)
-    fits = _fit(surface.rows(points), _roughness(powers, extent), free, shapes.real)
+    order = _order(powers, len(points))
+    fits = _fit(surface.rows(points), _roughness(powers, extent, order), powers.sum(axis=1) < order, shapes.real)
     return Surface(origin, axes, extent, powers, *fits, points)
 
 
@@ -392,14 +394,20 @@ def _powers(
     return ordered[kept]
 
 
-def _order(powers: Int[np.ndarray, "term 2"]) -> int:
-    """Order of the derivatives that are penalised; products of a lower total degree have none."""
-    return min(_PENALTY, int(powers.sum(axis=1).max()))
+def _order(powers: Int[np.ndarray, "term 2"], points: int) -> int:
+    """Order of the derivatives that are penalised; products of a lower total degree are free.
+
+    Few points have a lower order: some have to be left to tell the noise and the strength of the penalty.
+    """
+    degrees = powers.sum(axis=1)
+    fitting = [order for order in range(1, _PENALTY + 1) if np.sum(degrees < order) <= points - _LEFT]
+    return min(max(fitting, default=1), int(degrees.max()))
 
 
-def _roughness(powers: Int[np.ndarray, "term 2"], extent: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, "term term"]:
-    """Integral over the rectangle of all squared derivatives of the penalised order (exact)."""
-    order = _order(powers)
+def _roughness(
+    powers: Int[np.ndarray, "term 2"], extent: Float[np.ndarray, "2 2"], order: int
+) -> Float[np.ndarray, "term term"]:
+    """Integral over the rectangle of all squared derivatives of an order (exact)."""
     points, weights = np.polynomial.legendre.leggauss(int(powers.max()) + 2)
     grid = np.stack([part.ravel() for part in np.meshgrid(points, points, indexing="ij")], axis=1)
     scale = 2 / (extent[:, 1] - extent[:, 0])
