@@ -19,6 +19,32 @@ LEFT = 1e-4
 
 
 @compiled(error_model="numpy")
+def solved(matrix, columns):
+    """Gauss with pivots, in place: ``columns`` become the solution; NaN where there is none (LAPACK would end there)."""
+    n = len(matrix)
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        for j in range(n):
+            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        for j in range(columns.shape[1]):
+            columns[k, j], columns[pivot, j] = columns[pivot, j], columns[k, j]
+        for i in range(k + 1, n):
+            part = matrix[i, k] / matrix[k, k]
+            for j in range(k + 1, n):
+                matrix[i, j] -= part * matrix[k, j]
+            for j in range(columns.shape[1]):
+                columns[i, j] -= part * columns[k, j]
+    for j in range(columns.shape[1]):
+        for k in range(n - 1, -1, -1):
+            for i in range(k + 1, n):
+                columns[k, j] -= matrix[k, i] * columns[i, j]
+            columns[k, j] /= matrix[k, k]
+
+
+@compiled(error_model="numpy")
 def respond(omega, load, structure, contact, x, z, m, q, p):
     """Displacement of the excited DOF and of the output, the modal amplitudes ``q``, and the forces ``p`` of the normal
     springs; NaN where unsolved.
@@ -51,7 +77,7 @@ def respond(omega, load, structure, contact, x, z, m, q, p):
     towards = np.empty((held, n + 1), np.complex128)
     for s in range(held):
         towards[s, :n], towards[s, n] = g[n + s, :n], g[n + s, n + held]
-    towards = np.linalg.solve(joined, towards)
+    solved(joined, towards)
     for i in range(n):
         z[DRIVE, i] = g[i, n + held]
         for s in range(held):
