@@ -43,7 +43,7 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
     frf_set = make_frfs(frequencies, block, outputs, inputs, unit, arrays.where, coherence)
     findings = (*raw.findings, *overruled, *odd, *not_finite(frf_set.values, arrays.where))
     findings = (*findings, *missing_lines(frequencies, arrays.where))
-    return Contents(frfs=(frf_set,), findings=findings)
+    return Contents(frfs=(frf_set,), findings=findings, frf_units=units_before_si(unit))
 
 
 def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, ...]]:
@@ -64,6 +64,12 @@ def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, .
             "the unit is not that of the reference in dB", where=where, got=repr(layout.unit), expected=raw.unit
         )
     return layout.unit, (unit_overruled(where, "unit", raw.unit, layout.unit),)
+
+
+def units_before_si(unit: str) -> tuple[tuple[units.Unit, units.Unit], ...]:
+    """Units of response and force from which the numbers of an FRF become SI."""
+    pair = units.of_frf(unit)
+    return () if pair is None else (pair,)
 
 
 def _between_0_and_1(coherence: Any, arrays: Arrays, place: str) -> tuple[Any, tuple[Finding, ...]]:

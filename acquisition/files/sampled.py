@@ -48,7 +48,7 @@ def recordings(
     first = min((channel.start for channel in channels), default=0.0)
     made: list[Recording] = []
     findings: list[Finding] = []
-    stated: list[tuple[str, str]] = []
+    stated: list[tuple[str, units.Unit]] = []
     for group in groups:
         late = group[0].start - first
         name = where if len(groups) == 1 else f"{where}, {group[0].rate:g} Hz"

@@ -129,10 +129,10 @@ def unmeasured(name: str, unit: units.Unit, where: str) -> tuple[Finding, ...]:
     return (Finding("warning", "unit-doubtful", f"{where}, {name}", message, advice="Say it in the channel table."),)
 
 
-def before_si(names: Sequence[str], unit: Sequence[units.Unit]) -> tuple[tuple[str, str], ...]:
+def before_si(names: Sequence[str], unit: Sequence[units.Unit]) -> tuple[tuple[str, units.Unit], ...]:
     """Names of the channels and the units from which their numbers became SI."""
     pairs = zip(names, unit, strict=True)
-    return tuple((name, one.text) for name, one in pairs if one.stated and one.quantity in QUANTITIES)
+    return tuple((name, one) for name, one in pairs if one.stated and one.quantity in QUANTITIES)
 
 
 def make_channel(name: str, unit: units.Unit, dof: Dof | None = None) -> Channel:

@@ -158,7 +158,14 @@ def read(path: Path, layout: Layout) -> Contents:
     findings = tuple(dict.fromkeys((*gathered.findings, *made.findings, *gathered.parts.findings, *notes)))
     metadata = (*gathered.metadata, *_ids(sound))
     contents = Contents(
-        tuple(made.recordings), tuple(made.frfs), tuple(modes), geometry, findings, metadata, tuple(made.units)
+        tuple(made.recordings),
+        tuple(made.frfs),
+        tuple(modes),
+        geometry,
+        findings,
+        metadata,
+        tuple(made.units),
+        tuple(made.frf_units),
     )
     return contents if contents else _nothing(contents, entries, path.name)
 
