@@ -21,8 +21,9 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
     """FRFs: complex, as real and imaginary part, or as amplitude and phase."""
     raw = _complex(arrays, layout)
     values = np.asarray(raw.values)
+    odd: tuple[Finding, ...] = ()
     if layout.frequency is not None:
-        frequencies = _hertz(arrays, layout)
+        frequencies, odd = _hertz(arrays, layout)
     elif layout.frequency_step is not None:
         frequencies = layout.frequency_step * np.arange(max(values.shape))
     else:
@@ -33,20 +34,20 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
         )
     block = _freq_out_in(values, len(frequencies), layout, arrays.where)
     coherence: Any = None
-    odd: tuple[Finding, ...] = ()
     if layout.coherence is not None:
         coherence = _freq_out_in(arrays.numbers(layout.coherence), len(frequencies), layout, arrays.where)
-        coherence, odd = _between_0_and_1(coherence, arrays, layout.coherence)
+        coherence, about_coherence = _between_0_and_1(coherence, arrays, layout.coherence)
+        odd = (*odd, *about_coherence)
     outputs = _dofs(arrays, layout.outputs, block.shape[1])
     inputs = _dofs(arrays, layout.inputs, block.shape[2])
-    unit, overruled = _unit(raw, layout, arrays.where)
+    unit, overruled = unit_of(raw, layout, arrays.where)
     frf_set = make_frfs(frequencies, block, outputs, inputs, unit, arrays.where, coherence)
     findings = (*raw.findings, *overruled, *odd, *not_finite(frf_set.values, arrays.where))
     findings = (*findings, *missing_lines(frequencies, arrays.where))
     return Contents(frfs=(frf_set,), findings=findings, frf_units=units_before_si(unit))
 
 
-def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, ...]]:
+def unit_of(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, ...]]:
     """The unit of the layout, else of the file; a finding where they differ or the file's is none of an FRF.
 
     Raises
@@ -57,8 +58,11 @@ def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, .
         message = f"{raw.unit!r} is not the unit of an FRF; the numbers are taken without one."
         note = Finding("warning", "unit-doubtful", where, message, advice="Say unit='(m/s^2)/N' or the like.")
         return UNSTATED, (note,)
-    if layout.unit is None or UNSTATED in (raw.unit, layout.unit) or units.parse(layout.unit) == units.parse(raw.unit):
+    if layout.unit is None or UNSTATED in (raw.unit, layout.unit):
         return layout.unit or raw.unit, ()
+    given, stated = units.parse(layout.unit), units.parse(raw.unit)
+    if (given.factor, given.quantity) == (stated.factor, stated.quantity):
+        return layout.unit, ()
     if raw.in_decibels:
         raise units.UnitError(
             "the unit is not that of the reference in dB", where=where, got=repr(layout.unit), expected=raw.unit
@@ -85,19 +89,20 @@ def _between_0_and_1(coherence: Any, arrays: Arrays, place: str) -> tuple[Any, t
     return None, (Finding("warning", "not-read", f"{arrays.where}, {place}", message, advice=advice),)
 
 
-def _hertz(arrays: Arrays, layout: Layout) -> Any:
-    """The frequencies in Hz, from the unit that the layout or the file states.
+def _hertz(arrays: Arrays, layout: Layout) -> tuple[Any, tuple[Finding, ...]]:
+    """The frequencies in Hz, from the unit that the layout or the file states; a finding where they differ.
 
     Raises
     ------
     UnitError : not a unit of frequency.
     """
     place = str(layout.frequency)
-    text = layout.frequency_unit or arrays.label(place)
-    if not text:
-        found = re.search(r"(?<![A-Za-z])(kHz|MHz|rpm|rad/s)(?![A-Za-z])", arrays.title(place))
-        text = found[1] if found else "Hz"
-    unit = units.known(text)
+    stated = arrays.label(place)
+    if not stated:
+        found = re.search(r"(?<![A-Za-z])(Hz|kHz|MHz|rpm|rad/s)(?![A-Za-z])", arrays.title(place))
+        stated = found[1] if found else ""
+    text = layout.frequency_unit or stated or "Hz"
+    unit, there = units.known(text), units.known(stated) if stated else None
     if unit is None or unit.quantity not in ("frequency", "angular velocity"):
         raise units.UnitError(
             "not a unit of frequency",
@@ -107,7 +112,10 @@ def _hertz(arrays: Arrays, layout: Layout) -> Any:
             advice="say frequency_unit='Hz' or the like",
         )
     turns = 2 * np.pi if unit.quantity == "angular velocity" else 1.0
-    return unit.factor / turns * arrays.vector(place)
+    overruled: tuple[Finding, ...] = ()
+    if there is not None and (there.factor, there.quantity) != (unit.factor, unit.quantity):
+        overruled = (unit_overruled(arrays.where, "frequency", stated, text),)
+    return unit.factor / turns * arrays.vector(place), overruled
 
 
 def make_frfs(
