@@ -25,7 +25,7 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
     if layout.frequency is not None:
         frequencies, odd = _hertz(arrays, layout)
     elif layout.frequency_step is not None:
-        frequencies = layout.frequency_step * np.arange(max(values.shape))
+        frequencies = layout.frequency_step * np.arange(_length(values, layout))
     else:
         raise InputError(
             "the file does not state its frequencies",
@@ -268,8 +268,19 @@ def _refuse_polar(arrays: Arrays, place: str) -> None:
         )
 
 
+def _length(values: Any, layout: Layout) -> int:
+    """Number of lines of an array of FRFs: along the axis that the layout states, else the longest."""
+    shape: tuple[int, ...] = np.squeeze(values).shape or (1,)
+    return {"columns": shape[0], "rows": shape[-1]}.get(layout.axis, max(shape))
+
+
 def _freq_out_in(values: Any, lines: int, layout: Layout, where: str) -> Any:
-    """Any arrangement of the FRFs as (freq, out, in), frequency being the axis of the right length."""
+    """Any arrangement of the FRFs as (freq, out, in), frequency being the axis of the right length.
+
+    Raises
+    ------
+    InputError : no axis has this length, or several have and the layout does not say which it is.
+    """
     values = np.asarray(values)
     values = values if values.ndim == 3 and lines in values.shape else np.squeeze(values)
     places = [axis for axis, length in enumerate(values.shape) if length == lines]
@@ -279,6 +290,16 @@ def _freq_out_in(values: Any, lines: int, layout: Layout, where: str) -> Any:
             where=where,
             got=f"values of shape {values.shape}",
             expected=f"{lines} lines",
+        )
+    if len(places) > 1:
+        places = [place for place in places if place == {"columns": 0, "rows": values.ndim - 1}.get(layout.axis)]
+    if not places:
+        raise InputError(
+            "nothing says which axis of an array is that of frequency",
+            where=where,
+            got=f"values of shape {values.shape}",
+            expected=f"one axis of {lines} lines",
+            advice="say axis='columns' where frequency is the first axis, axis='rows' where it is the last",
         )
     values = np.moveaxis(values, places[0], 0)
     if values.ndim == 1:
