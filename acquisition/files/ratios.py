@@ -1,6 +1,8 @@
 """FRFs in named arrays become an FRF set."""
 
 import re
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,18 +35,15 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
             advice="say frequency='...' or frequency_step=... [Hz]",
         )
     block = _freq_out_in(values, len(frequencies), layout, arrays.where)
-    coherence: Any = None
-    if layout.coherence is not None:
-        coherence = _freq_out_in(arrays.numbers(layout.coherence), len(frequencies), layout, arrays.where)
-        coherence, about_coherence = _between_0_and_1(coherence, arrays, layout.coherence)
-        odd = (*odd, *about_coherence)
+    coherence = _coherences(arrays, layout, len(frequencies))
     outputs = _dofs(arrays, layout.outputs, block.shape[1])
     inputs = _dofs(arrays, layout.inputs, block.shape[2])
     unit, overruled = unit_of(raw, layout, arrays.where)
     frf_set = make_frfs(frequencies, block, outputs, inputs, unit, arrays.where, coherence)
-    findings = (*raw.findings, *overruled, *odd, *not_finite(frf_set.values, arrays.where))
+    sets, about_coherence = checked_coherences((frf_set,), f"{arrays.where}, {layout.coherence}")
+    findings = (*raw.findings, *overruled, *odd, *about_coherence, *not_finite(frf_set.values, arrays.where))
     findings = (*findings, *missing_lines(frequencies, arrays.where))
-    return Contents(frfs=(frf_set,), findings=findings, frf_units=units_before_si(unit))
+    return Contents(frfs=sets, findings=findings, frf_units=units_before_si(unit))
 
 
 def unit_of(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, ...]]:
@@ -76,17 +75,47 @@ def units_before_si(unit: str) -> tuple[tuple[units.Unit, units.Unit], ...]:
     return () if pair is None else (pair,)
 
 
-def _between_0_and_1(coherence: Any, arrays: Arrays, place: str) -> tuple[Any, tuple[Finding, ...]]:
-    """Coherences, in the unit that the file states, or ``None`` with a finding where they are none."""
-    unit = units.known(arrays.units.get(place, "1"))
-    coherence = unit.factor * coherence if unit is not None and unit.quantity == "ratio" else coherence
-    finite = coherence[np.isfinite(coherence)]
-    # some analysers write more than 1 at a few lines; another unit shows at most of them
-    if not finite.size or 0 <= np.median(finite) <= 1:
-        return coherence, ()
-    message = f"values from {finite.min():.4g} to {finite.max():.4g} are no coherence; they are left out."
-    advice = "Export it as a number from 0 to 1, or with its unit (%)."
-    return None, (Finding("warning", "not-read", f"{arrays.where}, {place}", message, advice=advice),)
+def _coherences(arrays: Arrays, layout: Layout, lines: int) -> Any:
+    """Coherences in the unit that the file states, as a number; ``None`` where the layout names none."""
+    if layout.coherence is None:
+        return None
+    coherence = _freq_out_in(arrays.numbers(layout.coherence), lines, layout, arrays.where)
+    unit = units.known(arrays.units.get(layout.coherence, "1"))
+    return unit.factor * coherence if unit is not None and unit.quantity == "ratio" else coherence
+
+
+_ROUNDED = 1e-4
+"""By how much rounding may bring a coherence beyond 0 and 1: the last digit of four. Halved or doubled, files with
+fewer digits than five are named or not."""
+
+
+def checked_coherences(frfs: Iterable[FrfSet], where: str) -> tuple[tuple[FrfSet, ...], tuple[Finding, ...]]:
+    """FRFs without what is no coherence, as in per cent, and findings: about that, and about single values beyond 1."""
+    kept, left_out, total = [], [], 0
+    beyond: list[float] = []
+    for frf in frfs:
+        numbers = np.ravel(frf.coherence if frf.coherence is not None else [])
+        finite = numbers[np.isfinite(numbers)]
+        # some analysers write more than 1 at a few lines; another unit shows at most of them
+        if len(finite) and not -_ROUNDED <= np.median(finite) <= 1 + _ROUNDED:
+            left_out.append(finite)
+            kept.append(replace(frf, coherence=None))
+            continue
+        total += len(finite)
+        beyond += finite[np.abs(finite - 0.5) > 0.5 + _ROUNDED].tolist()
+        kept.append(frf)
+    notes: list[Finding] = []
+    if left_out:
+        low, high = min(map(np.min, left_out)), max(map(np.max, left_out))
+        message = f"values from {low:.4g} to {high:.4g} are no coherence; they are left out."
+        advice = "Export it as a number from 0 to 1, or with its unit (%)."
+        notes.append(Finding("warning", "not-read", where, message, advice=advice))
+    if beyond:
+        farthest = float(max(beyond, key=lambda value: abs(value - 0.5)))
+        message = f"{len(beyond)} of {total} coherences are not from 0 to 1; the farthest is {farthest:.6g}."
+        advice = "Such lines had no average, or the numbers are none; do not rely on the coherence there."
+        notes.append(Finding("warning", "coherence-beyond", where, message, farthest, 1.0, advice))
+    return tuple(kept), tuple(notes)
 
 
 def _hertz(arrays: Arrays, layout: Layout) -> tuple[Any, tuple[Finding, ...]]:

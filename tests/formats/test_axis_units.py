@@ -140,6 +140,21 @@ def test_the_unit_of_an_array_is_that_of_its_channels(tmp_path: Path) -> None:
         assert [channel.unit for channel in record.channels] == ["N", "N"]
 
 
+def test_single_coherences_beyond_1_are_named(tmp_path: Path) -> None:
+    """One finding with the largest and how many; what rounding leaves is none of them."""
+    for worst, codes in ((1.25, ["coherence-beyond"]), (1.00005, [])):
+        coherences = np.full(200, 0.9)
+        coherences[3], coherences[7], coherences[9] = worst, 1 + 0.4 * (worst - 1), 1.00001
+        rows = zip(SIGNAL.tolist(), coherences.tolist(), strict=True)
+        text = "".join(f"{2 * n + 2},{v!r},0.1,{c}\n" for n, (v, c) in enumerate(rows))
+        (tmp_path / "a.csv").write_text(f"Frequency [Hz],Real [g/N],Imag [g/N],Coherence\n{text}")
+        contents = acquisition.read(tmp_path / "a.csv")
+        np.testing.assert_array_equal(contents.frfs[0].coherence[:, 0, 0], coherences)
+        assert [note.code for note in contents.findings] == codes
+        if codes:
+            assert contents.findings[0].value == 1.25 and contents.findings[0].message.startswith("2 of 200 coherences")
+
+
 def test_what_is_no_coherence_is_left_out(tmp_path: Path) -> None:
     """In per cent without saying so, as some programs write it; where they say so it is read."""
     rows = "".join(f"{2 * n + 2},{v!r},0.1,{60 + n / 10}\n" for n, v in enumerate(SIGNAL.tolist()))

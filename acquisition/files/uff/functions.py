@@ -1,13 +1,14 @@
 """Functions (data set 58) become recordings and FRF sets."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from acquisition.files.arrays import not_finite
+from acquisition.files.ratios import checked_coherences
 from acquisition.files.signals import nice_rate, rate_of
 from acquisition.files.uff import header58
 from acquisition.files.uff.header58 import Header, Point
@@ -42,7 +43,7 @@ class Gathered:
     """What the functions of a file became."""
 
     recordings: list[Recording] = field(default_factory=list)
-    frfs: list[FrfSet] = field(default_factory=list)
+    frfs: Sequence[FrfSet] = ()
     findings: list[Finding] = field(default_factory=list)
     units: list[tuple[str, Unit]] = field(default_factory=list)
     """Channels, and their units before they became SI."""
@@ -336,10 +337,11 @@ def _frf_sets(
         made.findings.append(Finding("warning", "duplicated-dof", where, message, float(len(twice)), 0.0))
     blocks = [(key, block) for key, lines in groups.items() for block in _blocks(made, lines, where)]
     left = _by_pair(coherences)
+    sets: list[FrfSet] = []
     for number, (key, lines) in enumerate(blocks):
         name = where if len(blocks) == 1 else f"{where}, FRF set {number + 1}"
         try:
-            made.frfs.append(_frf_set(made, lines, key[-3], key[-2], left, fetch, name))
+            sets.append(_frf_set(made, lines, key[-3], key[-2], left, fetch, name))
         except (ValueError, EmaError) as error:
             whole = [line for line in lines if _whole(line.entry, fetch)]
             whole = [line for line in whole if len(fetch(line.entry).y) == _header(line.entry).points]
@@ -347,6 +349,8 @@ def _frf_sets(
                 blocks.extend((key, block) for block in _blocks(made, whole, where))
             elif whole:
                 made.findings.append(_problem(where, lines[0].entry, error.args[0] if error.args else str(error)))
+    made.frfs, odd = checked_coherences(sets, where)
+    made.findings += odd
     alone = sum(map(len, left.values()))
     if alone:
         message = f"{alone} coherences belong to no FRF of the file and are not read."
