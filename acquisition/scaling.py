@@ -300,7 +300,7 @@ def _by_column(present: tuple[Channel, ...], column: int, where: str) -> int:
 
 def _line(slot: _Slot, found: Channel, item: Item, axes: LocalAxes, where: str) -> Line:
     spec, where = slot.spec, f"{where}, channel {slot.name}"
-    factor, offset, quantity, sensitivity, stated = _conversion(found, spec, where)
+    factor, offset, quantity, sensitivity, stated = conversion(found, spec, where)
     known = quantity != UNSTATED and spec.unit != UNSTATED
     channel = Channel(
         name=slot.name,
@@ -311,13 +311,13 @@ def _line(slot: _Slot, found: Channel, item: Item, axes: LocalAxes, where: str) 
         sensitivity=sensitivity,
         serial=spec.serial or found.serial,
         calibrated_on=spec.calibrated_on or found.calibrated_on,
-        range=_range(spec, found, quantity, sensitivity, where),
+        range=full_scale(spec, found, quantity, sensitivity, where),
         joint=spec.joint or found.joint,
     )
     return Line(slot.row, channel, factor, offset, stated)
 
 
-def _conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, float, str, float | None, str]:
+def conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, float, str, float | None, str]:
     """Factor, offset, quantity, sensitivity [V/SI] and the text that they come from."""
     unit = units.parse(spec.unit) if spec.unit else None
     sensitivity, measured = units.sensitivity(spec.sensitivity) if spec.sensitivity else (None, "")
@@ -364,7 +364,9 @@ def _unit_question(name: str, where: str) -> UnitError:
     )
 
 
-def _range(spec: ChannelTable, found: Channel, quantity: str, sensitivity: float | None, where: str) -> float | None:
+def full_scale(
+    spec: ChannelTable, found: Channel, quantity: str, sensitivity: float | None, where: str
+) -> float | None:
     if spec.range is None:
         return found.range
     value, measured = units.measure(spec.range)
