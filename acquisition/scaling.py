@@ -318,7 +318,12 @@ def _line(slot: _Slot, found: Channel, item: Item, axes: LocalAxes, where: str) 
 
 
 def conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, float, str, float | None, str]:
-    """Factor, offset, quantity, sensitivity [V/SI] and the text that they come from."""
+    """Factor, offset, quantity, sensitivity [V/SI] and the text that they come from.
+
+    Raises
+    ------
+    UnitError : no unit is stated, or none of a signal, or another than the file's.
+    """
     unit = units.parse(spec.unit) if spec.unit else None
     sensitivity, measured = units.sensitivity(spec.sensitivity) if spec.sensitivity else (None, "")
     if unit is not None and not unit.stated:
@@ -367,6 +372,12 @@ def _unit_question(name: str, where: str) -> UnitError:
 def full_scale(
     spec: ChannelTable, found: Channel, quantity: str, sensitivity: float | None, where: str
 ) -> float | None:
+    """Range of a channel in SI, from one in its unit or in volts.
+
+    Raises
+    ------
+    UnitError : a range of another quantity.
+    """
     if spec.range is None:
         return found.range
     value, measured = units.measure(spec.range)
