@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from acquisition.units import Unit
 from ema.data import Finding, FrfSet, Geometry, ModalModel, Recording
 
 
@@ -25,8 +26,10 @@ class Contents:
         What a reader of the file has to know.
     metadata : tuple of tuple of (str, str), optional
         ``(name, text)`` of what the file says about itself.
-    units : tuple of tuple of (str, str), optional
+    units : tuple of tuple of (str, Unit), optional
         ``(channel, unit)`` that the numbers of a record had before they became SI, where a unit was stated.
+    frf_units : tuple of tuple of (Unit, Unit), optional
+        Units of response and force that the numbers of the FRFs had before they became SI, each pair once.
 
     Examples
     --------
@@ -41,7 +44,8 @@ class Contents:
     geometry: Geometry | None = None
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     metadata: tuple[tuple[str, str], ...] = ()
-    units: tuple[tuple[str, str], ...] = ()
+    units: tuple[tuple[str, Unit], ...] = ()
+    frf_units: tuple[tuple[Unit, Unit], ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.recordings or self.frfs or self.modes or self.geometry is not None)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.contents import Contents
+from acquisition.units import Unit
 from ema import store
 from ema.data import Finding, FrfSet, Geometry, Recording
 
@@ -61,7 +62,7 @@ class Files:
         """What the reader of the file has to say about it."""
         return () if self._is_stored(path) else self.contents(path, options).findings
 
-    def units(self, path: Path, options: dict[str, Any]) -> tuple[tuple[str, str], ...]:
+    def units(self, path: Path, options: dict[str, Any]) -> tuple[tuple[str, Unit], ...]:
         """The channels of the file and the units that their numbers had before they became SI."""
         return () if self._is_stored(path) else self.contents(path, options).units
 

@@ -23,6 +23,7 @@ from acquisition.scaling import (
     lines_of_record,
     node_number,
     refuse_doubles,
+    same_frf_units,
     same_units,
     scaled_frf,
     scaled_record,
@@ -306,6 +307,7 @@ class _Opening:
             if not found:
                 raise InputError("the file holds no FRFs", where=here)
             for frf in found:
+                same_frf_units(table, self.files.contents(item.path, options).frf_units, here)
                 outputs, inputs = lines_of_frf(frf, table, item, self.axes, here)
                 outputs, inputs = (self.repairs.lines(run.id, item, lines) for lines in (outputs, inputs))
                 refuse_doubles((*outputs, *inputs), here)

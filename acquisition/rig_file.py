@@ -11,10 +11,11 @@ from acquisition import units
 from acquisition.campaign_file import ChannelTable, JointTable, Mass, Numbers, Seconds
 from acquisition.live.opendaq_rig import OpendaqRig, OpendaqShaker, Steps, Wire
 from acquisition.live.trigger import Trigger
+from acquisition.scaling import conversion, full_scale
 from ema.data import Channel, Source
 from ema.errors import InputError
 from ema.tables import FileKind, Table, warn
-from ema.units import SI_UNIT
+from ema.units import SI_UNIT, UNSTATED
 
 __all__ = ["FILE_NAME", "RigFile", "force_level", "load", "open_rig", "open_shaker", "steps", "wires"]
 
@@ -28,7 +29,7 @@ class RigTable(Table):
     """``[rig]``: the device and how fast it samples, in Hz."""
 
     device: str
-    sampling_rate: float = Field(gt=0)
+    sampling_rate: float = Field(gt=0, allow_inf_nan=False)
     properties: dict[str, Any] = Field(default_factory=dict)
 
 
@@ -109,6 +110,10 @@ class RigFile(Table):
         names = [channel.name for channel in self.channels]
         if "" in names or len(set(names)) < len(names):
             raise ValueError("every channel has a name of its own")
+        sources = [channel.source or channel.name for channel in self.channels]
+        if len(set(sources)) < len(sources):
+            twice = next(source for source in sources if sources.count(source) > 1)
+            raise ValueError(f"two channels of one source, {twice!r}; give each the source that it is plugged into")
         if sum(channel.role == "reference" for channel in self.channels) != 1:
             raise ValueError('one channel is the hammer or the force of the shaker: role = "reference"')
         if self.shaker is None and not self.take.trigger:
@@ -158,37 +163,26 @@ def wires(rig: RigFile) -> tuple[Wire, ...]:
 
     Raises
     ------
-    InputError : a channel says neither sensitivity nor unit.
+    UnitError : a channel says neither sensitivity nor unit, or a unit or range of something else.
     """
     return tuple(_wire(table) for table in rig.channels)
 
 
 def _wire(table: RigChannelTable) -> Wire:
-    factor, quantity = 1.0, table.quantity or "unstated"
-    if table.sensitivity is not None:
-        volts, quantity = units.sensitivity(table.sensitivity)  # type: ignore[assignment]
-        factor = 1 / volts
-    elif table.unit is not None and table.unit != "unstated":
-        unit = units.parse(table.unit)
-        factor, quantity = unit.factor, unit.quantity  # type: ignore[assignment]
-    elif table.unit is None:
-        raise InputError(
-            "the channel has no unit",
-            where=f"channel {table.name}",
-            advice='add sensitivity = "10 mV/N", or unit = "N" where the device gives newtons',
-        )
-    full = None if table.range is None else units.measure(table.range)[0]
+    """A channel of the device, whose values become SI as the numbers of a file do in a campaign."""
+    where, there = f"channel {table.name}", Channel(table.source or table.name)
+    factor, offset, quantity, sensitivity, _ = conversion(there, table, where)
     channel = Channel(
         table.name,
-        quantity=quantity,
+        quantity=quantity,  # type: ignore[arg-type]
         role=table.role,
-        unit=SI_UNIT[quantity],
+        unit=UNSTATED if table.unit == UNSTATED else SI_UNIT[quantity],
         serial=table.serial,
         calibrated_on=table.calibrated_on,
-        range=full,
+        range=full_scale(table, there, quantity, sensitivity, where),
         joint=table.joint,
     )
-    return Wire(channel, table.source or table.name, factor)
+    return Wire(channel, there.name, factor, offset)
 
 
 def trigger(rig: RigFile) -> Trigger:
@@ -196,7 +190,7 @@ def trigger(rig: RigFile) -> Trigger:
 
     Raises
     ------
-    InputError : it names no channel, or a level of another quantity.
+    InputError : it names no channel, or a level that is not above 0 or of another quantity.
     """
     found = _LEVEL.match(rig.take.trigger)
     assert found is not None
@@ -206,6 +200,14 @@ def trigger(rig: RigFile) -> Trigger:
         raise InputError("the trigger names no channel", got=found["channel"], expected="one of " + ", ".join(names))
     row = names.index(found["channel"])
     level = units.measure(found["level"], channels[row].quantity)[0]
+    if level <= 0:
+        raise InputError(
+            "the trigger is not above 0, where a signal at rest is",
+            where="[take] trigger",
+            got=found["level"],
+            expected="a level above the noise",
+            advice="where the impacts come out negative, give the sensitivity a minus",
+        )
     before, length = (units.measure(text, "time")[0] for text in (rig.take.pre_trigger, rig.take.duration))
     rate = rig.rig.sampling_rate
     return Trigger(row, level, round(before * rate), round(length * rate))

@@ -56,7 +56,7 @@ def lines_of_record(
 
 
 def same_units(
-    present: tuple[Channel, ...], table: list[ChannelTable], in_file: tuple[tuple[str, str], ...], where: str
+    present: tuple[Channel, ...], table: list[ChannelTable], in_file: tuple[tuple[str, units.Unit], ...], where: str
 ) -> None:
     """Refuse a channel table that states another unit of one quantity than the file does.
 
@@ -64,23 +64,51 @@ def same_units(
     ------
     UnitError : one channel has two units.
     """
-    stated: dict[str, set[str]] = {}
-    for name, text in in_file:
-        stated.setdefault(name, set()).add(text)
+    stated: dict[str, set[units.Unit]] = {}
+    for name, unit in in_file:
+        stated.setdefault(name, set()).add(unit)
     for slot in _slots(present, table, where) if table and stated else ():
-        texts = stated.get(present[slot.row].name, set())
-        if len(texts) != 1 or not slot.spec.unit or slot.spec.unit == UNSTATED:
+        found = stated.get(present[slot.row].name, set())
+        if len(found) == 1:
+            _same_unit(slot.spec, next(iter(found)), f"{where}, channel {slot.name}")
+
+
+def same_frf_units(table: list[ChannelTable], in_file: tuple[tuple[units.Unit, units.Unit], ...], where: str) -> None:
+    """Refuse a channel table that states other units of response and force than a file of FRFs does.
+
+    Raises
+    ------
+    UnitError : they differ, and not by one factor that both have in common.
+    """
+    responses = [spec for spec in table if spec.role == "response"]
+    forces = [spec for spec in table if spec.role == "reference"]
+    for response, force in in_file:
+        alike = [_ratio(spec, response) / _ratio(other, force) for spec in responses for other in forces]
+        if alike and all(units.same_factor(factor, 1.0) for factor in alike):
             continue
-        there, given = units.parse(next(iter(texts))), units.parse(slot.spec.unit)
-        if there.quantity == given.quantity and (there.factor, there.offset) != (given.factor, given.offset):
-            raise UnitError(
-                "the file and the channel table disagree about the unit",
-                where=f"{where}, channel {slot.name}",
-                got=f"{there.text} in the file",
-                expected=f"{given.text} as in the table",
-                advice="take unit out of the table where the file is right; where it is wrong, do so and repair it "
-                f'with unit = "{given.text}" and was = "{there.text}"',
-            )
+        for spec, unit in [(spec, response) for spec in responses] + [(spec, force) for spec in forces]:
+            _same_unit(spec, unit, f"{where}, channel {spec.name}")
+
+
+def _ratio(spec: ChannelTable, there: units.Unit) -> float:
+    """The unit of the table over that of the file, 1 where the table states none of its quantity."""
+    given = units.parse(spec.unit or UNSTATED)
+    return given.factor / there.factor if given.quantity == there.quantity else 1.0
+
+
+def _same_unit(spec: ChannelTable, there: units.Unit, where: str) -> None:
+    given = units.parse(spec.unit or UNSTATED)
+    if given.quantity != there.quantity:
+        return
+    if given.offset != there.offset or not units.same_factor(given.factor, there.factor):
+        raise UnitError(
+            "the file and the channel table disagree about the unit",
+            where=where,
+            got=f"{there.text} in the file",
+            expected=f"{given.text} as in the table",
+            advice="take unit out of the table where the file is right; where it is wrong, do so and repair it "
+            f'with unit = "{given.text}" and was = "{there.text}"',
+        )
 
 
 def lines_of_frf(
@@ -272,7 +300,7 @@ def _by_column(present: tuple[Channel, ...], column: int, where: str) -> int:
 
 def _line(slot: _Slot, found: Channel, item: Item, axes: LocalAxes, where: str) -> Line:
     spec, where = slot.spec, f"{where}, channel {slot.name}"
-    factor, offset, quantity, sensitivity, stated = _conversion(found, spec, where)
+    factor, offset, quantity, sensitivity, stated = conversion(found, spec, where)
     known = quantity != UNSTATED and spec.unit != UNSTATED
     channel = Channel(
         name=slot.name,
@@ -283,14 +311,19 @@ def _line(slot: _Slot, found: Channel, item: Item, axes: LocalAxes, where: str) 
         sensitivity=sensitivity,
         serial=spec.serial or found.serial,
         calibrated_on=spec.calibrated_on or found.calibrated_on,
-        range=_range(spec, found, quantity, sensitivity, where),
+        range=full_scale(spec, found, quantity, sensitivity, where),
         joint=spec.joint or found.joint,
     )
     return Line(slot.row, channel, factor, offset, stated)
 
 
-def _conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, float, str, float | None, str]:
-    """Factor, offset, quantity, sensitivity [V/SI] and the text that they come from."""
+def conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, float, str, float | None, str]:
+    """Factor, offset, quantity, sensitivity [V/SI] and the text that they come from.
+
+    Raises
+    ------
+    UnitError : no unit is stated, or none of a signal, or another than the file's.
+    """
     unit = units.parse(spec.unit) if spec.unit else None
     sensitivity, measured = units.sensitivity(spec.sensitivity) if spec.sensitivity else (None, "")
     if unit is not None and not unit.stated:
@@ -336,7 +369,15 @@ def _unit_question(name: str, where: str) -> UnitError:
     )
 
 
-def _range(spec: ChannelTable, found: Channel, quantity: str, sensitivity: float | None, where: str) -> float | None:
+def full_scale(
+    spec: ChannelTable, found: Channel, quantity: str, sensitivity: float | None, where: str
+) -> float | None:
+    """Range of a channel in SI, from one in its unit or in volts.
+
+    Raises
+    ------
+    UnitError : a range of another quantity.
+    """
     if spec.range is None:
         return found.range
     value, measured = units.measure(spec.range)

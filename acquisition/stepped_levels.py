@@ -189,8 +189,25 @@ def _column(columns: Columns, title: str, where: str) -> tuple[np.ndarray, str]:
     return columns[known[title.lower()]]
 
 
+def _factor(name: str, text: str) -> tuple[float, str] | None:
+    """Factor and quantity of a unit; ``None`` where the text is none."""
+    if name == "phase":
+        scale = phase_scale(text)
+        return None if scale is None else (scale.factor, "phase")
+    unit = units.known(text)
+    return None if unit is None or not unit.stated else (unit.factor, unit.quantity)
+
+
 def _unit(name: str, stated: str, layout: LevelLayout, where: str) -> str:
-    text = layout.units.get(name) or stated
+    given = layout.units.get(name, "")
+    if given and stated and _factor(name, given) != _factor(name, stated) and _factor(name, stated) is not None:
+        raise InputError(
+            f"the campaign and the table state different units of the {name}",
+            where=where,
+            got=f"{given} and {stated}",
+            advice="take it out of units where the table is right, correct the title where it is wrong",
+        )
+    text = given or stated
     if not text or text == "unstated":
         raise InputError(
             f"the {name} of the level has no unit",

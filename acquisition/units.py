@@ -8,7 +8,7 @@ from functools import cache, lru_cache
 from typing import Any
 
 from ema.errors import FailureError, UnitError
-from ema.units import FRF_UNIT, QUANTITIES, SI_UNIT, STANDARD_GRAVITY, UNSTATED
+from ema.units import FRF_OF_RESPONSE, FRF_UNIT, QUANTITIES, SI_UNIT, STANDARD_GRAVITY, UNSTATED
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 _SYMBOLS = {"·": "*", "⋅": "*", "×": "*", "µ": "u", "μ": "u", "Ω": "ohm", "°": "deg", "€": "", "Â": ""}
@@ -348,6 +348,40 @@ def measure(text: str, quantity: str = "") -> tuple[float, str]:
             expected=f"a unit such as {example(quantity)}",
         )
     return float(unit.to_si(value)), unit.quantity
+
+
+@lru_cache(maxsize=1024)
+def named(quantity: str, factor: float) -> Unit:
+    """The unit of a quantity that has this factor to SI, under its usual name where it has one."""
+    for text in _USUAL:
+        unit = known(text)
+        if unit is not None and unit.quantity == quantity and not unit.offset and same_factor(unit.factor, factor):
+            return unit
+    return Unit(f"{factor:.6g} {SI_UNIT.get(quantity, '')}".strip(), factor, quantity)
+
+
+def same_factor(one: float, other: float) -> bool:
+    """Whether two factors are those of one unit, which data set 164 of universal files states with seven digits."""
+    return abs(one / other - 1) < 1e-5
+
+
+@lru_cache(maxsize=1024)
+def of_frf(text: str) -> tuple[Unit, Unit] | None:
+    """Units of response and force of an FRF in a unit such as ``g/lbf``; one that has no such parts is taken per N."""
+    whole, (above, _, below) = known(text), text.rpartition("/")
+    if whole is None or whole.quantity not in FRF_UNIT:
+        return None
+    bracket = re.fullmatch(r"\s*\(([^()]*)\)\s*", above)
+    response, force = known(bracket[1] if bracket else above), known(below)
+    if (
+        response is not None
+        and force is not None
+        and response.quantity in FRF_OF_RESPONSE
+        and force.quantity == "force"
+    ):
+        return response, force
+    quantity = next(response for response, kind in FRF_OF_RESPONSE.items() if kind == whole.quantity)
+    return Unit(f"{text} times N", whole.factor, quantity), parse("N")
 
 
 def example(quantity: str) -> str:

@@ -33,6 +33,8 @@ class Arrays:
     labels: Mapping[str, str] = field(default_factory=dict)
     headings: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Arrays of the file that were not read, and what they are."""
 
     def label(self, place: str) -> str:
         """What stands where a unit belongs; empty where nothing does."""
@@ -56,6 +58,8 @@ class Arrays:
         """
         if place in self.arrays:
             return self.arrays[place]
+        if place in self.left_out:
+            raise InputError("an array that is not read", where=self.where, got=f"{place}, {self.left_out[place]}")
         found = PLACE.match(place)
         if found is None or (found["array"] or self.main) not in self.arrays:
             raise InputError("nothing at this place", where=self.where, got=repr(place), expected=self.listing())
@@ -136,6 +140,16 @@ class UndescribedError(InputError):
             advice="say it, e.g. signals='...' with time='...' or sampling_rate=..., frequency='...' with real='...' "
             "and imaginary='...', or x, y, z",
         )
+
+
+def fields(records: Any, prefix: str) -> tuple[dict[str, Any], dict[str, str]]:
+    """The fields of an array of records that are numbers as arrays by name, and what the others are."""
+    kinds = {name: records.dtype[name].base.kind for name in records.dtype.names}
+    numbers = {
+        f"{prefix}{name}": np.ascontiguousarray(records[name]) for name, kind in kinds.items() if kind in "biufc"
+    }
+    others = {f"{prefix}{name}": "a field of records that is no number" for name in kinds}
+    return numbers, {name: what for name, what in others.items() if name not in numbers}
 
 
 CONSTANT_FROM = 16

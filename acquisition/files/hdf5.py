@@ -1,7 +1,7 @@
 """HDF5 files of any layout; arrays are named by their path: ``InputTask/data``."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files.array_contents import contents_of
-from acquisition.files.arrays import Arrays
+from acquisition.files.arrays import Arrays, fields
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
 from acquisition.isolated import call
@@ -101,6 +101,7 @@ def variables(path: Path) -> Arrays:
         metadata=tuple((name, text) for name, text in there["metadata"]),
         labels=there["stated"],
         findings=tuple(notes),
+        left_out=there["left"],
     )
 
 
@@ -123,10 +124,10 @@ def tree(path: Path) -> dict[str, Any]:
     return vars(found)
 
 
-def not_read(where: str, names: Sequence[str]) -> Finding:
-    """Arrays of a kind that holds no measurement."""
-    shown = ", ".join(names[:5]) + (" ..." if len(names) > 5 else "")
-    message = f"{len(names)} of its arrays hold objects or references, not read: {shown}."
+def not_read(where: str, left: Mapping[str, str]) -> Finding:
+    """Arrays of a kind that holds no measurement, and what each is."""
+    shown = ", ".join(f"{name} ({what})" for name, what in list(left.items())[:5]) + (" ..." if len(left) > 5 else "")
+    message = f"{len(left)} of its arrays not read: {shown}."
     return Finding("info", "not-read", where, message)
 
 
@@ -134,14 +135,14 @@ def not_read(where: str, names: Sequence[str]) -> Finding:
 class _Found:
     """What was gathered from the groups of one file.
 
-    ``left`` names the arrays that are no numbers and no texts, ``meant`` those whose attributes give their numbers
-    another meaning, and which.
+    ``left`` names the arrays that are no numbers and no texts with what they are, ``meant`` those whose attributes give
+    their numbers another meaning, and which.
     """
 
     arrays: dict[str, Any] = field(default_factory=dict)
     stated: dict[str, str] = field(default_factory=dict)
     metadata: list[tuple[str, str]] = field(default_factory=list)
-    left: list[str] = field(default_factory=list)
+    left: dict[str, str] = field(default_factory=dict)
     meant: list[tuple[str, str]] = field(default_factory=list)
 
 
@@ -166,13 +167,26 @@ def _gather(group: Any, prefix: str, found: _Found, seen: set[int]) -> None:
                 _gather(item, f"{name}/", found, seen)
         elif isinstance(item, h5py.Dataset) and item.shape is not None:
             texts = h5py.check_string_dtype(item.dtype) is not None
-            if not texts and (item.dtype.kind not in "biufc" or item.dtype.names is not None):
-                found.left.append(name)
+            if item.dtype.names is not None:
+                _records(item, name, found)
+                continue
+            if not texts and item.dtype.kind not in "biufc":
+                found.left[name] = "references or raw bytes"
                 continue
             untrusted.check(item, name)
             found.arrays[name] = _texts(item) if texts else item[...]
             if not texts and item.dtype.kind in "iuf":
                 _meaning(item, found.arrays[name], name, found)
+
+
+def _records(item: Any, name: str, found: _Found) -> None:
+    """The fields of an array of records, each an array with a name of its own."""
+    from ema.store import untrusted
+
+    untrusted.check(item, name)
+    numbers, others = fields(item[...], f"{name}/")
+    found.arrays.update(numbers)
+    found.left.update(others)
 
 
 def _meaning(item: Any, array: Any, name: str, found: _Found) -> None:

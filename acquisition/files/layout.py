@@ -23,10 +23,11 @@ class Layout:
     FRFs
         ``frequency``: place (with ``frequency_unit`` where the file states none and it is not Hz), or
         ``frequency_step`` in Hz; then ``frf`` (complex), ``real`` and ``imaginary``, or ``amplitude`` and ``phase``;
-        ``coherence``; ``outputs`` and ``inputs``: DOFs; ``unit``. Where the file does not state it, an amplitude needs
-        ``amplitude_unit``: ``"linear"``, a unit, or dB with its reference (``"dB re 1 (m/s^2)/N"``, ``"dB re
-        unstated"`` where nobody knows it), and a phase needs ``phase_unit``: ``"deg"`` or ``"rad"``, with
-        ``"unwrapped"`` in front where it runs on beyond 2 pi.
+        ``axis``: whether frequency is the first axis of an array (``"columns"``) or the last (``"rows"``), where its
+        length does not show it; ``coherence``; ``outputs`` and ``inputs``: DOFs; ``unit``. Where the file does not
+        state it, an amplitude needs ``amplitude_unit``: ``"linear"``, a unit, or dB with its reference (``"dB re 1
+        (m/s^2)/N"``, ``"dB re unstated"`` where nobody knows it), and a phase needs ``phase_unit``: ``"deg"`` or
+        ``"rad"``, with ``"unwrapped"`` in front where it runs on beyond 2 pi.
     Geometry
         ``x``, ``y``, ``z``: places, or ``coordinates``: place of an array (n, 3); ``node``: place of the numbers, else
         1, 2, ...; ``lines``: place of an array (line, 2 or more) of node numbers; ``unit`` of length.

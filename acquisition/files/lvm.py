@@ -14,7 +14,7 @@ from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
 from acquisition.files.sampled import TOGETHER
-from acquisition.files.signals import before_si, make_recording, nice_rate, rate_of, same_rate, unmeasured
+from acquisition.files.signals import before_si, labelled_units, make_recording, nice_rate, rate_of, same_rate
 from acquisition.files.table.titles import distinct, roles
 from ema.data import Finding
 from ema.errors import InputError
@@ -124,16 +124,8 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
     ]
     labels = header.get("Y_Unit_Label", [])[: len(signals)]
     labels += [""] * (len(signals) - len(labels))
-    if layout.units is not None:
-        labels = [layout.units.get(n, "") for n in names] if isinstance(layout.units, dict) else list(layout.units)
-    found = []
-    for title, label in zip(names, labels, strict=True):
-        unit = units.known(label) if label else None
-        if label and unit is None:
-            message = f"{label!r} is not a unit; the numbers are taken without one."
-            notes.append(Finding("warning", "unknown-unit", f"{name}, {title}", message))
-        found.append(unit or units.parse(units.UNSTATED))
-        notes += unmeasured(title, found[-1], name)
+    found, about_units = labelled_units(layout, names, labels, name)
+    notes += about_units
     record = make_recording(np.ascontiguousarray(values[:, signals].T), names, found, rate, name)
     metadata = tuple(
         (key, header[key][0]) for key in ("Operator", "Project", "Description", "Date", "Time") if header.get(key)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -41,7 +41,9 @@ def variables(path: Path) -> Arrays:
     numeric = {name: value for name, value in values.items() if not isinstance(value, str)}
     main = next(iter(numeric)) if len(numeric) == 1 else ""
     notes = (not_read(path.name, there["left"]),) if there["left"] else ()
-    return Arrays(path.name, numeric, main, metadata=metadata, labels=_labels(values), findings=notes)
+    return Arrays(
+        path.name, numeric, main, metadata=metadata, labels=_labels(values), findings=notes, left_out=there["left"]
+    )
 
 
 def tree(path: Path) -> dict[str, Any]:
@@ -53,7 +55,7 @@ def tree(path: Path) -> dict[str, Any]:
     """
     with path.open("rb") as file:
         v73 = file.read(128)[:10] == b"MATLAB 7.3"
-    left: list[str] = []
+    left: dict[str, str] = {}
     if v73:
         try:
             top = _v73(path, left)
@@ -66,7 +68,7 @@ def tree(path: Path) -> dict[str, Any]:
             refuse_doubles([name for name, _, _ in whosmat(path)], path)
             top = loadmat(path, simplify_cells=True)
     leaves = [leaf for key, value in top.items() if not key.startswith("__") for leaf in _walk(key, value)]
-    left += [name for name, value in leaves if isinstance(value, _Object)]
+    left |= {name: value.what for name, value in leaves if isinstance(value, _Object)}
     return {"values": {name: value for name, value in leaves if not isinstance(value, _Object)}, "left": left}
 
 
@@ -101,8 +103,67 @@ def _check_elements(path: Path) -> None:
                 )
 
 
+_OBJECT = "an object, or what is no number"
+
+
+@dataclass(frozen=True)
 class _Object:
     """Stands for an object of MATLAB (a table, a function, a string array), which is never built."""
+
+    what: str = _OBJECT
+
+
+_FULL = 1 << 22
+"""Numbers of a sparse matrix in full, from which on it is left out: 32 MB. Such matrices are those of models; halved or
+doubled, systems of 2900 or 1450 degrees of freedom are the largest."""
+
+
+def _in_full(matrix: Any, name: str) -> "np.ndarray | _Object":
+    """A sparse matrix as an array, where that is not large.
+
+    Raises
+    ------
+    InputError : its places are not inside of it.
+    """
+    rows, columns = matrix.shape
+    if rows * columns > _FULL:
+        return _Object(f"a sparse matrix that is large in full, {rows} by {columns}")
+    try:
+        matrix.check_format(full_check=True)
+    except ValueError as error:
+        raise InputError("a sparse matrix whose places do not fit", got=f"{name}, {error}") from error
+    full: np.ndarray = matrix.toarray()
+    return full
+
+
+def _sparse(group: Any, name: str, left: dict[str, str]) -> Any:
+    """A sparse matrix of a v7.3 file: numbers by column, their rows, and where each column begins.
+
+    Raises
+    ------
+    InputError : these do not fit together.
+    """
+    from scipy.sparse import csc_matrix
+
+    from ema.store import untrusted
+
+    parts = [group[key] if key in group else np.zeros(0) for key in ("data", "ir", "jc")]  # none where all are zero
+    for part, key in zip(parts, ("data", "ir", "jc")):
+        if not isinstance(part, np.ndarray):
+            untrusted.check(part, f"{name}.{key}")
+    data, rows, begins = (np.ravel(part[...]) for part in parts)
+    if data.dtype.names == ("real", "imag"):
+        data = data["real"] + 1j * data["imag"]
+    try:
+        shape = (int(group.attrs["MATLAB_sparse"]), max(len(begins) - 1, 0))
+        matrix = csc_matrix((data, rows.astype(np.int64), begins.astype(np.int64)), shape=shape)
+    except (ValueError, TypeError) as error:
+        raise InputError("a sparse matrix whose places do not fit", got=f"{name}, {error}") from error
+    full = _in_full(matrix, name)
+    if isinstance(full, _Object):
+        left[name] = full.what
+        return None
+    return full
 
 
 def _labels(found: dict[str, Any]) -> dict[str, str]:
@@ -133,13 +194,15 @@ def _walk(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         else:
             for number, inner in enumerate(items):
                 yield from _walk(f"{name}.{number}", inner)
+    elif hasattr(value, "toarray"):
+        yield name, _in_full(value, name)
     elif isinstance(value, np.ndarray) and value.dtype.names is not None:
         yield name, _Object()
     elif isinstance(value, (str, np.ndarray, int, float, complex, np.generic, _Object)):
         yield name, value
 
 
-def _v73(path: Path, left: list[str]) -> dict[str, Any]:
+def _v73(path: Path, left: dict[str, str]) -> dict[str, Any]:
     """Variables of a v7.3 file, which is HDF5 with the axes reversed; names of objects go to ``left``."""
     from ema.store import untrusted
 
@@ -149,7 +212,7 @@ def _v73(path: Path, left: list[str]) -> dict[str, Any]:
         return {name: _node(untrusted.member(file, name), name, (), left) for name in file if not name.startswith("#")}
 
 
-def _node(item: Any, name: str, users: tuple[int, ...], left: list[str]) -> Any:
+def _node(item: Any, name: str, users: tuple[int, ...], left: dict[str, str]) -> Any:
     """A structure, a cell array, a text or an array; ``users`` are the addresses of what holds it.
 
     Raises
@@ -165,8 +228,10 @@ def _node(item: Any, name: str, users: tuple[int, ...], left: list[str]) -> Any:
         raise InputError("holds a variable that is inside itself", got=name)
     users = (*users, address)
     if "MATLAB_object_decode" in item.attrs:
-        left.append(name)
+        left[name] = _OBJECT
         return None
+    if isinstance(item, h5py.Group) and "MATLAB_sparse" in item.attrs:
+        return _sparse(item, name, left)
     if isinstance(item, h5py.Group):
         return {key: _node(untrusted.member(item, key), f"{name}.{key}", users, left) for key in item}
     kind = _class(item)
@@ -178,7 +243,7 @@ def _node(item: Any, name: str, users: tuple[int, ...], left: list[str]) -> Any:
         inside = [item.file[reference] for reference in item[...].T.ravel() if reference]
         return [_node(one, f"{name}.{number}", users, left) for number, one in enumerate(inside)]
     if item.dtype.kind not in "biufc" and item.dtype.names != ("real", "imag"):
-        left.append(name)
+        left[name] = _OBJECT
         return None
     array = item[...].T
     if kind == "char":

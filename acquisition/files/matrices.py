@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from acquisition.files import harwell_boeing
+from acquisition.files import harwell_boeing, sniff
 from acquisition.isolated import ParserError, call
 from ema.data import Matrices
 from ema.dof import Dof
@@ -29,6 +29,14 @@ def read_matrix(path: Path) -> Float[np.ndarray, "n n"]:
             head = file.read(64)
     except OSError as error:
         raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+    if not head.startswith(_BANNER.encode()) and sniff.as_ascii(head).lower().startswith(_BANNER.lower().encode()):
+        raise InputError(
+            "the first line of a Matrix Market file is not written as the format wants it",
+            where=str(path),
+            got=f"first bytes {head[:16]!r}",
+            expected=f"{_BANNER} in ASCII, without a byte order mark",
+            advice="save it as plain text",
+        )
     if b"\0" in head:
         raise InputError(
             "a binary file",
@@ -124,7 +132,7 @@ def read_dofs(path: Path, part: str = "") -> tuple[Dof, ...]:
     InputError : no such file, a line that names no DOF, a DOF named twice or a row left out.
     """
     try:
-        lines = path.read_text(encoding="latin-1").splitlines()
+        lines = sniff.as_ascii(path.read_bytes()).decode("latin-1").splitlines()
     except OSError as error:
         raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
     found: dict[int, Dof] = {}

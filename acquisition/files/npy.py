@@ -8,7 +8,7 @@ import numpy as np
 
 from acquisition.contents import Contents
 from acquisition.files.array_contents import contents_of
-from acquisition.files.arrays import Arrays
+from acquisition.files.arrays import Arrays, fields
 from acquisition.files.hdf5 import not_read
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs, refuse_doubles
@@ -31,10 +31,13 @@ def read(path: Path, layout: Layout) -> Contents:
     if not single:
         there = call("npz", path)
         left = (not_read(path.name, there["left"]),) if there["left"] else ()
-        return contents_of(Arrays(path.name, there["arrays"], findings=left), layout)
+        return contents_of(Arrays(path.name, there["arrays"], findings=left, left_out=there["left"]), layout)
     with suppressed_warnings():
         notes = _announced(path, layout)
         array = np.load(path, allow_pickle=False)
+    if array.dtype.names is not None:
+        numbers, left_out = fields(array, "")
+        return contents_of(Arrays(path.name, numbers, findings=notes, left_out=left_out), layout)
     return contents_of(Arrays(path.name, {"": array}, findings=notes), layout)
 
 
@@ -46,15 +49,20 @@ def members(path: Path) -> dict[str, Any]:
     InputError : they grow beyond measure when they are unpacked, or two have one name.
     """
     check_zip(path)
-    arrays, left = {}, []
+    arrays: dict[str, Any] = {}
+    left: dict[str, str] = {}
     with np.load(path, allow_pickle=False) as archive:
         refuse_doubles(archive.files, path)
         for name in archive.files:
             array = archive[name]
             if isinstance(array, np.ndarray) and array.dtype.kind in "biufcSU":
                 arrays[name] = array
+            elif isinstance(array, np.ndarray) and array.dtype.names is not None:
+                numbers, others = fields(array, f"{name}/")
+                arrays.update(numbers)
+                left.update(others)
             else:
-                left.append(name)
+                left[name] = "no numbers and no texts"
     return {"arrays": arrays, "left": left}
 
 

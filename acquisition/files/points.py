@@ -8,6 +8,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import Arrays
 from acquisition.files.layout import Layout
+from acquisition.files.polar import unit_overruled
 from ema.data import Finding, Geometry
 from ema.errors import InputError
 from ema.units import UNSTATED
@@ -32,7 +33,8 @@ def geometry(arrays: Arrays, layout: Layout) -> Contents:
     if len(np.unique(nodes)) < len(nodes):
         raise InputError("a node number occurs twice", where=arrays.where, got=int(_repeated(nodes)))
     factors, stated = _lengths(arrays, layout)
-    findings: tuple[Finding, ...] = () if stated else (length_unstated(arrays.where),)
+    findings = () if stated else (length_unstated(arrays.where),)
+    findings = (*findings, *_overruled(arrays, layout))
     if not keep.all():
         lost = int(np.count_nonzero(~keep))
         message = (
@@ -82,6 +84,20 @@ def _lengths(arrays: Arrays, layout: Layout) -> tuple[Any, bool]:
             text = repr(unit.text)
             raise units.UnitError("not a unit of length", where=arrays.where, got=text, expected="m, mm, in ...")
     return np.array([unit.factor for unit in lengths]), lengths[0].stated
+
+
+def _overruled(arrays: Arrays, layout: Layout) -> tuple[Finding, ...]:
+    """A finding where the layout states another unit of length than the file."""
+    if layout.unit is None:
+        return ()
+    places = (layout.coordinates,) if layout.coordinates else (layout.x, layout.y, layout.z)
+    texts = dict.fromkeys(arrays.units[place] for place in places if place and place in arrays.units)
+    factor = units.parse(layout.unit).factor
+    return tuple(
+        unit_overruled(arrays.where, "coordinates", text, layout.unit)
+        for text in texts
+        if (there := units.known(text)) is not None and there.stated and there.factor != factor
+    )
 
 
 def _lines(arrays: Arrays, layout: Layout, nodes: set[int]) -> tuple[tuple[tuple[int, ...], ...], tuple[Finding, ...]]:

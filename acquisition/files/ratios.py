@@ -1,6 +1,8 @@
 """FRFs in named arrays become an FRF set."""
 
 import re
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,10 +23,11 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
     """FRFs: complex, as real and imaginary part, or as amplitude and phase."""
     raw = _complex(arrays, layout)
     values = np.asarray(raw.values)
+    odd: tuple[Finding, ...] = ()
     if layout.frequency is not None:
-        frequencies = _hertz(arrays, layout)
+        frequencies, odd = _hertz(arrays, layout)
     elif layout.frequency_step is not None:
-        frequencies = layout.frequency_step * np.arange(max(values.shape))
+        frequencies = layout.frequency_step * np.arange(_length(values, layout))
     else:
         raise InputError(
             "the file does not state its frequencies",
@@ -32,21 +35,18 @@ def frfs(arrays: Arrays, layout: Layout) -> Contents:
             advice="say frequency='...' or frequency_step=... [Hz]",
         )
     block = _freq_out_in(values, len(frequencies), layout, arrays.where)
-    coherence: Any = None
-    odd: tuple[Finding, ...] = ()
-    if layout.coherence is not None:
-        coherence = _freq_out_in(arrays.numbers(layout.coherence), len(frequencies), layout, arrays.where)
-        coherence, odd = _between_0_and_1(coherence, arrays, layout.coherence)
+    coherence = _coherences(arrays, layout, len(frequencies))
     outputs = _dofs(arrays, layout.outputs, block.shape[1])
     inputs = _dofs(arrays, layout.inputs, block.shape[2])
-    unit, overruled = _unit(raw, layout, arrays.where)
+    unit, overruled = unit_of(raw, layout, arrays.where)
     frf_set = make_frfs(frequencies, block, outputs, inputs, unit, arrays.where, coherence)
-    findings = (*raw.findings, *overruled, *odd, *not_finite(frf_set.values, arrays.where))
+    sets, about_coherence = checked_coherences((frf_set,), f"{arrays.where}, {layout.coherence}")
+    findings = (*raw.findings, *overruled, *odd, *about_coherence, *not_finite(frf_set.values, arrays.where))
     findings = (*findings, *missing_lines(frequencies, arrays.where))
-    return Contents(frfs=(frf_set,), findings=findings)
+    return Contents(frfs=sets, findings=findings, frf_units=units_before_si(unit))
 
 
-def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, ...]]:
+def unit_of(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, ...]]:
     """The unit of the layout, else of the file; a finding where they differ or the file's is none of an FRF.
 
     Raises
@@ -57,8 +57,11 @@ def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, .
         message = f"{raw.unit!r} is not the unit of an FRF; the numbers are taken without one."
         note = Finding("warning", "unit-doubtful", where, message, advice="Say unit='(m/s^2)/N' or the like.")
         return UNSTATED, (note,)
-    if layout.unit is None or UNSTATED in (raw.unit, layout.unit) or units.parse(layout.unit) == units.parse(raw.unit):
+    if layout.unit is None or UNSTATED in (raw.unit, layout.unit):
         return layout.unit or raw.unit, ()
+    given, stated = units.parse(layout.unit), units.parse(raw.unit)
+    if (given.factor, given.quantity) == (stated.factor, stated.quantity):
+        return layout.unit, ()
     if raw.in_decibels:
         raise units.UnitError(
             "the unit is not that of the reference in dB", where=where, got=repr(layout.unit), expected=raw.unit
@@ -66,32 +69,69 @@ def _unit(raw: Polar, layout: Layout, where: str) -> tuple[str, tuple[Finding, .
     return layout.unit, (unit_overruled(where, "unit", raw.unit, layout.unit),)
 
 
-def _between_0_and_1(coherence: Any, arrays: Arrays, place: str) -> tuple[Any, tuple[Finding, ...]]:
-    """Coherences, in the unit that the file states, or ``None`` with a finding where they are none."""
-    unit = units.known(arrays.units.get(place, "1"))
-    coherence = unit.factor * coherence if unit is not None and unit.quantity == "ratio" else coherence
-    finite = coherence[np.isfinite(coherence)]
-    # some analysers write more than 1 at a few lines; another unit shows at most of them
-    if not finite.size or 0 <= np.median(finite) <= 1:
-        return coherence, ()
-    message = f"values from {finite.min():.4g} to {finite.max():.4g} are no coherence; they are left out."
-    advice = "Export it as a number from 0 to 1, or with its unit (%)."
-    return None, (Finding("warning", "not-read", f"{arrays.where}, {place}", message, advice=advice),)
+def units_before_si(unit: str) -> tuple[tuple[units.Unit, units.Unit], ...]:
+    """Units of response and force from which the numbers of an FRF become SI."""
+    pair = units.of_frf(unit)
+    return () if pair is None else (pair,)
 
 
-def _hertz(arrays: Arrays, layout: Layout) -> Any:
-    """The frequencies in Hz, from the unit that the layout or the file states.
+def _coherences(arrays: Arrays, layout: Layout, lines: int) -> Any:
+    """Coherences in the unit that the file states, as a number; ``None`` where the layout names none."""
+    if layout.coherence is None:
+        return None
+    coherence = _freq_out_in(arrays.numbers(layout.coherence), lines, layout, arrays.where)
+    unit = units.known(arrays.units.get(layout.coherence, "1"))
+    return unit.factor * coherence if unit is not None and unit.quantity == "ratio" else coherence
+
+
+_ROUNDED = 1e-4
+"""By how much rounding may bring a coherence beyond 0 and 1: the last digit of four. Halved or doubled, files with
+fewer digits than five are named or not."""
+
+
+def checked_coherences(frfs: Iterable[FrfSet], where: str) -> tuple[tuple[FrfSet, ...], tuple[Finding, ...]]:
+    """FRFs without what is no coherence, as in per cent, and findings: about that, and about single values beyond 1."""
+    kept, left_out, total = [], [], 0
+    beyond: list[float] = []
+    for frf in frfs:
+        numbers = np.ravel(frf.coherence if frf.coherence is not None else [])
+        finite = numbers[np.isfinite(numbers)]
+        # some analysers write more than 1 at a few lines; another unit shows at most of them
+        if len(finite) and not -_ROUNDED <= np.median(finite) <= 1 + _ROUNDED:
+            left_out.append(finite)
+            kept.append(replace(frf, coherence=None))
+            continue
+        total += len(finite)
+        beyond += finite[np.abs(finite - 0.5) > 0.5 + _ROUNDED].tolist()
+        kept.append(frf)
+    notes: list[Finding] = []
+    if left_out:
+        low, high = min(map(np.min, left_out)), max(map(np.max, left_out))
+        message = f"values from {low:.4g} to {high:.4g} are no coherence; they are left out."
+        advice = "Export it as a number from 0 to 1, or with its unit (%)."
+        notes.append(Finding("warning", "not-read", where, message, advice=advice))
+    if beyond:
+        farthest = float(max(beyond, key=lambda value: abs(value - 0.5)))
+        message = f"{len(beyond)} of {total} coherences are not from 0 to 1; the farthest is {farthest:.6g}."
+        advice = "Such lines had no average, or the numbers are none; do not rely on the coherence there."
+        notes.append(Finding("warning", "coherence-beyond", where, message, farthest, 1.0, advice))
+    return tuple(kept), tuple(notes)
+
+
+def _hertz(arrays: Arrays, layout: Layout) -> tuple[Any, tuple[Finding, ...]]:
+    """The frequencies in Hz, from the unit that the layout or the file states; a finding where they differ.
 
     Raises
     ------
     UnitError : not a unit of frequency.
     """
     place = str(layout.frequency)
-    text = layout.frequency_unit or arrays.label(place)
-    if not text:
-        found = re.search(r"(?<![A-Za-z])(kHz|MHz|rpm|rad/s)(?![A-Za-z])", arrays.title(place))
-        text = found[1] if found else "Hz"
-    unit = units.known(text)
+    stated = arrays.label(place)
+    if not stated:
+        found = re.search(r"(?<![A-Za-z])(Hz|kHz|MHz|rpm|rad/s)(?![A-Za-z])", arrays.title(place))
+        stated = found[1] if found else ""
+    text = layout.frequency_unit or stated or "Hz"
+    unit, there = units.known(text), units.known(stated) if stated else None
     if unit is None or unit.quantity not in ("frequency", "angular velocity"):
         raise units.UnitError(
             "not a unit of frequency",
@@ -101,7 +141,10 @@ def _hertz(arrays: Arrays, layout: Layout) -> Any:
             advice="say frequency_unit='Hz' or the like",
         )
     turns = 2 * np.pi if unit.quantity == "angular velocity" else 1.0
-    return unit.factor / turns * arrays.vector(place)
+    overruled: tuple[Finding, ...] = ()
+    if there is not None and (there.factor, there.quantity) != (unit.factor, unit.quantity):
+        overruled = (unit_overruled(arrays.where, "frequency", stated, text),)
+    return unit.factor / turns * arrays.vector(place), overruled
 
 
 def make_frfs(
@@ -254,8 +297,19 @@ def _refuse_polar(arrays: Arrays, place: str) -> None:
         )
 
 
+def _length(values: Any, layout: Layout) -> int:
+    """Number of lines of an array of FRFs: along the axis that the layout states, else the longest."""
+    shape: tuple[int, ...] = np.squeeze(values).shape or (1,)
+    return {"columns": shape[0], "rows": shape[-1]}.get(layout.axis, max(shape))
+
+
 def _freq_out_in(values: Any, lines: int, layout: Layout, where: str) -> Any:
-    """Any arrangement of the FRFs as (freq, out, in), frequency being the axis of the right length."""
+    """Any arrangement of the FRFs as (freq, out, in), frequency being the axis of the right length.
+
+    Raises
+    ------
+    InputError : no axis has this length, or several have and the layout does not say which it is.
+    """
     values = np.asarray(values)
     values = values if values.ndim == 3 and lines in values.shape else np.squeeze(values)
     places = [axis for axis, length in enumerate(values.shape) if length == lines]
@@ -265,6 +319,16 @@ def _freq_out_in(values: Any, lines: int, layout: Layout, where: str) -> Any:
             where=where,
             got=f"values of shape {values.shape}",
             expected=f"{lines} lines",
+        )
+    if len(places) > 1:
+        places = [place for place in places if place == {"columns": 0, "rows": values.ndim - 1}.get(layout.axis)]
+    if not places:
+        raise InputError(
+            "nothing says which axis of an array is that of frequency",
+            where=where,
+            got=f"values of shape {values.shape}",
+            expected=f"one axis of {lines} lines",
+            advice="say axis='columns' where frequency is the first axis, axis='rows' where it is the last",
         )
     values = np.moveaxis(values, places[0], 0)
     if values.ndim == 1:

@@ -1,6 +1,6 @@
 """Channels of several rates and lengths, as loggers write them, become recordings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ from acquisition import units
 from acquisition.contents import Contents
 from acquisition.files.arrays import not_finite
 from acquisition.files.layout import Layout
-from acquisition.files.signals import before_si, make_recording, overruled_unit, unmeasured
+from acquisition.files.signals import before_si, labelled_units, make_recording
 from ema.data import Finding, Recording
 
 
@@ -47,8 +47,9 @@ def recordings(
             group.append(channel)
     first = min((channel.start for channel in channels), default=0.0)
     made: list[Recording] = []
-    findings: list[Finding] = []
-    stated: list[tuple[str, str]] = []
+    each, findings = labelled_units(layout, [c.name for c in channels], [c.unit for c in channels], where)
+    taken = {id(channel): unit for channel, unit in zip(channels, each, strict=True)}
+    stated: list[tuple[str, units.Unit]] = []
     for group in groups:
         late = group[0].start - first
         name = where if len(groups) == 1 else f"{where}, {group[0].rate:g} Hz"
@@ -57,16 +58,10 @@ def recordings(
             message = f"its channels begin {late:g} s after the first of the file and are a recording alone."
             advice = "Start all channels by one trigger: phases between recordings mean nothing."
             findings.append(Finding("warning", "begins-later", name, message, late, TOGETHER / group[0].rate, advice))
-        found = [_unit(channel, layout, name, findings) for channel in group]
-        names, texts = [c.name for c in group], [c.unit for c in group]
+        names, found = [c.name for c in group], [taken[id(c)] for c in group]
         signals = np.stack([np.asarray(channel.samples, dtype=np.float64) for channel in group])
         record = make_recording(signals, names, found, group[0].rate, name)
         findings.extend(not_finite(record.signals, name))
-        findings.extend(
-            note
-            for one, text, unit in zip(names, texts, found, strict=True)
-            for note in overruled_unit(one, text, unit, name)
-        )
         stated.extend(before_si(names, found))
         made.append(record)
     return Contents(recordings=tuple(made), findings=tuple(findings), metadata=tuple(metadata), units=tuple(stated))
@@ -76,15 +71,3 @@ def _together(one: Sampled, other: Sampled) -> bool:
     """Whether two channels have the same rate and length and begin together."""
     alike = one.rate == other.rate and len(one.samples) == len(other.samples)
     return alike and abs(one.start - other.start) * one.rate <= TOGETHER
-
-
-def _unit(channel: Sampled, layout: Layout, where: str, findings: list[Finding]) -> units.Unit:
-    if isinstance(layout.units, Mapping) and channel.name in layout.units:
-        return units.parse(layout.units[channel.name])
-    unit = units.known(channel.unit) if channel.unit else None
-    if channel.unit and unit is None:
-        message = f"{channel.unit!r} is not a unit; the numbers are taken without one."
-        findings.append(Finding("warning", "unknown-unit", f"{where}, {channel.name}", message))
-    if unit is not None:
-        findings.extend(unmeasured(channel.name, unit, where))
-    return unit or units.parse(units.UNSTATED)

@@ -12,7 +12,7 @@ from acquisition.files import sniff, table
 from acquisition.files.arrays import Arrays, not_finite
 from acquisition.files.layout import Layout
 from acquisition.files.polar import Polar, to_complex
-from acquisition.files.ratios import make_frfs, missing_lines
+from acquisition.files.ratios import make_frfs, missing_lines, unit_of, units_before_si
 from acquisition.files.reconcile import differs
 from acquisition.files.scales import bare_title
 from ema.data import Finding
@@ -43,13 +43,16 @@ def read(path: Path, layout: Layout) -> Contents:
     if layout.outputs is not None:
         response = Dof.parse(layout.outputs if isinstance(layout.outputs, str) else layout.outputs[0])
     raw = _complex(segment, layout, path.name)
-    unit = layout.unit or (raw.unit if raw.in_decibels else _unit(segment.header))
+    raw = raw if raw.in_decibels else replace(raw, unit=_unit(segment.header))
+    unit, overruled = unit_of(raw, layout, path.name)
     frfs = make_frfs(segment.values[:, 0], raw.values[:, None, None], (response,), (reference,), unit, path.name)
     header = tuple(
         (line.split("\t", 1)[0].strip(), line.split("\t", 1)[1].strip()) for line in segment.header[:4] if "\t" in line
     )
     damage = (*segment.notes, *lost, *missing_lines(frfs.frequencies, path.name), *not_finite(frfs.values, path.name))
-    return Contents(frfs=(frfs,), findings=(*raw.findings, *damage), metadata=header)
+    return Contents(
+        frfs=(frfs,), findings=(*raw.findings, *overruled, *damage), metadata=header, frf_units=units_before_si(unit)
+    )
 
 
 def _reconciled(segment: table.Segment, others: list[table.Segment], layout: Layout, where: str) -> tuple[Finding, ...]:

@@ -102,6 +102,28 @@ def overruled_units(
     return tuple(notes)
 
 
+def labelled_units(
+    layout: Layout, names: Sequence[str], labels: Sequence[str], where: str
+) -> tuple[list[units.Unit], list[Finding]]:
+    """Unit of every channel of a file whose labels may be no units, and findings about them.
+
+    Raises
+    ------
+    InputError : the layout states another number of units than there are channels.
+    UnitError : a unit of the layout is unknown.
+    """
+    stated = [text if text and units.known(text) else UNSTATED for text in labels]
+    taken = channel_units(Arrays(where, {}), layout, names, stated)
+    notes = []
+    for name, text, known, unit in zip(names, labels, stated, taken, strict=True):
+        by_layout = name in layout.units if isinstance(layout.units, Mapping) else layout.units is not None
+        if text and known == UNSTATED and not by_layout:
+            message = f"{text!r} is not a unit; the numbers are taken without one."
+            notes.append(Finding("warning", "unknown-unit", f"{where}, {name}", message))
+        notes += unmeasured(name, unit, where)
+    return taken, [*notes, *overruled_units(layout, names, stated, taken, where)]
+
+
 def make_recording(
     signals: Any, names: Sequence[str], unit: Sequence[units.Unit], sampling_rate: float, where: str, **more: Any
 ) -> Recording:
@@ -129,10 +151,10 @@ def unmeasured(name: str, unit: units.Unit, where: str) -> tuple[Finding, ...]:
     return (Finding("warning", "unit-doubtful", f"{where}, {name}", message, advice="Say it in the channel table."),)
 
 
-def before_si(names: Sequence[str], unit: Sequence[units.Unit]) -> tuple[tuple[str, str], ...]:
+def before_si(names: Sequence[str], unit: Sequence[units.Unit]) -> tuple[tuple[str, units.Unit], ...]:
     """Names of the channels and the units from which their numbers became SI."""
     pairs = zip(names, unit, strict=True)
-    return tuple((name, one.text) for name, one in pairs if one.stated and one.quantity in QUANTITIES)
+    return tuple((name, one) for name, one in pairs if one.stated and one.quantity in QUANTITIES)
 
 
 def make_channel(name: str, unit: units.Unit, dof: Dof | None = None) -> Channel:

@@ -78,8 +78,18 @@ def unpacked(path: Path) -> dict[str, Any]:
 
 
 def uff(start: bytes) -> bool:
-    """A line ``-1`` and then the number of a data set."""
-    return re.match(rb"^\s*-1[ ]*\r?\n[ ]*\d{1,6}b?(\s|$)", start) is not None
+    """A line ``-1`` and then the number of a data set, in any code."""
+    return re.match(rb"^\s*-1[ ]*(\r\n|\n|\r)[ ]*\d{1,6}b?(\s|$)", as_ascii(start)) is not None
+
+
+def as_ascii(data: bytes) -> bytes:
+    """Text that is ASCII but for its code: without the mark of UTF-8, and from UTF-16 with or without one."""
+    marks = ((b"\xef\xbb\xbf", ""), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
+    mark, code = next(((mark, code) for mark, code in marks if data.startswith(mark)), (b"", ""))
+    if not mark and 0 in data[:2] and data[:2] != b"\0\0":
+        code = "utf-16-be" if data[0] == 0 else "utf-16-le"
+    data = data[len(mark) :]
+    return data.decode(code, errors="ignore").encode() if code else data
 
 
 def hdf5(start: bytes) -> bool:

@@ -36,6 +36,13 @@ def read(path: Path, layout: Layout) -> Contents:
             expected=frames,
             recovered=f"{len(signals)} samples are read",
         )
+    count, about_count = _counted(path, layout, len(signals), signals.shape[1])
+    signals, notes = signals[:count], notes + about_count
+    lossy = next((words for word, words in _LOSSY.items() if word in there["subtype"]), None)
+    if lossy is not None:
+        message = f"its samples are coded as {lossy}, which loses small changes beside large ones."
+        advice = "Record as PCM or floating point; damping and weak peaks may be wrong."
+        notes += (Finding("warning", "lossy-coding", path.name, message, advice=advice),)
     pool = Arrays(path.name, {"": signals})
     names = [f"channel {number + 1}" for number in range(signals.shape[1])]
     if layout.names is not None:
@@ -55,11 +62,23 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def samples(path: Path) -> dict[str, Any]:
-    """The ``signals`` (sample, channel) with their ``rate`` in Hz, number of ``frames`` announced, and ``coding``."""
+    """The ``signals`` (sample, channel) with their ``rate`` in Hz, number of ``frames`` announced, and codings."""
     soundfile = require("soundfile", "formats")
     with soundfile.SoundFile(str(path)) as file:
         signals = file.read(dtype="float64", always_2d=True)
-        return {"rate": file.samplerate, "frames": file.frames, "coding": file.format, "signals": signals}
+        kind = {"coding": file.format, "subtype": file.subtype}
+        return {"rate": file.samplerate, "frames": file.frames, "signals": signals, **kind}
+
+
+_LOSSY = {
+    "ULAW": "mu-law (8 bits, logarithmic)",
+    "ALAW": "A-law (8 bits, logarithmic)",
+    "ADPCM": "ADPCM (4 bits of differences)",
+    "GSM": "GSM speech",
+    "G72": "G.72x speech",
+    "MPEG": "MPEG audio",
+}
+"""Parts of the names that libsndfile gives to codings that do not keep their samples."""
 
 
 _UNKNOWN = (0, 0xFFFFFFFF)
@@ -117,6 +136,47 @@ def _announced(path: Path, layout: Layout) -> tuple[Finding, ...]:
             step = 8 if wide else 2
             place = begin + -(-max(length, 0) // step) * step
     raise InputError("no data in the file", where=path.name, advice="copy or export it again")
+
+
+def _counted(path: Path, layout: Layout, there: int, channels: int) -> tuple[int, tuple[Finding, ...]]:
+    """Samples of each channel by the fact chunk of a RIFF file, which blocks of packed samples are filled up behind.
+
+    Raises
+    ------
+    InputError : it announces another number than there are, and salvage was not asked for.
+    """
+    chunks = _chunks(path)
+    form, fact = chunks.get(b"fmt ", b""), int.from_bytes(chunks.get(b"fact", b"")[:4], "little")
+    block = int.from_bytes(form[18:20], "little") if form[:2] in (b"\x02\0", b"\x11\0") else 1  # of ADPCM
+    # some writers count the samples of all channels, libsndfile those of IMA ADPCM divided by them
+    divided = channels > 1 and 0 <= there - fact * channels < block
+    if form[:2] == b"\x01\0" or fact in (*_UNKNOWN, there, there * channels) or divided:
+        return there, ()
+    if fact < there < fact + block:
+        return fact, ()
+    count = min(fact, there)
+    return count, differs(
+        "another number of samples than the fact chunk announces",
+        where=path.name,
+        layout=layout,
+        got=there,
+        expected=fact,
+        recovered=f"{count} samples are read" if count > 1 else "",
+    )
+
+
+def _chunks(path: Path) -> dict[bytes, bytes]:
+    """The first bytes of the chunks of a RIFF file by name, up to that of the samples."""
+    found: dict[bytes, bytes] = {}
+    with path.open("rb") as file:
+        if file.read(12)[:4] not in (b"RIFF", b"RF64"):
+            return found
+        while len(head := file.read(8)) == 8 and head[:4] != b"data":
+            length = int.from_bytes(head[4:], "little")
+            begin = file.tell()
+            found.setdefault(head[:4], file.read(min(length, 40)))
+            file.seek(begin + length + length % 2)
+    return found
 
 
 def _salvaged(notes: tuple[Finding, ...]) -> bool:

@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from acquisition.contents import Contents
 from acquisition.files import table
+from acquisition.files.cell_times import CellTimes, in_seconds, is_time
 from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
 from acquisition.files.scales import is_unit
 from acquisition.files.suppressed_warnings import suppressed_warnings
+from acquisition.files.table.titles import TITLES
 from acquisition.isolated import call
 from acquisition.isolated.limits import check_zip
 from ema.data import Finding
@@ -22,7 +23,7 @@ from ema.errors import InputError, require
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read one sheet: that named in the layout, else the first that holds numbers.
+    """Read one sheet: that named in the layout, else the first that holds numbers, of those that are not hidden first.
 
     Raises
     ------
@@ -39,9 +40,13 @@ def read(path: Path, layout: Layout) -> Contents:
     texts: dict[int, dict[int, str]] = {}
     for row, column, text in there["texts"]:
         texts.setdefault(row, {})[column] = text
-    segment, notes = _segment(there["places"], there["values"], texts, layout=layout, where=where)
+    segment, notes = _segment(there, texts, layout=layout, where=where)
     contents = table.segment_contents(segment, layout, where)
-    others = [name for name in sheets if name != there["sheet"]]
+    hidden = there["hidden"]
+    if there["sheet"] in hidden and layout.sheet is None:
+        message = "the sheet is hidden; no other holds numbers."
+        notes = [Finding("warning", "hidden-sheet", where, message, advice="Make sure that it is the one."), *notes]
+    others = [f"{name} (hidden)" if name in hidden else name for name in sheets if name != there["sheet"]]
     if others and layout.sheet is None:
         message = f"sheets that were not read: {', '.join(others[:5])}{' ...' if len(others) > 5 else ''}."
         notes = [*notes, Finding("info", "not-read", path.name, message, advice="Say sheet='...' to read another.")]
@@ -49,25 +54,26 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def cells(path: Path, sheet: str | None) -> dict[str, Any]:
-    """The cells of one sheet that hold anything: that of the name, else the first with numbers.
+    """The cells of one sheet that hold anything: that of the name, else the first with numbers, hidden ones last.
 
-    ``sheets`` lists the names of all, ``sheet`` is that which was read; ``values`` (number,) stand at ``places``
-    (number, 2) of row and column, counted from 0; ``texts`` lists row, column and text of the other cells.
+    ``sheets`` lists the names of all, ``hidden`` those of hidden ones, ``sheet`` is that which was read; ``values``
+    (number,) stand at ``places`` (number, 2) of row and column, counted from 0; ``texts`` lists row, column and text of
+    the other cells; ``times`` are the columns of dates and times, in s, and ``dates`` those that are part of them.
 
     Raises
     ------
-    InputError : the workbook grows beyond measure when it is unpacked.
+    InputError : the workbook grows beyond measure when it is unpacked, or a number stands among times.
     """
-    openpyxl = require("openpyxl", "formats")
-    check_zip(path)
-    with suppressed_warnings():
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    book = _opened(path)
     try:
         names = [name for name in book.sheetnames if sheet in (None, name)]
+        hidden = [name for name in book.sheetnames if book[name].sheet_state != "visible"]
         places, values, name = array("q"), array("d"), ""
         texts: list[tuple[int, int, str]] = []
-        for name in names:
+        found = CellTimes()
+        for name in sorted(names, key=hidden.__contains__):
             page, texts = book[name], []
+            stamps: dict[int, dict[int, Any]] = {}
             if not hasattr(page, "reset_dimensions"):
                 continue  # a page with a picture alone
             page.reset_dimensions()  # the cells there are, not those that are announced
@@ -76,22 +82,86 @@ def cells(path: Path, sheet: str | None) -> dict[str, Any]:
                     if cell is None:
                         continue
                     number = _number(cell)
-                    if number is None:
+                    if is_time(cell):
+                        stamps.setdefault(column, {})[row] = cell
+                    elif number is None:
                         texts.append((row, column, str(cell)))
                     else:
                         places.extend((row, column))
                         values.append(number)
             if places:
+                found = _timed(stamps, places, values, texts, where=f"{path.name}, sheet {name}")
                 break
     finally:
         book.close()
     return {
         "sheets": list(book.sheetnames),
+        "hidden": hidden,
         "sheet": name,
+        "times": list(found.seconds),
+        "dates": found.dates,
         "texts": texts,
         "values": np.array(values),
         "places": np.array(places).reshape(-1, 2),
     }
+
+
+def _opened(path: Path) -> Any:
+    """The workbook, without its sheets of charts, on which the library trips where they are empty.
+
+    Raises
+    ------
+    MissingExtraError : openpyxl is not installed.
+    InputError : it grows beyond measure when it is unpacked.
+    """
+    excel = require("openpyxl.reader.excel", "formats")
+    check_zip(path)
+
+    class Tables(excel.ExcelReader):  # type: ignore[name-defined]
+        """The reader of a workbook that passes over charts."""
+
+        def read_chartsheet(self, sheet: Any, rel: Any) -> None:
+            """A sheet of charts holds no cells."""
+
+    with suppressed_warnings():
+        reader = Tables(path, read_only=True, data_only=True)
+        reader.read()
+    return reader.wb
+
+
+def _timed(
+    stamps: dict[int, dict[int, Any]],
+    places: "array[int]",
+    values: "array[float]",
+    texts: list[tuple[int, int, str]],
+    *,
+    where: str,
+) -> CellTimes:
+    """The columns of times, put among the numbers; other dates become texts.
+
+    Raises
+    ------
+    InputError : a number stands among times.
+    """
+    rows, columns = list(places[::2]), list(places[1::2])
+    found = in_seconds(stamps, len(set(rows)))
+    for row, column, value in zip(rows, columns, values):
+        if column in found.seconds and row > min(found.seconds[column]):
+            raise InputError(
+                "a cell among the times is none",
+                where=f"{where}, cell {_letters(column)}{row + 1}",
+                got=f"{value:g}",
+                expected="a date, a time of day or a duration as in the others",
+                advice="correct the cell and save it again",
+            )
+    for column, seconds in found.seconds.items():
+        for row, second in seconds.items():
+            places.extend((row, column))
+            values.append(second)
+    for column, cells in stamps.items():
+        used = cells if column in found.dates else found.seconds.get(column, {})
+        texts += [(row, column, str(cell)) for row, cell in cells.items() if row not in used]
+    return found
 
 
 def _number(cell: Any) -> float | None:
@@ -109,12 +179,7 @@ _Texts = dict[int, dict[int, str]]
 
 
 def _segment(
-    places: Int[np.ndarray, "number 2"],
-    values: Float[np.ndarray, "number"],
-    texts: _Texts,
-    *,
-    layout: Layout,
-    where: str,
+    there: dict[str, Any], texts: _Texts, *, layout: Layout, where: str
 ) -> tuple[table.Segment, list[Finding]]:
     """Rows with a number in the first filled column on; the last row of texts above gives the titles.
 
@@ -122,13 +187,18 @@ def _segment(
     ------
     InputError : among the numbers stand cells or rows that hold none, and salvage was not asked for.
     """
+    places, values = there["places"], there["values"]
     first, last = int(places[:, 0].min()), int(places[:, 0].max())
     head = texts.get(first - 1, {})
     unit_row: dict[int, str] = {}
     if first > 1 and head and all(map(is_unit, head.values())):
         unit_row = {column: text.strip("[]() ") for column, text in head.items()}
         head = texts.get(first - 2, {})
-    titles = {column: text.strip() for column, text in head.items()}
+    titles = {column: text.strip() for column, text in head.items() if column not in there["dates"]}
+    for column in there["times"]:
+        title = titles.get(column, "")
+        titles[column] = f"{title if title.lower() in TITLES['time'] else 'Time'} (s)"
+        unit_row |= {column: "s"} if unit_row else {}
     columns = np.unique(places[:, 1])
     notes: list[Finding] = []
     others: dict[int, list[int]] = {}

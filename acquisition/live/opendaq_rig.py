@@ -21,11 +21,12 @@ _BLOCK = 0.05
 
 @dataclass(frozen=True)
 class Wire:
-    """Which channel of the device a channel of the record is, and the factor from its values to SI."""
+    """Which channel of the device a channel of the record is, and how its values become SI: factor, then offset."""
 
     channel: Channel
     source: str
     factor: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -98,12 +99,13 @@ class _OpendaqDevice:
     def _blocks(self) -> Iterator[Float[np.ndarray, "channel sample"]]:
         size = max(1, round(_BLOCK * self._rate))
         factors = np.array([[wire.factor] for wire in self._wires])
+        offsets = np.array([[wire.offset] for wire in self._wires])
         last = time.monotonic()
         while True:
             block = self._read(size)
             if block.shape[1]:
                 last = time.monotonic()
-                yield factors * block
+                yield factors * block + offsets
             elif time.monotonic() - last > SILENCE:
                 raise FailureError(
                     f"the device has sent nothing for {SILENCE:.0f} s",

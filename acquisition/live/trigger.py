@@ -19,7 +19,9 @@ class Trigger:
     length: int
 
     def __post_init__(self) -> None:
-        if not 0 <= self.before < self.length:
+        if self.before < 0:
+            raise InputError("a take begins before its trigger or with it", got=f"{self.before} samples before it")
+        if self.before >= self.length:
             raise InputError(
                 "the part of a take before its trigger is longer than the take", got=f"{self.before} of {self.length}"
             )

@@ -287,3 +287,23 @@ def test_harwell_boeing_files_that_scipy_writes_are_read(tmp_path: Path, size: i
                 np.testing.assert_allclose(read_matrix(path), matrix, rtol=1e-15)
             except InputError:
                 continue
+
+
+def test_a_square_array_of_frfs_does_not_say_which_side_is_frequency(tmp_path: Path) -> None:
+    frequencies = 2.5 * np.arange(1, 9)
+    values = np.random.default_rng(3).standard_normal((8, 8, 2)).view(complex)[..., 0]  # lines, outputs
+    block = np.random.default_rng(4).standard_normal((8, 8, 2, 2)).view(complex)[..., 0]  # lines, outputs, inputs
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["f"], file["H"], file["B"] = frequencies, values, block
+        file["T"], file["C"] = values.T, block.transpose(1, 2, 0)
+        file["coh"] = np.full((8, 8), 0.9)
+    for place in ("H", "B", "C"):
+        with pytest.raises(InputError, match=r"which axis.*is that of frequency.*axis='columns'"):
+            acquisition.read(tmp_path / "a.h5", frf=place, frequency="f")
+    for place, axis in (("H", "columns"), ("T", "rows")):
+        for more in ({"frequency": "f"}, {"frequency_step": 2.5}):
+            found = acquisition.read(tmp_path / "a.h5", frf=place, coherence="coh", axis=axis, **more).frfs[0]
+            np.testing.assert_array_equal(found.values[:, :, 0], values)
+    for place, axis in (("B", "columns"), ("C", "rows")):
+        found = acquisition.read(tmp_path / "a.h5", frf=place, frequency="f", axis=axis).frfs[0]
+        np.testing.assert_array_equal(found.values, block)

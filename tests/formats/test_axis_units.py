@@ -140,6 +140,21 @@ def test_the_unit_of_an_array_is_that_of_its_channels(tmp_path: Path) -> None:
         assert [channel.unit for channel in record.channels] == ["N", "N"]
 
 
+def test_single_coherences_beyond_1_are_named(tmp_path: Path) -> None:
+    """One finding with the largest and how many; what rounding leaves is none of them."""
+    for worst, codes in ((1.25, ["coherence-beyond"]), (1.00005, [])):
+        coherences = np.full(200, 0.9)
+        coherences[3], coherences[7], coherences[9] = worst, 1 + 0.4 * (worst - 1), 1.00001
+        rows = zip(SIGNAL.tolist(), coherences.tolist(), strict=True)
+        text = "".join(f"{2 * n + 2},{v!r},0.1,{c}\n" for n, (v, c) in enumerate(rows))
+        (tmp_path / "a.csv").write_text(f"Frequency [Hz],Real [g/N],Imag [g/N],Coherence\n{text}")
+        contents = acquisition.read(tmp_path / "a.csv")
+        np.testing.assert_array_equal(contents.frfs[0].coherence[:, 0, 0], coherences)
+        assert [note.code for note in contents.findings] == codes
+        if codes:
+            assert contents.findings[0].value == 1.25 and contents.findings[0].message.startswith("2 of 200 coherences")
+
+
 def test_what_is_no_coherence_is_left_out(tmp_path: Path) -> None:
     """In per cent without saying so, as some programs write it; where they say so it is read."""
     rows = "".join(f"{2 * n + 2},{v!r},0.1,{60 + n / 10}\n" for n, v in enumerate(SIGNAL.tolist()))
@@ -152,3 +167,55 @@ def test_what_is_no_coherence_is_left_out(tmp_path: Path) -> None:
     contents = acquisition.read(tmp_path / "a.csv")
     np.testing.assert_allclose(contents.frfs[0].coherence[:, 0, 0], (60 + np.arange(200) / 10) / 100, rtol=1e-12)
     assert contents.findings == ()
+
+
+def test_units_of_the_layout_that_overrule_lvm_and_tdms_are_named(tmp_path: Path) -> None:
+    lvm = _lvm(tmp_path / "a.lvm", unit="m/s^2")
+    tdms = _tdms(tmp_path / "a.tdms", wf_increment=0.001, unit_string="m/s^2")
+    for path in (lvm, tdms):
+        for given in ({"c": "g"}, ["g"], "g"):
+            contents = acquisition.read(path, units=given)
+            np.testing.assert_allclose(contents.recordings[0].signals[0], 9.80665 * SIGNAL, rtol=1e-12)
+            assert [note.code for note in contents.findings] == ["unit-overruled"]
+        contents = acquisition.read(path, units={"d": "g"})  # the unit of the file holds for the others
+        assert contents.recordings[0].channels[0].unit == "m/s^2"
+        assert [(n.code, "'d'" in n.message) for n in contents.findings] == [("unit-doubtful", True)]
+        assert acquisition.read(path, units={"c": "m/s²"}).findings == ()
+        with pytest.raises(InputError, match="number of units"):
+            acquisition.read(path, units=["g", "N"])
+
+
+def test_a_unit_of_frequency_that_overrules_the_file_is_named(tmp_path: Path) -> None:
+    rows = "".join(f"{line / 10},{line},-{line}\n" for line in range(1, 60))
+    (tmp_path / "a.csv").write_text("Frequency [kHz],Real [g/N],Imag [g/N]\n" + rows)
+    (tmp_path / "b.csv").write_text("Frequency kHz,Real [g/N],Imag [g/N]\n" + rows)
+    places = {"frequency": "column 0", "real": "column 1", "imaginary": "column 2"}
+    for path in (tmp_path / "a.csv", tmp_path / "b.csv"):
+        for unit, factor, codes in (("Hz", 1.0, ["unit-overruled"]), ("kHz", 1e3, [])):
+            contents = acquisition.read(path, frequency_unit=unit, **places)
+            np.testing.assert_allclose(contents.frfs[0].frequencies, factor * np.arange(1, 60) / 10, rtol=1e-12)
+            assert [note.code for note in contents.findings] == codes, path.name
+
+
+def test_a_unit_of_signalcalc_that_the_layout_overrules_is_named(tmp_path: Path) -> None:
+    head = "Units: Ratio\t\nRef Chan:Resp Chan\t1+Z:2+Z\t\n\t\nFrequency\t Real\t Imaginary\t\nHz\t(m/s^2)(N)\t \t\n"
+    rows = "".join(f"{line}.0\t{line}.0\t0.0\t\n" for line in range(1, 60))
+    (tmp_path / "a.txt").write_text(head + rows)
+    contents = acquisition.read(tmp_path / "a.txt", unit="g/N")
+    np.testing.assert_allclose(contents.frfs[0].values[:, 0, 0], 9.80665 * np.arange(1, 60), rtol=1e-12)
+    assert [note.code for note in contents.findings] == ["unit-overruled"]
+    assert acquisition.read(tmp_path / "a.txt", unit="m/s^2/N").findings == ()
+
+
+def test_a_unit_of_length_that_the_layout_overrules_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("node,x [mm],y [mm],z [mm]\n1,1,0,0\n2,2,1,0\n3,3,0,5\n")
+    nodes = "".join(f"{n:10d}{0:10d}{0:10d}{1:10d}{n:13.5E}{0.0:13.5E}{0.0:13.5E}\n" for n in (1, 2, 3))
+    factors = "".join(f"{factor:25.17E}" for factor in (1000.0, 1.0, 1.0)).replace("E", "D")
+    system = f"    -1\n   164\n{9:10d}{'mm, N':<20s}{2:10d}\n{factors}\n{0.0:25.17E}\n    -1\n"
+    (tmp_path / "a.uff").write_text(f"{system}    -1\n    15\n{nodes}    -1\n")
+    layout = {"a.csv": {"x": "x", "y": "y", "z": "z", "node": "node"}, "a.uff": {}}
+    for name, places in layout.items():
+        contents = acquisition.read(tmp_path / name, unit="m", **places)
+        np.testing.assert_allclose(contents.geometry.xyz[:, 0], [1, 2, 3], rtol=1e-6)
+        assert [note.code for note in contents.findings] == ["unit-overruled"], name
+        assert acquisition.read(tmp_path / name, unit="mm", **places).findings == ()

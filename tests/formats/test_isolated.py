@@ -55,7 +55,7 @@ def test_a_process_that_was_killed_is_started_again(npz: Path, parsers: process.
     assert parsers._process is first
     first.kill()
     first.wait()
-    assert parsers.call("npz", npz, {})["left"] == []
+    assert parsers.call("npz", npz, {})["left"] == {}
     assert parsers._process is not first
 
 
@@ -70,7 +70,7 @@ def test_a_parser_that_never_ends_is_stopped(
     with pytest.raises(InputError, match=r"never.gz: reading the file takes too long; got more than 1 s"):
         parsers.call("gzip", tmp_path / "never.gz", {})
     assert time.monotonic() - start < 60
-    assert parsers.call("npz", npz, {})["left"] == []
+    assert parsers.call("npz", npz, {})["left"] == {}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
@@ -82,7 +82,7 @@ def test_a_crash_is_one_sentence(tmp_path: Path, npz: Path, parsers: process.Par
     crash.start()
     with pytest.raises(InputError, match=r"never.gz: the file is damaged: its reader broke down; got signal SIGSEGV"):
         parsers.call("gzip", tmp_path / "never.gz", {})
-    assert parsers.call("npz", npz, {})["left"] == []
+    assert parsers.call("npz", npz, {})["left"] == {}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
@@ -253,7 +253,7 @@ def test_a_forked_process_has_parsers_of_its_own(npz: Path, parsers: process.Par
             os._exit(1)
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    assert parsers.call("npz", npz, {})["left"] == []
+    assert parsers.call("npz", npz, {})["left"] == {}
 
 
 def test_messages_hold_arrays_and_texts_and_nothing_that_runs(tmp_path: Path) -> None:
@@ -312,7 +312,7 @@ def test_a_parser_that_grows_is_ended_by_the_parent_where_it_cannot_limit_itself
     finally:
         release.set()
         feeder.join()
-    assert parsers.call("npz", npz, {})["left"] == []
+    assert parsers.call("npz", npz, {})["left"] == {}
 
 
 class Kernel:

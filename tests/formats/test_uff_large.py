@@ -125,6 +125,20 @@ def test_each_copy_of_an_frf_has_the_coherence_that_goes_with_it(tmp_path: Path)
         np.testing.assert_allclose(frfs.coherence[0, 0, 0], k / 4000, rtol=1e-12)
 
 
+def test_coherences_beyond_1_are_named_once_for_the_file(tmp_path: Path) -> None:
+    parts = [_frequency(1, 1.0), _frequency(1, 0.75, coherence=True), _frequency(2, 1.0, lines=20)]
+    parts += [_frequency(2, 0.7, coherence=True, lines=20)]
+    (tmp_path / "a.uff").write_bytes(b"".join(parts))
+    contents = acquisition.read(tmp_path / "a.uff")
+    beyond = [int((np.linspace(0.0, 0.5, lines) + value > 1).sum()) for lines, value in ((8, 0.75), (20, 0.7))]
+    (note,) = [note for note in contents.findings if note.code == "coherence-beyond"]
+    assert note.value == pytest.approx(1.25) and note.message.startswith(f"{sum(beyond)} of 28 coherences")
+    percent = _frequency(1, 1.0) + _frequency(1, 90.0, coherence=True)
+    (tmp_path / "b.uff").write_bytes(percent)
+    contents = acquisition.read(tmp_path / "b.uff")
+    assert contents.frfs[0].coherence is None and "not-read" in [note.code for note in contents.findings]
+
+
 def test_a_coherence_on_another_axis_is_left_for_the_frf_it_belongs_to(tmp_path: Path) -> None:
     sets = [
         _frequency(1, 0.25, coherence=True, lines=20),

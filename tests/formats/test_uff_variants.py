@@ -1,5 +1,6 @@
 """Every universal file of the collection of variants: read, or refused with one sentence; twins read alike."""
 
+import gzip
 import warnings
 from pathlib import Path
 
@@ -9,7 +10,9 @@ import pytest
 import acquisition
 from acquisition.contents import Contents
 from acquisition.files import uff
+from ema.errors import InputError
 from tests.formats import nouns
+from tests.fuzz.uff import Function
 
 NAMES = (
     "1858.uff",
@@ -224,3 +227,33 @@ def test_a_function_under_another_number_is_no_unknown_data_set(tmp_path: Path, 
     contents = acquisition.read(tmp_path / "a.uff")
     assert len(contents.recordings[0].channels) == 2
     assert [(f.code, f.severity) for f in contents.findings] == [("damaged-set", "error")]
+
+
+CODES = {
+    "UTF-8 with its mark": lambda data: b"\xef\xbb\xbf" + data,
+    "UTF-16": lambda data: data.decode().encode("utf-16"),
+    "UTF-16, big endian": lambda data: b"\xfe\xff" + data.decode().encode("utf-16-be"),
+    "UTF-16 without a mark": lambda data: data.decode().encode("utf-16-le"),
+    "carriage returns": lambda data: data.replace(b"\n", b"\r"),
+    "UTF-8 with its mark and carriage returns": lambda data: b"\xef\xbb\xbf" + data.replace(b"\n", b"\r"),
+}
+
+
+@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize("packed", [False, True], ids=["plain", "gz"])
+def test_text_that_an_editor_saved_in_another_code(tmp_path: Path, code: str, packed: bool) -> None:
+    functions = [Function(False, node, 3, 0.0, 0.01, np.sin(node * np.arange(70.0)), double=True) for node in (1, 2)]
+    written = CODES[code](b"".join(function.bytes() for function in functions))
+    path = tmp_path / ("a.uff.gz" if packed else "a.uff")
+    path.write_bytes(gzip.compress(written) if packed else written)
+    contents = acquisition.read(path)
+    np.testing.assert_allclose(contents.recordings[0].signals, [f.values for f in functions], atol=1e-12)
+    assert contents.findings == ()
+
+
+@pytest.mark.parametrize("code", ["UTF-16", "carriage returns"])
+def test_binary_values_that_an_editor_converted_are_refused(tmp_path: Path, code: str) -> None:
+    whole = Function(False, 1, 3, 0.0, 0.01, np.full(50, 2.0), double=True, binary=True).bytes()
+    (tmp_path / "a.uff").write_bytes(CODES[code](whole))
+    with pytest.raises(InputError, match="was converted as if it were text"):
+        acquisition.read(tmp_path / "a.uff")

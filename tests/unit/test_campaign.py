@@ -4,6 +4,7 @@ import dataclasses
 from pathlib import Path
 from textwrap import dedent
 
+import h5py
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from ema import store
 from ema.data import Channel, FrfSet, Geometry, Lazy, Recording
 from ema.dof import Dof
 from ema.errors import CancelledError, InputError
+from tests.fuzz.uff import Function
 
 RATE = 1000.0
 HEAD = '[campaign]\nname = "test"\nfiles = "raw"\n'
@@ -494,6 +496,88 @@ def test_the_file_and_the_channel_table_state_one_unit(tmp_path: Path, kind: str
     repair += 'was = "g"\n'
     taken = acquisition.open_campaign(folder(tmp_path / "b", HEAD + bare + run + repair, {}))["bare"].recordings[0]
     np.testing.assert_allclose(taken.signals[1], acc, rtol=1e-12)
+
+
+FRF_TABLE = """
+[[channels]]
+name = "hammer"
+role = "reference"
+unit = "N"
+dof = "1:-Z"
+
+[[channels]]
+name = "acc"
+role = "response"
+unit = "g"
+dof = "1:+Z"
+"""
+
+
+def _frf_stating(path: Path, response: str, force: str, kind: str) -> str:
+    """A run of one FRF of ones, whose file states the units."""
+    (path / "raw").mkdir(parents=True)
+    file = path / "raw" / f"bare_2.{kind}"
+    match kind:
+        case "csv":
+            rows = "".join(f"{line},1.0,0.0\n" for line in range(30))
+            file.write_text(f"Frequency [Hz],Real [{response}/{force}],Imag [{response}/{force}]\n{rows}")
+        case "h5":
+            with h5py.File(file, "w") as held:
+                held["f"], held["H"] = np.arange(30.0), np.ones(30, complex)
+                held["H"].attrs["units"] = f"({response})/{force}"
+        case _:
+            text = Function(True, 1, 3, 0.0, 1.0, np.ones(30, complex), double=True).bytes().decode()
+            labels = (
+                (f"{'m/s^2':>20s}", f"{response:>20s}"),
+                (f"{'NONE':>20s} {'N':>20s}", f"{'NONE':>20s} {force:>20s}"),
+            )
+            for was, now in labels:
+                text = text.replace(was, now, 1)
+            file.write_text(text)
+    reader = 'reader = {frf = "H", frequency = "f"}\n' if kind == "h5" else ""
+    return RUN.replace("h5", kind) + reader
+
+
+@pytest.mark.parametrize("kind", ["csv", "h5", "uff"])
+def test_a_file_of_frfs_and_the_channel_table_state_one_unit(tmp_path: Path, kind: str) -> None:
+    """As with records: the unit of the table had been passed over."""
+    one_unit = r"disagree about the unit; got m/s\^2 in the file, expected g as in the table"
+    run = _frf_stating(tmp_path / "a", "m/s^2", "N", kind)
+    for table in (FRF_TABLE, FRF_TABLE.replace('unit = "N"\n', "")):
+        with pytest.raises(InputError, match=one_unit):
+            acquisition.open_campaign(folder(tmp_path / "a", HEAD + table + run, {}))
+    with pytest.raises(InputError, match="got N in the file, expected lbf as in the table"):
+        table = FRF_TABLE.replace('"N"', '"lbf"').replace('unit = "g"\n', "")
+        acquisition.open_campaign(folder(tmp_path / "a", HEAD + table + run, {}))
+    run = _frf_stating(tmp_path / "b", "g", "lbf", kind)
+    stated = FRF_TABLE.replace('"N"', '"lbf"')
+    bare = stated.replace('unit = "g"\n', "").replace('unit = "lbf"\n', "")
+    for table in (stated, bare, stated.replace('"g"', '"gn"')):
+        found = acquisition.open_campaign(folder(tmp_path / "b", HEAD + table + run, {}))["bare"].frfs[0]
+        np.testing.assert_allclose(found.values, 9.80665 / 4.4482216152605, rtol=1e-12)
+    repair = (
+        '[[repairs]]\nwhat = "unit"\nrole = "response"\nunit = "m/s^2"\nwas = "g"\nwho = "me"\nwhy = "data sheet"\n'
+    )
+    found = acquisition.open_campaign(folder(tmp_path / "b", HEAD + bare + run + repair, {}))["bare"].frfs[0]
+    np.testing.assert_allclose(found.values, 1 / 4.4482216152605, rtol=1e-12)
+
+
+@pytest.mark.parametrize("frf", [False, True], ids=["records", "FRFs"])
+def test_units_of_data_set_164_are_compared_with_the_channel_table(tmp_path: Path, frf: bool) -> None:
+    values = np.ones(30, complex) if frf else np.sin(np.arange(30.0))
+    text = Function(frf, 1, 3, 0.0, 1.0, values, double=True).bytes().decode()
+    text = text.replace(f"{'m/s^2':>20s}", f"{'NONE':>20s}", 1).replace(f" {'N':>20s}", f" {'NONE':>20s}", 1)
+    factors = "".join(f"{factor:25.17E}" for factor in (1000.0, 1.0, 1.0)).replace("E", "D")
+    system = f"    -1\n   164\n{9:10d}{'mm, N':<20s}{2:10d}\n{factors}\n{0.0:25.17E}\n    -1\n"
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / "bare_2.uff").write_text(system + text)
+    run = RUN.replace("h5", "uff").replace('"hammer"', '"hammer"' if frf else '"sweep"')
+    table = FRF_TABLE if frf else '[[channels]]\ncolumn = 1\nname = "acc"\nunit = "g"\ndof = "1:+Z"\n'
+    with pytest.raises(InputError, match=r"got mm/s\^2 in the file, expected g as in the table"):
+        acquisition.open_campaign(folder(tmp_path, HEAD + table + run, {}))
+    found = acquisition.open_campaign(folder(tmp_path, HEAD + table.replace('"g"', '"mm/s^2"') + run, {}))["bare"]
+    taken = found.frfs[0].values[:, 0, 0] if frf else found.recordings[0].signals[0]
+    np.testing.assert_allclose(taken, values / 1000, rtol=1e-12)
 
 
 def test_a_path_without_campaign_is_refused(tmp_path: Path) -> None:

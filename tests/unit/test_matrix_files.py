@@ -81,6 +81,25 @@ def test_mapping_of_ansys_and_plain_lists(tmp_path):
     assert matrices.read_dofs(tmp_path / "dofs.txt", "table") == expected
 
 
+@pytest.mark.parametrize("code", ["utf-8-sig", "utf-16"])
+def test_a_mapping_that_an_editor_saved_in_another_code(tmp_path, code):
+    path = tmp_path / "map"
+    path.write_text("1 12 UZ\n2 7 ROTX\n", encoding=code)
+    assert [str(dof) for dof in matrices.read_dofs(path)] == ["12:+Z", "7:+RX"]
+
+
+@pytest.mark.parametrize("code", ["utf-8-sig", "utf-16", "ascii"])
+def test_a_matrix_market_file_with_another_banner_says_so(tmp_path, code):
+    """It had been called a Harwell-Boeing file that is none."""
+    banner = "%%matrixmarket" if code == "ascii" else "%%MatrixMarket"
+    path = tmp_path / "k.mtx"
+    path.write_text(f"{banner} matrix coordinate real general\n2 2 1\n1 1 1\n", encoding=code)
+    with pytest.raises(
+        InputError, match="the first line of a Matrix Market file is not written as the format wants it"
+    ):
+        matrices.read_matrix(path)
+
+
 def test_units_of_the_program_become_si(tmp_path):
     """In mm, t and s: a length of 1 m is 1000, 1 kg is 0.001, and rotations stay."""
     per_si = np.array([1.0 if dof.axis.startswith("R") else 1000.0 for dof in BEAM.dofs])

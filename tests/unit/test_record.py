@@ -257,7 +257,13 @@ def test_a_take_begins_before_the_rise_wherever_the_blocks_end():
         ('device = "virtual"', 'device = "tape"', "no such kind of device"),
         ('role = "response"', 'role = "reference"', "one channel is the hammer"),
         ("sampling_rate = 4096", "samplingrate = 4096", "did you mean sampling_rate"),
-        ('unit = "m/s^2"\n', "", "has no unit"),
+        ('unit = "m/s^2"\n', "", "says in which unit"),
+        ('unit = "m/s^2"', 'unit = "Hz"', "not the unit of a signal"),
+        ('unit = "m/s^2"', 'unit = "m/s^2"\nrange = "5 V"', "the range is of another quantity"),
+        ('unit = "m/s^2"', 'unit = "m/s^2"\nsource = "hammer"', "two channels of one source, 'hammer'"),
+        ("sampling_rate = 4096", "sampling_rate = inf", "finite number"),
+        ('trigger = "hammer > 20 N"', 'trigger = "hammer > -20 N"', "is not above 0"),
+        ('trigger = "hammer > 20 N"', 'trigger = "hammer > 20 N"\npre_trigger = "-1 ms"', "begins before its trigger"),
     ],
 )
 def test_a_wrong_rig_is_one_sentence(tmp_path: Path, old: str, new: str, told: str):
@@ -266,6 +272,27 @@ def test_a_wrong_rig_is_one_sentence(tmp_path: Path, old: str, new: str, told: s
         rig = rig_file.load(folder_with(tmp_path, text))
         rig_file.trigger(rig)
         rig_file.open_rig(replace_device(rig, new))
+
+
+@pytest.mark.parametrize(
+    ("says", "factor", "offset", "full"),
+    [
+        ('unit = "mV"\nsensitivity = "100 mV/g"\nrange = "5 V"', 0.01 * 9.80665, 0.0, 50 * 9.80665),
+        ('sensitivity = "100 mV/g"\nrange = "50 g"', 10 * 9.80665, 0.0, 50 * 9.80665),
+        ('unit = "g"\nsensitivity = "100 mV/g"', 9.80665, 0.0, None),
+        ('unit = "degC"', 1.0, 273.15, None),
+    ],
+)
+def test_values_of_a_device_become_si_as_those_of_a_file_do(
+    tmp_path: Path, says: str, factor: float, offset: float, full: float | None
+):
+    """A unit beside a sensitivity had been passed over (mV were taken for V), as had the offset of degrees Celsius."""
+    text = RIG.format(points="1, 2", takes=1).replace('unit = "m/s^2"', says)
+    wire = next(
+        one for one in rig_file.wires(rig_file.load(folder_with(tmp_path, text))) if one.channel.name == "acc 1"
+    )
+    assert (wire.factor, wire.offset) == (pytest.approx(factor, rel=1e-12), offset)
+    assert wire.channel.range == (None if full is None else pytest.approx(full, rel=1e-12))
 
 
 def replace_device(rig: rig_file.RigFile, new: str) -> rig_file.RigFile:

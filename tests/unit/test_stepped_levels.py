@@ -136,6 +136,13 @@ def test_a_table_in_other_units_reads_the_same(tmp_path):
         ("frequency [Hz],force [N],response [m/s^2],phase", {}, "the phase of the level has no unit"),
         ("frequency [Hz],force [mm],response [m/s^2],phase [deg]", {}, "'mm' is no unit of a force"),
         ("frequency [Hz],force [N],answer [m/s^2],phase [deg]", {}, "no column 'response'"),
+        (
+            "frequency [Hz],force [N],response [m/s^2],phase [deg]",
+            {"response": "g"},
+            "state different units of the resp",
+        ),
+        ("frequency [kHz],force [N],response [g],phase [deg]", {"frequency": "Hz"}, "different units of the frequency"),
+        ("frequency [Hz],force [N],response [g],phase [deg]", {"phase": "rad"}, "different units of the phase"),
         ("frequency [Hz],force [N],response [V],phase [deg]", {}, "'V' is no unit of a response"),
     ],
 )

@@ -63,6 +63,7 @@ def merge(parts: list[Contents]) -> Contents:
         findings=tuple(f for part in parts for f in part.findings),
         metadata=tuple(dict.fromkeys(m for part in parts for m in part.metadata)),
         units=tuple(dict.fromkeys(u for part in parts for u in part.units)),
+        frf_units=tuple(dict.fromkeys(u for part in parts for u in part.frf_units)),
     )
 
 

@@ -1,22 +1,33 @@
 """Functions (data set 58) become recordings and FRF sets."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from acquisition.files.arrays import not_finite
+from acquisition.files.ratios import checked_coherences
 from acquisition.files.signals import nice_rate, rate_of
 from acquisition.files.uff import header58
 from acquisition.files.uff.header58 import Header, Point
 from acquisition.files.uff.index import Entry
-from acquisition.files.uff.unit_system import Scale, UnitSystem, channel_unit, frf_scale, scale
+from acquisition.files.uff.unit_system import (
+    Scale,
+    UnitSystem,
+    channel_unit,
+    frf_scale,
+    frf_units,
+    scale,
+    unit_before_si,
+)
 from acquisition.files.uff.values58 import Function
+from acquisition.units import Unit
 from ema.data import Channel, Finding, FrfSet, Recording
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
+from ema.units import UNSTATED
 
 Fetch = Callable[[Entry], Function]
 _ByPair = dict[tuple[Dof, Dof | None], deque[Entry]]
@@ -32,10 +43,12 @@ class Gathered:
     """What the functions of a file became."""
 
     recordings: list[Recording] = field(default_factory=list)
-    frfs: list[FrfSet] = field(default_factory=list)
+    frfs: Sequence[FrfSet] = ()
     findings: list[Finding] = field(default_factory=list)
-    units: list[tuple[str, str]] = field(default_factory=list)
-    """Channels, and the units of their labels before they became SI."""
+    units: list[tuple[str, Unit]] = field(default_factory=list)
+    """Channels, and their units before they became SI."""
+    frf_units: dict[tuple[Unit, Unit], None] = field(default_factory=dict)
+    """Units of response and force of the FRFs before they became SI."""
     noted: set[str] = field(default_factory=set)
     """Wordings of the findings about units."""
 
@@ -229,8 +242,8 @@ def _recording(
         _note(made, name, entry, found.note)
         rows.append(found.apply(function.y[:length]))
         channels.append(_channel(function.header, found))
-        if found.stated and axis.unit.upper() not in ("", "NONE"):
-            made.units.append((channels[-1].name, axis.unit))
+        if found.stated:
+            made.units.append((channels[-1].name, unit_before_si(axis, found)))
     places = Counter((channel.dof, channel.quantity) for channel in channels)
     if len(places) < len(channels):
         dof = next(place[0] for place, count in places.items() if count > 1)
@@ -303,11 +316,12 @@ def _frf_sets(
     counts: dict[tuple[Any, ...], int] = {}
     for entry in entries:
         header, system = _header(entry), systems[entry.number]
-        found = frf_scale(
-            scale(header.ordinate, header.response.direction, system),
-            scale(header.denominator, header.reference.direction, system),
-        )
+        above = scale(header.ordinate, header.response.direction, system)
+        below = scale(header.denominator, header.reference.direction, system)
+        found = frf_scale(above, below)
         _note(made, where, entry, found.note)
+        if found.unit != UNSTATED:
+            made.frf_units.update(dict.fromkeys(frf_units(header, above, below)))
         line = _Line(entry, dof_of(header.response), dof_of(header.reference), found.factor)
         try:
             key = (*_axis(header, lambda entry=entry: fetch(entry)), found.quantity, found.unit)  # type: ignore[misc]
@@ -323,10 +337,11 @@ def _frf_sets(
         made.findings.append(Finding("warning", "duplicated-dof", where, message, float(len(twice)), 0.0))
     blocks = [(key, block) for key, lines in groups.items() for block in _blocks(made, lines, where)]
     left = _by_pair(coherences)
+    sets: list[FrfSet] = []
     for number, (key, lines) in enumerate(blocks):
         name = where if len(blocks) == 1 else f"{where}, FRF set {number + 1}"
         try:
-            made.frfs.append(_frf_set(made, lines, key[-3], key[-2], left, fetch, name))
+            sets.append(_frf_set(made, lines, key[-3], key[-2], left, fetch, name))
         except (ValueError, EmaError) as error:
             whole = [line for line in lines if _whole(line.entry, fetch)]
             whole = [line for line in whole if len(fetch(line.entry).y) == _header(line.entry).points]
@@ -334,6 +349,8 @@ def _frf_sets(
                 blocks.extend((key, block) for block in _blocks(made, whole, where))
             elif whole:
                 made.findings.append(_problem(where, lines[0].entry, error.args[0] if error.args else str(error)))
+    made.frfs, odd = checked_coherences(sets, where)
+    made.findings += odd
     alone = sum(map(len, left.values()))
     if alone:
         message = f"{alone} coherences belong to no FRF of the file and are not read."

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from acquisition import units
+from acquisition.files.polar import unit_overruled
 from acquisition.files.uff import records
 from acquisition.files.uff.header58 import integer, text_of
 from acquisition.files.uff.unit_system import UnitSystem
@@ -241,6 +243,11 @@ def assemble(parts: Parts, where: str, length_unit: float | None = None) -> Geom
             f"coordinate systems {_some(lost)} are missing or spherical; global axes are taken.",
         )
     factor = length_unit if length_unit is not None else parts.units.to_si((1, 0, 0))
+    if length_unit is not None and parts.units.stated:
+        there = units.named("displacement", parts.units.to_si((1, 0, 0)))
+        if not units.same_factor(there.factor, length_unit):
+            taken = units.named("displacement", length_unit)
+            parts.findings.append(unit_overruled(where, "coordinates", there.text, taken.text))
     if length_unit is None and not parts.units.stated:
         _warn(
             parts,

@@ -1,5 +1,6 @@
 """Read a universal file: list its sets, fetch its functions, make nouns of all of it."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -37,13 +38,44 @@ _MODEL_FIELDS = ("model name", "model description", "program", "created", "modif
 
 @contextmanager
 def opened(path: Path) -> Iterator[ByteFile]:
-    """The file, unpacked in memory where it is gzipped."""
+    """The file; in memory where it is gzipped, or text in another code or with other line ends than the format's.
+
+    Raises
+    ------
+    InputError : its text was converted, with binary values in it.
+    """
     with path.open("rb", buffering=0) as file:
-        packed = file.read(2) == b"\x1f\x8b"
-        if not packed:
+        start = file.read(sniff.HEAD)
+        if start[:2] != b"\x1f\x8b" and not _converted(start):
             yield file
             return
-    yield BytesIO(sniff.whole(path))
+    whole = sniff.whole(path)
+    yield BytesIO(_as_written(whole, path.name) if _converted(whole[: sniff.HEAD]) else whole)
+
+
+def _converted(start: bytes) -> bool:
+    """Whether a file begins in another code than ASCII, or with line ends that are carriage returns alone."""
+    return sniff.as_ascii(start) != start or re.match(rb"\s*-1[ ]*\r(?!\n)", start) is not None
+
+
+def _as_written(data: bytes, where: str) -> bytes:
+    """The text of a file in ASCII with the line ends of the format.
+
+    Raises
+    ------
+    InputError : it has binary values, which converting text has changed.
+    """
+    text = sniff.as_ascii(data)
+    bare = re.match(rb"\s*-1[ ]*\r(?!\n)", text) is not None
+    wide = len(data) - len(text) > 3
+    if (bare or wide) and re.search(rb"-1[ ]*\r?\n?[ ]*58b", text):
+        raise InputError(
+            "a universal file with binary values was converted as if it were text",
+            where=where,
+            got="line ends of carriage returns alone" if bare else "UTF-16",
+            advice="copy the file as it was exported, or export it as text",
+        )
+    return re.sub(rb"\r(?!\n)", b"\n", text) if bare else text
 
 
 def list_sets(path: "str | PathLike[str]") -> tuple[Entry, ...]:
@@ -158,7 +190,14 @@ def read(path: Path, layout: Layout) -> Contents:
     findings = tuple(dict.fromkeys((*gathered.findings, *made.findings, *gathered.parts.findings, *notes)))
     metadata = (*gathered.metadata, *_ids(sound))
     contents = Contents(
-        tuple(made.recordings), tuple(made.frfs), tuple(modes), geometry, findings, metadata, tuple(made.units)
+        tuple(made.recordings),
+        tuple(made.frfs),
+        tuple(modes),
+        geometry,
+        findings,
+        metadata,
+        tuple(made.units),
+        tuple(made.frf_units),
     )
     return contents if contents else _nothing(contents, entries, path.name)
 

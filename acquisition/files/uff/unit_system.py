@@ -5,7 +5,7 @@ from typing import Any
 
 from acquisition import units
 from acquisition.files.uff import records
-from acquisition.files.uff.header58 import Axis, integer, mended, real, text_of
+from acquisition.files.uff.header58 import Axis, Header, integer, mended, real, text_of
 from ema.units import FRF_OF_RESPONSE, FRF_UNIT, QUANTITIES, SI_UNIT, UNSTATED
 
 _EXPONENTS = {
@@ -152,6 +152,21 @@ def frf_scale(numerator: Scale, denominator: Scale) -> FrfScale:
     if not (numerator.stated and denominator.stated) or quantity == "unstated":
         return FrfScale(quantity, UNSTATED, 1.0, note)
     return FrfScale(quantity, FRF_UNIT[quantity], numerator.factor / denominator.factor, note)
+
+
+def unit_before_si(axis: Axis, found: Scale) -> units.Unit:
+    """The unit that the numbers of an axis have in the file: that of its label, else of data set 164."""
+    if axis.unit.upper() in ("", "NONE"):
+        return units.named(found.quantity, found.factor)
+    return units.Unit(axis.unit, found.factor, found.quantity, found.offset)
+
+
+def frf_units(header: Header, above: Scale, below: Scale) -> tuple[tuple[units.Unit, units.Unit], ...]:
+    """Units of response and force that the numbers of an FRF have in the file."""
+    if above.quantity in FRF_UNIT:
+        pair = units.of_frf(header.ordinate.unit)
+        return () if pair is None else (pair,)
+    return ((unit_before_si(header.ordinate, above), unit_before_si(header.denominator, below)),)
 
 
 def channel_unit(found: Scale) -> tuple[Any, str]:
