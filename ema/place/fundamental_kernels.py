@@ -20,7 +20,7 @@ LEFT = 1e-4
 
 @compiled(error_model="numpy")
 def solved(matrix, columns):
-    """Gauss with pivots, in place: ``columns`` become the solution; NaN where there is none (LAPACK would end there)."""
+    """Gauss with pivots, in place: ``columns`` become the solution, NaN where there is none (LAPACK would stop)."""
     n = len(matrix)
     for k in range(n):
         pivot = k
