@@ -435,10 +435,9 @@ def _fit(
     basis[lowest, np.arange(len(lowest))] = 1.0
     basis[held, len(lowest) :] = np.linalg.inv(np.linalg.cholesky(penalty / np.outer(size, size))).T / size[:, None]
     plain, rough = design @ basis[:, : len(lowest)], design @ basis[:, len(lowest) :]
-    square, upper = np.linalg.qr(plain, mode="complete")
-    inner = square[:, plain.shape[1] :]
-    solve = np.linalg.solve(upper[: plain.shape[1]], square[:, : plain.shape[1]].T)
-    parts = _Parts(rough, inner, solve, *np.linalg.svd(inner.T @ rough, full_matrices=False))
+    reached, upper = np.linalg.qr(plain)
+    beyond = rough - reached @ (reached.T @ rough)
+    parts = _Parts(rough, reached, np.linalg.solve(upper, reached.T), *np.linalg.svd(beyond, full_matrices=False))
     fits = [_posterior(parts, column) for column in values.T]
     return (
         np.stack([basis @ mean for mean, _, _ in fits], axis=1),
@@ -449,11 +448,11 @@ def _fit(
 
 @dataclass(frozen=True)
 class _Parts:
-    """What all modes share: penalised columns, the directions of the data that no free column reaches, the solution
-    for the free columns, and the singular value decomposition of the penalised columns in those directions."""
+    """What all modes share: penalised columns, the directions of the data that free columns reach, the solution for
+    the free columns, and the singular value decomposition of what is left of the penalised columns beyond them."""
 
     rough: np.ndarray
-    inner: np.ndarray
+    reached: np.ndarray
     solve: np.ndarray
     left: np.ndarray
     stretch: np.ndarray
@@ -463,8 +462,8 @@ class _Parts:
 def _posterior(parts: _Parts, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Mean and covariance of the (free, penalised) coefficients and the noise, averaged over the strengths."""
     rough, solve, stretch, right = parts.rough, parts.solve, parts.stretch, parts.right
-    data = parts.inner.T @ values
-    seen, count = parts.left.T @ data, max(len(data), 1)
+    data = values - parts.reached @ (parts.reached.T @ values)
+    seen, count = parts.left.T @ data, max(len(data) - parts.reached.shape[1], 1)
     rest = max(float(data @ data - seen @ seen), 0.0)
     top = float(stretch.max(initial=0)) ** 2
     strengths = top * np.exp(np.linspace(-34.0, 2.0, _STRENGTHS)) if top > 0 else np.ones(1)
