@@ -303,7 +303,7 @@ def plane(model: ModalModel, geometry: Geometry) -> Plane:
     xyz = np.array([geometry.xyz[geometry.place(dof.node)] for _, dof in usable])
     directions = np.array([geometry.direction(dof) for _, dof in usable])
     mean = xyz.mean(axis=0)
-    _, spread, turned = np.linalg.svd(xyz - mean)
+    _, spread, turned = np.linalg.svd(xyz - mean, full_matrices=False)
     if spread[2] > 0.05 * spread[0]:
         raise InputError(
             "the measured points lie in no plane",
@@ -334,7 +334,7 @@ def plane(model: ModalModel, geometry: Geometry) -> Plane:
 def _common(directions: np.ndarray, along: np.ndarray, where: str) -> np.ndarray:
     """The direction most measurements of a row of points share, square to the row."""
     square = directions - np.outer(directions @ along, along)
-    _, strength, turned = np.linalg.svd(square)
+    _, strength, turned = np.linalg.svd(square, full_matrices=False)
     if strength[0] < 1e-6:
         raise InputError("no measurement across the row of points", where=where, got="motion along the row only")
     return np.asarray(turned[0])
