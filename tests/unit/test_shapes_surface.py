@@ -168,7 +168,9 @@ def test_what_has_no_surface_is_refused(plate):
 @pytest.mark.parametrize("width", [0.8, 0.1])
 def test_few_points_have_wide_bounds_but_no_endless_ones(counts, width):
     """A quadratic shape with 1 % noise on 6 to 20 points: what is stated is of the size of the shape, and holds it."""
-    x, y = (p.ravel() for p in np.meshgrid(*(np.linspace(0, s, n) for s, n in zip((1.0, width), counts)), indexing="ij"))
+    x, y = (
+        p.ravel() for p in np.meshgrid(*(np.linspace(0, s, n) for s, n in zip((1.0, width), counts)), indexing="ij")
+    )
     dofs = tuple(Dof(node, "+Z") for node in range(len(x)))
     inside = []
     for seed in range(20):
