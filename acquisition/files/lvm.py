@@ -112,6 +112,15 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
         for place in range(columns)
         if titles[place] != "X_Value" and not full[place]
     ]
+    timeless = np.isnan(values[:, times]).all(axis=1) & np.isfinite(values[:, signals]).any(axis=1)
+    if timeless.any() and not timeless.all():
+        raise InputError(
+            "a row without its time",
+            where=f"{name}, row {int(np.argmax(timeless)) + 1}",
+            got="an empty cell",
+            expected="a number, as in the other rows",
+            advice="a row that is shifted by a cell begins so",
+        )
     for place in times[1:]:
         same_rate(rate_of(values[:, place], name), rate_of(values[:, times[0]], name), len(values), name)
     rate = _rate(header, values[:, times[0]] if times else None, decimal, name) / _second(header, name)

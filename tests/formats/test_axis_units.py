@@ -219,3 +219,14 @@ def test_a_unit_of_length_that_the_layout_overrules_is_named(tmp_path: Path) -> 
         np.testing.assert_allclose(contents.geometry.xyz[:, 0], [1, 2, 3], rtol=1e-6)
         assert [note.code for note in contents.findings] == ["unit-overruled"], name
         assert acquisition.read(tmp_path / name, unit="mm", **places).findings == ()
+
+
+def test_a_row_of_lvm_that_is_shifted_by_a_cell_is_refused(tmp_path):
+    """A digit of a time that became a tab: its row was read with the time as the first channel's value."""
+    rows = [f"{n / 100:.2f}\t{n}.5\t-{n}.25" for n in range(12)]
+    rows[7] = "\t.07\t7.5\t-7.25"
+    header = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\t\n"
+    part = "Channels\t2\t\nSamples\t12\t12\t\nDelta_X\t0.01\t0.01\t\n***End_of_Header***\t\t\nX_Value\ta\tb\tComment\n"
+    (tmp_path / "a.lvm").write_text(header + part + "\n".join(rows) + "\n")
+    with pytest.raises(InputError, match="a row without its time"):
+        acquisition.read(tmp_path / "a.lvm")
