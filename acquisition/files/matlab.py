@@ -114,8 +114,8 @@ class _Object:
 
 
 _FULL = 1 << 22
-"""Numbers of a sparse matrix in full, from which on it is left out: 32 MB. Such matrices are those of models; halved or
-doubled, systems of 2900 or 1450 degrees of freedom are the largest."""
+"""Numbers of a sparse matrix in full, from which on it is left out: 32 MB. Such matrices are those of models: square
+ones of up to 2048 degrees of freedom are read; with half or twice the limit, of up to 1448 or 2896."""
 
 
 def _in_full(matrix: Any, name: str) -> "np.ndarray | _Object":

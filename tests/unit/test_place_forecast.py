@@ -12,6 +12,10 @@ from ema.data import FrictionLaw, ModalMap
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.errors import InputError
+from ema.place.bands import _about_harmonics
+from ema.place.fundamental import fundamental
+from ema.place.shortlist import answer, question
+from ema.place.task import only, predicted
 from tests.unit.placement_rig import bare_table
 
 BEAM = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02, name="steel 60 x 50")
@@ -96,6 +100,31 @@ def test_a_truth_drawn_from_the_same_doubt_falls_inside(task, told):
         assert found.values == 8
         inside += found.inside
     assert inside >= 0.85 * 96
+
+
+def test_bands_hold_what_the_upper_harmonics_change(task, pool):
+    """All parameters certain: against the two answers of one question, with all harmonics and with the first alone."""
+    sure = task._replace(
+        joint=replace(JOINT, friction_std=0.0, stiffness_std=0.0),
+        surface=replace(task.surface, covariance=0 * task.surface.covariance, noise=0 * task.surface.noise),
+    )
+    bands = place.forecast(sure, SPOT, 1, LEVELS, FORCES, draws=200, seed=3, method="frozen", executor=pool)
+    asked = sure._replace(force_levels=np.array(LEVELS), normal_forces=np.array(FORCES))
+    here = only(SPOT, [1])
+    one = question(asked, predicted(asked, here), 0)
+    effect = np.abs(np.log(answer(one)[:, :2] / fundamental(one)[:, :2]))
+    for column, (low, high) in enumerate(
+        ((bands.frequency_low, bands.frequency_high), (bands.damping_low, bands.damping_high))
+    ):
+        # quantiles of 200 draws scatter by 6 %; the damping of the suspension is drawn as well
+        assert np.all(np.log(high / low) / 2 > 0.7 * 1.96 * effect[:, column])
+    assert effect[:, 1].max() > 0.005
+
+
+def test_strong_upper_harmonics_are_named():
+    (found,) = _about_harmonics("place 1", np.array([[[0.02, 0.08], [0.051, 0.0]]]))
+    assert found.code == "upper-harmonics" and found.value == pytest.approx(0.08) and "in 2 of 4" in found.message
+    assert _about_harmonics("place 1", np.full((1, 2, 2), 0.049)) == ()
 
 
 def test_a_check_counts_what_lies_inside(told):
