@@ -12,6 +12,10 @@ from ema.errors import InputError
 
 _MOST = 20_000
 _FORMAT = re.compile(r"(\d*)\s*([IFEDG])\s*(\d+)", re.IGNORECASE)
+# An edit descriptor with an exponent writes a digit other than 0 before the point of all numbers (scale factor 1P) or of
+# none (0P, where the 0 is optional): ISO/IEC 1539-1, "E and D editing". Both in one file: a digit was lost.
+_FIRST_DIGIT = re.compile(r"[+-]?[1-9]\.\d*[ED]", re.IGNORECASE)
+_WITHOUT_FIRST_DIGIT = re.compile(r"[+-]?\.\d+[ED][+-]?\d+", re.IGNORECASE)
 
 
 def check_size(size: int, path: Path) -> None:
@@ -134,6 +138,9 @@ def _filled(parts: list[list[str]], size: int, symmetric: bool, wrong: Any) -> F
         raise wrong("the columns of the matrix do not add up", f"{starts[-1]} entries announced, {len(values)} there")
     if len(places) and not 0 <= places.min() <= places.max() < size:
         raise wrong("an entry outside the matrix", f"row {places.max() + 1} of {size}")
+    bare = next((text for text in parts[2] if _WITHOUT_FIRST_DIGIT.fullmatch(text)), None)
+    if bare is not None and any(_FIRST_DIGIT.match(text) for text in parts[2]):
+        raise wrong("a number that has lost its first digit", repr(bare), "copy or export it again")
     if not np.isfinite(values).all():
         raise wrong("a number that is not finite", str(values[~np.isfinite(values)][0]), "export it again")
     column = np.repeat(np.arange(size), np.diff(starts))
