@@ -12,8 +12,8 @@ from ema.errors import InputError
 
 _MOST = 20_000
 _FORMAT = re.compile(r"(\d*)\s*([IFEDG])\s*(\d+)", re.IGNORECASE)
-# An edit descriptor with an exponent writes a digit other than 0 before the point of all numbers (scale factor 1P) or of
-# none (0P, where the 0 is optional): ISO/IEC 1539-1, "E and D editing". Both in one file: a digit was lost.
+# An edit descriptor with an exponent writes a digit other than 0 before the point of all numbers (scale factor 1P) or
+# of none (0P, where the 0 is optional): ISO/IEC 1539-1, "E and D editing". Both in one file: a digit was lost.
 _FIRST_DIGIT = re.compile(r"[+-]?[1-9]\.\d*[ED]", re.IGNORECASE)
 _WITHOUT_FIRST_DIGIT = re.compile(r"[+-]?\.\d+[ED][+-]?\d+", re.IGNORECASE)
 
