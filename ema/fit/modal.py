@@ -310,7 +310,7 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
         chosen = reduced(chosen, optimum.kept[gone], "its residue and that of a neighbour add up to those of one mode")
     dropped = (*chosen.dropped, *optimum.dropped)
     left_out = natural_frequencies(np.array([one.pole for one in dropped], complex))
-    verdict = judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out)
+    verdict = judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out, added_decay=band.added_decay)
     shapes = peak_shape.examine(optimum, errors, verdict.possible)
     return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes)
 
@@ -494,9 +494,10 @@ def _findings(
                 advice="Check the cable and the channel table.",
             )
         )
-    found += _candidates(where, optimum, verdict, order)
+    found += _candidates(where, optimum, verdict, order, added_decay=band.added_decay)
     for drop in dropped[-_NAMED:]:
-        frequency, damping = natural_frequencies(np.array([drop.pole]))[0], damping_ratios(np.array([drop.pole]))[0]
+        value = np.array([drop.pole + band.added_decay])
+        frequency, damping = natural_frequencies(value)[0], damping_ratios(value)[0]
         found.append(
             Finding(
                 "info",
@@ -548,13 +549,16 @@ def _findings(
     return tuple(found)
 
 
-def _candidates(where: str, optimum: Refined, verdict: Verdict, order: Int[np.ndarray, "mode"]) -> list[Finding]:
+def _candidates(
+    where: str, optimum: Refined, verdict: Verdict, order: Int[np.ndarray, "mode"], *, added_decay: float
+) -> list[Finding]:
     """A finding for each pole of the fit that was not accepted, an error where it dominates the FRFs."""
     fit, found = optimum.fit, []
     poles = np.flatnonzero(verdict.possible & ~verdict.accepted)
     around, overall = verdict.energy
     for pole in poles:
-        frequency, damping = natural_frequencies(fit.poles[[pole]])[0], damping_ratios(fit.poles[[pole]])[0]
+        value = fit.poles[[pole]] + added_decay
+        frequency, damping = natural_frequencies(value)[0], damping_ratios(value)[0]
         place = f"{where}, {frequency:.6g} Hz"
         named = "was reported because it was named, and" if pole in order else "was not accepted as a mode:"
         sentence = f"A pole with {100 * damping:.3g} % damping {named} {verdict.reasons[pole]}."
