@@ -534,6 +534,7 @@ def _findings(
                 advice="Look for ground loops; a mode that is really there has a peak that the tone hides.",
             )
         )
+    found += _window_not_applied(where, optimum.fit.poles, errors, verdict, band.added_decay)
     found += _at_the_edges(where, data, poles[order], poles[np.setdiff1d(np.arange(len(poles)), order)])
     found += _multiplicity(where, data, optimum.fit, errors, verdict, order)
     if not len(order):
@@ -587,6 +588,32 @@ def _candidates(
             )
         )
     return found
+
+
+def _window_not_applied(
+    where: str, poles: Complex[np.ndarray, "pole"], errors: PoleErrors, verdict: Verdict, added_decay: float
+) -> list[Finding]:
+    """Resonances that decay more slowly than the exponential window alone lets them: it is not in the FRFs."""
+    damping = damping_ratios(poles + added_decay)
+    seen = verdict.possible & ~verdict.tones & (verdict.energy[0] >= POLICY.dominant)
+    growing = seen & (verdict.energy[1] >= POLICY.large) & (damping < -COVERAGE_FACTOR * errors.damping)
+    if added_decay <= 0 or not growing.any():
+        return []
+    slowest = float(np.max(poles[growing].real))
+    listed = ", ".join(f"{f:.6g} Hz" for f in np.sort(natural_frequencies(poles[growing]))[:_NAMED])
+    return [
+        Finding(
+            "error",
+            "window-not-applied",
+            where,
+            f"The resonances at {listed} decay by {-slowest:.3g} 1/s at least, less than the exponential window that "
+            f"is stated ({added_decay:.3g} 1/s): it was not applied, or was weaker. The damping ratios of all modes "
+            "are too low.",
+            value=-slowest,
+            limit=added_decay,
+            advice="Correct the decay that is stated with the FRFs (0 without a window).",
+        )
+    ]
 
 
 def _unresolved(
