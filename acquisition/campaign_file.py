@@ -12,13 +12,16 @@ from acquisition import units
 from acquisition.files.layout import Layout
 from ema.data.condition import ExcitationKind
 from ema.data.recording import Role
-from ema.errors import EmaError
+from ema.errors import EmaError, UnitError
 from ema.tables import FileKind, Table
 from ema.units import Quantity
 
 __all__ = ["FILE_NAME", "CampaignFile", "load", "parse"]
 
 FILE_NAME = "campaign.toml"
+
+MOST_COLUMNS = 100_000
+"""Columns that a range such as ``"3-30"`` may name: above the channels of any front end, and counted in no time."""
 
 
 def _checked(understand: Callable[[str], Any]) -> AfterValidator:
@@ -36,6 +39,39 @@ def _checked(understand: Callable[[str], Any]) -> AfterValidator:
 
 def _with_unit(quantity: str) -> AfterValidator:
     return _checked(lambda text: units.measure(text, quantity))
+
+
+def _positive(quantity: str) -> AfterValidator:
+    def check(text: str) -> None:
+        if units.measure(text, quantity)[0] <= 0:
+            raise UnitError("not above 0", got=repr(text))
+
+    return _checked(check)
+
+
+def _not_negative(quantity: str) -> AfterValidator:
+    def check(text: str) -> None:
+        if units.measure(text, quantity)[0] < 0:
+            raise UnitError("below 0", got=repr(text), expected="0 or more")
+
+    return _checked(check)
+
+
+def _full_scale(text: str) -> None:
+    if units.measure(text)[0] <= 0:
+        raise UnitError("not above 0", got=repr(text), expected="what the channel measures at most")
+
+
+def _rising(quantity: str, ends: str) -> AfterValidator:
+    """Two values, the lower one first."""
+
+    def check(texts: list[str]) -> list[str]:
+        low, high = (units.measure(text, quantity)[0] for text in texts)
+        if low >= high:
+            raise ValueError(f"{texts[0]!r} to {texts[1]!r} is no range; it goes from {ends}")
+        return texts
+
+    return AfterValidator(check)
 
 
 def _above_zero(text: str) -> str:
@@ -58,7 +94,12 @@ def _as_files(value: Any) -> Any:
 
 def _as_columns(value: Any) -> Any:
     if isinstance(value, str) and (found := re.fullmatch(r"\s*(\d+)\s*-\s*(\d+)\s*", value)):
-        return list(range(int(found[1]), int(found[2]) + 1))
+        first, last = int(found[1]), int(found[2])
+        if last < first:
+            raise ValueError(f"{value!r} ends before it begins")
+        if last - first >= MOST_COLUMNS:
+            raise ValueError(f"{value!r} are more columns than any file has ({MOST_COLUMNS})")
+        return list(range(first, last + 1))
     return value
 
 
@@ -75,12 +116,18 @@ Unit = Annotated[
     str, _checked(units.parse), AfterValidator(lambda text: "unstated" if text.lower() == "unstated" else text)
 ]
 Sensitivity = Annotated[str, _checked(units.sensitivity)]
-Force = Annotated[str, _with_unit("force")]
-Frequency = Annotated[str, _with_unit("frequency")]
+Level = Annotated[str, _positive("force")]
+ForceSpread = Annotated[str, _not_negative("force")]
+NormalForce = Annotated[str, _not_negative("force")]
+Frequency = Annotated[str, _not_negative("frequency")]
+Range = Annotated[str, _checked(_full_scale)]
 Torque = Annotated[str, _with_unit("torque")]
 Temperature = Annotated[str, _with_unit("temperature"), AfterValidator(_above_zero)]
 Seconds = Annotated[str, _with_unit("time")]
-Mass = Annotated[str, _with_unit("mass")]
+Duration = Annotated[str, _positive("time")]
+Wait = Annotated[str, _not_negative("time")]
+Mass = Annotated[str, _not_negative("mass")]
+Identifier = Annotated[str, Field(min_length=1)]
 Moment = Annotated[str, BeforeValidator(_as_text)]
 Reader = Annotated[dict[str, Any], AfterValidator(_as_reader)]
 Names = Annotated[list[str], BeforeValidator(_as_list)]
@@ -91,7 +138,7 @@ Direction = str | Annotated[list[float], Field(min_length=3, max_length=3)]
 class CampaignTable(Table):
     """``[campaign]``: what was measured, by whom, and where the files are."""
 
-    name: str
+    name: Identifier
     structure: str = ""
     operator: str = ""
     date: Moment = ""
@@ -151,7 +198,7 @@ class ChannelTable(Table):
     node: Annotated[str, BeforeValidator(lambda value: str(value))] = ""
     direction: Direction | None = None
     directions: list[Direction] = []
-    range: str | None = None
+    range: Range | None = None
     serial: str = ""
     calibrated_on: Moment = ""
     joint: str = ""
@@ -182,7 +229,7 @@ class ChannelTable(Table):
 class JointTable(Table):
     """``[[joints]]``: a joint whose normal force is measured or known."""
 
-    name: str
+    name: Identifier
     load_cell: str = ""
     calibrated_on: Moment = ""
     comment: str = ""
@@ -203,7 +250,7 @@ class NormalForceTable(Table):
     Without any of the three the force is admitted as unknown.
     """
 
-    joint: str
+    joint: Identifier
     channel: str = ""
     file: str = ""
     column: str = ""
@@ -211,10 +258,13 @@ class NormalForceTable(Table):
     time: str = ""
     time_unit: Unit | None = None
     start: Moment = ""
-    between: Annotated[list[Seconds], Field(min_length=2, max_length=2)] | None = None
-    value: Force | None = None
-    std: Force | None = None
-    nominal: Force | None = None
+    between: (
+        Annotated[list[Seconds], Field(min_length=2, max_length=2), _rising("time", "the first to the last moment")]
+        | None
+    ) = None
+    value: NormalForce | None = None
+    std: ForceSpread | None = None
+    nominal: Level | None = None
     torque: Torque | None = None
     sequence: Literal["up", "down", "unstated"] = "unstated"
     run_in: int | None = Field(default=None, ge=0)
@@ -253,16 +303,23 @@ class LevelsTable(Table):
 class RunTable(Table):
     """``[[runs]]``: files measured under one condition."""
 
-    id: str
+    id: Identifier
     kind: ExcitationKind = "unknown"
     files: Annotated[list[FileTable], BeforeValidator(lambda value: _as_files(_as_list(value)))] = []
     file_table: str = ""
     take: Literal["records", "FRFs"] | None = None
     channels: list[ChannelTable] | None = None
-    level: Force | None = None
-    level_std: Force | None = None
-    band: Annotated[list[Frequency], Field(min_length=2, max_length=2)] | None = None
-    period: Seconds | None = None
+    level: Level | None = None
+    level_std: ForceSpread | None = None
+    band: (
+        Annotated[
+            list[Frequency],
+            Field(min_length=2, max_length=2),
+            _rising("frequency", "the lowest to the highest frequency"),
+        ]
+        | None
+    ) = None
+    period: Duration | None = None
     estimator: str = ""
     averages: int | None = Field(default=None, ge=1, strict=True)
     temperature: Temperature | None = None

@@ -13,6 +13,7 @@ from acquisition import campaign_file, units
 from acquisition.assignment import Item, data_folder, items_of
 from acquisition.axes import LocalAxes
 from acquisition.campaign_file import CampaignFile, ChannelTable, LevelsTable, RunTable
+from acquisition.copied_files import copies
 from acquisition.file_cache import Files, Take
 from acquisition.force import Span, joint_forces, span_of
 from acquisition.geometry_file import geometry_of
@@ -198,6 +199,7 @@ class _Opening:
             findings += _unit_findings([channel.name for channel in unstated if _measures(channel)], f"run {run.id}")
             self._note(line.channel for piece in pieces for line in piece.lines)
             self.channels = self.channels or tuple(line.channel for line in pieces[0].lines)
+        findings += copies([item.path for item in items], f"run {run.id}")
         told = [finding for item in items for finding in self.files.findings(item.path, options)]
         findings += [finding for finding in told if finding.code != "duplicated-dof"]  # settled by ``refuse_doubles``
         recordings = Lazy([piece.read for piece in pieces])

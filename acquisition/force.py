@@ -23,6 +23,7 @@ SCATTER_LIMIT = 0.10
 _KILO = (300.0, 3000.0)
 _BLOCKS = 64
 _ENDS = 0.1
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -69,14 +70,16 @@ def joint_forces(
         return (), ()
     names = list(dict.fromkeys([*(joint.name for joint in joints), *stated, *on_records])) or ["beam"]
     cells = {joint.name: joint for joint in joints}
-    forces = []
+    forces: list[JointForce] = []
+    sampled: set[str] = set()
     for name in names:
         table = stated.get(name, NormalForceTable(joint=name))
         channel = table.channel or ("" if table.file or table.value else on_records.get(name, ""))
+        sampled |= {name} if channel else set()
         force = _measured(table, channel, records, span, folders, f"{where}, joint {name}")
         forces.append(replace(force, calibration=_calibration(cells.get(name))))
     nominal = {name: units.measure(table.nominal, "force")[0] for name, table in stated.items() if table.nominal}
-    return tuple(forces), tuple(_findings(forces, nominal, where))
+    return tuple(forces), tuple(_findings(forces, nominal, sampled, where))
 
 
 def _measured(
@@ -230,7 +233,8 @@ def _calibration(joint: JointTable | None) -> str:
     return ", ".join(filter(None, (joint.load_cell, joint.calibrated_on and f"calibrated on {joint.calibrated_on}")))
 
 
-def _findings(forces: Sequence[JointForce], nominal: dict[str, float], where: str) -> list[Finding]:
+def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: set[str], where: str) -> list[Finding]:
+    """``sampled`` are the joints whose force is a channel of the records."""
     findings = []
     for force in forces:
         place = f"{where}, joint {force.joint}"
@@ -248,8 +252,9 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], where: st
             )
             continue
         findings += _unit_findings(force, nominal.get(force.joint), place)
+        findings += _sensor_findings(force, place, sampled=force.joint in sampled)
         relative = abs(force.drift / force.mean) if force.mean else float("inf")
-        if np.isfinite(force.drift) and relative > DRIFT_LIMIT:
+        if np.isfinite(force.drift) and force.drift and relative > DRIFT_LIMIT:
             findings.append(
                 Finding(
                     "warning",
@@ -281,6 +286,36 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], where: st
                     "Tighten the joints evenly, or compare joint by joint.",
                 )
             )
+    return findings
+
+
+def _sensor_findings(force: JointForce, place: str, *, sampled: bool) -> list[Finding]:
+    """A joint is pressed, never pulled; and a sensor that measures is never quite at rest."""
+    findings = []
+    if force.mean < 0:
+        findings.append(
+            Finding(
+                "error",
+                "normal-force-negative",
+                place,
+                f"The normal force is {force.mean:.4g} N: the joint would be pulled apart.",
+                force.mean,
+                0.0,
+                "Where the load cell counts compression negative, turn it round: a sensitivity with a minus, or the "
+                'repair what = "reverse sign". Otherwise correct its zero.',
+            )
+        )
+    if sampled and force.trace is not None and np.ptp(force.trace) <= _ROUNDING * abs(force.mean):
+        findings.append(
+            Finding(
+                "warning",
+                "normal-force-constant",
+                place,
+                f"All samples of the normal force are {force.mean:.4g} N: a load cell that measures has noise.",
+                force.mean,
+                advice="Check its cable and its amplifier; a force that is known otherwise is stated as value.",
+            )
+        )
     return findings
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from acquisition import units
-from acquisition.campaign_file import ChannelTable, JointTable, Mass, Numbers, Seconds
+from acquisition.campaign_file import ChannelTable, Duration, JointTable, Mass, Numbers, Wait
 from acquisition.live.opendaq_rig import OpendaqRig, OpendaqShaker, Steps, Wire
 from acquisition.live.trigger import Trigger
 from acquisition.scaling import conversion, full_scale
@@ -22,6 +22,8 @@ __all__ = ["FILE_NAME", "RigFile", "force_level", "load", "open_rig", "open_shak
 FILE_NAME = "rig.toml"
 FEWEST_CYCLES = 4.0
 """Cycles below which the frequency of a stay is not read."""
+MOST_VALUES = 2**28
+"""Values of a take over all channels: it is held in memory, 2 GiB with eight bytes each, before it is on disk."""
 _LEVEL = re.compile(r"^\s*(?P<channel>.+?)\s*>\s*(?P<level>[-+0-9.eE]+\s*\S.*)$")
 
 
@@ -37,8 +39,8 @@ class TakeTable(Table):
     """``[take]``: when a take begins, how long it is, where the hammer goes, and how many takes each point gets."""
 
     trigger: str = ""
-    pre_trigger: Seconds = "50 ms"
-    duration: Seconds = "1 s"
+    pre_trigger: Wait = "50 ms"
+    duration: Duration = "1 s"
     points: Numbers = Field(min_length=1)
     takes: int = Field(default=3, ge=1)
 
@@ -62,8 +64,8 @@ class ShakerTable(Table):
 
     band: list[float] = Field(min_length=2, max_length=2)
     step: float = Field(gt=0)
-    stay: Seconds = "0.1 s"
-    settle: Seconds = "1 s"
+    stay: Duration = "0.1 s"
+    settle: Wait = "1 s"
     first: float | None = Field(default=None, gt=0)
     largest: float = Field(gt=0)
     amplitude: str = ""
@@ -126,7 +128,21 @@ class RigFile(Table):
             raise ValueError(
                 '[shaker] names the properties of the device that set the sine: amplitude = "Ch0.Amplitude"'
             )
+        self._refuse_endless()
         return self
+
+    def _refuse_endless(self) -> None:
+        """A take is held in memory until it is whole."""
+        duration = units.measure(self.take.duration, "time")[0]
+        if self.shaker is not None:
+            low, high = self.shaker.band
+            duration = units.measure(self.shaker.stay, "time")[0] * ((high - low) / self.shaker.step + 1)
+        values = duration * self.rig.sampling_rate * len(self.channels)
+        if values > MOST_VALUES:
+            raise ValueError(
+                f"a take of {duration:.3g} s at {self.rig.sampling_rate:g} Hz on {len(self.channels)} channels has "
+                f"{values:.3g} values, more than fit into memory ({MOST_VALUES})"
+            )
 
 
 KIND = FileKind(

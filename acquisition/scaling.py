@@ -252,7 +252,22 @@ def _slots(present: tuple[Channel, ...], table: list[ChannelTable], where: str) 
         names = names or [f"{spec.name} {row + 1}" if spec.name else present[row].name for row in rows]
         directions: list[Any] = [*spec.directions] or [spec.direction] * len(rows)
         slots += [_Slot(spec, name, row, towards) for name, row, towards in zip(names, rows, directions, strict=True)]
+    _refuse_one_row_twice(slots, present, where)
     return slots
+
+
+def _refuse_one_row_twice(slots: list[_Slot], present: tuple[Channel, ...], where: str) -> None:
+    """One sensor is at one place: its signal at two would be two measurements that agree too well."""
+    taken = [(slot.row, slot.spec.role) for slot in slots if slot.spec.role in ("reference", "response")]
+    double = next((one for one in taken if taken.count(one) > 1), None)
+    if double is not None:
+        raise InputError(
+            "one channel of the file stands twice in the channel table",
+            where=where,
+            got=repr(present[double[0]].name),
+            expected="one entry for each channel",
+            advice="correct the name or the column of one of the two",
+        )
 
 
 def _slots_in_order(present: tuple[Channel, ...], specs: list[ChannelTable], role: str, where: str) -> list[_Slot]:

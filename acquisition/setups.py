@@ -4,18 +4,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, SetUps
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.units import STANDARD_GRAVITY
 
 SHIFT_LIMIT = 1e-3
 """Relative frequency shift between set-ups from which it is a warning: merged shapes suffer from about there on."""
 
+GAIN_LIMIT = 0.2
+"""Relative difference of the level of an FRF measured in two set-ups from which it is a warning.
+
+Calibrated sensors and hammers agree to a few percent. A limit of 0.1 would name sensors at the end of their tolerance,
+one of 0.4 still names g taken for m/s^2 and a wrong range of an amplifier.
+"""
+
 _OUT, _IN = 0, 1
 _WIDEST = 0.05
 _RESEMBLANCE = 0.5
+_REVERSED = 0.2
+"""Share of lines with one sign in both set-ups below which one of them is turned round; noise alone gives a half."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
 
     A roving hammer brings inputs, roving accelerometers bring outputs. A DOF measured in opposite senses by two files
     keeps the sense in which it came first. FRFs that several set-ups have in common are taken from the first of them.
-    The frequency shift between set-ups is a finding (see ``shift_findings``).
+    What differs between set-ups is a finding (see ``set_up_findings``).
 
     Parameters
     ----------
@@ -105,7 +115,10 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
         _copy(variance, part.frfs.variance, (row, column), place)
         if averages is not None and part.frfs.averages is not None:
             averages[row, column] = part.frfs.averages[place]
-    findings = (*(finding for part in parts for finding in part.frfs.findings), *shift_findings(parts, name))
+    findings = (
+        *(finding for part in parts for finding in part.frfs.findings),
+        *set_up_findings(parts, name),
+    )
     return replace(
         first.frfs,
         values=values,
@@ -173,8 +186,9 @@ def _owners(
     return owners
 
 
-def shift_findings(parts: Sequence[Part], name: str = "") -> tuple[Finding, ...]:
-    """How far the resonances of each set-up lie from those of the first: moved sensors load the structure elsewhere."""
+def set_up_findings(parts: Sequence[Part], name: str = "") -> tuple[Finding, ...]:
+    """How far the resonances of each set-up lie from those of the first, as moved sensors load the structure elsewhere;
+    and in which level and sign the FRFs differ that both have measured."""
     labels = list(dict.fromkeys(part.setup for part in parts))
     findings = []
     for label in labels[1:]:
@@ -215,7 +229,70 @@ def shift_findings(parts: Sequence[Part], name: str = "") -> tuple[Finding, ...]
                 else "",
             )
         )
+        findings += _level_findings(parts, (labels[0], label), where)
     return tuple(findings)
+
+
+def _level_findings(parts: Sequence[Part], setups: tuple[str, str], where: str) -> list[Finding]:
+    """Level and sign of the FRFs that two set-ups have in common: a unit, a sensitivity or a sense may be wrong."""
+    former, latter = (_positive_frfs([part.frfs for part in parts if part.setup == label]) for label in setups)
+    return [
+        finding
+        for cell, values in former.items()
+        if cell in latter
+        for finding in _level_finding(values, latter[cell], f"{where}, {cell[0]}/{cell[1]}", setups)
+    ]
+
+
+def _positive_frfs(frfs: Sequence[FrfSet]) -> dict[tuple[Dof, Dof], Complex[np.ndarray, " freq"]]:
+    """FRFs by their DOFs, all in positive directions."""
+    return {
+        (output.positive, input_.positive): output.sign * input_.sign * frf.values[:, row, column]
+        for frf in frfs
+        for row, output in enumerate(frf.outputs)
+        for column, input_ in enumerate(frf.inputs)
+    }
+
+
+def _level_finding(
+    former: Complex[np.ndarray, " freq"], latter: Complex[np.ndarray, " freq"], where: str, setups: tuple[str, str]
+) -> list[Finding]:
+    """The median over the lines is the level: resonances that moved a little or are damped otherwise do not count."""
+    both = (np.abs(former) > 0) & (np.abs(latter) > 0)
+    if not both.any():
+        return []
+    ratio = latter[both] / former[both]
+    gain, same = float(np.median(np.abs(ratio))), float(np.mean(ratio.real > 0))
+    findings = []
+    if max(gain, 1 / gain) > 1 + GAIN_LIMIT:
+        gravity = abs(max(gain, 1 / gain) / STANDARD_GRAVITY - 1) < GAIN_LIMIT
+        findings.append(
+            Finding(
+                "error",
+                "setup-level",
+                where,
+                f"The FRF is {gain:.3g} times as large in set-up {setups[1]} as in {setups[0]}"
+                f"{', as if g had been taken for m/s^2' if gravity else ''}.",
+                gain,
+                1 + GAIN_LIMIT,
+                "Correct the unit or the sensitivity of one of the set-ups by a repair; shapes hold within each "
+                "set-up only.",
+            )
+        )
+    if same < _REVERSED:
+        findings.append(
+            Finding(
+                "error",
+                "setup-sign",
+                where,
+                f"The FRF has opposite signs in set-ups {setups[0]} and {setups[1]} "
+                f"({100 * (1 - same):.0f} % of the lines): a sensor or the force was turned round.",
+                same,
+                _REVERSED,
+                'Turn it back by a repair: what = "reverse sign".',
+            )
+        )
+    return findings
 
 
 def relative_shift(former: Sequence[FrfSet], latter: Sequence[FrfSet]) -> tuple[float, float]:

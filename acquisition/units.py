@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from math import isfinite
 from typing import Any
 
 from ema.errors import FailureError, UnitError
@@ -320,7 +321,7 @@ def split(text: str) -> tuple[float, str]:
 
     Raises
     ------
-    UnitError : there is no number, or no unit.
+    UnitError : there is no number, no unit, or the number is too large to be one.
     """
     found = _NUMBER.match(text)
     if found is None:
@@ -329,7 +330,14 @@ def split(text: str) -> tuple[float, str]:
         raise UnitError(
             "a number without a unit", got=repr(text), expected=f'a value such as "1.02 kN", or "{UNSTATED}"'
         )
+    _refuse_endless(float(found[1]), text)
     return float(found[1]), found[2]
+
+
+def _refuse_endless(value: float, text: str) -> None:
+    """A number with an exponent beyond 308 is infinite to the machine."""
+    if not isfinite(value):
+        raise UnitError("not a finite number", got=repr(text), expected='a value such as "1.02 kN"')
 
 
 def measure(text: str, quantity: str = "") -> tuple[float, str]:
@@ -347,6 +355,7 @@ def measure(text: str, quantity: str = "") -> tuple[float, str]:
             got=repr(text),
             expected=f"a unit such as {example(quantity)}",
         )
+    _refuse_endless(float(unit.to_si(value)), text)
     return float(unit.to_si(value)), unit.quantity
 
 
@@ -409,9 +418,11 @@ def sensitivity(text: str) -> tuple[float, str]:
     unit = parse(below)
     if unit.offset:
         raise UnitError("a sensitivity per degree of an offset scale", got=repr(text), expected="per K")
-    if value == 0:
+    volts = value * volt.factor / unit.factor
+    _refuse_endless(volts, text)
+    if volts == 0:
         raise UnitError("a sensitivity of zero", got=repr(text))
-    return value * volt.factor / unit.factor, unit.quantity
+    return volts, unit.quantity
 
 
 def bracketed(name: str) -> tuple[str, str]:

@@ -26,7 +26,7 @@ from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
 
 if TYPE_CHECKING:
-    from ema.data import Geometry, ModalModel
+    from ema.data import Finding, Geometry, ModalModel
     from ema.fit.opinion import SecondOpinion
     from ema.study import Study
     from ema.study.recipe import FitTable
@@ -229,7 +229,7 @@ def fit(
     """Fit the modes of one run or file and print them."""
     from ema import fit as fitting
     from ema.cli import screen
-    from ema.estimate import without_dead
+    from ema.estimate import quality, without_dead
     from ema.study import Study, chain
     from ema.study.measured import frfs_of
     from ema.study.plain import modes, opinion
@@ -242,6 +242,7 @@ def fit(
         given = {name: value for name, value in given.items() if name != "index"} | {"near": near}
     settings = _settings(given)
     models: dict[str, ModalModel] = {}
+    measured: dict[str, tuple[Finding, ...]] = {}
     opinions: dict[str, SecondOpinion] = {}
     with screen.Bars() as bars:
         opened = study.open(bars)
@@ -249,6 +250,7 @@ def fit(
             frfs, hits = frfs_of(one, study.recipe.estimate, bars)
             inside = without_dead(frfs.band(*(settings.band or chain.default_band(frfs, hits))))
             models[one.id] = chain.fitted(inside, settings, bars)[1]
+            measured[one.id] = chain.unique(one.findings + frfs.findings + quality(inside, models[one.id], hits))
             if second:
                 opinions[one.id] = found = fitting.second_opinion(models[one.id], inside, bars)
                 models[one.id] = replace(models[one.id], findings=models[one.id].findings + found.findings)
@@ -268,6 +270,7 @@ def fit(
             if second:
                 out.print(screen.opinion_table(opinions[name], name))
             screen.show_findings(out, model.findings)
+            screen.show_findings(out, [finding for finding in measured[name] if finding.severity != "info"])
     return status([finding for model in models.values() for finding in model.findings], limit or "never")
 
 

@@ -25,6 +25,15 @@ WRONG_PHASE = 0.1
 """Part of a drive point's resistance that may be negative by noise."""
 
 
+CONJUGATE = 0.2
+"""Share of the FRFs' energy whose phase rises with frequency, less that where it falls, that only a conjugate has.
+
+Phases fall through every resonance, and rise through those of a conjugate, by 0.5 between lines half a bandwidth apart;
+noise has both in equal parts, but for a scatter of 0.9 over the root of the number of values; five times that is
+allowed.
+"""
+
+
 def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | None = None) -> tuple[Finding, ...]:
     """Check FRFs for everything that a reader has to know before trusting what is fitted to them.
 
@@ -58,7 +67,8 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
     peaks = _resonances(alive, modes)
     findings += _coherence(alive, peaks)
     findings += _noise(alive)
-    findings += _drive_points(alive)
+    conjugate = _conjugate(alive)
+    findings += conjugate or _drive_points(alive)
     findings += _reciprocity(alive)
     if hits is not None:
         findings += _beyond_force(alive, hits, peaks)
@@ -234,6 +244,29 @@ def _noise(frfs: FrfSet) -> list[Finding]:
             median,
             NOISY,
             "Average more, or raise the force.",
+        )
+    ]
+
+
+def _conjugate(frfs: FrfSet) -> list[Finding]:
+    """FRFs of the convention exp(-j w t): they answer before the force, and no pole of theirs decays."""
+    values = frfs.values[1:]
+    lags = [2**power for power in range(12) if 2**power <= len(values) // 8]
+    products = [np.conj(values[:-lag]) * values[lag:] for lag in lags]
+    # of the distances of lines the one that is nearest to a bandwidth tells most
+    rising = max((float(np.sum(one.imag) / max(np.sum(np.abs(one)), 1e-300)) for one in products), default=0.0)
+    if rising < max(CONJUGATE, 4.5 / np.sqrt(values.size)):
+        return []
+    return [
+        Finding(
+            "error",
+            "conjugate-frfs",
+            _where(frfs),
+            "the phase of the FRFs rises with frequency through their resonances: they are complex conjugates of what "
+            "a structure has, as in the convention exp(-j w t).",
+            rising,
+            CONJUGATE,
+            "Export them in the convention exp(+j w t), or conjugate them.",
         )
     ]
 

@@ -12,7 +12,7 @@ from jaxtyping import Complex, Float
 from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, hammer_findings, impact_choice, single_input
+from ema.estimate import channels, equal_impacts, hammer_findings, impact_choice, single_input
 from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
@@ -267,7 +267,9 @@ def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tupl
         )
         for where in silence
     ]
-    return [one for own in judged.values() for one in own], findings
+    impacts = [one for own in judged.values() for one in own]
+    findings += equal_impacts.about_copies(impacts, channels.describe(run))
+    return equal_impacts.with_saturation(impacts), findings
 
 
 def _checked(run: Run, record: Recording, rate: float) -> channels.Layout:

@@ -1,5 +1,6 @@
 """The impacts of a hammer test, each with what is known about it and what it does to the FRF."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -81,6 +82,7 @@ class Judged:
     one; ``before`` and ``after`` are the samples of the record that belong to this impact alone, seen from ``start``;
     ``rest`` and ``quiet`` (out,) are mean and rms of the responses before it, ``unrest`` the largest ratio of that rms
     to that behind it; ``contacts`` are its further ones. ``used`` is decided when all impacts of a point are known.
+    ``force`` is the force sample that is farthest from 0, ``samples`` a fingerprint of all samples of the impact.
     """
 
     place: int
@@ -99,6 +101,8 @@ class Judged:
     reasons: tuple[Reason, ...] = ()
     remarks: tuple[Remark, ...] = ()
     used: bool = False
+    force: float = 0.0
+    samples: bytes = b""
 
     @property
     def second(self) -> SecondContact | None:
@@ -232,7 +236,9 @@ def _judge(impact: Judged, record: Recording, layout: Layout) -> Judged:
             remarks.append(Remark("under-range", channel.name, float(peak / channel.range), UNDER_RANGE))
     names = [record.channels[row].name for row in layout.responses]
     steadiness, unrest = _steadiness(part[1:], names, impact, peaks[1:])
-    return replace(impact, remarks=(*remarks, *steadiness), unrest=unrest)
+    farthest = float(high[0] if high[0] >= -low[0] else low[0])
+    fingerprint = hashlib.blake2b(np.ascontiguousarray(part).tobytes(), digest_size=16).digest()
+    return replace(impact, remarks=(*remarks, *steadiness), unrest=unrest, force=farthest, samples=fingerprint)
 
 
 def _steadiness(

@@ -47,6 +47,7 @@ def judge(
     alone: Float[np.ndarray, "pole"],
     policy: SelectionPolicy,
     dropped: Float[np.ndarray, "dropped"],
+    added_decay: float = 0.0,
 ) -> Verdict:
     """Judge every pole of a fit by what its values and their uncertainty say.
 
@@ -55,10 +56,11 @@ def judge(
     possible : poles that can be modes: in the band, oscillating.
     alone : probability that a pole is not several modes that overlap.
     dropped : Hz, poles that were left out of the fit.
+    added_decay : 1/s, of the exponential window in the poles; what decays by it alone is no resonance.
     """
     fit = optimum.fit
     energy = estimator.shares_of_energy(optimum.data, fit)
-    damping = damping_ratios(fit.poles)
+    damping = damping_ratios(fit.poles + added_decay)
     visible = energy[0] >= policy.visible
     limit = np.where(visible, policy.visible_uncertainty, policy.damping_uncertainty)
     std_f, std_z, scatter = errors.frequency, errors.damping, errors.scatter
@@ -72,17 +74,20 @@ def judge(
     reach = 1.5 * optimum.data.line / (2 * np.pi)
     tones = _tones(natural_frequencies(fit.poles), undamped, dropped, policy=policy, reach=reach)
     unresolved = narrow & visible & (std_z > limit * damping) & ~tones
+    steady = possible & (damping <= 0)
     # In a misfit, poles explain what is no noise: the search has judged them there.
     explained = np.full(len(fit.poles), np.inf) if optimum.misfit else evidence(optimum.data, fit)
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
-    resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~tones
+    resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~tones & ~steady
     spacing, apart = _distances(fit, group, resonant)
-    confidence = _confidence(fit, errors, group, resonant, policy.shape_scatter)
+    confidence = _confidence(fit, errors, group, resonant, damping=damping, limit=policy.shape_scatter)
     accepted, reasons = possible.copy(), [""] * len(fit.poles)
     for pole in np.flatnonzero(possible):
         reason = ""
         if tones[pole]:
             reason = "its damping is not told from zero, at a multiple of the mains frequency"
+        elif steady[pole]:
+            reason = "it does not decay" + (" once the exponential window is taken off" if added_decay else "")
         elif explained[pole] < 1:
             reason = f"it explains {explained[pole]:.2g} times what noise may"
         elif not resonant[pole]:
@@ -126,8 +131,8 @@ def _tones(
     policy: SelectionPolicy,
     reach: float,
 ) -> Bool[np.ndarray, "pole"]:
-    """``undamped`` poles at multiples of a mains frequency [Hz]: one may be a mode by chance, two are not. Poles
-    ``dropped`` within ``reach`` [Hz] of a multiple count too.
+    """``undamped`` poles at multiples of a mains frequency [Hz]: one may be a mode by chance where multiples are close
+    beside their deviation, two are not. Poles ``dropped`` within ``reach`` [Hz] of a multiple count too.
     """
 
     def apart(values: Float[np.ndarray, "value"], base: float) -> Float[np.ndarray, "value"]:
@@ -137,7 +142,8 @@ def _tones(
     for base in policy.mains:
         near = undamped & (apart(frequencies, base) < policy.mains_deviation * frequencies)
         others = np.count_nonzero(apart(dropped, base) < np.maximum(policy.mains_deviation * dropped, reach))
-        result |= near & (np.count_nonzero(near) + others > 1)
+        likely = 2 * policy.mains_deviation * frequencies / base > policy.mains_chance
+        result |= near & ((np.count_nonzero(near) + others > 1) | ~likely)
     return result
 
 
@@ -229,7 +235,13 @@ def _distances(
 
 
 def _confidence(
-    fit: Fit, errors: PoleErrors, group: Int[np.ndarray, "pole"], resonant: Bool[np.ndarray, "pole"], limit: float
+    fit: Fit,
+    errors: PoleErrors,
+    group: Int[np.ndarray, "pole"],
+    resonant: Bool[np.ndarray, "pole"],
+    *,
+    damping: Float[np.ndarray, "pole"],
+    limit: float,
 ) -> Float[np.ndarray, "pole"]:
     """Probability that a mode decays, is nearest to itself and has its own shape, with a scatter below ``limit``."""
     tiny = 1e-300
@@ -237,7 +249,7 @@ def _confidence(
     other = (macs(fit.participation.T) > 0.9) & (group[:, None] != group) & resonant
     apart = np.where(other, np.abs(frequencies[:, None] - frequencies), np.inf).min(axis=1, initial=np.inf)
     nearest = scipy.special.erf(apart / (2 * np.sqrt(2) * np.maximum(errors.frequency, tiny)))
-    ratio = damping_ratios(fit.poles) / (np.sqrt(2) * np.maximum(errors.damping, tiny))
+    ratio = damping / (np.sqrt(2) * np.maximum(errors.damping, tiny))
     decaying = 0.5 * (1 + scipy.special.erf(ratio))
     # Errors of a few poles make most of the scatter of a shape: chi-square with few degrees of freedom.
     shape = scipy.special.gammainc(_SHAPE_FREEDOM / 2, _SHAPE_FREEDOM / 2 * limit / np.maximum(errors.scatter, tiny))

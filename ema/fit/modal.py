@@ -310,7 +310,7 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
         chosen = reduced(chosen, optimum.kept[gone], "its residue and that of a neighbour add up to those of one mode")
     dropped = (*chosen.dropped, *optimum.dropped)
     left_out = natural_frequencies(np.array([one.pole for one in dropped], complex))
-    verdict = judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out)
+    verdict = judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out, added_decay=band.added_decay)
     shapes = peak_shape.examine(optimum, errors, verdict.possible)
     return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes)
 
@@ -494,9 +494,10 @@ def _findings(
                 advice="Check the cable and the channel table.",
             )
         )
-    found += _candidates(where, optimum, verdict, order)
+    found += _candidates(where, optimum, verdict, order, added_decay=band.added_decay)
     for drop in dropped[-_NAMED:]:
-        frequency, damping = natural_frequencies(np.array([drop.pole]))[0], damping_ratios(np.array([drop.pole]))[0]
+        value = np.array([drop.pole + band.added_decay])
+        frequency, damping = natural_frequencies(value)[0], damping_ratios(value)[0]
         found.append(
             Finding(
                 "info",
@@ -533,6 +534,7 @@ def _findings(
                 advice="Look for ground loops; a mode that is really there has a peak that the tone hides.",
             )
         )
+    found += _window_not_applied(where, optimum.fit.poles, errors, verdict, band.added_decay)
     found += _at_the_edges(where, data, poles[order], poles[np.setdiff1d(np.arange(len(poles)), order)])
     found += _multiplicity(where, data, optimum.fit, errors, verdict, order)
     if not len(order):
@@ -548,13 +550,16 @@ def _findings(
     return tuple(found)
 
 
-def _candidates(where: str, optimum: Refined, verdict: Verdict, order: Int[np.ndarray, "mode"]) -> list[Finding]:
+def _candidates(
+    where: str, optimum: Refined, verdict: Verdict, order: Int[np.ndarray, "mode"], *, added_decay: float
+) -> list[Finding]:
     """A finding for each pole of the fit that was not accepted, an error where it dominates the FRFs."""
     fit, found = optimum.fit, []
     poles = np.flatnonzero(verdict.possible & ~verdict.accepted)
     around, overall = verdict.energy
     for pole in poles:
-        frequency, damping = natural_frequencies(fit.poles[[pole]])[0], damping_ratios(fit.poles[[pole]])[0]
+        value = fit.poles[[pole]] + added_decay
+        frequency, damping = natural_frequencies(value)[0], damping_ratios(value)[0]
         place = f"{where}, {frequency:.6g} Hz"
         named = "was reported because it was named, and" if pole in order else "was not accepted as a mode:"
         sentence = f"A pole with {100 * damping:.3g} % damping {named} {verdict.reasons[pole]}."
@@ -583,6 +588,32 @@ def _candidates(where: str, optimum: Refined, verdict: Verdict, order: Int[np.nd
             )
         )
     return found
+
+
+def _window_not_applied(
+    where: str, poles: Complex[np.ndarray, "pole"], errors: PoleErrors, verdict: Verdict, added_decay: float
+) -> list[Finding]:
+    """Resonances that decay more slowly than the exponential window alone lets them: it is not in the FRFs."""
+    damping = damping_ratios(poles + added_decay)
+    seen = verdict.possible & ~verdict.tones & (verdict.energy[0] >= POLICY.dominant)
+    growing = seen & (verdict.energy[1] >= POLICY.large) & (damping < -COVERAGE_FACTOR * errors.damping)
+    if added_decay <= 0 or not growing.any():
+        return []
+    slowest = float(np.max(poles[growing].real))
+    listed = ", ".join(f"{f:.6g} Hz" for f in np.sort(natural_frequencies(poles[growing]))[:_NAMED])
+    return [
+        Finding(
+            "error",
+            "window-not-applied",
+            where,
+            f"The resonances at {listed} decay by {-slowest:.3g} 1/s at least, less than the exponential window that "
+            f"is stated ({added_decay:.3g} 1/s): it was not applied, or was weaker. The damping ratios of all modes "
+            "are too low.",
+            value=-slowest,
+            limit=added_decay,
+            advice="Correct the decay that is stated with the FRFs (0 without a window).",
+        )
+    ]
 
 
 def _unresolved(

@@ -26,11 +26,13 @@ class SelectionPolicy:
     unresolved : half-power bandwidth, and its standard deviation, in frequency lines within which a resonance that is
         seen as a peak is a mode whatever the relative uncertainty of its damping: its frequency is determined,
         and its damping is bounded from above. With one line between the half-power points nothing tells more.
-    mains : Hz, frequencies of the mains, at whose multiples two poles or more are tones that are narrower than a line
+    mains : Hz, frequencies of the mains, at whose multiples poles are tones that are narrower than a line
         and whose damping the data do not tell from zero. One narrow mode in seven is there by chance at 2 kHz, but
         of these the data tell the damping.
     mains_deviation : relative deviation of the mains frequency within which that is so: grids keep theirs to 0.1 %
         (EN 50160 allows 1 % for 99.5 % of a year).
+    mains_chance : probability with which a mode lies at a multiple by chance, up to which one such pole is a tone too:
+        within ``mains_deviation`` of the fifth multiple it is 0.01. Twice of that would take in the tenth.
     frequency_uncertainty : standard deviation of the natural frequency over the distance to the nearest mode with the
         same participation beyond which the two cannot be told apart. Identifiable modes have 0.2 at most.
     shape_scatter : variance of a shape over its energy beyond which a MAC of 0.8 with the true shape is not expected:
@@ -62,6 +64,7 @@ class SelectionPolicy:
     unresolved: float = 1.0
     mains: tuple[float, ...] = (50.0, 60.0)
     mains_deviation: float = 1e-3
+    mains_chance: float = 0.0101
     frequency_uncertainty: float = 1 / 3
     shape_scatter: float = 0.25
     confidence: float = 0.75

@@ -513,7 +513,7 @@ def loss(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "mode"], Float
     rho = _autocorrelation(residual.reshape(-1, lines), chance)
     telling = int(np.argmax(np.append(rho, 0.0) < chance))
     ones = np.ones(len(fit.poles))
-    if telling < 2:
+    if telling < 2 or not len(fit.poles):
         return ones, ones
     typical = np.sqrt(np.mean(data.weights[some], axis=(0, 1)))
     result = []

@@ -24,7 +24,13 @@ class Table(BaseModel):
     'acc 1'
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        str_strip_whitespace=True,
+        arbitrary_types_allowed=True,
+        allow_inf_nan=False,  # TOML has inf and nan, no measurement and no model does
+    )
     _former_names: tuple[Finding, ...] = PrivateAttr(default=())
 
     @property

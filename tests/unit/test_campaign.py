@@ -46,7 +46,7 @@ def record(
 def folder(path: Path, text: str, files: dict[str, object] | None = None) -> Path:
     (path / "raw").mkdir(parents=True, exist_ok=True)
     (path / "campaign.toml").write_text(dedent(text), encoding="utf-8")
-    for name, noun in (files if files is not None else {"bare_2.h5": record(), "bare_10.h5": record()}).items():
+    for name, noun in (files if files is not None else {"bare_2.h5": record(), "bare_10.h5": record(21)}).items():
         store.save(path / "raw" / name, noun)
     return path
 
@@ -422,6 +422,27 @@ def test_two_channels_with_one_dof_are_refused(tmp_path: Path) -> None:
         acquisition.open_campaign(folder(tmp_path, HEAD + CHANNELS + more + RUN))
 
 
+@pytest.mark.parametrize("link", [False, True])
+def test_one_file_under_two_names_is_a_finding(tmp_path: Path, link: bool) -> None:
+    rng = np.random.default_rng(4)
+    files: dict[str, object] = {
+        f"bare_{point}.h5": dataclasses.replace(record(), signals=rng.standard_normal((2, 20))) for point in (1, 2, 3)
+    }
+    where = folder(tmp_path, HEAD + CHANNELS + RUN, files)
+    assert acquisition.open_campaign(where)["bare"].findings == ()
+    raw, copy = where / "raw", where / "raw" / "bare_7.h5"
+    copy.symlink_to(raw / "bare_2.h5") if link else copy.write_bytes((raw / "bare_2.h5").read_bytes())
+    (found,) = acquisition.open_campaign(where)["bare"].findings
+    assert (found.code, found.severity, found.value) == ("copied-file", "error", 2)
+    assert "bare_2.h5, bare_7.h5" in found.message
+
+
+def test_one_channel_of_a_file_is_not_measured_at_two_places(tmp_path: Path) -> None:
+    more = '[[channels]]\nname = "acc"\nunit = "g"\ndof = "4:+Z"\n'
+    with pytest.raises(InputError, match="one channel of the file stands twice in the channel table; got 'acc'"):
+        acquisition.open_campaign(folder(tmp_path, HEAD + CHANNELS + more + RUN))
+
+
 def test_a_repair_parts_two_channels_with_one_dof(tmp_path: Path) -> None:
     more = '[[channels]]\nname = "hammer"\nunit = "N"\ndof = "1:-Z"\n'
     repair = '[[repairs]]\nwhat = "move dof"\nchannel = "acc"\ndof = "1:+Z"\nto = "8:+Z"\nwho = "me"\nwhy = "photo"\n'
@@ -634,6 +655,32 @@ def test_opening_can_be_cancelled(tmp_path: Path) -> None:
         ('kind = "hammer"', 'temperature = "-300 degC"', 20, "below absolute zero"),
         ('kind = "hammer"', "averages = true", 20, "averages: input should be a valid integer"),
         ('name = "test"', "name = test", None, "not TOML"),
+        ('kind = "hammer"', 'level = "1e999 N"', 20, "level: not a finite number; got '1e999 N'"),
+        ('kind = "hammer"', 'level = "-5 N"', 20, "level: not above 0; got '-5 N'"),
+        ('kind = "hammer"', 'level_std = "-1 N"', 20, "level_std: below 0; got '-1 N'"),
+        ('kind = "hammer"', 'period = "0 s"', 20, "period: not above 0"),
+        ('kind = "hammer"', 'band = ["0.2 kHz", "10 Hz"]', 20, "band: .* from the lowest to the highest"),
+        ('kind = "hammer"', 'band = ["-1 Hz", "10 Hz"]', 20, "band.*below 0; got '-1 Hz'"),
+        ('kind = "hammer"', 'normal_force = [{ joint = "J1", value = "-500 N" }]', 20, "value: below 0; got '-500 N'"),
+        (
+            'kind = "hammer"',
+            'normal_force = [{ joint = "J1", value = "5 N", std = "-1 N" }]',
+            20,
+            "std: below 0; got '-1 N'",
+        ),
+        ('kind = "hammer"', 'normal_force = [{ joint = "J1", nominal = "0 N" }]', 20, "nominal: not above 0"),
+        (
+            'kind = "hammer"',
+            'normal_force = [{ joint = "J", file = "f", column = "J", unit = "N", between = ["5 min", "2 min"] }]',
+            20,
+            "between: .* from the first to the last",
+        ),
+        ('kind = "hammer"', 'normal_force = [{ joint = "", value = "5 N" }]', 20, "joint: .*at least 1 character"),
+        ('id = "bare"', 'id = ""', 19, "id: .*at least 1 character"),
+        ('unit = "g"', 'sensitivity = "1e999 mV/g"', 13, "sensitivity: not a finite number"),
+        ('range = "50 g"', 'range = "-50 g"', 15, "range: not above 0; got '-50 g'"),
+        ('name = "acc"', 'columns = "1-999999999999"', 12, "columns: .*more columns than any file has"),
+        ('name = "acc"', 'columns = "9-3"', 12, "columns: .*ends before it begins"),
     ],
 )
 def test_mistakes_are_named_with_their_line(old: str, new: str, line: int | None, message: str) -> None:

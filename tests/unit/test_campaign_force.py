@@ -195,3 +195,22 @@ def test_kilonewtons_taken_for_newtons_are_noticed(tmp_path: Path) -> None:
     run = opened(tmp_path, force(SIDE.replace("kN", "N")), jumping)
     assert codes(run)[0] == "normal-force-unit" and "25 %" in run.findings[0].message
     assert codes(opened(tmp_path, force(SIDE + 'nominal = "1 kN"'), side)) == []
+
+
+def test_a_joint_that_would_be_pulled_apart_is_a_finding(tmp_path: Path) -> None:
+    """Load cells often count compression negative."""
+    rng = np.random.default_rng(3)
+    signals = [-480.0 + rng.standard_normal(1000) for _ in range(2)]
+    table = '[[channels]]\nname = "ring"\nrole = "normal force"\nunit = "N"\njoint = "J1"\n\n[[joints]]'
+    base = BASE.replace("[[joints]]", table)
+    run = opened(tmp_path, "", base=base, signals=signals)
+    assert codes(run) == ["normal-force-negative"] and run.findings[0].value == pytest.approx(-480, abs=0.2)
+    turned = '[[repairs]]\nwhat = "reverse sign"\nchannel = "ring"\nwho = "A"\nwhy = "compression is negative"\n'
+    assert codes(opened(tmp_path, turned, base=base, signals=signals)) == []
+
+
+@pytest.mark.parametrize("value", [0.0, 500.0])
+def test_a_load_cell_that_never_moves_is_a_finding(tmp_path: Path, value: float) -> None:
+    table = '[[channels]]\nname = "ring"\nrole = "normal force"\nunit = "N"\njoint = "J1"\n\n[[joints]]'
+    run = opened(tmp_path, "", base=BASE.replace("[[joints]]", table), signals=[np.full(1000, value)] * 2)
+    assert codes(run) == ["normal-force-constant"]

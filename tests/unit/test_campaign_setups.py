@@ -1,6 +1,7 @@
 """FRFs of several set-ups in one set, and the frequency shift between set-ups."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -105,3 +106,29 @@ def test_a_campaign_of_three_set_ups(tmp_path: Path) -> None:
         ("info", "run a, set-up B"),
         ("warning", "run a, set-up C"),
     ]
+
+
+@pytest.mark.parametrize(("factor", "code"), [(9.80665, "setup-level"), (-1.0, "setup-sign"), (1.1, "")])
+@pytest.mark.parametrize("shift", [0.0, 0.004])
+def test_level_and_sign_of_what_set_ups_have_in_common(factor: float, code: str, shift: float) -> None:
+    """A beam of five known modes; the second set-up counts g, hangs upside down, or is calibrated within 10 %."""
+    other = part("B", [1, 4, 5], shift, noise=0.002)
+    other = replace(other, frfs=replace(other.frfs, values=factor * other.frfs.values))
+    found = merge([part("A", [1, 2, 3], noise=0.002), other], "run").findings
+    assert [finding.code for finding in found if finding.code != "setup-shift"] == ([code] if code else [])
+    if code:
+        finding = next(finding for finding in found if finding.code == code)
+        assert finding.severity == "error" and finding.where == "run, set-up B, 1:+Z/1:+Z"
+    if code == "setup-level":
+        assert "as if g had been taken for m/s^2" in finding.message
+        assert finding.value == pytest.approx(factor, rel=0.02)
+
+
+def test_a_sensor_turned_round_and_noted_so_has_no_other_sign() -> None:
+    parts = [part("A", [1, 2]), part("B", [1, 3], sign=-1)]
+    assert [finding.code for finding in merge(parts).findings] == ["setup-shift"]
+
+
+def test_set_ups_with_nothing_in_common_are_not_compared_in_level() -> None:
+    parts = [part("A", [1, 2]), replace(part("B", [3, 4]), setup="B")]
+    assert {finding.code for finding in merge(parts).findings} == {"setup-shift"}

@@ -263,7 +263,16 @@ def test_a_take_begins_before_the_rise_wherever_the_blocks_end():
         ('unit = "m/s^2"', 'unit = "m/s^2"\nsource = "hammer"', "two channels of one source, 'hammer'"),
         ("sampling_rate = 4096", "sampling_rate = inf", "finite number"),
         ('trigger = "hammer > 20 N"', 'trigger = "hammer > -20 N"', "is not above 0"),
-        ('trigger = "hammer > 20 N"', 'trigger = "hammer > 20 N"\npre_trigger = "-1 ms"', "begins before its trigger"),
+        ('trigger = "hammer > 20 N"', 'trigger = "hammer > 20 N"\npre_trigger = "-1 ms"', "pre_trigger: below 0"),
+        ('trigger = "hammer > 20 N"', 'trigger = "hammer > 20 N"\nduration = "0 s"', "duration: not above 0"),
+        ('trigger = "hammer > 20 N"', 'trigger = "hammer > 20 N"\nduration = "1e999 s"', "duration: not a finite"),
+        (
+            'trigger = "hammer > 20 N"',
+            'trigger = "hammer > 20 N"\nduration = "1e9 s"',
+            "a take of 1e.09 s at 4096 Hz on . channels has .* more than fit into memory",
+        ),
+        ('trigger = "hammer > 20 N"', 'trigger = "hammer > 1e999 N"', "not a finite number"),
+        ("sampling_rate = 4096", "sampling_rate = 1e30", "more than fit into memory"),
     ],
 )
 def test_a_wrong_rig_is_one_sentence(tmp_path: Path, old: str, new: str, told: str):

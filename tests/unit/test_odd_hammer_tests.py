@@ -1,0 +1,86 @@
+"""Hammer tests with faults that laboratories have, on a structure known in closed form: right, or named."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ema import store
+from ema.cli import main
+from ema.data import FrfSet, ModalModel, Run
+from ema.estimate import hammer_test
+from ema.fit import modes, stabilise
+from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, hammer_run
+
+BAND = (10.0, 200.0)
+
+
+def fitted(run: Run) -> ModalModel:
+    frfs, _ = hammer_test(run)
+    inside = frfs.band(*BAND)
+    return modes(inside, stabilise(inside))
+
+
+def codes(frfs: FrfSet, *severities: str) -> set[str]:
+    return {finding.code for finding in frfs.findings if finding.severity in severities}
+
+
+def test_the_closed_form_is_found_within_its_intervals() -> None:
+    model = fitted(hammer_run())
+    errors = model.natural_frequencies - FREQUENCIES, model.damping_ratios - DAMPING
+    assert np.all(np.abs(errors[0]) < 3 * np.sqrt(model.covariance[:, 0, 0]))
+    assert np.all(np.abs(errors[1]) < 3 * np.sqrt(model.covariance[:, 1, 1]))
+
+
+@pytest.mark.parametrize("phase", [None, 0.3])
+@pytest.mark.parametrize("mains", [50.0, 60.0])
+def test_one_line_of_the_mains_is_no_mode(mains: float, phase: float | None) -> None:
+    """A tone does not decay: the exponential window gives it a damping that is taken off again, down to 0 or below."""
+
+    def humming(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        peaks = np.abs(signals).max(axis=1, keepdims=True) * np.array([[0.0], [0.05], [0.05]])
+        turn = np.random.default_rng(10 * point + number).uniform(0, 2 * np.pi) if phase is None else phase
+        return signals + peaks * np.sin(2 * np.pi * mains * times + turn)
+
+    model = fitted(hammer_run(humming))
+    assert len(model.poles) == 4, model.natural_frequencies
+    assert np.all(np.abs(model.natural_frequencies - FREQUENCIES) < 0.001 * FREQUENCIES)
+    assert np.all(model.damping_ratios > 0)
+
+
+def test_a_force_that_is_cut_off_at_one_value_is_an_overload() -> None:
+    """At 1024 Hz a pulse of 4 ms has two samples on the ceiling: no flat top tells, and the FRFs are too large."""
+
+    def cut(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        return np.vstack([np.minimum(signals[0], 85.0), signals[1:]])
+
+    frfs, hits = hammer_test(hammer_run(cut))
+    sound, _ = hammer_test(hammer_run())
+    assert codes(frfs, "warning") & {"overload"} and not codes(sound, "error", "warning")
+    assert all(abs(hit.peak) < 84 for hit in hits.accepted), "those of 80 N are sound"
+    gain = np.abs(frfs.values[40:130, 0, 0] / sound.values[40:130, 0, 0])
+    assert np.median(gain) == pytest.approx(1, abs=0.01)
+
+
+def test_signals_of_another_point_are_not_a_measurement_of_this_one() -> None:
+    run = hammer_run()
+    records = list(run.recordings)
+    for number in range(3):
+        records[6 + number] = replace(records[6 + number], signals=records[3 + number].signals)
+    frfs, _ = hammer_test(replace(run, recordings=tuple(records)))
+    (finding,) = [finding for finding in frfs.findings if finding.code == "copied-impact"]
+    assert finding.severity == "error" and finding.value == 3 and "p2_0" in finding.message
+
+
+def test_fit_tells_what_is_wrong_with_the_measurement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A sensor turned round: the sign of the drive point is an error of the FRFs, not of the fit."""
+    text = '[campaign]\nname = "A"\n[[runs]]\nid = "bare"\nkind = "hammer"\nfiles = "p*.h5"\n'
+    (tmp_path / "campaign.toml").write_text(text)
+    for record in hammer_run(lambda point, number, times, signals: signals * [[1], [-1], [-1]]).recordings:
+        store.save(tmp_path / f"{record.name}.h5", record)
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+        patch.setattr("sys.argv", ["ema", "fit", str(tmp_path), "--band", "10", "200"])
+        main()
+    told = capsys.readouterr().out
+    assert ended.value.code == 0 and "error: run bare, 1:+Z/1:+Z: the drive point has the wrong sign" in told
