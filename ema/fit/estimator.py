@@ -731,15 +731,20 @@ def changes_of_shape(fit: Fit, mode: int) -> Float[np.ndarray, "row member 2 unk
     return -np.concatenate([real * psi.real + imaginary * psi.imag, imaginary * psi.real - real * psi.imag], axis=-1)
 
 
-def gains(fit: Fit) -> Float[np.ndarray, "mode"]:
+def gains(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
     """Increase of the cost when one mode is left out and the other linear unknowns adapt, each mode in turn."""
     modes = len(fit.poles)
     result = np.empty(modes)
+    variance = np.einsum("rii->ri", fit.local)
     for mode in range(modes):
         rows = np.array([mode, modes + mode])
-        own = np.stack([fit.shapes[..., mode].real, fit.shapes[..., mode].imag], axis=-1)
-        block = inverse(fit.local[:, rows[:, None], rows])
-        result[mode] = np.einsum("rma,rab,rmb->", own, block, own)
+        if variance[:, rows].min() > 0:
+            own = np.stack([fit.shapes[..., mode].real, fit.shapes[..., mode].imag], axis=-1)
+            block = inverse(fit.local[:, rows[:, None], rows])
+            result[mode] = np.einsum("rma,rab,rmb->", own, block, own)
+        else:
+            # The rest of the model describes this mode, and rounding is all that its variance holds.
+            result[mode] = max(drop(data, fit, np.arange(modes) != mode).cost - fit.cost, 0.0)
     return result
 
 

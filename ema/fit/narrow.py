@@ -144,7 +144,7 @@ def tones(data: Observations, fit: Fit, narrow: np.ndarray) -> list[int]:
     q M psi / sqrt(q M q) is normal with unit variance and a mean of zero; a resonance shows its shape there again.
     """
     factor = max(fit.variance_factor(data), np.finfo(float).tiny)
-    gain, found = estimator.gains(fit) if len(narrow) else np.zeros(0), []
+    gain, found = estimator.gains(data, fit) if len(narrow) else np.zeros(0), []
     for pole in map(int, narrow):
         stronger = np.flatnonzero((np.abs(fit.poles - fit.poles[pole]) < data.line) & (gain > gain[pole]))
         if any(_alike(fit, pole, int(other)) for other in stronger):
@@ -153,6 +153,8 @@ def tones(data: Observations, fit: Fit, narrow: np.ndarray) -> list[int]:
         masked = data.without_lines(float(fit.poles[pole].imag))
         beside = estimator.evaluate(masked, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
         (of_all, shape), (of_flanks, again) = _shape(fit, pole), _shape(beside, pole)
+        if not np.isfinite(of_all).all() or not np.isfinite(of_flanks).all():
+            continue  # the rest of the model describes the pole, which `determined` takes out
         at_peak = np.linalg.solve(
             of_all - of_flanks, np.einsum("rab,rbm->ram", of_all, shape) - np.einsum("rab,rbm->ram", of_flanks, again)
         )

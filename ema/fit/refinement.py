@@ -333,7 +333,7 @@ def _pruned(
     dropped: tuple[Dropped, ...] = ()
     unknowns = 2 * (data.outputs + data.references)
     while True:
-        share = estimator.gains(fit) / max(fit.variance_factor(data), 1e-300)
+        share = estimator.gains(data, fit) / max(fit.variance_factor(data), 1e-300)
         background = unknowns + estimator.DOUBT * np.sqrt(2 * unknowns)
         in_band = search.passes_for_weak(unknowns) * search.caution(fit.poles, fit.poles, data.line)
         share /= np.where(chosen.possible[kept], in_band, background)

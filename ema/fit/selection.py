@@ -303,7 +303,7 @@ def _eliminate(
             break
         factor = max(fit.variance_factor(data), 1e-300)
         correlation = 0.0 if trusting else estimator.correlation(data, fit)
-        gain = estimator.gains(fit) / factor
+        gain = estimator.gains(data, fit) / factor
         required = limit * misfit(data, fit, band, factor, correlation)
         reasons = {
             int(k): f"it explains {gain[k] / required[k]:.2g} times what noise and misfit would"

@@ -11,7 +11,8 @@ from ema.fit import estimator, model, trials
 from tests.bench.cases import random_system
 from tests.bench.draws import Knowledge, drawn
 from tests.bench.scoring import assign, cramer_rao
-from tests.bench.systems import SMALL, system
+from tests.bench.stated import automatic, errors
+from tests.bench.systems import SMALL, Extent, system
 from tests.unit import fit_rig
 
 
@@ -152,3 +153,19 @@ def test_more_poles_than_there_are_modes_are_taken_out_and_the_modes_are_known_a
     bound, known = cramer_rao(case, residual_terms=True), cramer_rao(case).identifiable
     assert np.all(match[known] >= 0)
     assert np.all(np.sqrt(found.covariance[match[known], 1, 1]) < 2 * bound.damping_std[known])
+
+
+def test_gain_of_a_pole_is_what_the_cost_grows_without_it() -> None:
+    data, fit = observed(wide_modes(2, 1.0), 4, 0.002)
+    for mode, gain in enumerate(estimator.gains(data, fit)):
+        without = estimator.drop(data, fit, np.arange(4) != mode).cost - fit.cost
+        assert gain == pytest.approx(without, rel=1e-3)
+
+
+def test_a_pole_that_the_residual_terms_describe_has_no_infinite_gain() -> None:
+    """A resonance far below the band: rounding made its variance negative, its gain infinite, and nothing could take it
+    out."""
+    case, _ = system(261127, 0, Extent())
+    with np.errstate(over="raise", invalid="raise"):
+        found = errors(case, automatic(case.frfs))
+    assert np.isfinite(found.frequency).all() and not found.false
