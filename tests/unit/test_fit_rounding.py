@@ -50,10 +50,11 @@ def receptance(parameters):
 
 def narrow_peak(seed, width):
     """A resonance whose half-power bandwidth is ``width`` lines: its frequency and damping ratio, the standard
-    uncertainties of both that any unbiased estimate has at least (Cramér-Rao), and its modes.
+    uncertainties of both that any unbiased estimate has at least (Cramér-Rao), and its modes. No multiple of 50 or
+    60 Hz lies near it: there a peak without damping is a line of the mains.
     """
     rng = np.random.default_rng(seed)
-    spacing, frequency = LINES[1] - LINES[0], 180 + rng.uniform(-1, 1)
+    spacing, frequency = LINES[1] - LINES[0], 187 + rng.uniform(-1, 1)
     truth = np.array([frequency, 0.5 * width * spacing / frequency, 1.0, 0.0])
     clean = receptance(truth)
     std = 0.05 * np.sort(np.abs(clean))[-3]
