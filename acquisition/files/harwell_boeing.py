@@ -138,6 +138,8 @@ def _filled(parts: list[list[str]], size: int, symmetric: bool, wrong: Any) -> F
         raise wrong("the columns of the matrix do not add up", f"{starts[-1]} entries announced, {len(values)} there")
     if len(places) and not 0 <= places.min() <= places.max() < size:
         raise wrong("an entry outside the matrix", f"row {places.max() + 1} of {size}")
+    if len({text[place].upper() for text in parts[2] if (place := _exponent(text))}) > 1:
+        raise wrong("exponents with E and with D, though one format wrote them all", None, "copy or export it again")
     bare = next((text for text in parts[2] if _WITHOUT_FIRST_DIGIT.fullmatch(text)), None)
     if bare is not None and any(_FIRST_DIGIT.match(text) for text in parts[2]):
         raise wrong("a number that has lost its first digit", repr(bare), "copy or export it again")
@@ -159,6 +161,11 @@ def _filled(parts: list[list[str]], size: int, symmetric: bool, wrong: Any) -> F
             )
         return matrix  # some writers announce RSA and hold both triangles
     return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
+
+
+def _exponent(text: str) -> int:
+    """Place of the letter of an exponent, 0 without one."""
+    return max(text.upper().find("E"), text.upper().find("D"), 0)
 
 
 def _formats(line: str) -> list[str]:

@@ -132,8 +132,11 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "shifted.hb": lambda one: bool(one.refusal),
     # one row index of a symmetric matrix is another: its entry fell into the other triangle, and no mirror was made
     "entry-beyond-the-diagonal.hb": lambda one: "wrong side of the diagonal" in one.refusal,
-    # the last digit of an exponent became a blank
+    # the digit before a point became a blank
     "first-digit-lost.hb": lambda one: "lost its first digit" in one.refusal,
+    # an E became a D, and what had become of a digit elsewhere was read
+    "exponent-letter.hb": lambda one: "with E and with D" in one.refusal,
+    # the last digit of an exponent became a blank
     "exponent-cut.hb": lambda one: "does not end where its field does" in one.refusal,
     # displacements: the line of a node lost, which became 0; D1 and D2 exchanged in the list of components
     "row-lost.frd": lambda one: "expected node 4 of 4" in one.refusal,
