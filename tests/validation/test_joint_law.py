@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from ema.compare.joint_law import Datum, JointModel, posteriors
+from ema.compare.joint_law import Datum, JointModel, joint_posterior, posteriors
 from ema.compare.joint_readings import _COUNTS, _LEVELS, Beam, hammer, shaker
 from ema.compare.joint_statements import JointFile, load
 from ema.errors import InputError
@@ -196,6 +196,17 @@ def test_readings_that_say_nothing_are_refused(tmp_path, text, words):
     (tmp_path / "joint.toml").write_text(bare + text)
     with pytest.raises(InputError, match=words):
         load(tmp_path)
+
+
+def test_what_too_few_draws_tell_has_no_interval(tmp_path):
+    """A beam that makes 9 kHz of 312 Hz is beyond the model: the interval of the few draws left had no width."""
+    (tmp_path / "joint.toml").write_text(
+        'title = "t"\n[bare]\nfrequency = "312.4 Hz"\ndamping = "0.5 %"\n'
+        '[[hammer]]\nsentence = "s"\nnormal_force = "2 kN"\nfrequency = "9 kHz"\n'
+    )
+    (held,) = joint_posterior(load(tmp_path), 0).held
+    assert held.verdict == "not known"
+    assert np.isnan([held.low, held.high, held.probability]).all()
 
 
 @pytest.mark.slow
