@@ -67,7 +67,7 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
     peaks = _resonances(alive, modes)
     findings += _coherence(alive, peaks)
     findings += _noise(alive)
-    conjugate = _conjugate(alive)
+    conjugate = _conjugate(alive) if hits is None else []  # those of impacts are our own
     findings += conjugate or _drive_points(alive)
     findings += _reciprocity(alive)
     if hits is not None:

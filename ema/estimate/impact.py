@@ -26,6 +26,12 @@ from ema.progress import Progress, advance, silent
 KEPT_IN_MEMORY = 256 * 2**20
 """Bytes of records that are kept between the two passes; larger runs are read twice."""
 
+LONGEST_PADDED = 4
+"""Blocks are filled up with zeros to a length asked for, up to so many times the room of the longest impact.
+
+Zeros make lines denser, not better resolved: more than a few times as many is a mistake, and may fill the memory.
+"""
+
 SHORT = 0.8
 """Room behind an impact, relative to the median, below which it is given up rather than all blocks shortened."""
 
@@ -302,6 +308,15 @@ def _block(judged: list[Judged], options: Options, lead: int | None = None) -> t
     if options.block is not None:
         if options.block < 16:
             raise InputError("the block is too short", got=f"{options.block} samples", expected="at least 16")
+        longest = max(one.before + one.after for one in judged)
+        if options.block > LONGEST_PADDED * longest:
+            raise InputError(
+                "the block is longer than the records",
+                where=judged[0].record,
+                got=f"{options.block} samples",
+                expected=f"at most {LONGEST_PADDED * longest}, {LONGEST_PADDED} times the room of the longest impact",
+                advice="leave block out: it is then what the impacts have room for",
+            )
         return options.block, min(before, options.block // 20)
     rooms = np.array([min(one.before, before) + one.after for one in usable])
     # A few impacts that were followed by another one too early do not shorten the blocks of all, unless their point

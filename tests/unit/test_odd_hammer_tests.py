@@ -9,8 +9,12 @@ import pytest
 from ema import store
 from ema.cli import main
 from ema.data import FrfSet, ModalModel, Run
+from ema.errors import InputError
 from ema.estimate import hammer_test
+from ema.estimate.impact_decays import impact_decays
 from ema.fit import modes, stabilise
+from ema.study.chain import analyse
+from ema.study.recipe import EstimateTable, FitTable
 from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, hammer_run
 
 BAND = (10.0, 200.0)
@@ -84,3 +88,24 @@ def test_fit_tells_what_is_wrong_with_the_measurement(tmp_path: Path, capsys: py
         main()
     told = capsys.readouterr().out
     assert ended.value.code == 0 and "error: run bare, 1:+Z/1:+Z: the drive point has the wrong sign" in told
+
+
+@pytest.mark.parametrize("length", [100_000_000, 10_000])
+def test_blocks_far_longer_than_the_records_are_refused(length: int) -> None:
+    with pytest.raises(InputError, match="the block is longer than the records"):
+        hammer_test(hammer_run(points=(1,)), block=length)
+    frfs, _ = hammer_test(hammer_run(points=(1,)), block=4096)
+    assert frfs.frequency_step == 0.25
+
+
+@pytest.mark.parametrize("band", [(2000.0, 3000.0), (512.0, 600.0), (200.0, 100.0)])
+def test_bands_beyond_the_sampling_rate_are_a_sentence(band: tuple[float, float]) -> None:
+    run = hammer_run(points=(1, 2))
+    with pytest.raises(InputError, match="no band within half the sampling rate"):
+        impact_decays(run, band)
+    with pytest.raises(InputError):
+        analyse(run, EstimateTable(), FitTable.model_construct(band=band))
+
+
+def test_a_band_from_zero_is_one() -> None:
+    assert analyse(hammer_run(points=(1, 2)), EstimateTable(), FitTable(band=(0.0, 200.0))).modes.poles.size == 4
