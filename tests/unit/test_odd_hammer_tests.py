@@ -8,12 +8,13 @@ import pytest
 
 from ema import store
 from ema.cli import main
-from ema.data import FrfSet, ModalModel, Run
+from ema.data import Condition, Excitation, FrfSet, ModalModel, Run
 from ema.errors import InputError
 from ema.estimate import hammer_test
 from ema.estimate.impact_decays import impact_decays
 from ema.fit import modes, stabilise
 from ema.study.chain import analyse
+from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, FitTable
 from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, hammer_run
 
@@ -109,3 +110,29 @@ def test_bands_beyond_the_sampling_rate_are_a_sentence(band: tuple[float, float]
 
 def test_a_band_from_zero_is_one() -> None:
     assert analyse(hammer_run(points=(1, 2)), EstimateTable(), FitTable(band=(0.0, 200.0))).modes.poles.size == 4
+
+
+def roving(*durations: float) -> Run:
+    """One set-up for each duration: the hammer stays at point 1, an accelerometer goes from point to point."""
+    records = [
+        replace(record, setup=f"S{place}")
+        for place, duration in enumerate(durations)
+        for record in hammer_run(outputs=(1, 2 + place), points=(1,), duration=duration, seed=place).recordings
+    ]
+    return Run("roving", Condition(Excitation("hammer")), tuple(records))
+
+
+def test_set_ups_that_need_different_windows_get_one() -> None:
+    frfs, _ = frfs_of(roving(0.8, 0.7, 0.8), EstimateTable())
+    assert frfs.added_decay > 0 and len(frfs.outputs) == 4
+    inside = frfs.band(*BAND)
+    model = modes(inside, stabilise(inside))
+    np.testing.assert_allclose(model.natural_frequencies, FREQUENCIES, rtol=1e-3)
+    np.testing.assert_allclose(model.damping_ratios, DAMPING, rtol=0.05)
+
+
+def test_noise_beyond_the_force_is_no_shift_between_set_ups() -> None:
+    """From 325 Hz on the force has fallen by 20 dB; no mode is there, and the FRFs are those of the noise."""
+    frfs, _ = frfs_of(roving(2.0, 2.0, 2.0), EstimateTable())
+    shifts = [finding for finding in frfs.findings if finding.code == "setup-shift"]
+    assert len(shifts) == 2 and all(abs(finding.value) < 2e-4 for finding in shifts), [f.value for f in shifts]
