@@ -1,5 +1,6 @@
 """FRFs of a hammer test."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
@@ -12,7 +13,7 @@ from jaxtyping import Complex, Float
 from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, equal_impacts, hammer_findings, impact_choice, single_input
+from ema.estimate import applied_window, channels, equal_impacts, hammer_findings, impact_choice, single_input
 from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
@@ -229,6 +230,7 @@ def hammer_test(
         *hammer_findings.about_points(judged, where),
         *hammer_findings.about_selection(judged, (*options.keep, *options.reject), where),
         *hammer_findings.about_window(ring, added, decay is not None, where),
+        *applied_window.about_applied_window(_noise_decays(takes, judged, rate), where),
         *hammer_findings.about_levels(effects, level_bins(gallery), where),
         *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
     ]
@@ -361,6 +363,15 @@ def _ring_down(takes: _Takes, judged: list[Judged], length: int, rate: float) ->
         rows = list(record.with_role("response"))
         blocks.append((record.signals[rows, one.start : one.start + samples], one.rest, one.quiet))
     return ring_down(blocks, rate)
+
+
+def _noise_decays(takes: _Takes, judged: list[Judged], rate: float) -> Iterator[tuple[float, float]]:
+    """How the noise of the responses falls in a sample of the records that hold one impact."""
+    counts = Counter(one.place for one in judged)
+    single = [one for one in judged if counts[one.place] == 1]
+    for one in single[:: max(len(single) // SAMPLED_IMPACTS, 1)]:
+        record = takes[one.place]
+        yield from applied_window.noise_decay(record.signals[list(record.with_role("response"))], one.start - 2, rate)
 
 
 def _transformed(

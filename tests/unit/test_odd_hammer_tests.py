@@ -16,7 +16,7 @@ from ema.fit import modes, stabilise
 from ema.study.chain import analyse
 from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, FitTable
-from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, hammer_run
+from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, hammer_run, impact
 
 BAND = (10.0, 200.0)
 
@@ -136,3 +136,29 @@ def test_noise_beyond_the_force_is_no_shift_between_set_ups() -> None:
     frfs, _ = frfs_of(roving(2.0, 2.0, 2.0), EstimateTable())
     shifts = [finding for finding in frfs.findings if finding.code == "setup-shift"]
     assert len(shifts) == 2 and all(abs(finding.value) < 2e-4 for finding in shifts), [f.value for f in shifts]
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.3, 1.0, 4.0])
+def test_a_window_of_the_front_end_shows_in_the_noise(decay: float) -> None:
+    """Records of 2 s: windows from 1 1/s on leave an eighth of the noise, one of 0.3 1/s more than half."""
+
+    def windowed(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        return signals * np.exp(-decay * np.clip(times - 0.05, 0, None))
+
+    frfs, _ = hammer_test(hammer_run(windowed, points=(1, 2)))
+    found = [finding for finding in frfs.findings if finding.code == "window-unstated"]
+    assert [finding.severity for finding in found] == (["error"] if decay >= 1 else [])
+    if found and decay == 1:
+        assert found[0].value == pytest.approx(np.exp(-decay * 1.9), rel=0.15)
+
+
+@pytest.mark.parametrize("noise", [0.002, 0.0001])
+@pytest.mark.parametrize("share", [0.01, 0.1, 1.0])
+def test_a_structure_that_still_moves_has_no_window(noise: float, share: float) -> None:
+    """It was struck half a second before, and is at rest at the end of the record."""
+
+    def moving(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        return signals + share * np.vstack([0 * times, impact(times + 0.5, 90.0, 0.05, [1, 4], point)[1:]])
+
+    frfs, _ = hammer_test(hammer_run(moving, points=(1, 2), noise=noise))
+    assert "window-unstated" not in {finding.code for finding in frfs.findings}
