@@ -2,7 +2,8 @@
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 
 from ema.data import Finding
@@ -14,10 +15,38 @@ _ENDS = 64 * 2**10
 
 def copies(paths: Sequence[Path], where: str) -> list[Finding]:
     """A finding for every group of files with the same content; a measurement never has the same noise twice."""
+    return [_finding(group, where) for group in alike(paths)]
+
+
+def alike(paths: Sequence[Path]) -> list[list[Path]]:
+    """Groups of files with the same content."""
     groups: list[list[Path]] = [list(paths)]
     for mark in (_size, _ends, _whole):
-        groups = [alike for group in groups for alike in _grouped(group, mark)]
-    return [_finding(group, where) for group in groups]
+        groups = [same for group in groups for same in _grouped(group, mark)]
+    return groups
+
+
+def copied_repeats(runs: Mapping[str, Sequence[Path]], label: str) -> list[Finding]:
+    """A finding for runs that are said to repeat a condition and share a file: that repeats nothing."""
+    found = []
+    for (former, first), (latter, second) in combinations(runs.items(), 2):
+        groups = alike([*first, *second])
+        shared = [group for group in groups if set(group) & set(first) and set(group) & set(second)]
+        if shared:
+            found.append(
+                Finding(
+                    "error",
+                    "copied-file",
+                    f"repeat {label}",
+                    f"Runs {former} and {latter} repeat one condition with the same measurement "
+                    f"({', '.join(sorted({path.name for path in shared[0]}))}): the scatter between assemblies is "
+                    "too small, and changes seem significant that are not.",
+                    len(shared),
+                    0,
+                    "Name the file of each repeat, or take the label repeat away.",
+                )
+            )
+    return found
 
 
 def _grouped(paths: Iterable[Path], mark: Callable[[Path], Hashable]) -> list[list[Path]]:

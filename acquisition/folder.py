@@ -13,7 +13,7 @@ from acquisition import campaign_file, units
 from acquisition.assignment import Item, data_folder, items_of
 from acquisition.axes import LocalAxes
 from acquisition.campaign_file import CampaignFile, ChannelTable, LevelsTable, RunTable
-from acquisition.copied_files import copies
+from acquisition.copied_files import copied_repeats, copies
 from acquisition.file_cache import Files, Take
 from acquisition.force import Span, joint_forces, span_of
 from acquisition.geometry_file import geometry_of
@@ -153,7 +153,11 @@ def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: boo
         photos=tuple(str(_image(folder, photo, where, "photo")) for photo in header.photos),
         channels=opening.channels,
         inputs=_hashes(described, file, folder, data),
-        findings=(*described.former_names, *_outside_geometry(geometry, opening.dofs)),
+        findings=(
+            *described.former_names,
+            *_outside_geometry(geometry, opening.dofs),
+            *_copied_repeats(described.runs, items),
+        ),
         folder=str(folder),
         logo=str(_image(folder, header.logo, where, "logo")) if header.logo else "",
     )
@@ -389,6 +393,16 @@ def _note_skewed(table: list[ChannelTable], items: tuple[Item, ...], axes: Local
 def _record_name(item: Item, take: Take, index: int, count: int) -> str:
     """What a record is called in messages and repairs: its file, and which of several in it."""
     return item.label if count == 1 else f"{item.label}, {take.header.name or f'record {index + 1}'}"
+
+
+def _copied_repeats(runs: Sequence[RunTable], items: dict[str, tuple[Item, ...]]) -> list[Finding]:
+    """Repeats that are read alike from the same files; one file may hold several that ``reader`` or channels part."""
+    alike: dict[tuple[str, str], dict[str, list[Path]]] = {}
+    for run in runs:
+        if run.repeat:
+            how = repr((run.reader, run.channels, run.take))
+            alike.setdefault((run.repeat, how), {})[run.id] = [item.path for item in items[run.id]]
+    return [finding for (label, _), files in alike.items() for finding in copied_repeats(files, label)]
 
 
 def _refuse_copies(pieces: list[_Piece], where: str) -> None:

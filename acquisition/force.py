@@ -135,6 +135,17 @@ def _of_channel(records: Sequence[Recording], channel: str, where: str) -> Trace
             )
         if not record.channels[names.index(channel)].scaled:
             raise InputError("a normal force without a unit", where=where, got=channel, advice='state unit = "N"')
+        quantity = record.channels[names.index(channel)].quantity
+        if quantity != "force":
+            raise InputError(
+                "the channel of a normal force measures no force",
+                where=f"{where}, {record.name}, channel {channel}",
+                got=quantity,
+                expected="force",
+                advice='add sensitivity = "0.5 mV/N" (or what the load cell has)'
+                if quantity == "voltage"
+                else "correct the channel or its unit",
+            )
         signal = np.asarray(record.signals[names.index(channel)], dtype=np.float64)
         if record.start is not None:
             start = start or record.start

@@ -13,7 +13,7 @@ from acquisition.live.opendaq_rig import OpendaqRig, OpendaqShaker, Steps, Wire
 from acquisition.live.trigger import Trigger
 from acquisition.scaling import conversion, full_scale
 from ema.data import Channel, Source
-from ema.errors import InputError
+from ema.errors import InputError, UnitError
 from ema.tables import FileKind, Table, warn
 from ema.units import SI_UNIT, UNSTATED
 
@@ -128,6 +128,11 @@ class RigFile(Table):
             raise ValueError(
                 '[shaker] names the properties of the device that set the sine: amplitude = "Ch0.Amplitude"'
             )
+        if len(self.take.points) > 1 and not any("{point}" in one.dof + one.node for one in self.channels):
+            raise ValueError(
+                f"{len(self.take.points)} points, and no channel that is at them; the one that goes from point to "
+                'point has dof = "{point}:-Z"'
+            )
         self._refuse_endless()
         return self
 
@@ -188,6 +193,9 @@ def _wire(table: RigChannelTable) -> Wire:
     """A channel of the device, whose values become SI as the numbers of a file do in a campaign."""
     where, there = f"channel {table.name}", Channel(table.source or table.name)
     factor, offset, quantity, sensitivity, _ = conversion(there, table, where)
+    if table.role in ("reference", "normal force") and quantity not in ("force", UNSTATED):
+        what = f"the channel of a {table.role} measures no force"
+        raise UnitError(what, where=where, got=quantity, expected="force")
     channel = Channel(
         table.name,
         quantity=quantity,  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.ndimage
 from jaxtyping import Bool, Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, SetUps
@@ -24,6 +25,8 @@ one of 0.4 still names g taken for m/s^2 and a wrong range of an amplifier.
 _OUT, _IN = 0, 1
 _WIDEST = 0.05
 _RESEMBLANCE = 0.5
+_COHERENT, _SMOOTHED = 0.8, 31
+"""Coherence, its median over so many lines, beyond whose last line FRFs hold noise."""
 _REVERSED = 0.2
 """Share of lines with one sign in both set-ups below which one of them is turned round; noise alone gives a half."""
 
@@ -306,7 +309,7 @@ def relative_shift(former: Sequence[FrfSet], latter: Sequence[FrfSet]) -> tuple[
     at the maximum.
     """
     frequencies = former[0].frequencies
-    used = frequencies > 0.02 * frequencies[-1]
+    used = (frequencies > 0.02 * frequencies[-1]) & (frequencies <= _heard(former, latter))
     axis = np.log(frequencies[used])
     points = min(int(4 * (axis[-1] - axis[0]) / (axis[-1] - axis[-2])), 2**17)
     grid = np.linspace(axis[0], axis[-1], points)
@@ -322,6 +325,18 @@ def relative_shift(former: Sequence[FrfSet], latter: Sequence[FrfSet]) -> tuple[
         before, after = correlation[best - 1], correlation[best + 1]
         offset = float((before - after) / (2 * (before - 2 * peak + after)))
     return float(np.expm1((best - reach + offset) * step)), peak
+
+
+def _heard(former: Sequence[FrfSet], latter: Sequence[FrfSet]) -> float:
+    """The highest frequency in Hz with a sound coherence in both set-ups; what the force does not reach is noise."""
+    frequencies = former[0].frequencies
+    sound = np.ones(len(frequencies), bool)
+    for group in (former, latter):
+        known = [frf.coherence.reshape(len(frequencies), -1) for frf in group if frf.coherence is not None]
+        if known:
+            middle = np.median(np.nan_to_num(np.hstack(known), nan=1.0), axis=1)
+            sound &= scipy.ndimage.median_filter(middle, _SMOOTHED, mode="nearest") >= _COHERENT
+    return float(frequencies[sound][-1]) if np.count_nonzero(sound) > len(sound) // 8 else float(frequencies[-1])
 
 
 def _cells(group: Sequence[FrfSet]) -> set[tuple[Dof, Dof]]:

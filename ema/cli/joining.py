@@ -1,6 +1,5 @@
 """`ema joint`: one friction law for numbers and sentences about a structure, and what cannot hold together."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -59,9 +58,7 @@ def _document(title: str, found: "JointAssessment") -> dict[str, Any]:
             {
                 "sentence": one.datum.text,
                 "quantity": one.datum.quantity,
-                "low": one.low,
-                "high": one.high,
-                "probability": None if math.isnan(one.probability) else one.probability,
+                **jsonable({"low": one.low, "high": one.high, "probability": one.probability}),
                 "verdict": one.verdict,
             }
             for one in found.held
@@ -119,7 +116,7 @@ def _print(document: dict[str, Any]) -> None:
         table.add_column(column)
     for row in document["statements"]:
         chance = row["probability"]
-        values = f"{row['low']:.4g}", f"{row['high']:.4g}", "-" if chance is None else f"{chance:.2g}"
+        values = ("-",) * 3 if chance is None else (f"{row['low']:.4g}", f"{row['high']:.4g}", f"{chance:.2g}")
         table.add_row(Text(row["quantity"]), *values, row["verdict"])
     out.print(table)
     if document["experiments"]:

@@ -33,6 +33,8 @@ _ENOUGH = 2
 
 DEMONSTRATION = Path("virtual_table")
 """Folder of the demonstration where none is named."""
+_IMPACTS = 500
+"""Impacts of the virtual hammer on a point, rejected ones included."""
 _PAUSE = 1.0
 """Seconds between impacts of the demonstration, in which somebody can look at them."""
 
@@ -271,6 +273,13 @@ class VirtualHammer:
         points = self.rig.take.points
         while (point := self.session.point) is not None:
             number = points.index(point) + len(points) * self.session.attempts
+            if number >= len(points) * _IMPACTS:
+                raise InputError(
+                    "the virtual hammer has struck every point as often as it can",
+                    where=f"point {point}",
+                    got=f"{_IMPACTS} impacts",
+                    advice="ask for fewer takes, or see in takes.csv why they are rejected",
+                )
             record = self._table.take(number)
             yield replace(
                 record,
@@ -300,7 +309,7 @@ class VirtualHammer:
         hammer = next(table for table in tables if table.role == "reference")
         dofs = tuple(Dof.parse(hammer.dof.replace("{point}", str(point))) for point in self.rig.take.points)
         rings = tuple(RingCell(channel.joint, 1020.0, 3.0) for channel in wired if channel.role == "normal force")
-        drive = RovingHammer(dofs * 500, hits=1, contact_time=0.4e-3, pre_trigger=0.05, spacing=1.0)
+        drive = RovingHammer(dofs * _IMPACTS, hits=1, contact_time=0.4e-3, pre_trigger=0.05, spacing=1.0)
         return VirtualRig(
             table.with_beam() if rings else table.bare(),
             drive,

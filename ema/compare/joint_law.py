@@ -449,7 +449,9 @@ class Held:
     ----------
     datum : what was said.
     low, high : 95 % interval of the reading that the others predict; forces in N.
-    probability : of what was said or of something further off, by the others; NaN where too few draws tell.
+    probability : of what was said or of something further off, by the others.
+
+    All are NaN where too few draws tell: this number says what the others leave open, or contradicts the model.
     """
 
     datum: Datum
@@ -583,8 +585,8 @@ def _held(found: Posterior, row: int) -> Held:
         float((reading + noise)[order][min(int(np.searchsorted(share, q)), len(share) - 1)]) for q in (0.025, 0.975)
     ]
     if 1 / np.sum(weights**2) < _EFFECTIVE:
-        chance = float("nan")
-    elif np.isfinite(datum.value):
+        return Held(datum, float("nan"), float("nan"), float("nan"))
+    if np.isfinite(datum.value):
         below = float(np.sum(weights * ndtr((datum.value - reading) / datum.std)))
         chance = 2 * min(below, 1 - below)
     else:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from acquisition.quantities import Force, Forces, Frequency, Ratio
+from acquisition.quantities import Force, Forces, Frequency, Ratio, Tolerance
 from ema.tables import FileKind, Table, warn
 
 FILE_NAME = "joint.toml"
@@ -25,6 +25,8 @@ QUANTITIES = {
 """Quantities that a sentence of a shaker test may be about."""
 RELATIVE = ("ridge", "peak level")
 """Those whose standard deviation is relative."""
+POSITIVE = (*RELATIVE, "stuck frequency", "most damping")
+"""Those that are above 0 whatever the joint does."""
 
 
 class PriorTable(Table):
@@ -57,11 +59,17 @@ class ReadingTable(Table):
     """``[[hammer]]``: what a linear modal analysis of a hammer test read at one normal force."""
 
     sentence: str
-    normal_force: Force
+    normal_force: Annotated[Force, Field(gt=0)]
     frequency: Frequency | None = None
     frequency_std: float = Field(default=1.0, gt=0)
     damping: Ratio | None = None
-    damping_std: Ratio = 5e-4
+    damping_std: Tolerance = 5e-4
+
+    @model_validator(mode="after")
+    def _read(self) -> "ReadingTable":
+        if self.frequency is None and self.damping is None:
+            raise ValueError("a reading without a number; add frequency, damping or both")
+        return self
 
 
 class SentenceTable(Table):
@@ -73,8 +81,8 @@ class SentenceTable(Table):
     value: float | None = None
     low: float | None = None
     high: float | None = None
-    level: Force | None = None
-    normal_force: Force | None = None
+    level: Annotated[Force, Field(gt=0)] | None = None
+    normal_force: Annotated[Force, Field(gt=0)] | None = None
 
     @model_validator(mode="after")
     def _sound(self) -> "SentenceTable":
@@ -84,6 +92,13 @@ class SentenceTable(Table):
             raise ValueError(f"{self.quantity!r} needs a level")
         if self.quantity in ("peak level", "most damping", "fall", "stuck damping") and self.normal_force is None:
             raise ValueError(f"{self.quantity!r} needs a normal_force")
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            raise ValueError(f"low = {self.low:g} and high = {self.high:g} are no interval; low is the smaller one")
+        for key, number in (("value", self.value), ("low", self.low), ("high", self.high)):
+            if number is not None and self.quantity in POSITIVE and number <= 0:
+                raise ValueError(f"{key} = {number:g} is not above 0, as {self.quantity!r} is")
+            if number is not None and self.quantity == "most damping" and number >= 1:
+                raise ValueError(f"{key} = {number:g} is no damping ratio; 5 % is 0.05")
         return self
 
 

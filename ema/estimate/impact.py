@@ -1,5 +1,6 @@
 """FRFs of a hammer test."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
@@ -12,7 +13,7 @@ from jaxtyping import Complex, Float
 from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, equal_impacts, hammer_findings, impact_choice, single_input
+from ema.estimate import applied_window, channels, equal_impacts, hammer_findings, impact_choice, single_input
 from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
@@ -25,6 +26,12 @@ from ema.progress import Progress, advance, silent
 
 KEPT_IN_MEMORY = 256 * 2**20
 """Bytes of records that are kept between the two passes; larger runs are read twice."""
+
+LONGEST_PADDED = 4
+"""Blocks are filled up with zeros to a length asked for, up to so many times the room of the longest impact.
+
+Zeros make lines denser, not better resolved: more than a few times as many is a mistake, and may fill the memory.
+"""
 
 SHORT = 0.8
 """Room behind an impact, relative to the median, below which it is given up rather than all blocks shortened."""
@@ -223,6 +230,7 @@ def hammer_test(
         *hammer_findings.about_points(judged, where),
         *hammer_findings.about_selection(judged, (*options.keep, *options.reject), where),
         *hammer_findings.about_window(ring, added, decay is not None, where),
+        *applied_window.about_applied_window(_noise_decays(takes, judged, rate), where),
         *hammer_findings.about_levels(effects, level_bins(gallery), where),
         *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
     ]
@@ -302,6 +310,15 @@ def _block(judged: list[Judged], options: Options, lead: int | None = None) -> t
     if options.block is not None:
         if options.block < 16:
             raise InputError("the block is too short", got=f"{options.block} samples", expected="at least 16")
+        longest = max(one.before + one.after for one in judged)
+        if options.block > LONGEST_PADDED * longest:
+            raise InputError(
+                "the block is longer than the records",
+                where=judged[0].record,
+                got=f"{options.block} samples",
+                expected=f"at most {LONGEST_PADDED * longest}, {LONGEST_PADDED} times the room of the longest impact",
+                advice="leave block out: it is then what the impacts have room for",
+            )
         return options.block, min(before, options.block // 20)
     rooms = np.array([min(one.before, before) + one.after for one in usable])
     # A few impacts that were followed by another one too early do not shorten the blocks of all, unless their point
@@ -346,6 +363,15 @@ def _ring_down(takes: _Takes, judged: list[Judged], length: int, rate: float) ->
         rows = list(record.with_role("response"))
         blocks.append((record.signals[rows, one.start : one.start + samples], one.rest, one.quiet))
     return ring_down(blocks, rate)
+
+
+def _noise_decays(takes: _Takes, judged: list[Judged], rate: float) -> Iterator[tuple[float, float]]:
+    """How the noise of the responses falls in a sample of the records that hold one impact."""
+    counts = Counter(one.place for one in judged)
+    single = [one for one in judged if counts[one.place] == 1]
+    for one in single[:: max(len(single) // SAMPLED_IMPACTS, 1)]:
+        record = takes[one.place]
+        yield from applied_window.noise_decay(record.signals[list(record.with_role("response"))], one.start - 2, rate)
 
 
 def _transformed(

@@ -16,6 +16,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Run, damping_ratios, natural_frequencies
 from ema.dof import Dof
+from ema.errors import InputError
 from ema.estimate import channels
 from ema.estimate.judge import Judged, judge_record
 from ema.progress import Progress, advance, silent
@@ -183,10 +184,17 @@ def impact_blocks(run: Run, band: tuple[float, float], progress: Progress) -> tu
     records = channels.recordings_of(run)
     rate = records[0].sampling_rate
     low, high = band
+    if not 0 <= low < min(high, 0.5 * rate):
+        raise InputError(
+            "no band within half the sampling rate",
+            where=channels.describe(run),
+            got=f"{low:g} to {high:g} Hz",
+            expected=f"a band from 0 Hz up to {0.5 * rate:g} Hz",
+        )
     reduced = 1.5 * high < 0.4 * rate
     step = max(int(rate // (_SAMPLES_OF_HIGHEST * high)), 1) if reduced else 1
     # Causal filters: they add poles of their own to a free decay, which die within a few periods, and nothing else.
-    stages = [scipy.signal.butter(2, 0.5 * low, "high", fs=rate, output="sos")]
+    stages = [scipy.signal.butter(2, 0.5 * max(low, 1e-6 * rate), "high", fs=rate, output="sos")]
     if reduced:
         stages.append(scipy.signal.butter(4, 1.5 * high, "low", fs=rate, output="sos"))
     filters = np.vstack(stages)

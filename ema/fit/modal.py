@@ -10,7 +10,7 @@ from jaxtyping import Complex, Float, Int
 from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
-from ema.fit import channel_delay, leakage, peak_shape, set_up_shifts, set_ups, uncertainty
+from ema.fit import channel_delay, leakage, noise, peak_shape, set_up_shifts, set_ups, uncertainty
 from ema.fit.acceptance import Verdict, judge, surplus, with_shapes
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
@@ -494,6 +494,7 @@ def _findings(
                 advice="Check the cable and the channel table.",
             )
         )
+    found += _coherence(where, band)
     found += _candidates(where, optimum, verdict, order, added_decay=band.added_decay)
     for drop in dropped[-_NAMED:]:
         value = np.array([drop.pole + band.added_decay])
@@ -588,6 +589,28 @@ def _candidates(
             )
         )
     return found
+
+
+def _coherence(where: str, band: FrfSet) -> list[Finding]:
+    """A coherence that no estimate has does not shape the weights."""
+    if band.coherence is None or band.variance is not None or not np.all(np.isfinite(band.coherence)):
+        return []
+    same = noise.constant(np.asarray(band.coherence))
+    if not same.any():
+        return []
+    output, reference = np.argwhere(same)[0]
+    return [
+        Finding(
+            "warning",
+            "coherence-constant",
+            where,
+            f"The coherence of {np.count_nonzero(same)} FRFs is the same at all lines "
+            f"({band.coherence[0, output, reference]:.4g} of {band.label(int(output), int(reference))}): it was not "
+            "estimated, and is not used.",
+            value=float(np.count_nonzero(same)),
+            advice="Leave it out, or export the one that was measured; the noise is estimated from the FRFs.",
+        )
+    ]
 
 
 def _window_not_applied(

@@ -4,9 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.ndimage
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import FrfSet
+
+CONSTANT = 0.01
+"""Scatter of ``1 - coherence`` over the lines, relative to its mean, below which it is no estimate.
+
+Estimates from n averages scatter by 1 / sqrt(n) and more: ten thousand averages have this limit.
+"""
 
 _FLOOR = 1e-9
 """Smallest noise, relative to the rms of an FRF, that the weights distinguish."""
@@ -32,15 +38,36 @@ def from_coherence(
 ) -> NoiseLevel | None:
     """Level proportional to ``|H| sqrt((1 - c) / c)`` (Bendat and Piersol), each factor pooled over nine lines.
 
-    ``None`` where the coherence says nothing: NaN, outside 0 ... 1, or 1 everywhere as after a single average.
+    ``None`` where the coherence says nothing (see ``estimated``).
+    """
+    known = estimated(coherence)
+    if known is None:
+        return None
+    pooled = scipy.ndimage.uniform_filter1d(known, 9, axis=0, mode="nearest")
+    power = scipy.ndimage.uniform_filter1d(np.abs(values) ** 2, 9, axis=0, mode="nearest")
+    return from_variance(power * (1 - pooled) / pooled + np.finfo(float).tiny)
+
+
+def estimated(coherence: Float[np.ndarray, "freq out in"]) -> Float[np.ndarray, "freq out in"] | None:
+    """The coherence where it is an estimate, bounded by what it resolves; ``None`` where it says nothing of the noise.
+
+    It says nothing where it is NaN, outside 0 ... 1, 1 everywhere as after a single average, or the same at all lines.
+    One that was rounded to two decimals does not tell 0.996 from 1.
     """
     if not np.all(np.isfinite(coherence)) or coherence.max() > 1 + 1e-6 or coherence.min() < 0:
         return None
-    if np.median(1 - coherence) < 1e-9:
+    if np.median(1 - coherence) < 1e-9 or constant(coherence).any():
         return None
-    pooled = scipy.ndimage.uniform_filter1d(np.clip(coherence, 1e-3, 1 - 1e-9), 9, axis=0, mode="nearest")
-    power = scipy.ndimage.uniform_filter1d(np.abs(values) ** 2, 9, axis=0, mode="nearest")
-    return from_variance(power * (1 - pooled) / pooled + np.finfo(float).tiny)
+    steps = np.diff(np.unique(coherence[:: max(1, len(coherence) // 400)]))
+    resolved = max(0.5 * float(steps.min(initial=1.0)), 1e-9)
+    return np.clip(coherence, 1e-3, 1 - resolved)
+
+
+def constant(coherence: Float[np.ndarray, "freq out in"]) -> Bool[np.ndarray, "out in"]:
+    """Where a coherence below 1 is the same at all lines, which none is that was estimated."""
+    incoherent = 1 - coherence
+    mean = np.mean(incoherent, axis=0)
+    return np.asarray((mean > 1e-9) & (np.std(incoherent, axis=0) < CONSTANT * mean)) & (len(coherence) >= 16)
 
 
 def from_differences(values: Complex[np.ndarray, "freq out in"]) -> NoiseLevel:
@@ -159,12 +186,10 @@ def measured(frfs: FrfSet) -> Float[np.ndarray, "freq out in"] | None:
     """
     variance = frfs.variance
     if variance is None and frfs.coherence is not None:
-        coherence = np.asarray(frfs.coherence)
-        sound = np.isfinite(coherence) & (coherence >= 0) & (coherence <= 1 + 1e-6)
-        if not sound.all() or np.median(1 - coherence) < 1e-9:
+        clipped = estimated(np.asarray(frfs.coherence))
+        if clipped is None:
             return None
         averages = 1.0 if frfs.averages is None else np.maximum(frfs.averages, 1)
-        clipped = np.clip(coherence, 1e-3, 1 - 1e-9)
         # The size of the FRF over a few lines: the coherence of a line scatters together with its FRF.
         power = scipy.ndimage.uniform_filter1d(np.abs(frfs.values) ** 2, 5, axis=0, mode="nearest")
         variance = power * (1 - clipped) / clipped / (2 * averages)

@@ -38,8 +38,8 @@ def analyse(
 
     frfs, hits = frfs_of(run, estimate, progress)
     band = fit.band or default_band(frfs, hits)
-    tested = _tested(run, others, band, progress)
     inside = frfs.band(*band)
+    tested = _tested(run, others, band, progress)
     alive = without_dead(inside)
     poles, modes = fitted(alive, fit, progress)
     equivalent: tuple[SingleMode, ...] = ()

@@ -64,6 +64,11 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
     lengths = [_block(frfs, one) for (frfs, _), one in zip(estimates, setups.values(), strict=True)]
     if len(set(lengths)) > 1 and "block" not in options:
         estimates = [_estimated(one, options | {"block": min(lengths)}, progress) for one in setups.values()]
+    decays = [frfs.added_decay for frfs, _ in estimates]
+    if run.kind == "hammer" and len(set(decays)) > 1:
+        # one window for all: the strongest that a set-up needs
+        options |= {"block": min(lengths), "decay": max(decays)}
+        estimates = [_estimated(one, options, progress) for one in setups.values()]
     parts = [Part(frfs, setup, f"set-up {setup}") for (frfs, _), setup in zip(estimates, setups, strict=True)]
     return replace(merge(parts, f"run {run.id}"), name=run.id), _joined([hits for _, hits in estimates])
 

@@ -4,7 +4,7 @@ import difflib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, Tag, ValidationError, model_validator
 
 from ema import tables
 from ema.data.results import Verdict
@@ -25,6 +25,12 @@ class Table(tables.Table):
         return {name: getattr(self, name) for name in sorted(self.model_fields_set)}
 
 
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] >= ends[1]:
+        raise ValueError(f"a range goes from a lower to a higher value, got {ends[0]:g} to {ends[1]:g}")
+    return ends
+
+
 class EstimateTable(Table):
     """``[estimate]``: settings of ``ema.estimate``; those of another kind of excitation do not disturb.
 
@@ -35,7 +41,7 @@ class EstimateTable(Table):
     estimator: Literal["H1", "H2", "Hv"] = "H1"
     block: int | None = Field(default=None, ge=8)
     trigger: float | None = Field(default=None, gt=0)
-    level: tuple[float, float] | None = None
+    level: Annotated[tuple[float, float], AfterValidator(_rising)] | None = None
     decay: float | None = Field(default=None, ge=0)
     window_force: bool = True
     keep: list[str] = []
@@ -67,6 +73,13 @@ class FitTable(Table):
         return self
 
 
+def _page(name: str) -> str:
+    """A report replaces the file of its name, which is none of the inputs and not the result beside it."""
+    if name and Path(name).suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"a report is a page such as _build/{Path(name).stem or 'report'}.html")
+    return name
+
+
 class ExpectTable(Table):
     """``[[expect]]``: numbers that the study has to reproduce.
 
@@ -90,6 +103,8 @@ class ExpectTable(Table):
             )
         if not (self.natural_frequencies or self.only or self.findings):
             raise ValueError("an expectation states natural_frequencies, only or findings")
+        if self.only is not None and self.only[0] >= self.only[1]:
+            raise ValueError(f"only goes from a lower to a higher frequency, got {self.only[0]:g} to {self.only[1]:g}")
         return self
 
 
@@ -238,7 +253,7 @@ class Recipe(Table):
     campaign: str
     title: str = ""
     runs: list[str] = []
-    report: str = ""
+    report: Annotated[str, AfterValidator(_page)] = ""
     finding_limit: Literal["warning", "error", "never"] = "error"
     estimate: EstimateTable = EstimateTable()
     fit: FitTable = FitTable()

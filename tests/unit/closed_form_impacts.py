@@ -48,13 +48,14 @@ def hammer_run(
     impacts: int = 3,
     duration: float = 2.0,
     noise: float = 0.002,
+    seed: int = 0,
 ) -> Run:
     """A roving hammer with fixed accelerometers: impacts of 80, 91, 102 ... N, noise relative to each channel's peak."""
     times = np.arange(round(duration * RATE)) / RATE
     records = []
     for point in points:
         for number in range(impacts):
-            rng = np.random.default_rng(100 * point + number)
+            rng = np.random.default_rng(1000 * seed + 100 * point + number)
             signals = impact(times, 80.0 + 11 * number, 0.05, list(outputs), point)
             signals = signals + noise * np.abs(signals).max(axis=1, keepdims=True) * rng.standard_normal(signals.shape)
             if change is not None:

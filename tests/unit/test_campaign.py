@@ -437,6 +437,33 @@ def test_one_file_under_two_names_is_a_finding(tmp_path: Path, link: bool) -> No
     assert "bare_2.h5, bare_7.h5" in found.message
 
 
+@pytest.mark.parametrize(("second", "named"), [("b_7.h5", True), ("a_1.h5", True), ("b_8.h5", False)])
+def test_repeats_of_one_measurement_are_a_finding(tmp_path: Path, second: str, named: bool) -> None:
+    runs = "".join(
+        f'[[runs]]\nid = "{name}"\nkind = "hammer"\nfiles = [{{ file = "{file}", point = 1 }}]\nrepeat = "bare"\n'
+        for name, file in (("first", "a_1.h5"), ("second", second))
+    )
+    files: dict[str, object] = {"a_1.h5": record(), "b_7.h5": record(), "b_8.h5": record(21)}
+    found = acquisition.open_campaign(folder(tmp_path, HEAD + CHANNELS + runs, files)).findings
+    assert [finding.code for finding in found] == (["copied-file"] if named else [])
+    if named:
+        assert "Runs first and second repeat one condition with the same measurement" in found[0].message
+
+
+def test_one_file_may_hold_several_repeats(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    (tmp_path / "raw").mkdir()
+    takes = {"first": rng.standard_normal((40, 2)), "second": rng.standard_normal((40, 2))}
+    np.savez(tmp_path / "raw" / "both.npz", **takes)
+    table = '[[channels]]\ncolumn = 1\nrole = "reference"\nunit = "N"\n[[channels]]\ncolumn = 2\nunit = "g"\n'
+    runs = "".join(
+        f'[[runs]]\nid = "{name}"\nkind = "hammer"\nfiles = "both.npz"\nrepeat = "bare"\n'
+        f'reader = {{ signals = "{name}", sampling_rate = 1000.0 }}\n'
+        for name in takes
+    )
+    assert acquisition.open_campaign(folder(tmp_path, HEAD + table + runs, {})).findings == ()
+
+
 def test_one_channel_of_a_file_is_not_measured_at_two_places(tmp_path: Path) -> None:
     more = '[[channels]]\nname = "acc"\nunit = "g"\ndof = "4:+Z"\n'
     with pytest.raises(InputError, match="one channel of the file stands twice in the channel table; got 'acc'"):

@@ -214,3 +214,10 @@ def test_a_load_cell_that_never_moves_is_a_finding(tmp_path: Path, value: float)
     table = '[[channels]]\nname = "ring"\nrole = "normal force"\nunit = "N"\njoint = "J1"\n\n[[joints]]'
     run = opened(tmp_path, "", base=BASE.replace("[[joints]]", table), signals=[np.full(1000, value)] * 2)
     assert codes(run) == ["normal-force-constant"]
+
+
+@pytest.mark.parametrize(("unit", "quantity"), [("V", "voltage"), ("g", "acceleration")])
+def test_volts_are_no_normal_force(tmp_path: Path, unit: str, quantity: str) -> None:
+    table = f'[[channels]]\nname = "ring"\nrole = "normal force"\nunit = "{unit}"\njoint = "J1"\n\n[[joints]]'
+    with pytest.raises(InputError, match=f"channel ring: .* measures no force; got {quantity}, expected force"):
+        opened(tmp_path, "", base=BASE.replace("[[joints]]", table))

@@ -8,10 +8,15 @@ import pytest
 
 from ema import store
 from ema.cli import main
-from ema.data import FrfSet, ModalModel, Run
+from ema.data import Condition, Excitation, FrfSet, ModalModel, Run
+from ema.errors import InputError
 from ema.estimate import hammer_test
+from ema.estimate.impact_decays import impact_decays
 from ema.fit import modes, stabilise
-from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, hammer_run
+from ema.study.chain import analyse
+from ema.study.measured import frfs_of
+from ema.study.recipe import EstimateTable, FitTable
+from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, hammer_run, impact
 
 BAND = (10.0, 200.0)
 
@@ -84,3 +89,76 @@ def test_fit_tells_what_is_wrong_with_the_measurement(tmp_path: Path, capsys: py
         main()
     told = capsys.readouterr().out
     assert ended.value.code == 0 and "error: run bare, 1:+Z/1:+Z: the drive point has the wrong sign" in told
+
+
+@pytest.mark.parametrize("length", [100_000_000, 10_000])
+def test_blocks_far_longer_than_the_records_are_refused(length: int) -> None:
+    with pytest.raises(InputError, match="the block is longer than the records"):
+        hammer_test(hammer_run(points=(1,)), block=length)
+    frfs, _ = hammer_test(hammer_run(points=(1,)), block=4096)
+    assert frfs.frequency_step == 0.25
+
+
+@pytest.mark.parametrize("band", [(2000.0, 3000.0), (512.0, 600.0), (200.0, 100.0)])
+def test_bands_beyond_the_sampling_rate_are_a_sentence(band: tuple[float, float]) -> None:
+    run = hammer_run(points=(1, 2))
+    with pytest.raises(InputError, match="no band within half the sampling rate"):
+        impact_decays(run, band)
+    with pytest.raises(InputError):
+        analyse(run, EstimateTable(), FitTable.model_construct(band=band))
+
+
+def test_a_band_from_zero_is_one() -> None:
+    assert analyse(hammer_run(points=(1, 2)), EstimateTable(), FitTable(band=(0.0, 200.0))).modes.poles.size == 4
+
+
+def roving(*durations: float) -> Run:
+    """One set-up for each duration: the hammer stays at point 1, an accelerometer goes from point to point."""
+    records = [
+        replace(record, setup=f"S{place}")
+        for place, duration in enumerate(durations)
+        for record in hammer_run(outputs=(1, 2 + place), points=(1,), duration=duration, seed=place).recordings
+    ]
+    return Run("roving", Condition(Excitation("hammer")), tuple(records))
+
+
+def test_set_ups_that_need_different_windows_get_one() -> None:
+    frfs, _ = frfs_of(roving(0.8, 0.7, 0.8), EstimateTable())
+    assert frfs.added_decay > 0 and len(frfs.outputs) == 4
+    inside = frfs.band(*BAND)
+    model = modes(inside, stabilise(inside))
+    np.testing.assert_allclose(model.natural_frequencies, FREQUENCIES, rtol=1e-3)
+    np.testing.assert_allclose(model.damping_ratios, DAMPING, rtol=0.05)
+
+
+def test_noise_beyond_the_force_is_no_shift_between_set_ups() -> None:
+    """From 325 Hz on the force has fallen by 20 dB; no mode is there, and the FRFs are those of the noise."""
+    frfs, _ = frfs_of(roving(2.0, 2.0, 2.0), EstimateTable())
+    shifts = [finding for finding in frfs.findings if finding.code == "setup-shift"]
+    assert len(shifts) == 2 and all(abs(finding.value) < 2e-4 for finding in shifts), [f.value for f in shifts]
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.3, 1.0, 4.0])
+def test_a_window_of_the_front_end_shows_in_the_noise(decay: float) -> None:
+    """Records of 2 s: windows from 1 1/s on leave an eighth of the noise, one of 0.3 1/s more than half."""
+
+    def windowed(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        return signals * np.exp(-decay * np.clip(times - 0.05, 0, None))
+
+    frfs, _ = hammer_test(hammer_run(windowed, points=(1, 2)))
+    found = [finding for finding in frfs.findings if finding.code == "window-unstated"]
+    assert [finding.severity for finding in found] == (["error"] if decay >= 1 else [])
+    if found and decay == 1:
+        assert found[0].value == pytest.approx(np.exp(-decay * 1.9), rel=0.15)
+
+
+@pytest.mark.parametrize("noise", [0.002, 0.0001])
+@pytest.mark.parametrize("share", [0.01, 0.1, 1.0])
+def test_a_structure_that_still_moves_has_no_window(noise: float, share: float) -> None:
+    """It was struck half a second before, and is at rest at the end of the record."""
+
+    def moving(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        return signals + share * np.vstack([0 * times, impact(times + 0.5, 90.0, 0.05, [1, 4], point)[1:]])
+
+    frfs, _ = hammer_test(hammer_run(moving, points=(1, 2), noise=noise))
+    assert "window-unstated" not in {finding.code for finding in frfs.findings}

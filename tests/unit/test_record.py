@@ -260,6 +260,8 @@ def test_a_take_begins_before_the_rise_wherever_the_blocks_end():
         ('unit = "m/s^2"\n', "", "says in which unit"),
         ('unit = "m/s^2"', 'unit = "Hz"', "not the unit of a signal"),
         ('unit = "m/s^2"', 'unit = "m/s^2"\nrange = "5 V"', "the range is of another quantity"),
+        ('unit = "N"', 'unit = "m/s^2"', "the channel of a reference measures no force"),
+        ('dof = "{point}:-Z"', 'dof = "3:-Z"', "2 points, and no channel that is at them"),
         ('unit = "m/s^2"', 'unit = "m/s^2"\nsource = "hammer"', "two channels of one source, 'hammer'"),
         ("sampling_rate = 4096", "sampling_rate = inf", "finite number"),
         ('trigger = "hammer > 20 N"', 'trigger = "hammer > -20 N"', "is not above 0"),
@@ -281,6 +283,22 @@ def test_a_wrong_rig_is_one_sentence(tmp_path: Path, old: str, new: str, told: s
         rig = rig_file.load(folder_with(tmp_path, text))
         rig_file.trigger(rig)
         rig_file.open_rig(replace_device(rig, new))
+
+
+def test_volts_are_no_normal_force(tmp_path: Path):
+    ring = '[[channels]]\nname = "ring"\nrole = "normal force"\nunit = "V"\njoint = "J1"\n'
+    rig = rig_file.load(folder_with(tmp_path, RIG.format(points="1, 2", takes=1) + ring))
+    with pytest.raises(InputError, match="channel ring: the channel of a normal force measures no force; got voltage"):
+        rig_file.wires(rig)
+
+
+def test_the_virtual_hammer_ends_with_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("ema.cli.recording._IMPACTS", 2)
+    one = session(virtual(tmp_path / "table", takes=9))
+    takes = []
+    with pytest.raises(InputError, match="has struck every point as often as it can"):
+        takes.extend(one.takes(opened(one.rig, one)))
+    assert len(list((tmp_path / "table" / "raw").glob("*.h5"))) == 2
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from ema.compare.joint_law import Datum, JointModel, posteriors
+from ema.compare.joint_law import Datum, JointModel, joint_posterior, posteriors
 from ema.compare.joint_readings import _COUNTS, _LEVELS, Beam, hammer, shaker
 from ema.compare.joint_statements import JointFile, load
 from ema.errors import InputError
@@ -165,6 +165,11 @@ def test_a_sentence_is_the_probability_of_its_interval():
         ("quantity = 'height'\nstd = 0.2\nlow = 25", "height"),
         ("quantity = 'stuck frequency'\nstd = 1", "has a value"),
         ("quantity = 'stuck frequency'\nstd = -1\nvalue = 495", "std"),
+        ("quantity = 'ridge'\nlevel = '6 N'\nstd = 0.2\nvalue = -150", "value = -150 is not above 0"),
+        ("quantity = 'ridge'\nlevel = '6 N'\nstd = 0.2\nlow = 0\nhigh = 20", "low = 0 is not above 0"),
+        ("quantity = 'ridge'\nlevel = '6 N'\nstd = 0.2\nlow = 300\nhigh = 100", "low is the smaller one"),
+        ("quantity = 'ridge'\nlevel = '0 N'\nstd = 0.2\nlow = 25", "level: input should be greater than 0"),
+        ("quantity = 'most damping'\nnormal_force = '25 N'\nstd = 1\nvalue = 5", "no damping ratio; 5 % is 0.05"),
     ],
 )
 def test_sentences_that_say_nothing_are_refused(tmp_path, text, words):
@@ -173,6 +178,35 @@ def test_sentences_that_say_nothing_are_refused(tmp_path, text, words):
     (tmp_path / "joint.toml").write_text(head + bare + text)
     with pytest.raises(InputError, match=words):
         load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('normal_force = "1 kN"', "a reading without a number"),
+        ('normal_force = "-1 kN"\nfrequency = "499 Hz"', "normal_force: input should be greater than 0"),
+        (
+            'normal_force = "1 kN"\ndamping = "0.6 %"\ndamping_std = "0 %"',
+            "damping_std: input should be greater than 0",
+        ),
+    ],
+)
+def test_readings_that_say_nothing_are_refused(tmp_path, text, words):
+    bare = 'title = "t"\n[bare]\nfrequency = "499 Hz"\ndamping = "0.6 %"\n[[hammer]]\nsentence = "s"\n'
+    (tmp_path / "joint.toml").write_text(bare + text)
+    with pytest.raises(InputError, match=words):
+        load(tmp_path)
+
+
+def test_what_too_few_draws_tell_has_no_interval(tmp_path):
+    """A beam that makes 9 kHz of 312 Hz is beyond the model: the interval of the few draws left had no width."""
+    (tmp_path / "joint.toml").write_text(
+        'title = "t"\n[bare]\nfrequency = "312.4 Hz"\ndamping = "0.5 %"\n'
+        '[[hammer]]\nsentence = "s"\nnormal_force = "2 kN"\nfrequency = "9 kHz"\n'
+    )
+    (held,) = joint_posterior(load(tmp_path), 0).held
+    assert held.verdict == "not known"
+    assert np.isnan([held.low, held.high, held.probability]).all()
 
 
 @pytest.mark.slow
