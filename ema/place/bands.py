@@ -52,8 +52,10 @@ def forecast(
     joint to joint, the form of the law where it is open) is computed with all modes and the first harmonic of the
     friction; the bands are the 2.5 and 97.5 % quantiles of the draws over the nominal case of the same kind. What the
     upper harmonics change hangs on modes at three and five times the frequency, which are known badly: it is drawn
-    with its own size in the nominal case as standard deviation. Laws that are no Iwan law, and what a new assembly
-    changes beyond the stated scatter, are not contained.
+    with its own size in the nominal case as standard deviation. Joints that are pressed and cannot pull
+    (``normal_contact = "unilateral"`` with a ``contact_length``) lift off at their edges before they part: values and
+    draws are moved by what the first harmonic of such a patch says, for pressures from even to that under a bolt. Laws
+    that are no Iwan law, and what a new assembly changes beyond the stated scatter, are not contained.
 
     Parameters
     ----------

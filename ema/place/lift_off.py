@@ -18,6 +18,7 @@ from ema.data import BeamModel
 _PIECES = 24
 """Pieces of a patch. Twice as many change what is left of a spring by less than 1 %."""
 _STEPS = 8
+"""Newton steps for the mean opening."""
 
 
 class Patches(NamedTuple):
@@ -58,7 +59,8 @@ def softened(
         r = np.clip((reach - opened) / amplitude, -1, 1)
         away = np.arccos(r)
         held = np.minimum(opened - amplitude * (np.sqrt(1 - r**2) - r * away) / np.pi, reach)
-        opened = opened - held.sum(axis=1, keepdims=True) / np.maximum(_PIECES - away.sum(axis=1) / np.pi, 1e-3)[:, None]
+        slope = np.maximum(_PIECES - away.sum(axis=1, keepdims=True) / np.pi, 1e-3)
+        opened = opened - held.sum(axis=1, keepdims=True) / slope
     r = np.clip((reach - opened) / amplitude, -1, 1)
     kept = 1 - (np.arccos(r) - r * np.sqrt(1 - r**2)) / np.pi
     turning = kept @ places**2 / np.sum(places**2)
