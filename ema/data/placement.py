@@ -122,8 +122,8 @@ class BoltedJoint(Container):
         ``given`` where the law is known to be that of ``law``; ``open`` where only mu and k_T are known: bands then
         hold Iwan laws of every share of microslip, the sharp corner of one Masing spring among them.
     normal_contact : {"linear", "unilateral"}, default "linear"
-        ``linear`` where the joint also pulls, ``unilateral`` where it can part: no bands are given for conditions in
-        which it does.
+        ``linear`` where the joint also pulls, ``unilateral`` where it can part: the edges of its contact length lift
+        off, and no bands are given for conditions in which all of it does.
 
     Examples
     --------

@@ -29,6 +29,10 @@ _SHIFT = 0.02
 """By what share of its frequency a draw may leave the band in which the nominal resonance is looked for."""
 
 
+PRESSURE = (0.0, 2.0)
+"""Exponents of the pressure over a patch that can lift off, drawn evenly: from even to that under a bolt."""
+
+
 def forecast(
     task: Task,
     candidates: Candidates,
@@ -48,8 +52,10 @@ def forecast(
     joint to joint, the form of the law where it is open) is computed with all modes and the first harmonic of the
     friction; the bands are the 2.5 and 97.5 % quantiles of the draws over the nominal case of the same kind. What the
     upper harmonics change hangs on modes at three and five times the frequency, which are known badly: it is drawn
-    with its own size in the nominal case as standard deviation. Laws that are no Iwan law, and what a new assembly
-    changes beyond the stated scatter, are not contained.
+    with its own size in the nominal case as standard deviation. Joints that are pressed and cannot pull
+    (``normal_contact = "unilateral"`` with a ``contact_length``) lift off at their edges before they part: values and
+    draws are moved by what the first harmonic of such a patch says, for pressures from even to that under a bolt. Laws
+    that are no Iwan law, and what a new assembly changes beyond the stated scatter, are not contained.
 
     Parameters
     ----------
@@ -116,11 +122,16 @@ def forecast(
     middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
     rough, spread = fundamental(nominal), np.empty((draws, *middle.shape))
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
+    unilateral = task.joint.normal_contact == "unilateral"
+    if unilateral:
+        lifted = fundamental(nominal, float(np.mean(PRESSURE)))
+        middle, rough = middle * lifted[:, :2] / rough[:, :2], lifted
     opened = np.empty((draws, *middle[:, 0].shape), bool)
     for number, one in enumerate(drawn(asked, draws, rng)):
-        found = fundamental(_uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng))
+        asked_now = _uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng)
+        found = fundamental(asked_now, rng.uniform(*PRESSURE) if unilateral else None)
         opened[number] = found[:, 2] >= 1
-        parted = opened[number] & (task.joint.normal_contact == "unilateral")
+        parted = opened[number] & unilateral
         spread[number] = np.where(parted[:, None], np.nan, found[:, :2])
         spread[number] *= np.exp(harmonics * rng.standard_normal((len(asked.modes), 2, 1, 1)))
         advance(progress, "bands of the forecast", number + 1, draws)

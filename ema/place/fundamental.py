@@ -13,18 +13,26 @@ from ema.data import BeamModel, Condition, Excitation, FrfSet, ModalModel
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.describing import secant_table
+from ema.place.lift_off import Patches, patches, softened
 from ema.place.shortlist import Question
 
 LINES, BANDWIDTHS = 25, 4.0
 """Lines of a stepped sine about a resonance, and its half-power bandwidths to either side: as in ``ema.compare``."""
 
 
-def fundamental(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
+LIFTS = 6
+"""Steps towards the motion with which edges lift off, at most."""
+_CLOSE = 1e-4
+"""Relative change of the frequency that no longer matters there."""
+
+
+def fundamental(question: Question, pressure: float | None = None) -> Float[np.ndarray, "mode 3 level force"]:
     """Every resonance by first harmonics: Hz, damping ratio, opening; NaN where no peak belongs to the mode.
 
     A peak belongs to the bare mode that moves more in it than any other. ``fitted`` questions are answered with what a
     one-mode fit of the response of the output reads. The opening is the amplitude of the normal force over that at
-    rest: from 1 on a joint parts, and normal springs that also pull are no model of it any more.
+    rest: from 1 on a joint parts, and normal springs that also pull are no model of it any more. With the exponent of
+    a ``pressure`` (`ema.place.lift_off`) the edges of a patch lift off before.
     """
     from ema.place import fundamental_kernels
 
@@ -38,16 +46,47 @@ def fundamental(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
         if structure is None or any(joint.normal_exponent for joint in model.joints):
             structure = _structure(model, question.at, output)
         contact = _contact(model)
+        patch = None if pressure is None else patches(model, pressure)
         for row, band in enumerate(question.bands):
             for number, level in enumerate(levels):
-                found = kernels.peak_of(question.targets[row], *band, float(level), structure, contact)
+                found, softer = _peak(question.targets[row], band, float(level), structure, contact, patch)
                 if question.fitted and np.isfinite(found[0]):
                     width = BANDWIDTHS * found[1] * found[0]
                     lines = np.linspace(found[0] - width, found[0] + width, LINES)
-                    values = kernels.curve(lines, float(level), structure, contact) / level
+                    values = kernels.curve(lines, float(level), softer, contact) / level
                     found = (*_fitted(lines, values, found[0], question), found[2])
                 result[row, :, number, column] = found
     return result
+
+
+def _peak(
+    target: int,
+    band: tuple[float, float],
+    level: float,
+    structure: tuple[np.ndarray, ...],
+    contact: tuple[Any, ...],
+    patch: Patches | None,
+) -> tuple[tuple[float, float, float], tuple[np.ndarray, ...]]:
+    """Frequency, damping ratio and opening at a peak, and the structure with what its patches have left there.
+
+    The opening is that of springs that also pull.
+    """
+    from ema.place import fundamental_kernels
+
+    kernels: Any = fundamental_kernels
+    *found, forces = kernels.peak_of(target, *band, level, structure, contact)
+    frequency, damping, opening = found
+    softer, whole = structure, structure[6]
+    for _ in range(LIFTS if patch is not None and np.isfinite(frequency) else 0):
+        assert patch is not None
+        # half way: the softer a patch, the more it moves
+        soft = np.sqrt(softer[6] * softened(patch, whole, forces * softer[6]))
+        softer = (*structure[:6], soft, structure[7])
+        before = frequency
+        frequency, damping, _, forces = kernels.peak_of(target, *band, level, softer, contact)
+        if not np.isfinite(frequency) or abs(frequency - before) < _CLOSE * before:
+            break
+    return (frequency, damping, opening), softer
 
 
 MAJORITY = 0.5

@@ -136,7 +136,8 @@ def taking_part(target, count, q):
 
 @compiled(error_model="numpy")
 def peak_of(target, low, high, load, structure, contact):
-    """The peak of the output that belongs to a bare mode: Hz, damping ratio, and how far the joints open, or NaN.
+    """The peak of the output that belongs to a bare mode: Hz, damping ratio, how far the joints open, or NaN, and the
+    forces of the normal springs.
 
     The third is the amplitude of the normal force over that at rest, of the joint where it is largest.
     Of the peaks within the band in which that mode moves more than any other bare mode, the one where it moves most.
@@ -158,8 +159,9 @@ def peak_of(target, low, high, load, structure, contact):
         if k > 1 and heights[k - 2] < heights[k - 1] >= heights[k] and moved_before > best:
             top, best = k - 1, moved_before
             slip[:] = before
+    at_peak = np.zeros_like(p)
     if top < 0:
-        return np.nan, np.nan, np.nan
+        return np.nan, np.nan, np.nan, at_peak
     z[SLIP] = slip
     at = np.array([top - 1.0, float(top), top + 1.0]) * step
     y = heights[top - 1 : top + 2].copy()
@@ -184,6 +186,7 @@ def peak_of(target, low, high, load, structure, contact):
                 energy += q[k].real ** 2 + q[k].imag ** 2
             frequency = omega / (2 * math.pi)
             damping = -0.5 * load * driver.imag / (omega**2 * energy)
+            at_peak[:] = p
             opening = 0.0
             for i in range(len(contact[4])):
                 opening = max(opening, abs(p[i]) / contact[4][i])
@@ -195,4 +198,4 @@ def peak_of(target, low, high, load, structure, contact):
             at[1], y[1] = new, value
         else:
             at[side], y[side] = new, value
-    return frequency, damping, opening
+    return frequency, damping, opening, at_peak

@@ -42,6 +42,7 @@ class Sheet:
     reference: float = 100.0
     length: float = 0.0
     loss: float = 0.0
+    normal_contact: str = "linear"
 
 
 @dataclass(frozen=True)
@@ -201,5 +202,7 @@ def case(seed: int, number: int) -> Case:
             2 * joint.half_length * SLIDERS / (SLIDERS - 1) * np.exp(STATED["length"] / 1.96 * rng.standard_normal())
         ),
         loss=float(loss * np.exp(LOSS_STD * rng.standard_normal())),
+        # whether a joint can pull is known from how it is made
+        normal_contact="unilateral" if joint.family == "normal" else "linear",
     )
     return Case(measured, sheet, host, joint, loss, modes)

@@ -40,7 +40,6 @@ FULL: dict[str, Any] = {
     "length_std": STATED["length"] / COVERS,
     "scatter": SCATTER,
     "form": "open",
-    "normal_contact": "unilateral",
 }
 """What the sheet states of a joint, as keys of ``[joint]``."""
 
@@ -87,6 +86,7 @@ def recipe_of(measured: Measured, sheet: Sheet, law: dict[str, Any], joint: dict
                 "surface_height": f"{sheet.height} m",
                 "normal_stiffness": f"{sheet.normal} N/m",
                 "contact_length": f"{sheet.length} m",
+                "normal_contact": sheet.normal_contact,
                 "law": {
                     "friction_coefficient": sheet.friction,
                     "contact_stiffness": f"{sheet.tangential} N/m",
