@@ -8,6 +8,7 @@ from jaxtyping import Float
 from ema.data import Finding, FrfSet, HitGallery, ModalModel
 from ema.dof import match
 from ema.errors import InputError
+from ema.estimate.turned_sensors import turned_sensors
 
 LOW_COHERENCE = 0.8
 """Coherence at a resonance, and median over the band, below which a finding says so."""
@@ -70,6 +71,7 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
     conjugate = _conjugate(alive) if hits is None else []  # those of impacts are our own
     findings += conjugate or _drive_points(alive)
     findings += _reciprocity(alive)
+    findings += turned_sensors(alive, peaks)
     if hits is not None:
         findings += _beyond_force(alive, hits, peaks)
     return tuple(findings)
