@@ -37,6 +37,13 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError(
             "not frequency, real and imaginary part", where=path.name, got=f"{segment.values.shape[1]} columns"
         )
+    if np.iscomplexobj(segment.values):
+        raise InputError(
+            "a complex number in a column of real ones",
+            where=path.name,
+            got=f"row {1 + int(np.argmax(np.any(np.imag(segment.values), axis=1)))} of the table",
+            advice="a mark between two columns was damaged; export the file again",
+        )
     reference, response = _dofs(segment.header, path.name)
     if layout.inputs is not None:
         reference = Dof.parse(layout.inputs if isinstance(layout.inputs, str) else layout.inputs[0])

@@ -257,3 +257,16 @@ def test_the_first_row_may_lack_the_last_number(tmp_path: Path, mark: str) -> No
     (record,) = acquisition.read(tmp_path / "a.csv").recordings
     assert np.flatnonzero(np.isnan(record.signals[1])).tolist() == [0, 1]
     np.testing.assert_allclose(record.signals[0], [1.5, 2.5, *range(2, 20)])
+
+
+def test_a_complex_number_among_real_ones_is_refused(tmp_path: Path) -> None:
+    """A column of complex numbers has them in all rows, but for a line at 0 Hz."""
+    rows = [f"{n / 100:.2f},{n + 0.5}" for n in range(40)]
+    (tmp_path / "a.csv").write_text("\n".join(["t [s],a [N]", *rows]).replace("17.5", "17.5j") + "\n")
+    with pytest.raises(InputError, match=r"complex numbers in a column of real ones.*1 of 40"):
+        acquisition.read(tmp_path / "a.csv")
+    lines = [f"{n},{2 + n}{'' if n == 0 else '-3j'}" for n in range(40)]
+    (tmp_path / "b.csv").write_text("\n".join(["Frequency [Hz],H", *lines]) + "\n")
+    layout = {"frequency": "column 0", "frf": "H", "unit": "m/N", "outputs": ["1:+Z"], "inputs": ["1:+Z"]}
+    (frfs,) = acquisition.read(tmp_path / "b.csv", **layout).frfs
+    np.testing.assert_allclose(frfs.values[:, 0, 0], [2, *(2 + n - 3j for n in range(1, 40))])

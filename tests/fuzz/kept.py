@@ -70,6 +70,8 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     # FRFs in text: a frequency line lost from an axis that is even but for it
     "frequency-line-lost.txt": lambda one: one.named == 1 and len(one.signals) == 1,
     "frequency-line-lost.csv": lambda one: one.named == 1 and len(one.signals) == 1,
+    # the mark between the real and the imaginary column became a letter, and both were one imaginary number
+    "mark-became-j.txt": lambda one: "a complex number in a column of real ones" in one.refusal,
     # the first number of the first row is none: the row was taken for a line of the header
     "first-row-damaged.txt": lambda one: "a row that holds no numbers" in one.refusal,
     # a cell behind the last tab of a row: all rows from there on were lost

@@ -19,6 +19,7 @@ from acquisition.files.table.segment import Segment
 from acquisition.files.table.time_stamps import in_seconds
 from acquisition.files.table.titles import by_titles, distinct, metadata, name_and_unit
 from ema.data import Finding
+from ema.errors import InputError
 
 
 def decode(data: bytes) -> str:
@@ -84,6 +85,8 @@ def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
     for place, (name, text) in enumerate(zip(names, texts, strict=True)):
         column = segment.values[:, place]
         real = np.iscomplexobj(column) and not np.any(column.imag)  # beside a column of complex numbers
+        if np.iscomplexobj(column) and not real:
+            _check_complex(column, segment.titles[place], where)
         for key in (name, segment.titles[place], f"column {place}"):
             if real or key == name or key == segment.titles[place]:
                 arrays.setdefault(key, column.real if real else column)
@@ -119,6 +122,28 @@ def segment_contents(segment: Segment, layout: Layout, where: str) -> Contents:
     polar = (chosen.amplitude, chosen.phase)
     notes = [] if stated else [_unknown_unit(where, n, text) for n, text in unknown.items() if n not in polar]
     return replace(contents, findings=(*segment.notes, *contents.findings, *notes))
+
+
+FEW_COMPLEX = 0.1
+"""Share of the numbers other than 0 of a column below which complex ones are damage: writers of complex numbers write
+all of them so, and those of an FRF have an imaginary part."""
+
+
+def _check_complex(column: np.ndarray, title: str, where: str) -> None:
+    """Refuse a few complex numbers in a column of real ones.
+
+    Raises
+    ------
+    InputError : there are some.
+    """
+    there, odd = np.count_nonzero(np.abs(column) > 0), np.flatnonzero(column.imag)
+    if len(odd) < FEW_COMPLEX * there:
+        raise InputError(
+            "complex numbers in a column of real ones",
+            where=f"{where}, {title}",
+            got=f"{len(odd)} of {there}, the first in row {odd[0] + 1}: {column[odd[0]]:.6g}",
+            advice="they are damaged; export the file again",
+        )
 
 
 def _reconciled(segment: Segment, contents: Contents, layout: Layout, where: str, timed: bool) -> tuple[Finding, ...]:
