@@ -1,7 +1,7 @@
-"""Sensors that were turned round at some points of a roving test, told from FRFs with two references or more.
+"""Sensors that were turned round at some points of a roving test, from FRFs with two references or more.
 
 Near a resonance all FRFs share one residue, phi_p phi_r: the product of H_pr with the conjugate of H_ps has the phase
-of phi_r phi_s at every point p. Where it has the opposite sign at some points, at the same ones for every resonance,
+of phi_r phi_s at every point p. Where it has the opposite sign at some points, at the same ones for all resonances,
 one of the two channels was turned round while these points were measured. Both signs in one set give the residue of
 each resonance a second direction: every mode is then found twice, with interval and confidence of a true pair.
 """
@@ -38,8 +38,8 @@ def turned_sensors(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Findi
         products = np.sum(
             [values[lines + k, :, first] * values[lines + k, :, second].conj() for k in (-1, 0, 1)], axis=0
         )
-        if (gone := _opposite(products)).any():
-            pairs[first, second] = gone
+        if (opposite := _opposite(products)).any():
+            pairs[first, second] = opposite
     findings = []
     while pairs:
         # a channel that was turned round shows in every pair that it belongs to
@@ -49,8 +49,8 @@ def turned_sensors(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Findi
         names = [str(references[worst])]
         if shown.count(shown[worst]) > 1:
             names = [str(references[reference]) for reference in own[0]]
-        gone = np.flatnonzero(np.any([pairs.pop(pair) for pair in own], axis=0))
-        findings.append(_finding(frfs.name, " or ".join(names), [str(points[p]) for p in gone]))
+        opposite = np.flatnonzero(np.any([pairs.pop(pair) for pair in own], axis=0))
+        findings.append(_finding(frfs.name, " or ".join(names), [str(points[p]) for p in opposite]))
     return findings
 
 
@@ -61,7 +61,7 @@ def _finding(run: str, channel: str, points: list[str]) -> Finding:
         "sensor-turned",
         f"run {run}, {channel}" if run else channel,
         f"at {', '.join(points[:6])}{more} the sign against the other channels is opposite to that at the other points "
-        "at every resonance: the sensor was turned round between the points. Each mode may be found twice.",
+        "at the resonances: the sensor was turned round between the points. Each mode may be found twice.",
         float(len(points)),
         0.0,
         'Turn it back by a repair of the records of these points: what = "reverse sign".',
@@ -69,19 +69,19 @@ def _finding(run: str, channel: str, points: list[str]) -> Finding:
 
 
 def _opposite(products: Complex[np.ndarray, "peak point"]) -> np.ndarray:
-    """Points whose sign is the opposite of that of most others, at every resonance."""
+    """Points whose sign is the opposite of that of most others, at all resonances but one in nine."""
     axis = 0.5 * np.angle(np.sum(products**2, axis=1, keepdims=True))
     size = np.abs(products)
     aligned = np.real(products * np.exp(-1j * axis)) / np.maximum(size, 1e-300)
-    told = (np.abs(aligned) >= ALIGNED) & (size >= SMALL * size.max(axis=1, keepdims=True))
-    sign = np.where(told, np.sign(aligned), 0.0)
+    clear = (np.abs(aligned) >= ALIGNED) & (size >= SMALL * size.max(axis=1, keepdims=True))
+    sign = np.where(clear, np.sign(aligned), 0.0)
     together, both = sign.T @ sign, np.abs(sign).T @ np.abs(sign)
     known = both >= FEWEST_PEAKS
     same, against = known & (together >= AGREEMENT * both), known & (together <= -AGREEMENT * both)
     doubtful = known & ~same & ~against
     most = int(np.argmax(same.sum(axis=0)))
-    gone = against[most]
+    opposite = against[most]
     # the two groups explain all signs, or none is named
-    if not gone.any() or doubtful.any() or gone.sum() > same[most].sum():
+    if not opposite.any() or doubtful.any() or opposite.sum() > same[most].sum():
         return np.zeros(len(sign.T), bool)
-    return np.asarray(gone)
+    return np.asarray(opposite)

@@ -128,8 +128,8 @@ def forecast(
         middle, rough = middle * lifted[:, :2] / rough[:, :2], lifted
     opened = np.empty((draws, *middle[:, 0].shape), bool)
     for number, one in enumerate(drawn(asked, draws, rng)):
-        asked_now = _uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng)
-        found = fundamental(asked_now, rng.uniform(*PRESSURE) if unilateral else None)
+        question_of_draw = _uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng)
+        found = fundamental(question_of_draw, rng.uniform(*PRESSURE) if unilateral else None)
         opened[number] = found[:, 2] >= 1
         parted = opened[number] & unilateral
         spread[number] = np.where(parted[:, None], np.nan, found[:, :2])

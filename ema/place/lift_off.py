@@ -50,7 +50,7 @@ def softened(
     places = (np.arange(_PIECES) + 0.5) / _PIECES - 0.5
     pressure = (1 - 4 * places**2) ** patch.exponent
     rocking = np.outer(motion[count:] * patch.length, places)
-    # what a piece holds at rest over its stiffness, and how far it moves
+    # force of a piece at rest over its stiffness, and amplitude of its motion
     reach = np.outer(patch.pressed * _PIECES * flexibility[:count].real, pressure / pressure.sum())
     amplitude = np.maximum(np.abs(motion[:count, None] + rocking), 1e-12 * reach.max(axis=1, keepdims=True))
     opened = np.zeros((count, 1))
@@ -58,9 +58,9 @@ def softened(
         # concave in the opening: Newton's steps come from below
         r = np.clip((reach - opened) / amplitude, -1, 1)
         away = np.arccos(r)
-        held = np.minimum(opened - amplitude * (np.sqrt(1 - r**2) - r * away) / np.pi, reach)
+        carried = np.minimum(opened - amplitude * (np.sqrt(1 - r**2) - r * away) / np.pi, reach)
         slope = np.maximum(_PIECES - away.sum(axis=1, keepdims=True) / np.pi, 1e-3)
-        opened = opened - held.sum(axis=1, keepdims=True) / slope
+        opened = opened - carried.sum(axis=1, keepdims=True) / slope
     r = np.clip((reach - opened) / amplitude, -1, 1)
     kept = 1 - (np.arccos(r) - r * np.sqrt(1 - r**2)) / np.pi
     turning = kept @ places**2 / np.sum(places**2)

@@ -30,11 +30,11 @@ def in_time(joint: int, exponent: float, gap: complex, turn: complex) -> tuple[f
     limit = (PRESSED[joint] * pressure / pressure.sum())[:, None]
     moved = np.real((gap + along[:, None] * turn) * cosines)
 
-    def held(opened: float) -> np.ndarray:
+    def carried(opened: float) -> np.ndarray:
         return np.minimum(STIFFNESS[joint] / 1000 * (opened + moved), limit)
 
-    opened = brentq(lambda value: held(value).mean(), -1e-6, 1e-3, xtol=1e-14)
-    first = 2 * np.mean(held(opened) * cosines.conj(), axis=1)
+    opened = brentq(lambda value: carried(value).mean(), -1e-6, 1e-3, xtol=1e-14)
+    first = 2 * np.mean(carried(opened) * cosines.conj(), axis=1)
     of_springs = STIFFNESS[joint] / 1000 * (gap + along * turn)
     in_phase = np.real(first * of_springs.conj()) / np.abs(of_springs) ** 2
     return float(in_phase.mean()), float(np.sum(in_phase * along**2) / np.sum(along**2))
@@ -72,7 +72,7 @@ def sliding() -> tuple[np.ndarray, ...]:
     return tuple(one[..., keep] if one.shape[-1:] == keep.shape else one for one in structure)
 
 
-def summit(structure: tuple[np.ndarray, ...], level: float, near: float, lifts: bool) -> float:
+def peak_in_time(structure: tuple[np.ndarray, ...], level: float, near: float, lifts: bool) -> float:
     """Frequency of the largest steady motion of the driven point, in time, by a parabola through five sines."""
     squares, decay, _, slips, ends, springs, flexibility, _ = structure
     sliders = np.zeros((5, 2, 60))
@@ -106,5 +106,5 @@ def test_a_structure_whose_patches_lift_off_at_their_edges_has_the_peak_that_it_
     (linear, _, opening), _ = _peak(0, band, level, sliding, none, None)
     (lifted, _, again), _ = _peak(0, band, level, sliding, none, patch)
     assert again == opening < 1
-    assert summit(sliding, level, linear, False) == pytest.approx(linear, rel=1e-4)
-    assert summit(sliding, level, lifted, True) == pytest.approx(lifted, abs=0.2 * (linear - lifted))
+    assert peak_in_time(sliding, level, linear, False) == pytest.approx(linear, rel=1e-4)
+    assert peak_in_time(sliding, level, lifted, True) == pytest.approx(lifted, abs=0.2 * (linear - lifted))
