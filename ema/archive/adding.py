@@ -13,6 +13,7 @@ from ema.data import Finding
 from ema.data._summary import Container
 from ema.errors import EmaError
 from ema.progress import Progress, advance, silent
+from ema.store.atomic import remove_abandoned
 
 Outcome = tuple[dict[str, Any], dict[str, Any]]
 """What is indexed of a campaign (``record.record_of``), and where it was and when written (``record.seen``)."""
@@ -102,7 +103,7 @@ def add(
     """
     archive = Path(archive)
     merged = sum(_merged(archive, Path(other)) for other in archives)
-    parts.make(archive)
+    remove_abandoned(parts.make(archive), ".", ".tmp")  # of programs that were killed
     with cache.opened(archive, progress) as (connection, damaged):
         known = _Known(cache.known_parts(connection))
     count = dict.fromkeys(("new", "changed", "moved", "unchanged"), 0)

@@ -68,12 +68,13 @@ class Known(NamedTuple):
 def opened(archive: Path, progress: Progress = silent) -> Iterator[tuple[sqlite3.Connection, tuple[Finding, ...]]]:
     """The tables of an archive, with everything in it at this moment, and what is wrong with its parts.
 
+    What is read within the block is one state of the archive, whatever other processes do meanwhile.
+
     Raises
     ------
     InputError : the folder is no archive.
     """
-    names = parts.names(archive)
-    connection, findings = _filled(archive, names, progress)
+    connection, findings = _filled(archive, progress)
     try:
         yield connection, findings
     finally:
@@ -86,7 +87,8 @@ def path_of(archive: Path) -> Path:
     return cache_folder().parent / "archives" / f"{print_}-{VERSION}.sqlite"
 
 
-def _filled(archive: Path, names: set[str], progress: Progress) -> tuple[sqlite3.Connection, tuple[Finding, ...]]:
+def _filled(archive: Path, progress: Progress) -> tuple[sqlite3.Connection, tuple[Finding, ...]]:
+    parts.names(archive)  # nothing is made for a folder that is no archive
     path = path_of(archive)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -94,25 +96,25 @@ def _filled(archive: Path, names: set[str], progress: Progress) -> tuple[sqlite3
         lock.acquire()
     except (OSError, NotImplementedError):
         # no cache folder, no locks on its disk, or a process that holds one for ever: in memory, for this time
-        return _in_memory(archive, names, progress)
+        return _in_memory(archive, progress)
     try:
         connection = _connected(path)
         try:
-            return connection, _fill(connection, archive, names, progress)
+            return connection, _fill(connection, archive, progress)
         except sqlite3.DatabaseError:
             connection.close()
             _remove(path)
             connection = _connected(path)
-            return connection, _fill(connection, archive, names, progress)
+            return connection, _fill(connection, archive, progress)
     except sqlite3.Error:
-        return _in_memory(archive, names, progress)
+        return _in_memory(archive, progress)
     finally:
         lock.release()
 
 
-def _in_memory(archive: Path, names: set[str], progress: Progress) -> tuple[sqlite3.Connection, tuple[Finding, ...]]:
+def _in_memory(archive: Path, progress: Progress) -> tuple[sqlite3.Connection, tuple[Finding, ...]]:
     connection = _connected(None)
-    return connection, _fill(connection, archive, names, progress)
+    return connection, _fill(connection, archive, progress)
 
 
 def _connected(path: Path | None) -> sqlite3.Connection:
@@ -127,8 +129,13 @@ def _remove(path: Path) -> None:
             Path(f"{path}{suffix}").unlink()
 
 
-def _fill(connection: sqlite3.Connection, archive: Path, names: set[str], progress: Progress) -> tuple[Finding, ...]:
-    """Bring the tables to what the parts hold."""
+def _fill(connection: sqlite3.Connection, archive: Path, progress: Progress) -> tuple[Finding, ...]:
+    """Bring the tables to what the parts hold, and begin to read them.
+
+    The parts are listed here, under the lock: with a list from before it, parts that another process has added since
+    would seem to have been taken away.
+    """
+    names = parts.names(archive)
     if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'finding_code'").fetchone():
         with _transaction(connection):
             for statement in _TABLES.split(";"):
@@ -151,6 +158,9 @@ def _fill(connection: sqlite3.Connection, archive: Path, names: set[str], progre
     if len(missing) > len(findings):
         with _transaction(connection):
             _mark(connection)
+    # from its first reading on, a transaction sees one state, and writers wait for its end (sqlite.org/isolation.html)
+    connection.execute("BEGIN")
+    connection.execute("SELECT COUNT(*) FROM part")
     return tuple(findings)
 
 

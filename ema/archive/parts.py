@@ -129,9 +129,15 @@ def make(archive: Path) -> Path:
 def _put(archive: Path, name: str, packed: bytes) -> None:
     folder = make(archive)
     path = folder / f"{name}{SUFFIX}"
-    if not path.is_file():
-        with store.replacing(path) as temporary:
+    if path.is_file():
+        return
+    # never replaced, not even by its equal: a listing may miss a name that is being replaced
+    try:
+        with store.replacing(path, exclusive=True) as temporary:
             temporary.write_bytes(packed)
+    except FailureError:
+        if not path.is_file():  # written by another process meanwhile
+            raise
 
 
 def copy(source: Path, archive: Path, name: str) -> None:

@@ -10,12 +10,14 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 import numpy as np
 import pytest
+from filelock import FileLock, Timeout
 
 from ema import archive, store
 from ema.archive import Observation, Query, cache, parts
@@ -329,6 +331,7 @@ def test_on_a_disk_without_locks_the_answer_is_the_same(campaigns: Path, tmp_pat
         raise OSError(errno.ENOSYS, "Function not implemented")
 
     with monkeypatch.context() as without:
+        Path(f"{cache.path_of(tmp_path / 'archive')}.lock").unlink()  # which no lock has left on such a disk
         without.setattr("fcntl.flock", refused)
         assert archive.find(tmp_path / "archive") == before
     monkeypatch.setattr("filelock.FileLock.acquire", _not_implemented)  # as older versions of filelock do
@@ -420,12 +423,12 @@ import os, sys, time
 from pathlib import Path
 from ema import archive
 from tests.bench import archive_campaigns as generated
-replace = os.replace
+link = os.link
 def slowly(*arguments):
     time.sleep(float(sys.argv[3]) / 2)  # a part is written and has no name yet
-    replace(*arguments)
+    link(*arguments)
     time.sleep(float(sys.argv[3]) / 2)
-os.replace = slowly
+os.link = slowly
 places = sorted(Path(sys.argv[2]).iterdir())
 print("begun", flush=True)
 archive.add(Path(sys.argv[1]), [generated.source_of(one) for one in places])
@@ -471,6 +474,47 @@ def test_readers_see_whole_campaigns_while_two_others_add(campaigns: Path, tmp_p
         assert process.returncode == 0, wrong
     assert out == f"{CAMPAIGNS}\n"
     assert len(listing(folder)) == CAMPAIGNS and len(archive.find(folder).observations) == CAMPAIGNS * RUNS * 6
+
+
+def test_an_open_reader_sees_one_state_while_a_part_is_taken_away(campaigns: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "archive"
+    added(folder, *all_of(campaigns))
+    with ThreadPoolExecutor(1) as other:
+        with cache.opened(folder) as (connection, _):
+            (folder / parts.FOLDER / f"{min(parts.names(folder))}{parts.SUFFIX}").unlink()
+            later = other.submit(archive.find, folder)
+            wait([later], timeout=0.5)
+            assert len(cache.known_parts(connection)) == CAMPAIGNS
+        assert len(later.result(timeout=60).observations) == (CAMPAIGNS - 1) * RUNS * 6
+
+
+def test_parts_are_listed_under_the_lock(campaigns: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The list of a reader that waits for the lock gets old: parts added since would seem to be taken away."""
+    folder, names, locked = tmp_path / "archive", parts.names, list[bool]()
+    added(folder, *all_of(campaigns))
+
+    def listed(archive: Path) -> set[str]:
+        try:
+            FileLock(f"{cache.path_of(archive)}.lock", timeout=0).acquire().lock.release()
+            locked.append(False)
+        except Timeout:
+            locked.append(True)
+        return names(archive)
+
+    monkeypatch.setattr(parts, "names", listed)
+    archive.find(folder)
+    assert locked[-1]
+
+
+def test_a_part_that_is_there_is_never_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record, seen = {"name": "A"}, {"study": "A"}
+    part = parts.write(tmp_path, record, seen)
+    path = parts.make(tmp_path) / f"{part.name}{parts.SUFFIX}"
+    before, asked = path.stat().st_ino, iter([False])
+    is_file = Path.is_file
+    monkeypatch.setattr(Path, "is_file", lambda self: next(asked, is_file(self)))  # written by another one right after
+    assert parts.write(tmp_path, record, seen) == part
+    assert path.stat().st_ino == before and [one.name for one in path.parent.iterdir()] == [path.name]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
