@@ -62,10 +62,11 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
             return [*segments[:place], replace(before, notes=(*before.notes, *notes)), segments[-1]]
     for segment in segments[:-1]:
         last = segment.header[-1] if segment.header and not segment.labels else ""
-        # the first row, which lost the mark between two numbers: it begins as a number does
+        # the first row, which lost the mark between two numbers, or its end: it begins as a number does
         begun = _titled(segment) and bool(re.match(r"\s*[-+]?\d", last))
         columns = len(last.split() if delimiter == " " else last.split(delimiter)) if begun else 0
-        if last and _broken(last, delimiter, decimal, columns):
+        bare = begun and all(re.fullmatch(r"[-+]?\d*\.?\d+", number) for number in re.split(r"[\s;,]+", last.strip()))
+        if last and (bare or _broken(last, delimiter, decimal, columns)):
             differs(
                 "a row that holds no numbers",
                 where=f"{where}, line {segment.line - 1}",

@@ -77,7 +77,8 @@ def nodes15(parts: Parts, lines: list[bytes]) -> None:
         row = records.words(line)
         if len(row) < 7:  # numbers that touch: fixed columns
             text = text_of(line)
-            row = [text[a : a + 10].strip() for a in (0, 10, 20, 30)] + [text[a : a + 13] for a in (40, 53, 66)]
+            columns = ((0, 10), (10, 20), (20, 30), (30, 40), (40, 53), (53, 66), (66, 79))
+            row = [text[start:end].strip() for start, end in columns]
         rows.append(row[4:7])
         _add(nodes, int(row[0]), int(row[1]), int(row[2]), row[4:])
     records.whole(rows)
