@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @ends_well
 def joint(
-    told: Annotated[Path, typer.Argument(help="A joint.toml, or the folder that holds it.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="A joint.toml, or the folder that holds it.", show_default=False)],
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same draws.", min=0)] = 0,
     json: Json = False,
 ) -> int:
@@ -23,10 +23,10 @@ def joint(
     from ema.compare.joint_law import joint_posterior
     from ema.compare.joint_statements import load
 
-    held = load(told)
+    statements = load(file)
     with screen.Bars() as bars:
-        found = joint_posterior(held, seed, bars)
-    document = _document(held.title, found)
+        found = joint_posterior(statements, seed, bars)
+    document = _document(statements.title, found)
     if json:
         screen.as_json(jsonable(document))
     else:
@@ -34,7 +34,10 @@ def joint(
     return FINE
 
 
-WITHIN_THE_MODEL = "On tables of this model 95 % intervals hold 91 to 94 %; what the model leaves out is not in them."
+WITHIN_THE_MODEL = (
+    "On 80 tables drawn from this model under the conditions of the paper 95 % intervals hold 91 to 94 %; under other "
+    "conditions this was not counted, and what the model leaves out is not in them."
+)
 """Counted (docs/joint.md: simulation-based calibration, Talts et al. 2018)."""
 
 
@@ -83,13 +86,13 @@ def sentence(found: "JointAssessment") -> str:
     if found.two is not None:
         low, high = found.weight_interval
         decided = high < 0.05 or low > 0.95
-        told = (
+        words = (
             f"Both tests had {'one joint' if low > 0.95 else 'two joints'}"
             if decided
             else "One joint and two joints cannot be told apart"
         )
         parts.append(
-            f"{told}: one joint has {found.weight:.0%} of the weight ({low:.0%} to {high:.0%} by independent runs)."
+            f"{words}: one joint has {found.weight:.0%} of the weight ({low:.0%} to {high:.0%} by independent runs)."
         )
         if found.experiments and not decided:
             best = found.experiments[0]

@@ -95,18 +95,18 @@ class JointModel:
     ``said`` are the numbers and sentences where they are not those of the file.
     """
 
-    told: JointFile
+    file: JointFile
     two: bool = False
     said: tuple[Datum, ...] | None = None
 
     @property
     def tests(self) -> tuple[str, ...]:
         """The tests that say something."""
-        return tuple(one for one, said in (("hammer", self.told.hammer), ("shaker", self.told.shaker)) if said)
+        return tuple(one for one, said in (("hammer", self.file.hammer), ("shaker", self.file.shaker)) if said)
 
     @property
     def _joint(self) -> tuple[Parameter, ...]:
-        prior = self.told.prior
+        prior = self.file.prior
         return (
             _ranged("friction coefficient", prior.friction_coefficient),
             _ranged("exponent of k_T", prior.exponent, uniform=True),
@@ -115,7 +115,7 @@ class JointModel:
 
     @property
     def _own(self) -> tuple[Parameter, ...]:
-        prior, found = self.told.prior, []
+        prior, found = self.file.prior, []
         for part in self.tests:
             found += [
                 Parameter(f"drop by the mass, {part}", 0.0, 0.06, True),
@@ -123,12 +123,12 @@ class JointModel:
                 Parameter(f"stiffness ratio at 1 kN, {part}", 0.005, 0.5),
                 Parameter(f"stiffness ratio in series, {part}", 0.01, 2.0),
             ]
-        if self.told.hammer:
+        if self.file.hammer:
             found += [
                 _ranged("shape over slip, hammer", prior.hammer_shape),
                 _ranged("peak force", prior.peak_force),
             ]
-        if self.told.shaker:
+        if self.file.shaker:
             found.append(_ranged("shape over slip, shaker", prior.shaker_shape))
         return tuple(found)
 
@@ -143,7 +143,7 @@ class JointModel:
     @property
     def data(self) -> tuple[Datum, ...]:
         """Numbers and sentences."""
-        return tuple(_data(self.told)) if self.said is None else self.said
+        return tuple(_data(self.file)) if self.said is None else self.said
 
     def values(self, z: Draws) -> dict[str, np.ndarray]:
         """Parameters by name."""
@@ -160,11 +160,11 @@ class JointModel:
     def combinations(self, z: Draws) -> dict[str, np.ndarray]:
         """What a test determines better than its parts."""
         p, found = self.values(z), {}
-        if self.told.hammer:
+        if self.file.hammer:
             found["peak force over friction coefficient"] = (
                 p["peak force"] / p[self._named("friction coefficient", "hammer")]
             )
-        if self.told.shaker:
+        if self.file.shaker:
             ratio = p["shape over slip, shaker"] / p[self._named("friction coefficient", "shaker")]
             found["shape over slip over friction coefficient, shaker"] = ratio
         return found
@@ -173,7 +173,7 @@ class JointModel:
         return f"{name}, {part}" if self.two else name
 
     def _beam(self, p: Mapping[str, np.ndarray], part: str) -> Beam:
-        bare = self.told.bare
+        bare = self.file.bare
         return Beam(
             bare.frequency,
             drop=p[f"drop by the mass, {part}"],
@@ -188,28 +188,28 @@ class JointModel:
         """Frequency and damping that hammer tests read, the impacts ``scale`` times as hard."""
         p = self.values(z)
         # q = phi J / w with J = 2 T F / pi, over the slip mu F_N / (k psi): phi/psi (2 T w / pi) ratio F / (mu F_N)
-        impulse = p["shape over slip, hammer"] * 4 * self.told.prior.contact_time * self.told.bare.frequency
+        impulse = p["shape over slip, hammer"] * 4 * self.file.prior.contact_time * self.file.bare.frequency
         impulse = scale * impulse * p["peak force"] / p[self._named("friction coefficient", "hammer")]
         return hammer(self._beam(p, "hammer"), forces, impulse)
 
     def readings(self, z: Draws) -> Float[np.ndarray, "draw datum"]:
         """What every number and sentence is about, in its own scale (logarithms for forces)."""
         columns: list[np.ndarray] = []
-        if self.told.hammer:
-            frequency, damping = self.hammer(z, np.array([one.normal_force for one in self.told.hammer]))
-            for row, one in enumerate(self.told.hammer):
+        if self.file.hammer:
+            frequency, damping = self.hammer(z, np.array([one.normal_force for one in self.file.hammer]))
+            for row, one in enumerate(self.file.hammer):
                 columns += [frequency[:, row]] * (one.frequency is not None)
                 columns += [damping[:, row]] * (one.damping is not None)
-        if self.told.shaker:
+        if self.file.shaker:
             p = self.values(z)
             drive = p["shape over slip, shaker"] / p[self._named("friction coefficient", "shaker")]
-            test = _Shaker(np.sort(self.told.levels), np.sort(self.told.normal_forces))
-            asked = [test.conditions(one) for one in self.told.shaker]
+            test = _Shaker(np.sort(self.file.levels), np.sort(self.file.normal_forces))
+            asked = [test.conditions(one) for one in self.file.shaker]
             ends = np.cumsum([each.shape[1] for each in asked])[:-1]
             levels, forces = np.hstack(asked)
             found = shaker(self._beam(p, "shaker"), levels, forces, drive)
             curves = (np.split(each, ends, axis=1) for each in found)
-            columns += [test.reading(*one) for one in zip(self.told.shaker, *curves, strict=True)]
+            columns += [test.reading(*one) for one in zip(self.file.shaker, *curves, strict=True)]
         return np.stack(columns, axis=1)
 
     def log_likelihoods(self, z: Draws) -> Float[np.ndarray, "draw datum"]:
@@ -225,25 +225,25 @@ class _Shaker:
     levels: np.ndarray
     forces: np.ndarray
 
-    def conditions(self, told: SentenceTable) -> Float[np.ndarray, "2 condition"]:
+    def conditions(self, sentence: SentenceTable) -> Float[np.ndarray, "2 condition"]:
         """What a sentence needs: a sweep over normal forces or levels; last, the one condition that it compares."""
-        alone = np.array([[told.level], [told.normal_force]], float)
-        if told.quantity == "stuck frequency":
+        alone = np.array([[sentence.level], [sentence.normal_force]], float)
+        if sentence.quantity == "stuck frequency":
             return np.array([[self.levels[0]], [self.forces[-1]]])
-        if told.quantity in ("ridge", "drop", "stuck damping"):
-            sweep = np.stack([np.full(_RIDGE_POINTS, told.level), self.grid])
+        if sentence.quantity in ("ridge", "drop", "stuck damping"):
+            sweep = np.stack([np.full(_RIDGE_POINTS, sentence.level), self.grid])
         else:
-            sweep = np.stack([self.levels, np.full(len(self.levels), told.normal_force)])
-        return np.hstack([sweep, alone]) if told.quantity in ("stuck damping", "fall") else sweep
+            sweep = np.stack([self.levels, np.full(len(self.levels), sentence.normal_force)])
+        return np.hstack([sweep, alone]) if sentence.quantity in ("stuck damping", "fall") else sweep
 
     @property
     def grid(self) -> np.ndarray:
         """Normal forces in N among which a ridge is looked for."""
         return np.geomspace(max(self.forces[0], 1e-3 * self.forces[-1]), self.forces[-1], _RIDGE_POINTS)
 
-    def reading(self, told: SentenceTable, frequency: np.ndarray, damping: np.ndarray) -> np.ndarray:
+    def reading(self, sentence: SentenceTable, frequency: np.ndarray, damping: np.ndarray) -> np.ndarray:
         """The quantity of a sentence, of frequency [Hz] and damping ratio at its conditions (draw, condition)."""
-        kind, grid = told.quantity, self.grid
+        kind, grid = sentence.quantity, self.grid
         if kind == "stuck frequency":
             return np.asarray(frequency[:, 0])
         if kind == "most damping":
@@ -275,15 +275,15 @@ def _vertex(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return inner + shift, height
 
 
-def _data(told: JointFile) -> list[Datum]:
+def _data(file: JointFile) -> list[Datum]:
     found = []
-    for one in told.hammer:
+    for one in file.hammer:
         where = f"hammer, {one.normal_force:g} N"
         if one.frequency is not None:
             found.append(Datum(one.sentence, f"{where}: frequency [Hz]", one.frequency_std, one.frequency))
         if one.damping is not None:
             found.append(Datum(one.sentence, f"{where}: damping ratio", one.damping_std, one.damping))
-    for said in told.shaker:
+    for said in file.shaker:
         scale = np.log if said.quantity in RELATIVE else float
         ends = {
             key: float(scale(number))
@@ -534,17 +534,17 @@ def _log_ratio(one: Posterior, two: Posterior) -> float:
     return float(np.logaddexp.reduce(two.log_evidences) - np.logaddexp.reduce(one.log_evidences))
 
 
-def joint_posterior(told: JointFile, seed: int = 0, progress: Progress = silent) -> JointAssessment:
+def joint_posterior(file: JointFile, seed: int = 0, progress: Progress = silent) -> JointAssessment:
     """Find one friction law for all numbers and sentences: what they determine, and which cannot hold together.
 
     The law is a Masing spring whose stiffness grows with the normal force; place, beam, hammer and shaker are nuisance
-    parameters with stated priors. Where there is a hammer and a shaker test, one joint is compared with two. On
-    tables of this model 95 % intervals hold 91 to 94 % (simulation-based calibration, docs/joint.md); its own error is
-    not in them.
+    parameters with stated priors. Where there is a hammer and a shaker test, one joint is compared with two. On tables
+    of this model under the conditions of the paper 95 % intervals hold 91 to 94 % (simulation-based calibration,
+    docs/joint.md); its own error is not in them.
 
     Parameters
     ----------
-    told : JointFile
+    file : JointFile
         Numbers and sentences, each a likelihood (``compare.joint_statements.load``).
     seed : int, default 0
         The same seed gives the same draws.
@@ -559,13 +559,13 @@ def joint_posterior(told: JointFile, seed: int = 0, progress: Progress = silent)
     Examples
     --------
     >>> from ema.compare.joint_statements import JointFile
-    >>> told = JointFile(title="table", bare={"frequency": "499 Hz", "damping": "0.6 %"},
+    >>> file = JointFile(title="table", bare={"frequency": "499 Hz", "damping": "0.6 %"},
     ...                  hammer=[{"sentence": "509 Hz", "normal_force": "10 kN", "frequency": "509 Hz"}])
-    >>> found = joint_posterior(told)
+    >>> found = joint_posterior(file)
     >>> found.determined("friction coefficient")
     False
     """
-    one, two = posteriors(JointModel(told), seed, progress)
+    one, two = posteriors(JointModel(file), seed, progress)
     experiments = _experiments(one, two) if two is not None else ()
     return JointAssessment(one, two, tuple(_held(one, row) for row in range(len(one.model.data))), experiments)
 

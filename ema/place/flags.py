@@ -1,5 +1,7 @@
 """What speaks for and against a place: shifts of frequency, resonances nearby, joints that never slide, few points."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 
@@ -9,68 +11,92 @@ from ema.place.predictor import beam_matrices, contact_stiffness, motions, norma
 from ema.place.task import Task, only
 
 NEAR = 0.3
-"""A resonance of the beam or of its contact within this part of a target frequency is flagged."""
+"""A second resonance within this part of the first one's frequency is flagged; farther ones are peaks of their own."""
+SECOND = 0.1
+"""Share of a mode in a second resonance from which on it is flagged: with equal damping, a peak of a ninth of the first
+one's height, which a mode shape or a fit of one mode no longer overlooks."""
 POINTS_PER_HALF_WAVE = 4.0
+
+
+class _Coupled(NamedTuple):
+    """The beam at one place, its joints, and the motion of the structure under them."""
+
+    mass: Float[np.ndarray, "n n"]
+    stiffness: Float[np.ndarray, "n n"]
+    rows: Float[np.ndarray, "spring n"]
+    springs: Float[np.ndarray, "spring"]
+    moved: Float[np.ndarray, "spring mode"]
+
+    @classmethod
+    def at(cls, task: Task, candidates: Candidates, candidate: int, normal_force: float) -> "_Coupled":
+        """Springs and motions: those along the interface of all joints, then those across it."""
+        phi, lever = motions(task.surface, only(candidates, [candidate]), task.joint, task.modes)
+        beam = candidates.catalogue[int(candidates.beams[candidate])]
+        mass, stiffness, tangential, normal = beam_matrices(beam)
+        force = np.array([normal_force])
+        k_t, k_n = contact_stiffness(task.joint, force)[0], normal_stiffness(task.joint, force)[0]
+        springs = np.repeat([k_t, k_n], [len(tangential), len(normal)])
+        return cls(mass, stiffness, np.concatenate([tangential, normal]), springs, np.concatenate([-lever[0], phi[0]]))
 
 
 def shifts(
     task: Task, candidates: Candidates, candidate: int, normal_force: float
 ) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
     """First-order frequency shift in Hz by the mass of the beam, and by its joints' stiffness with all stuck."""
-    one = only(candidates, [candidate])
-    beam = candidates.catalogue[int(candidates.beams[candidate])]
-    phi, lever = motions(task.surface, one, task.joint, task.modes)
-    mass, stiffness, tangential, normal = beam_matrices(beam)
-    force = np.array([normal_force])
-    k_t, k_n = contact_stiffness(task.joint, force)[0], normal_stiffness(task.joint, force)[0]
+    mass, stiffness, rows, springs, motion = _Coupled.at(task, candidates, candidate, normal_force)
     omega = np.abs(task.bare.poles[list(task.modes)])
-    rows = np.concatenate([tangential, normal])
-    springs = np.diag(np.concatenate([np.full(len(tangential), k_t), np.full(len(normal), k_n)]))
+    weighted = rows.T * springs
     by_mass, by_stiffness = np.zeros(len(omega)), np.zeros(len(omega))
     for m, w in enumerate(omega):
-        moved = np.concatenate([-lever[0, :, m], phi[0, :, m]])
-        x = np.linalg.solve(stiffness + rows.T @ springs @ rows - w**2 * mass, rows.T @ springs @ moved)
+        moved = motion[:, m]
+        x = np.linalg.solve(stiffness + weighted @ rows - w**2 * mass, weighted @ moved)
         apart = rows @ x - moved
-        elastic = float(x @ stiffness @ x + apart @ springs @ apart)
+        elastic = float(x @ stiffness @ x + apart @ (springs * apart))
         by_mass[m] = -w * float(x @ mass @ x) / 2 / (2 * np.pi)
         by_stiffness[m] = elastic / (2 * w) / (2 * np.pi)
     return by_mass, by_stiffness
 
 
-def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tuple[Finding, ...]:
-    """Resonances near a target mode, and joints that never slide, for one of the ranked places of ``prediction``."""
-    from scipy.linalg import eigh
+def _resonances(coupled: _Coupled, mode: int, omega: float, stuck: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [Hz] of one mode of the structure with the beam on it, and its share in each of them.
 
-    candidates = prediction.candidates
-    beam = candidates.catalogue[int(candidates.beams[candidate])]
-    normal = prediction.normal_forces[force : force + 1]
-    mass, stiffness, _, rows = beam_matrices(beam)
+    The mode of unit modal mass has the coordinate q, the beam x: with the springs K between R x and u q, the kinetic
+    energy is (q'^2 + x' M x') / 2 and the potential one (w^2 q^2 + x K_b x + (R x - u q) K (R x - u q)) / 2. Of
+    mass-normalised shapes the squares of q add up to 1; each is the modal constant of a resonance in the receptance of
+    q, the height of its peak times twice its damping ratio and w^2.
+    """
+    from scipy.linalg import block_diag, eigh
+
+    springs = coupled.springs.copy()
+    if not stuck:
+        springs[: len(springs) // 2] = 0.0
+    apart = np.column_stack([-coupled.moved[:, mode], coupled.rows])
+    stiffness = block_diag([[omega**2]], coupled.stiffness) + (apart.T * springs) @ apart
+    squares, vectors = eigh(stiffness, block_diag([[1.0]], coupled.mass))
+    return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), vectors[0] ** 2
+
+
+def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tuple[Finding, ...]:
+    """Modes that become two resonances, and joints that never slide, for one of the ranked places of ``prediction``."""
+    coupled = _Coupled.at(task, prediction.candidates, candidate, float(prediction.normal_forces[force]))
     where = f"rank {candidate + 1}"
     found = []
-    k_t = float(contact_stiffness(task.joint, normal)[0])
-    springs = float(normal_stiffness(task.joint, normal)[0]) * rows.T @ rows
-    sliding = np.sqrt(np.maximum(eigh(stiffness + springs, mass, eigvals_only=True), 0)) / (2 * np.pi)
-    contact = float(np.sqrt(beam.joints * k_t / beam.mass) / (2 * np.pi))
     for m, mode in enumerate(prediction.modes):
-        target = float(prediction.bare_frequencies[m])
-        for what, code, frequencies in (
-            ("the contact springs under the beam's mass", "contact-resonance", np.array([contact])),
-            ("the beam and its joints", "beam-resonance", sliding[sliding > 1.0]),
-        ):
-            nearest = float(frequencies[np.argmin(np.abs(frequencies - target))])
-            if abs(nearest - target) <= NEAR * target:
-                found.append(
-                    Finding(
-                        "warning",
-                        code,
-                        where,
-                        f"{what} have a resonance at {nearest:.0f} Hz, within 30 % of mode {mode + 1} at "
-                        f"{target:.0f} Hz.",
-                        nearest,
-                        target,
-                        "Two peaks or an absorber effect: check with all modes together.",
-                    )
+        omega = float(np.abs(task.bare.poles[mode]))
+        for stuck in (True, False):
+            frequencies, shares = _resonances(coupled, m, omega, stuck)
+            near = np.abs(frequencies / frequencies[shares.argmax()] - 1) <= NEAR
+            first, second = np.argsort(np.where(near, shares, 0))[:-3:-1]
+            if shares[second] * near[second] >= SECOND:
+                state = "stick" if stuck else "slide"
+                message = (
+                    f"where all joints {state}, mode {mode + 1} is two resonances: {frequencies[first]:.0f} and "
+                    f"{frequencies[second]:.0f} Hz, the second with {shares[second]:.0%} of its motion."
                 )
+                advice = "Two peaks or an absorber effect: check with all modes together."
+                value = float(shares[second])
+                found.append(Finding("warning", "second-resonance", where, message, value, SECOND, advice))
+                break
         if np.all(prediction.slip[candidate, m, :, force] < 1):
             found.append(
                 Finding(

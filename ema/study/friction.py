@@ -118,27 +118,29 @@ def with_stated(
             if one.sentence and one.near is not None and mode.name.startswith(f"{one.run}, ") and not one.other
         ]
         near = [one for one in own if _nearest(modes, one) is mode]
-        found.append(replace(mode, findings=(*mode.findings, *(told for one in near for told in _stated(mode, one)))))
+        found.append(replace(mode, findings=(*mode.findings, *(said for one in near for said in _stated(mode, one)))))
     return tuple(found)
 
 
-def _nearest(modes: Sequence[AmplitudeDependentMode], told: StatementTable) -> AmplitudeDependentMode | None:
-    assert told.near is not None
-    of_run = [mode for mode in modes if RING_DOWN in mode.provenance.steps and mode.name.startswith(f"{told.run}, ")]
-    off = [abs(float(np.median(mode.frequency.value)) / told.near - 1) for mode in of_run]
+def _nearest(modes: Sequence[AmplitudeDependentMode], statement: StatementTable) -> AmplitudeDependentMode | None:
+    assert statement.near is not None
+    of_run = [
+        mode for mode in modes if RING_DOWN in mode.provenance.steps and mode.name.startswith(f"{statement.run}, ")
+    ]
+    off = [abs(float(np.median(mode.frequency.value)) / statement.near - 1) for mode in of_run]
     return of_run[int(np.argmin(off))] if off and min(off) < _SAME else None
 
 
-def _stated(mode: AmplitudeDependentMode, told: StatementTable) -> tuple[Finding, ...]:
+def _stated(mode: AmplitudeDependentMode, statement: StatementTable) -> tuple[Finding, ...]:
     """The middle of the limits of a statement, and where the curve has it."""
     kinds = {
         "run frequency": ("stated-frequency", "frequency", 1.0, "Hz"),
         "run damping": ("stated-damping", "damping", 100.0, "%"),
     }
-    if told.quantity not in kinds or not (np.isfinite(told.low) and np.isfinite(told.high)):
+    if statement.quantity not in kinds or not (np.isfinite(statement.low) and np.isfinite(statement.high)):
         return ()
-    code, what, factor, sign = kinds[told.quantity]
-    number, band = (told.low + told.high) / 2, getattr(mode, what)
+    code, what, factor, sign = kinds[statement.quantity]
+    number, band = (statement.low + statement.high) / 2, getattr(mode, what)
     # Within its interval of the number a flat curve crosses it by noise alone.
     apart = np.asarray((band.low > number / factor) | (band.high < number / factor))
     where = _crossings(mode.amplitude[apart], band.value[apart], number / factor) if apart.any() else ()
@@ -155,7 +157,7 @@ def _stated(mode: AmplitudeDependentMode, told: StatementTable) -> tuple[Finding
         text = f"at no amplitude in particular: {len(within)} of {len(apart)} intervals contain it, at {between} {unit}"
     else:
         text = f"at no amplitude seen: {factor * curve.min():.4g} to {factor * curve.max():.4g} {sign}"
-    message = f"{number:.4g} {sign} ({told.source}): the {what} {text}."
+    message = f"{number:.4g} {sign} ({statement.source}): the {what} {text}."
     return (Finding("info", code, mode.name, message, number / factor, None),)
 
 
