@@ -18,6 +18,10 @@ from ema.units import DERIVATIVE_ORDER
 _MISFIT = 0.05
 """Residual above which a linear mode does not describe the peak."""
 
+_SETTLED = 1e-9
+"""Step of the pole, in half bandwidths, that no longer matters: smaller ones are rounding, at which the cost no longer
+falls either."""
+
 
 @dataclass(frozen=True)
 class _Fit:
@@ -164,7 +168,9 @@ def _refine(
         if not np.linalg.cond(matrix) < 1e15:
             break
         move = complex(*np.linalg.solve(matrix, state.gradient))
-        move *= min(1.0, 0.5 * abs(state.pole.real) / max(abs(move), 1e-300) * 2)
+        if abs(move) < _SETTLED * abs(state.pole.real):
+            break
+        move *= min(1.0, abs(state.pole.real) / abs(move))
         moved = state.pole + move
         trial = _evaluate(s, values, derivative, complex(min(moved.real, -narrowest), moved.imag))
         if not trial.cost < state.cost:
@@ -173,8 +179,6 @@ def _refine(
                 break
             continue
         state, damping = trial, 0.1 * damping if damping > 1e-6 else 0.0
-        if abs(move) < 1e-12 * abs(state.pole.real):
-            break
     return state
 
 
