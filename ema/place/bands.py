@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ema.data import Finding, ModalMap, Provenance
 from ema.data.forecast import Forecast, ForecastCheck
@@ -120,34 +120,27 @@ def forecast(
     ((_, whole),) = verify_all([nominal], executor)
     spread_out = np.repeat((shares(nominal) < MAJORITY)[:, None], len(asked.force_levels), axis=1)
     middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
-    rough, spread = fundamental(nominal), np.empty((draws, *middle.shape))
+    rough = fundamental(nominal)
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
-    unilateral = task.joint.normal_contact == "unilateral"
-    if unilateral:
+    if _lifts(task):
         lifted = fundamental(nominal, float(np.mean(PRESSURE)))
         middle, rough = middle * lifted[:, :2] / rough[:, :2], lifted
-    opened = np.empty((draws, *middle[:, 0].shape), bool)
+    spread, opened = np.empty((draws, *middle.shape)), np.empty((draws, *middle[:, 0].shape), bool)
     for number, one in enumerate(drawn(asked, draws, rng)):
-        question_of_draw = _uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng)
-        found = fundamental(question_of_draw, rng.uniform(*PRESSURE) if unilateral else None)
-        opened[number] = found[:, 2] >= 1
-        parted = opened[number] & unilateral
-        spread[number] = np.where(parted[:, None], np.nan, found[:, :2])
-        spread[number] *= np.exp(harmonics * rng.standard_normal((len(asked.modes), 2, 1, 1)))
+        case = _uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng)
+        spread[number], opened[number] = _draw(case, harmonics, _lifts(task), rng)
         advance(progress, "bands of the forecast", number + 1, draws)
     low, high = _band(middle, spread / rough[:, :2])
-    known = np.isfinite(low[:, 1])
-    beam = here.catalogue[int(here.beams[0])]
     parted = np.mean(opened, axis=0) > 1 - _ENOUGH
     findings = (
-        *_about_holes(f"place {place}", known, spread_out, parted, np.isfinite(middle[:, 1])),
+        *_about_holes(f"place {place}", np.isfinite(low[:, 1]), spread_out, parted, np.isfinite(middle[:, 1])),
         *_about_harmonics(f"place {place}", harmonics[:, 1]),
     )
     bare = task.bare.poles[list(task.modes)]
     return Forecast(
         (float(here.centres[0, 0]), float(here.centres[0, 1])),
         float(here.angles[0]),
-        beam.name,
+        here.catalogue[int(here.beams[0])].name,
         tuple(mode + 1 for mode in task.modes),
         np.abs(bare) / (2 * np.pi),
         -bare.real / np.abs(bare),
@@ -164,6 +157,21 @@ def forecast(
         findings,
         Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
     )
+
+
+def _lifts(task: Task) -> bool:
+    """Whether the edges of the joints lift off, since nothing pulls there."""
+    return task.joint.normal_contact == "unilateral"
+
+
+def _draw(
+    case: Question, harmonics: Float[np.ndarray, "mode 2 level force"], lifts: bool, rng: np.random.Generator
+) -> tuple[Float[np.ndarray, "mode 2 level force"], Bool[np.ndarray, "mode level force"]]:
+    """Frequency and damping ratio of one draw, its upper harmonics drawn too, and where its joints part."""
+    found = fundamental(case, rng.uniform(*PRESSURE) if lifts else None)
+    opened = found[:, 2] >= 1
+    values = np.where((opened & lifts)[:, None], np.nan, found[:, :2])
+    return values * np.exp(harmonics * rng.standard_normal((len(values), 2, 1, 1))), opened
 
 
 def _about_holes(
