@@ -20,8 +20,9 @@ LINES, BANDWIDTHS = 25, 4.0
 """Lines of a stepped sine about a resonance, and its half-power bandwidths to either side: as in ``ema.compare``."""
 
 
-LIFTS = 6
-"""Steps towards the motion with which edges lift off, at most."""
+LIFTS = 30
+"""Steps towards the motion with which edges lift off, at most. What has not settled by then jumps between two motions,
+and is no resonance of which a frequency could be told."""
 _CLOSE = 1e-4
 """Relative change of the frequency that no longer matters there."""
 
@@ -77,16 +78,17 @@ def _peak(
     *found, forces = kernels.peak_of(target, *band, level, structure, contact)
     frequency, damping, opening = found
     softer, whole = structure, structure[6]
-    for _ in range(LIFTS if patch is not None and np.isfinite(frequency) else 0):
-        assert patch is not None
+    if patch is None or not np.isfinite(frequency):
+        return (frequency, damping, opening), softer
+    for _ in range(LIFTS):
         # half way: the softer a patch, the more it moves
         soft = np.sqrt(softer[6] * softened(patch, whole, forces * softer[6]))
         softer = (*structure[:6], soft, structure[7])
         before = frequency
         frequency, damping, _, forces = kernels.peak_of(target, *band, level, softer, contact)
         if not np.isfinite(frequency) or abs(frequency - before) < _CLOSE * before:
-            break
-    return (frequency, damping, opening), softer
+            return (frequency, damping, opening), softer
+    return (np.nan, np.nan, opening), softer
 
 
 MAJORITY = 0.5

@@ -72,8 +72,10 @@ def sliding() -> tuple[np.ndarray, ...]:
     return tuple(one[..., keep] if one.shape[-1:] == keep.shape else one for one in structure)
 
 
-def peak_in_time(structure: tuple[np.ndarray, ...], level: float, near: float, lifts: bool) -> float:
-    """Frequency of the largest steady motion of the driven point, in time, by a parabola through five sines."""
+def in_steps_down(
+    structure: tuple[np.ndarray, ...], level: float, frequencies: np.ndarray, lifts: bool, afresh: bool = False
+) -> np.ndarray:
+    """Heights of the steady motion of the driven point in time, each from that of the frequency before or ``afresh``."""
     squares, decay, _, slips, ends, springs, flexibility, _ = structure
     sliders = np.zeros((5, 2, 60))
     for joint in range(2):
@@ -82,19 +84,48 @@ def peak_in_time(structure: tuple[np.ndarray, ...], level: float, near: float, l
         pressure = 0.25 - (sliders[0, joint] / 0.016) ** 2
         sliders[3, joint] = 60.0 * pressure / pressure.sum()
     rows = np.vstack([[slips[n], springs[n], springs[2 + n]] for n in range(2)])
-    heights = []
-    frequencies = near * (1 + 0.0007 * np.arange(-2, 3))
+    heights, settings = [], np.array([float(lifts), 0.0, 1.0, 1.0])
+    q, v, slid, phase = np.zeros(len(squares)), np.zeros(len(squares)), np.zeros((2, 60)), 0.0
     for frequency in frequencies:
-        q, v, phase = np.zeros(len(squares)), np.zeros(len(squares)), 0.0
-        settings = np.array([float(lifts), 0.0, 1.0, 1.0])
+        if afresh:
+            q, v, slid, phase = np.zeros(len(squares)), np.zeros(len(squares)), np.zeros((2, 60)), 0.0
         for periods in (400, 10):
             phasors, _, phase = run(
-                q, v, np.zeros((2, 60)), squares, decay, rows, ends[0], sliders, settings, phase % (2 * np.pi), level,
+                q, v, slid, squares, decay, rows, ends[0], sliders, settings, phase % (2 * np.pi), level,
                 2 * np.pi * frequency, 2e-6, round(periods / frequency / 2e-6),
             )  # fmt: skip
-        heights.append(abs(ends[0] @ phasors) ** -2)
-    bend, slope, _ = np.polyfit(frequencies - near, heights, 2)
+        heights.append(abs(ends[0] @ phasors))
+    return np.array(heights)
+
+
+def peak_in_time(structure: tuple[np.ndarray, ...], level: float, near: float, lifts: bool) -> float:
+    """Frequency of the largest steady motion of the driven point, in time, by a parabola through five sines."""
+    frequencies = near * (1 + 0.0007 * np.arange(-2, 3))
+    heights = in_steps_down(structure, level, frequencies, lifts, afresh=True)
+    bend, slope, _ = np.polyfit(frequencies - near, heights**-2.0, 2)
     return float(near - slope / (2 * bend))
+
+
+def test_the_peak_of_a_resonance_that_folds_is_where_a_sweep_downwards_finds_it(
+    sliding: tuple[np.ndarray, ...],
+) -> None:
+    """At twice the level of the test below the flank is steep, and the way to the motion of the peak long."""
+    none = (np.zeros(2), np.full(2, 1e-12), 0.0, secant_table("masing", ()), np.full(2, 60.0))
+    patch = Patches(np.full(2, 60.0), np.full(2, 0.016), 1.0)
+    (frequency, _, opening), _ = _peak(0, (400.0, 530.0), 6.0, sliding, none, patch)
+    assert opening < 1
+    frequencies = 475.5 - 0.2 * np.arange(9)
+    heights = in_steps_down(sliding, 6.0, frequencies, True)
+    assert 0 < heights.argmax() < 8
+    assert frequencies[heights.argmax()] == pytest.approx(frequency, abs=0.2)
+
+
+def test_a_motion_that_does_not_settle_is_no_resonance(sliding: tuple[np.ndarray, ...]) -> None:
+    """From 7.5 N on the way leads from one motion to another and back: a fold without a peak in between."""
+    none = (np.zeros(2), np.full(2, 1e-12), 0.0, secant_table("masing", ()), np.full(2, 60.0))
+    patch = Patches(np.full(2, 60.0), np.full(2, 0.016), 1.0)
+    (frequency, damping, _), _ = _peak(0, (400.0, 530.0), 7.5, sliding, none, patch)
+    assert np.isnan(frequency) and np.isnan(damping)
 
 
 def test_a_structure_whose_patches_lift_off_at_their_edges_has_the_peak_that_it_has_in_time(
