@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy.fft
+import scipy.ndimage
 from jaxtyping import Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
@@ -19,6 +20,16 @@ from ema.progress import Progress, advance, silent
 CORRELATED = 0.5
 """Median coherence between two inputs above which a finding says so."""
 
+
+EXCITED = 1e-3
+"""Part of the median power of a force in its band below which a line was not excited (-30 dB).
+
+Beyond it FRFs are noise over noise, which the fit cannot tell from modes. A force that falls by 20 dB over the band is
+kept; ten times as much cuts the skirts of a force that falls at the resonances.
+"""
+
+NARROW = 4
+"""Lines on either side of a line over which the median of a force's power is taken: what is narrower is a tone."""
 
 Method = Literal["local", "welch"]
 
@@ -116,8 +127,11 @@ def shaker(
         parts = welch_frfs(inputs, estimator, first.sampling_rate, cut.length)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
         name = estimator
+    band = excited_band(inputs, first.sampling_rate, cut.length)
+    parts, beyond = _within(parts, band, where)
     findings = (
         *parts.pop("findings", ()),
+        *beyond,
         *clipping.about_records(run),
         *about_levels(run),
         *input_findings(inputs, layout.inputs, where),
@@ -136,6 +150,59 @@ def shaker(
         findings=findings,
         provenance=Provenance(steps=("estimate.shaker",), options=tuple((k, str(v)) for k, v in options.items())),
     )
+
+
+def excited_band(found: Spectra, rate: float, length: int) -> tuple[float, float]:
+    """Lowest and highest frequency [Hz] that every force excites."""
+    power = spectra.input_power(found)
+    low, high = 0.0, np.inf
+    for one in power.T:
+        # drift and tones, such as those of the mains, are no excitation of a band
+        smooth = scipy.ndimage.median_filter(one[NARROW:], 2 * NARROW + 1, mode="nearest")
+        share = np.cumsum(smooth) / max(float(smooth.sum()), 1e-300)
+        first, last = np.searchsorted(share, [0.01, 0.99])
+        excited = NARROW + np.flatnonzero(smooth > EXCITED * np.median(smooth[first : last + 1]))
+        if excited.size:
+            low, high = max(low, float(excited[0] - 1)), min(high, float(excited[-1] + 1))
+    low = 0.0 if low < 2 * NARROW else low
+    return low * rate / length, high * rate / length
+
+
+def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tuple[dict[str, Any], tuple[Finding, ...]]:
+    """The lines of ``parts`` that were excited, and a finding where others were left out.
+
+    Raises
+    ------
+    InputError : the forces have no line in common.
+    """
+    frequencies = parts["frequencies"]
+    kept = (frequencies >= band[0]) & (frequencies <= band[1])
+    if not kept.any():
+        raise InputError(
+            "no line is excited by all forces",
+            where=where,
+            got=f"from {band[0]:.4g} Hz by one, up to {band[1]:.4g} Hz by another",
+            expected="forces over one band",
+            advice="make a run of each shaker",
+        )
+    if kept.mean() > 0.99:
+        return parts, ()
+    cut = {name: parts[name][kept] for name in ("frequencies", "values", "coherence") if parts.get(name) is not None}
+    if parts.get("variance") is not None:
+        cut["variance"] = parts["variance"][kept]
+    deviations = parts.get("deviations")
+    if deviations is not None:
+        cut["deviations"] = replace(deviations, values=deviations.values[:, kept])
+    finding = Finding(
+        "info",
+        "excited-band",
+        where,
+        f"the force excites {max(band[0], frequencies[0]):.4g} to {min(band[1], frequencies[-1]):.4g} Hz; the lines "
+        "beyond it are left out.",
+        float(kept.mean()),
+        None,
+    )
+    return parts | cut, (finding,)
 
 
 def welch_frfs(found: Spectra, estimator: Estimator, rate: float, length: int) -> dict[str, Any]:

@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from ema.data import Channel, Condition, Excitation, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import force_at_resonance, shaker, stepped, sweep
-from ema.study.chain import default_band
+from ema.study.chain import default_band, fitted
+from ema.study.measured import frfs_of
+from ema.study.recipe import EstimateTable, FitTable
 
 RATE = 512.0
 FREQUENCIES, DAMPING = np.array([41.0, 63.0, 97.0]), np.array([0.012, 0.009, 0.015])
@@ -277,3 +280,54 @@ def test_the_level_of_a_sweep_is_not_read_where_it_rests():
     level = force_at_resonance(replace(take, signals=signals), 97.0, 0.004)
     assert level.level == pytest.approx(5, rel=0.02)
     assert level.dropout == pytest.approx(1, rel=0.02)
+
+
+def test_lines_that_the_force_does_not_excite_are_left_out():
+    """FRFs beyond a band-limited force had hidden every mode within it: no mode was found."""
+    rng = np.random.default_rng(20)
+    shape = scipy.signal.butter(6, [30, 120], "band", fs=RATE, output="sos")
+    takes = []
+    for _ in range(3):
+        force = scipy.signal.sosfiltfilt(shape, 10 * rng.normal(size=4096))
+        takes.append(record(force + 1e-3 * rng.normal(size=4096), responses(force, rng)))
+    for method in ("local", "welch"):
+        frfs = shaker(run(takes), method=method)
+        (finding,) = said(frfs, "excited-band")
+        assert 20 < frfs.frequencies[0] < 30 and 120 < frfs.frequencies[-1] < 150
+        assert finding.value == pytest.approx(
+            len(frfs.frequencies) / 4096 * 2 * (1 if method == "local" else 8), rel=0.1
+        )
+    _, modes = fitted(shaker(run(takes)), FitTable())
+    assert modes.natural_frequencies == pytest.approx(FREQUENCIES, rel=1e-4)
+    assert not said(shaker(run(random_records(rng))), "excited-band")
+
+
+def test_drift_and_tones_of_a_force_are_no_band():
+    rng = np.random.default_rng(21)
+    t = np.arange(16384) / RATE
+    force = 10 * rng.normal(size=16384)
+    answers = responses(force, rng)
+    measured = force + 300 * (t / 32) ** 1.5 + 60 * np.sin(2 * np.pi * 50 * t)
+    assert not said(shaker(run([record(measured, answers)])), "excited-band")
+
+
+@pytest.mark.parametrize("kind", ["random", "sweep"])
+def test_set_ups_that_were_excited_over_slightly_different_bands_are_joined(kind):
+    """They had been refused for their unequal frequency axes."""
+    rng = np.random.default_rng(22)
+    takes = []
+    for setup, band in (("A", (30.0, 120.0)), ("B", (29.0, 124.0))):
+        if kind == "random":
+            shape = scipy.signal.butter(6, band, "band", fs=RATE, output="sos")
+            force = scipy.signal.sosfiltfilt(shape, 10 * rng.normal(size=8192))
+            take = record(force, responses(force, rng))
+        else:
+            take = sweeps(rng, 1, band)[0]
+        moved = [replace(channel, dof=Dof(channel.dof.node + 10, "+Z")) for channel in take.channels[2:]]
+        channels = take.channels if setup == "A" else (*take.channels[:2], *moved)
+        takes.append(replace(take, setup=setup, channels=channels))
+    joined, _ = frfs_of(run(takes, kind), EstimateTable())
+    assert len(joined.outputs) == 9
+    inside = joined.band(40, 110)
+    wanted = accelerance(inside.frequencies).transpose(2, 0, 1)
+    assert np.abs(inside.values[:, :5] - wanted).max() < 0.05 * np.abs(wanted).max()
