@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.ndimage
 import scipy.signal
 from jaxtyping import Complex, Float
 
@@ -109,7 +110,9 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
         )
     core = driven & (np.abs(at - frequency) <= 0.5 * width)
     core = core if core.sum() >= 4 else inside
-    beside = driven & (np.abs(at - frequency) > _BESIDE * width) & (np.abs(at - frequency) <= 3 * _BESIDE * width)
+    # where a sine begins and ends, the amplitude is one of the sine and of its pause
+    steady = scipy.ndimage.minimum_filter(driven, int(12 * recording.sampling_rate / frequency) | 1)
+    beside = steady & (np.abs(at - frequency) > _BESIDE * width) & (np.abs(at - frequency) <= 3 * _BESIDE * width)
     level = float(np.mean(amplitude[core]))
     dropout = level / float(np.median(amplitude[beside])) if beside.sum() >= 16 else float("nan")
     findings: tuple[Finding, ...] = ()
