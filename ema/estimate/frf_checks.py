@@ -291,10 +291,11 @@ def _drive_points(frfs: FrfSet) -> list[Finding]:
                     "error",
                     "drive-point-sign",
                     where,
-                    "the drive point has the wrong sign: force or response is reversed.",
+                    "the drive point has the wrong sign: force or response is reversed, or they are exchanged.",
                     negative,
                     WRONG_PHASE,
-                    "Reverse the sign of the channel by a repair, or correct its direction.",
+                    "Reverse the sign of the channel by a repair, or correct its direction. Where the two are "
+                    "exchanged, correct their roles: the modes are those of the structure held at this point.",
                 )
             )
         elif negative > WRONG_PHASE:

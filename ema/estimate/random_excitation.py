@@ -1,23 +1,35 @@
 """FRFs of a random shaker test with one or several shakers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 import scipy.fft
+import scipy.ndimage
 from jaxtyping import Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, hammer_findings, local_model, spectra, windows
-from ema.estimate.single_blows import KEPT, MOST
+from ema.estimate import channels, clipping, hammer_findings, local_model, spectra, windows
+from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
+from ema.estimate.single_blows import MOST
 from ema.estimate.spectra import Estimator, Spectra
 from ema.progress import Progress, advance, silent
 
 CORRELATED = 0.5
 """Median coherence between two inputs above which a finding says so."""
 
+
+EXCITED = 1e-3
+"""Part of the median power of a force in its band below which a line was not excited (-30 dB).
+
+Beyond it FRFs are noise over noise, which the fit cannot tell from modes. A force that falls by 20 dB over the band is
+kept; ten times as much cuts the skirts of a force that falls at the resonances.
+"""
+
+NARROW = 4
+"""Lines on either side of a line over which the median of a force's power is taken: what is narrower is a tone."""
 
 Method = Literal["local", "welch"]
 
@@ -115,7 +127,16 @@ def shaker(
         parts = welch_frfs(inputs, estimator, first.sampling_rate, cut.length)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
         name = estimator
-    findings = (*input_findings(inputs, layout.inputs, where), *hammer_findings.about_units(unit, where))
+    band = excited_band(inputs, first.sampling_rate, cut.length)
+    parts, beyond = _within(parts, band, where)
+    findings = (
+        *parts.pop("findings", ()),
+        *beyond,
+        *clipping.about_records(run),
+        *about_levels(run),
+        *input_findings(inputs, layout.inputs, where),
+        *hammer_findings.about_units(unit, where),
+    )
     options = {"estimator": estimator, "method": method, "block": block, "overlap": overlap}
     return FrfSet(
         **parts,
@@ -129,6 +150,59 @@ def shaker(
         findings=findings,
         provenance=Provenance(steps=("estimate.shaker",), options=tuple((k, str(v)) for k, v in options.items())),
     )
+
+
+def excited_band(found: Spectra, rate: float, length: int) -> tuple[float, float]:
+    """Lowest and highest frequency [Hz] that every force excites."""
+    power = spectra.input_power(found)
+    low, high = 0.0, np.inf
+    for one in power.T:
+        # drift and tones, such as those of the mains, are no excitation of a band
+        smooth = scipy.ndimage.median_filter(one[NARROW:], 2 * NARROW + 1, mode="nearest")
+        share = np.cumsum(smooth) / max(float(smooth.sum()), 1e-300)
+        first, last = np.searchsorted(share, [0.01, 0.99])
+        excited = NARROW + np.flatnonzero(smooth > EXCITED * np.median(smooth[first : last + 1]))
+        if excited.size:
+            low, high = max(low, float(excited[0] - 1)), min(high, float(excited[-1] + 1))
+    low = 0.0 if low < 2 * NARROW else low
+    return low * rate / length, high * rate / length
+
+
+def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tuple[dict[str, Any], tuple[Finding, ...]]:
+    """The lines of ``parts`` that were excited, and a finding where others were left out.
+
+    Raises
+    ------
+    InputError : the forces have no line in common.
+    """
+    frequencies = parts["frequencies"]
+    kept = (frequencies >= band[0]) & (frequencies <= band[1])
+    if not kept.any():
+        raise InputError(
+            "no line is excited by all forces",
+            where=where,
+            got=f"from {band[0]:.4g} Hz by one, up to {band[1]:.4g} Hz by another",
+            expected="forces over one band",
+            advice="make a run of each shaker",
+        )
+    if kept.mean() > 0.99:
+        return parts, ()
+    cut = {name: parts[name][kept] for name in ("frequencies", "values", "coherence") if parts.get(name) is not None}
+    if parts.get("variance") is not None:
+        cut["variance"] = parts["variance"][kept]
+    deviations = parts.get("deviations")
+    if deviations is not None:
+        cut["deviations"] = replace(deviations, values=deviations.values[:, kept])
+    finding = Finding(
+        "info",
+        "excited-band",
+        where,
+        f"the force excites {max(band[0], frequencies[0]):.4g} to {min(band[1], frequencies[-1]):.4g} Hz; the lines "
+        "beyond it are left out.",
+        float(kept.mean()),
+        None,
+    )
+    return parts | cut, (finding,)
 
 
 def welch_frfs(found: Spectra, estimator: Estimator, rate: float, length: int) -> dict[str, Any]:
@@ -152,7 +226,8 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     """
     first = records[0]
     layout = channels.layout(first, channels.describe(run, first))
-    length = local_block(min(record.signals.shape[1] for record in records)) if block is None else block // 2 * 2
+    shortest = min(record.signals.shape[1] for record in records)
+    length = local_block(shortest, len(records)) if block is None else block // 2 * 2
     least = 2 * (local_model.width(len(layout.references)) + 2)
     if length < least:
         raise InputError(
@@ -166,21 +241,21 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     weights: Any = 0.0
     noise: Any = 0.0
     power: Any = 0.0
-    count, size = 0, 0
-    single: list[tuple[np.ndarray, np.ndarray]] = []
+    single = SingleBlocks()
     for place, record in enumerate(records):
         this = channels.layout(record, channels.describe(run, record))
         for start in range(0, record.signals.shape[1] - length + 1, length):
             rows = [*this.references, *this.responses]
-            lines = scipy.fft.rfft(record.signals[rows, start : start + length].astype(np.float64), axis=1)[:, 1:-1].T
-            split = len(this.references)
-            estimate = local_model.local_model(lines[:, :split], lines[:, split:])
-            weight = 1 / np.maximum(estimate.variance, 1e-300)
-            size += estimate.values.nbytes + weight.nbytes
-            single = [*single, (estimate.values, weight)] if size <= KEPT else []
+            signals = record.signals[rows, start : start + length].astype(np.float64)
+            estimate = _moved(signals, len(this.references))
+            if estimate is None:
+                continue
+            weight = np.where(np.isfinite(estimate.variance), 1 / np.maximum(estimate.variance, 1e-300), 0.0)
+            single.keep(_stretch(record, start, length), estimate.values, weight)
             weighted, weights = weighted + weight * estimate.values, weights + weight
-            noise, power, count = noise + estimate.noise, power + estimate.power, count + 1
+            noise, power = noise + estimate.noise, power + estimate.power
         advance(progress, "modelling records", place + 1, len(records))
+    _driven(weights, layout.inputs, channels.describe(run))
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
     values = weighted / weights
     return {
@@ -188,24 +263,69 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         "values": values,
         "coherence": np.repeat(coherence[:, :, None], values.shape[2], axis=2),
         "variance": 1 / weights,
-        "averages": np.full(values.shape[1:], float(count)),
+        "averages": np.full(values.shape[1:], float(single.count)),
         "deviations": _deviations(values, weights, single),
+        "findings": about_records(single, first.channels, layout.responses, channels.describe(run)),
     }
 
 
+def _moved(signals: Float[np.ndarray, "channel sample"], inputs: int) -> local_model.Local | None:
+    """The local model of a block by the forces that act in it; the variance of the others is infinite.
+
+    A burst leaves blocks without any force, two shakers that run one after the other have one each; ``None`` where no
+    force acts: what is left to see is free vibration.
+    """
+    acting = np.ptp(signals[:inputs], axis=1) > 0
+    if not acting.any():
+        return None
+    lines = scipy.fft.rfft(signals, axis=1)[:, 1:-1].T
+    estimate = local_model.local_model(lines[:, :inputs][:, acting], lines[:, inputs:])
+    if acting.all():
+        return estimate
+    shape = (*estimate.values.shape[:2], inputs)
+    values, variance = np.zeros(shape, complex), np.full(shape, np.inf)
+    values[:, :, acting], variance[:, :, acting] = estimate.values, estimate.variance
+    return replace(estimate, values=values, variance=variance)
+
+
+def _driven(weights: Any, inputs: Sequence[object], where: str) -> None:
+    """Refuse forces that act in no block.
+
+    Raises
+    ------
+    InputError : one does not.
+    """
+    for column, name in enumerate(inputs):
+        if np.ndim(weights) == 0 or not np.any(weights[:, :, column]):
+            raise InputError(
+                "the force acts in no block of the records",
+                where=f"{where}, force at {name}",
+                got="a force that is constant in every block",
+                expected="a force in one block or more",
+                advice="choose shorter blocks, or check the force channel",
+            )
+
+
+def _stretch(record: Recording, start: int, length: int) -> str:
+    """``take_07.h5`` or, of a part, ``take_07.h5 from 8 s to 16 s``."""
+    if record.signals.shape[1] < 2 * length:
+        return record.name
+    rate = record.sampling_rate
+    return f"{record.name} from {start / rate:.4g} s to {(start + length) / rate:.4g} s".strip()
+
+
 def _deviations(
-    values: Complex[np.ndarray, "freq out in"],
-    weights: Float[np.ndarray, "freq out in"],
-    blocks: Sequence[tuple[Complex[np.ndarray, "freq out in"], Float[np.ndarray, "freq out in"]]],
+    values: Complex[np.ndarray, "freq out in"], weights: Float[np.ndarray, "freq out in"], single: SingleBlocks
 ) -> Deviations | None:
     """Deviations of the weighted mean by its blocks, at most ``MOST`` groups of neighbours."""
+    blocks = single.blocks
     if len(blocks) < 2:
         return None
     groups = np.array_split(np.arange(len(blocks)), min(len(blocks), MOST))
     changes = np.empty((len(groups), *values.shape), np.complex64)
     for place, group in enumerate(groups):
-        share = sum(blocks[k][1] for k in group) / weights
-        change = sum(blocks[k][1] * (blocks[k][0] - values) for k in group) / weights
+        share = sum(blocks[k].weight for k in group) / weights
+        change = sum(blocks[k].weight * (blocks[k].values - values) for k in group) / weights
         changes[place] = change / np.sqrt(1 - np.minimum(share, 1 - 1e-9))
     numbers = np.broadcast_to(np.arange(len(groups))[:, None, None], (len(groups), *values.shape[1:]))
     return Deviations(changes, numbers)
@@ -220,8 +340,14 @@ def automatic_block(samples: int, inputs: int) -> int:
     return length
 
 
-def local_block(samples: int) -> int:
-    """Longest power of two (at most ``LONGEST_BLOCK``) that fits in twice, or all of a short record."""
+def local_block(samples: int, records: int = 1) -> int:
+    """Longest power of two (at most ``LONGEST_BLOCK``) that fits in twice; all of a short record, or of one of several.
+
+    Several records are averaged as they are: in a part of a burst there may be no force, and short parts do not resolve
+    what the records do.
+    """
+    if records > 1 and samples <= LONGEST_BLOCK:
+        return samples // 2 * 2
     length = 256
     if samples < 2 * length:
         return samples // 2 * 2

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.ndimage
 import scipy.signal
 from jaxtyping import Complex, Float
 
@@ -15,6 +16,8 @@ from ema.synthesis import convert
 
 DROPOUT = 0.9
 """Force at resonance over that beside it, below which a finding tells the drop-out."""
+SILENT = 0.05
+"""Part of the largest amplitude of a sine below which it rests: what is left is noise, of any momentary frequency."""
 _BANDWIDTHS = 3.0
 """Half-power bandwidths on either side of a resonance over which the scatter of the force is read."""
 _BESIDE = 8.0
@@ -96,7 +99,8 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
     force = np.asarray(recording.signals[rows[0], first:], dtype=np.float64)
     at, amplitude = _passage(force - force.mean(), recording.sampling_rate)
     width = 2 * damping * frequency
-    inside = np.abs(at - frequency) <= _BANDWIDTHS * width
+    driven = amplitude > SILENT * amplitude.max()
+    inside = driven & (np.abs(at - frequency) <= _BANDWIDTHS * width)
     if inside.sum() < 16:
         raise InputError(
             "the sweep does not pass the mode",
@@ -104,9 +108,11 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
             got=f"{inside.sum()} samples near it",
             expected="a sine through the resonance",
         )
-    core = np.abs(at - frequency) <= 0.5 * width
+    core = driven & (np.abs(at - frequency) <= 0.5 * width)
     core = core if core.sum() >= 4 else inside
-    beside = (np.abs(at - frequency) > _BESIDE * width) & (np.abs(at - frequency) <= 3 * _BESIDE * width)
+    # where a sine begins and ends, the amplitude is one of the sine and of its pause
+    steady = scipy.ndimage.minimum_filter(driven, int(12 * recording.sampling_rate / frequency) | 1)
+    beside = steady & (np.abs(at - frequency) > _BESIDE * width) & (np.abs(at - frequency) <= 3 * _BESIDE * width)
     level = float(np.mean(amplitude[core]))
     dropout = level / float(np.median(amplitude[beside])) if beside.sum() >= 16 else float("nan")
     findings: tuple[Finding, ...] = ()

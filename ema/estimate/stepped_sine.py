@@ -8,17 +8,31 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, hammer_findings
+from ema.estimate import channels, clipping, hammer_findings
+from ema.estimate.record_agreement import LEVEL, about_level
 from ema.progress import Progress, advance, silent
 
 HARMONICS = 5
 """Highest harmonic that is told apart from noise."""
 UNSTEADY = 0.02
 """Change of a response between the halves of a record above which it was not settled."""
+UNUSABLE = 0.2
+"""The same change above which the FRFs are not those of steady vibration anywhere near a resonance."""
 _FEWEST_CYCLES = 4.0
 """Cycles of the force below which its frequency and harmonics are not read."""
 _CLEAR = 5.0
 """Standard deviations of noise that a change between the halves of a record has to exceed."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One stay at a frequency [Hz]: amplitudes (channel, order) with the force first, the variance of those of order 1,
+    and by how much each response over the force changed while it lasted (0 within noise)."""
+
+    frequency: float
+    amplitudes: Complex[np.ndarray, "channel order"]
+    noise: Float[np.ndarray, "channel"]
+    moved: Float[np.ndarray, "out"]
 
 
 @dataclass(frozen=True)
@@ -143,7 +157,7 @@ def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) ->
     array([5., 5.])
     """
     records = channels.recordings_of(run)
-    steps: list[tuple[float, np.ndarray, np.ndarray]] = []
+    steps: list[Step] = []
     layout, first, unsteady = None, None, 0.0
     for place, record in enumerate(records):
         where = channels.describe(run, record)
@@ -163,8 +177,9 @@ def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) ->
             signals = _settled(signals, round(discard * rate), where)
             frequency = _frequency(signals[0], rate, where)
             amplitudes, noise = _orders(signals, frequency, rate)
-            unsteady = max(unsteady, _change(signals, frequency, rate))
-            steps.append((frequency, amplitudes, noise))
+            change, moved = _change(signals, frequency, rate)
+            unsteady = max(unsteady, change)
+            steps.append(Step(frequency, amplitudes, noise, moved))
         advance(progress, "reading steps", place + 1, len(records))
     assert layout is not None and first is not None
     return _joined(run, first, layout, steps, unsteady)
@@ -256,56 +271,100 @@ def _orders(
     return amplitudes, 4 * noise / len(angle)
 
 
-def _change(signals: Float[np.ndarray, "channel sample"], frequency: float, rate: float) -> float:
-    """Largest relative change of the amplitude of a response from the first to the second half of a record."""
+def _change(
+    signals: Float[np.ndarray, "channel sample"], frequency: float, rate: float
+) -> tuple[float, Float[np.ndarray, "out"]]:
+    """What changes from the first to the second half of a record, beyond noise.
+
+    The largest relative change of the amplitude of a response, and the change of each response over the force.
+    """
     half = signals.shape[1] // 2
     if frequency * half / rate < _FEWEST_CYCLES / 2:
-        return 0.0
-    before, noise = _orders(signals[1:, :half], frequency, rate)
-    after, more = _orders(signals[1:, half:], frequency, rate)
-    size, change = np.abs(before[:, 0]), np.abs(np.abs(after[:, 0]) - np.abs(before[:, 0]))
-    clear = change > _CLEAR * np.sqrt(noise + more)
-    return float(np.max(change[clear] / size[clear])) if clear.any() else 0.0
+        return 0.0, np.zeros(len(signals) - 1)
+    (before, noise), (after, more) = (_orders(part, frequency, rate) for part in (signals[:, :half], signals[:, half:]))
+    size, change = np.abs(before[1:, 0]), np.abs(np.abs(after[1:, 0]) - np.abs(before[1:, 0]))
+    clear = change > _CLEAR * np.sqrt(noise[1:] + more[1:])
+    ratios, variances = zip(*(_over_force(part[:, 0], spread) for part, spread in ((before, noise), (after, more))))
+    moved = np.abs(ratios[1] - ratios[0])
+    moved = np.where(moved > _CLEAR * np.sqrt(variances[0] + variances[1]), moved, 0.0)
+    return (float(np.max(change[clear] / size[clear])) if clear.any() else 0.0), moved
+
+
+def _over_force(
+    amplitudes: Complex[np.ndarray, "channel"], noise: Float[np.ndarray, "channel"]
+) -> tuple[Complex[np.ndarray, "out"], Float[np.ndarray, "out"]]:
+    """Responses over the force, and their variance."""
+    force = amplitudes[0] if amplitudes[0] != 0 else 1e-300
+    ratio = amplitudes[1:] / force
+    return ratio, (noise[1:] + np.abs(ratio) ** 2 * noise[0]) / np.abs(force) ** 2
+
+
+def _repeated(group: list[Step], ratios: Complex[np.ndarray, "step out"]) -> tuple[Float[np.ndarray, "out"], float]:
+    """Variance of the mean of what was measured at one frequency, and the largest relative difference beyond noise.
+
+    It contains the noise within a step and, of several steps, their scatter.
+    """
+    each = np.array([_over_force(step.amplitudes[:, 0], step.noise)[1] for step in group])
+    variance = np.mean(each, axis=0) / len(group)
+    if len(group) < 2:
+        return variance, 0.0
+    mean = ratios.mean(axis=0)
+    apart = np.abs(ratios - mean).max(axis=0)
+    clear = apart > _CLEAR * np.sqrt(each.max(axis=0))
+    scatter = np.sum(np.abs(ratios - mean) ** 2, axis=0) / (len(group) - 1) / len(group)
+    return np.maximum(variance, scatter), float(np.max(np.where(clear, apart / np.maximum(np.abs(mean), 1e-300), 0.0)))
 
 
 def _joined(
-    run: Run,
-    first: Recording,
-    layout: channels.Layout,
-    steps: list[tuple[float, np.ndarray, np.ndarray]],
-    unsteady: float,
+    run: Run, first: Recording, layout: channels.Layout, steps: list[Step], unsteady: float
 ) -> tuple[FrfSet, Steps]:
     """All steps in the order of their frequencies; those at one frequency averaged over the force."""
     where = channels.describe(run)
-    steps = sorted(steps, key=lambda step: step[0])
-    groups: list[list[tuple[float, np.ndarray, np.ndarray]]] = []
+    steps = sorted(steps, key=lambda step: step.frequency)
+    groups: list[list[Step]] = []
     for step in steps:
-        if groups and abs(step[0] / groups[-1][0][0] - 1) < 1e-5:
+        if groups and abs(step.frequency / groups[-1][0].frequency - 1) < 1e-5:
             groups[-1].append(step)
         else:
             groups.append([step])
-    frequencies = np.array([np.mean([step[0] for step in group]) for group in groups])
+    frequencies = np.array([np.mean([step.frequency for step in group]) for group in groups])
     values, variance, force, responses = [], [], [], []
-    for group in groups:
-        ratios = np.array([step[1][1:, 0] / step[1][0, 0] for step in group])
-        powers = [
-            (step[2][1:] + np.abs(ratio) ** 2 * step[2][0]) / np.abs(step[1][0, 0]) ** 2
-            for step, ratio in zip(group, ratios, strict=True)
-        ]
+    apart = (0.0, 0.0)
+    repeats: list[Finding] = []
+    for group, frequency in zip(groups, frequencies, strict=True):
+        ratios = np.array([step.amplitudes[1:, 0] / step.amplitudes[0, 0] for step in group])
+        spread, differ = _repeated(group, ratios)
+        apart = max(apart, (differ, float(frequency)))
+        amplitudes = [float(np.abs(step.amplitudes[0, 0])) for step in group]
+        repeats.extend(about_level(amplitudes, f"{where}, {frequency:.5g} Hz"))
         values.append(ratios.mean(axis=0))
-        variance.append(np.mean(powers, axis=0) / len(group))
-        force.append(np.mean([np.abs(step[1][0, 0]) for step in group]))
-        responses.append(group[0][1][1:])
+        variance.append(spread)
+        force.append(np.mean([np.abs(step.amplitudes[0, 0]) for step in group]))
+        responses.append(group[0].amplitudes[1:])
     quantity, unit = channels.frf_quantity(
         [first.channels[row] for row in first.with_role("response")],
         [first.channels[row] for row in first.with_role("reference")],
         where,
     )
-    findings = list(hammer_findings.about_units(unit, where))
+    mixed = sorted(repeats, key=lambda finding: finding.value or 0.0)[-1:]
+    findings = [*clipping.about_records(run), *mixed, *hammer_findings.about_units(unit, where)]
+    if apart[0] > LEVEL:
+        findings.append(
+            Finding(
+                "error",
+                "records-disagree",
+                where,
+                f"what was measured more than once at {apart[1]:.5g} Hz differs by {100 * apart[0]:.0f} % from its "
+                "mean.",
+                apart[0],
+                LEVEL,
+                "Leave out the records that are wrong; steps at another level are a run of their own.",
+            )
+        )
     if unsteady > UNSTEADY:
         findings.append(
             Finding(
-                "warning",
+                "warning" if unsteady < UNUSABLE else "error",
                 "unsteady",
                 where,
                 f"a response changes by {100 * unsteady:.0f} % within a record: the "
@@ -315,6 +374,10 @@ def _joined(
                 "Wait longer before recording, or discard the start of the records.",
             )
         )
+    moved = np.array([np.max([step.moved for step in group], axis=0) for group in groups])
+    # a response beats about its steady amplitude: what a line is off shows at its neighbours too
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(moved, ((2, 2), (0, 0)), mode="edge"), 5, axis=0)
+    spread_with_start = np.array(variance) + around.max(axis=2) ** 2
     frfs = FrfSet(
         frequencies=frequencies,
         values=np.array(values)[:, :, None],
@@ -322,7 +385,7 @@ def _joined(
         inputs=layout.inputs,
         quantity=quantity,
         unit=unit,
-        variance=np.array(variance)[:, :, None],
+        variance=spread_with_start[:, :, None],
         estimator="sine fit",
         condition=run.condition,
         name=run.id,

@@ -6,16 +6,23 @@ from operator import add
 
 import numpy as np
 import scipy.fft
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from ema.data import Finding, FrfSet, Provenance, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, hammer_findings, single_input
+from ema.estimate import channels, clipping, hammer_findings, single_input
 from ema.estimate.detection_lines import NonlinearDistortion, distortion_finding, excited_lines, nonlinear_distortion
+from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.progress import Progress, advance, silent
+
+REPEATED = 0.5
+"""Rms of the difference of the force from period to period, over its rms, above which the period is another one.
+
+The forces of unequal parts of a sweep differ by 1.4; where the force settles or drops out, by a few percent.
+"""
 
 EXCITED = 0.01
 """Part of the median force power in the swept band below which a line was not excited (-20 dB)."""
@@ -78,6 +85,7 @@ def sweep(
     if periodic:
         length = _period(run, period)
     sums: dict[Dof, Sums] = {}
+    single: dict[Dof, SingleBlocks] = {}
     first, layout = None, None
     left = 0.0
     for place, record in enumerate(records):
@@ -87,6 +95,8 @@ def sweep(
         if first is None or layout is None:
             first, layout = record, this
         _check(first.sampling_rate, record.sampling_rate, layout, this, record.signals.shape[1], length, where)
+        if periodic:
+            _repeating(record.signals[this.references[0]], length, record.sampling_rate, where)
         begins = range(length, record.signals.shape[1] - length + 1, length) if periodic else (0,)
         for begin in begins:
             signals = record.signals[[*this.references, *this.responses], begin : begin + length]
@@ -96,6 +106,10 @@ def sweep(
             part = single_input.summed(lines[0], lines[1:])
             force = this.inputs[0]
             sums[force] = sums[force] + part if force in sums else part
+            weight = np.broadcast_to(part.force, part.cross.shape)
+            single.setdefault(force, SingleBlocks()).keep(
+                record.name, (part.cross * single_input.reciprocal(part.force)).T[:, :, None], weight.T[:, :, None]
+            )
         advance(progress, "transforming sweeps", place + 1, len(records))
     assert first is not None
     assert layout is not None
@@ -103,6 +117,13 @@ def sweep(
     total = reduce(add, sums.values())
     keep = _lines(frequencies, total, band, channels.describe(run))
     frfs = _frfs(run, sums, layout.outputs, frequencies[keep], keep, estimator, left)
+    where = channels.describe(run)
+    differing = [
+        finding
+        for blocks in single.values()
+        for finding in about_records(blocks, first.channels, layout.responses, where)
+    ]
+    frfs = replace(frfs, findings=(*differing, *clipping.about_records(run), *about_levels(run), *frfs.findings))
     return _excited(run, frfs, np.arange(len(frequencies))[keep], total) if periodic else frfs
 
 
@@ -143,6 +164,27 @@ def _period(run: Run, period: float) -> int:
                 expected=f"{2 * period:g} s or more: the first one is dropped",
             )
     return round(exact)
+
+
+def _repeating(force: Float[np.ndarray, "sample"], length: int, rate: float, where: str) -> None:
+    """Refuse a force that is not the same from period to period.
+
+    Raises
+    ------
+    InputError : it differs.
+    """
+    periods = np.asarray(force[: len(force) // length * length], dtype=np.float64).reshape(-1, length)
+    periods = periods - periods.mean(axis=1, keepdims=True)
+    rms = float(np.sqrt(np.mean(periods**2)))
+    differing = float(np.sqrt(np.mean(np.diff(periods, axis=0) ** 2)))
+    if differing > REPEATED * rms:
+        raise InputError(
+            "the force does not repeat with the period stated",
+            where=where,
+            got=f"{length / rate:g} s, and {100 * differing / rms:.0f} % of its rms change from one to the next",
+            expected=f"up to {100 * REPEATED:.0f} %",
+            advice="correct the period in campaign.toml; leave it out for sweeps with a pause",
+        )
 
 
 def _check(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ema.compare.linearity import Linearity
 
 _FIRST_LINE = 20
-"""Lines left out at the low end when nobody states a band: suspension, drift and the windows live there."""
+"""Lines above 0 Hz left out when nobody states a band: suspension, drift and the windows live there."""
 
 
 def analyse(
@@ -133,7 +133,10 @@ def _like(frfs: FrfSet, chosen: FrfSet) -> FrfSet:
 
 def default_band(frfs: FrfSet, hits: HitGallery | None) -> tuple[float, float]:
     """Where to fit when nobody says: the band of the excitation, without the first few lines."""
-    low, high = frfs.frequencies[0] + _FIRST_LINE * frfs.frequency_step, frfs.frequencies[-1]
+    low, high = frfs.frequencies[0], frfs.frequencies[-1]
+    left_out = _FIRST_LINE * frfs.frequency_step
+    if low < left_out:
+        low += left_out
     stated = frfs.condition.excitation.band
     if stated is not None:
         low, high = max(frfs.frequencies[0], stated[0]), min(high, stated[1])

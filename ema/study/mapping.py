@@ -208,14 +208,53 @@ def point(run: Run, table: MapTable, estimate: EstimateTable) -> Point:
     findings: tuple[Finding, ...] = ()
     try:
         fitted = local_fit(frfs, table.near, table.bandwidths)
-    except InputError:
-        level, dropout = nominal, float("nan")
+    except InputError as error:
+        level, dropout, findings = nominal, float("nan"), (_without_mode(run, table, frfs, error),)
     else:
         level, dropout, findings = _level(run, frfs, steps, fitted, estimate.mount_mass)
+        findings += _against_stated(run, frfs, level, dropout)
     excitation = replace(frfs.condition.excitation, level=level)
     frfs = replace(frfs, condition=replace(frfs.condition, excitation=excitation))
     sequence = run.condition.joints[0].sequence
     return Point(frfs, nominal if np.isfinite(nominal) else level, dropout, sequence, findings + frfs.findings)
+
+
+def _without_mode(run: Run, table: MapTable, frfs: FrfSet, error: InputError) -> Finding:
+    """Why a run is a hole of the map."""
+    top = float(frfs.frequencies[np.sum(np.abs(frfs.values) ** 2, axis=(1, 2)).argmax()])
+    return Finding(
+        "warning",
+        "no-mode-near",
+        f"run {run.id}",
+        f"no mode was found near {table.near:g} Hz: {error} The FRFs are largest at {top:.5g} Hz.",
+        top,
+        table.near,
+        "Name the frequency at which the mode is (near), or measure further to both sides of it.",
+    )
+
+
+def _against_stated(run: Run, frfs: FrfSet, level: float, dropout: float) -> tuple[Finding, ...]:
+    """A finding where the level that the campaign states is neither that at resonance nor that beside it."""
+    from ema.estimate.record_agreement import FORCE
+
+    stated = run.condition.excitation.level
+    measured = [level, level / dropout if np.isfinite(dropout) and dropout > 0 else level]
+    if not (np.isfinite(stated) and len(run.recordings) and frfs.scaled):
+        return ()
+    if any(1 / FORCE <= one / stated <= FORCE for one in measured) or min(measured) <= stated <= max(measured):
+        return ()
+    return (
+        Finding(
+            "warning",
+            "level-not-as-stated",
+            f"run {run.id}",
+            f"the campaign states a force level of {stated:.4g} N, and {level:.4g} N were measured at resonance "
+            f"({measured[1]:.4g} N beside it): the map takes what was measured.",
+            level / stated,
+            FORCE,
+            "Correct the level in campaign.toml (it is an amplitude, no rms), or the sensitivity of the force.",
+        ),
+    )
 
 
 def _estimated(run: Run, estimate: EstimateTable) -> tuple[FrfSet, Steps | None]:

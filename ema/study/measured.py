@@ -5,6 +5,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from acquisition import Part, merge
 from ema.data import FrfSet, HitGallery, Run
 from ema.errors import InputError
@@ -69,7 +71,8 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
         # one window for all: the strongest that a set-up needs
         options |= {"block": min(lengths), "decay": max(decays)}
         estimates = [_estimated(one, options, progress) for one in setups.values()]
-    parts = [Part(frfs, setup, f"set-up {setup}") for (frfs, _), setup in zip(estimates, setups, strict=True)]
+    together = _common_lines([frfs for frfs, _ in estimates])
+    parts = [Part(frfs, setup, f"set-up {setup}") for frfs, setup in zip(together, setups, strict=True)]
     return replace(merge(parts, f"run {run.id}"), name=run.id), _joined([hits for _, hits in estimates])
 
 
@@ -82,6 +85,18 @@ def _estimated(run: Run, options: dict[str, Any], progress: Progress) -> tuple[F
         return estimate.stepped(run, **options, progress=progress), None
     estimator = estimate.shaker if run.kind == "random" else estimate.sweep
     return estimator(run, **options, progress=progress), None
+
+
+def _common_lines(sets: Sequence[FrfSet]) -> list[FrfSet]:
+    """The lines that all set-ups excited: no two shaker tests excite exactly the same."""
+    low = max(float(frfs.frequencies[0]) for frfs in sets)
+    high = min(float(frfs.frequencies[-1]) for frfs in sets)
+    cut = [frfs.band(low, high) if low < high else frfs for frfs in sets]
+    axis = cut[0].frequencies
+    alike = all(
+        len(one.frequencies) == len(axis) and np.allclose(one.frequencies, axis, rtol=1e-9, atol=0) for one in cut
+    )
+    return cut if alike else list(sets)
 
 
 def _setups(run: Run) -> dict[str, Run]:

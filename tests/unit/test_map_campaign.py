@@ -186,3 +186,23 @@ def test_runs_of_frfs_without_a_level_say_what_is_missing(tmp_path):
     folder = campaign_of_frfs(tmp_path / "frfs", "sweep", level=False)
     done = CliRunner().invoke(app, ["map", str(folder), "--near", "495"])
     assert done.exit_code == 2 and "the force level of a run of FRFs is not known" in done.output
+
+
+def test_a_run_without_a_mode_says_why_and_where_the_frfs_are_large(tmp_path):
+    """A map of holes alone had come with an info that conditions show no mode."""
+    result = mapping.mapped(
+        acquisition.open_campaign(campaign(tmp_path / "far")), recipe.MapTable(near=526), recipe.EstimateTable()
+    )
+    holes = ~np.isfinite(result.chart.damping)
+    named = [finding for finding in result.findings if finding.code == "no-mode-near"]
+    assert holes.all() and len(named) == 4 and {finding.severity for finding in named} == {"warning"}
+    assert all(abs(finding.value - 495) < 2 for finding in named)
+
+
+def test_a_stated_level_that_is_not_the_measured_one_is_named(tmp_path):
+    folder = campaign(tmp_path / "rms")
+    text = (folder / "campaign.toml").read_text(encoding="utf-8")
+    (folder / "campaign.toml").write_text(text.replace('level = "10 N"', 'level = "7.07 N"'), encoding="utf-8")
+    named = {finding.where for finding in mapped(folder).findings if finding.code == "level-not-as-stated"}
+    assert named == {"run run_10_50", "run run_10_100"}
+    assert "level-not-as-stated" not in {finding.code for finding in mapped(campaign(tmp_path / "right")).findings}
