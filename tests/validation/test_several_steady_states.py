@@ -134,3 +134,46 @@ def test_a_joint_that_loses_energy_has_one_steady_state():
 def test_frequencies_that_do_not_ascend_get_a_sentence():
     with pytest.raises(InputError, match="each above the one before"):
         frf_up_and_down(oscillator(Masing(1.0, K)), np.array([50.0, 40.0]), 1.0, "1:+X", ["1:+X"])
+
+
+def swept_in_time(frequencies, force):
+    """Between which neighbours a stepped sweep in time jumps: DOP853, each frequency from the state of the one before.
+
+    A jump is a change to more than one and a half or less than two thirds, which no step on these branches is.
+    """
+    first, jumps, before = 0j, [], None
+    for frequency in frequencies:
+        omega, period = 2 * np.pi * frequency, 1 / frequency
+
+        def motion(t, y, omega=omega):
+            rest = SPRING * y[0] + FC * np.tanh(K * y[0] / FC) + 2 * RATIO * STUCK * y[1]
+            return [y[1], force * np.cos(omega * t) - rest]
+
+        times = period * (120 + np.arange(64) / 64)
+        path = solve_ivp(motion, (0, times[-1]), [first.real, -omega * first.imag], "DOP853", times, rtol=1e-7).y[0]
+        first = 2 / 64 * path @ np.exp(-1j * omega * times)
+        if before is not None and not 2 / 3 < abs(first) / abs(before[1]) < 1.5:
+            jumps.append((before[0], frequency))
+        before = frequency, first
+    return jumps
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "force"),
+    [(np.arange(119.5, 134.0, 1.5), 4.5), (np.arange(137.8, 112.0, -1.9), 4.0), (np.arange(126.2, 137.0, 1.3), 3.0)],
+    ids=["upward", "downward", "upward at 3 N"],
+)
+def test_a_sweep_says_where_its_states_change_to_another_branch(frequencies, force):
+    """As the sweep in time jumps, so do the states, each of which begins from its neighbour."""
+    (jump,) = swept_in_time(frequencies, force)
+    found = frf(oscillator(ELASTIC(1.0, K)), frequencies, force, "1:+X", ["1:+X"])
+    (finding,) = [finding for finding in found.findings if finding.code == "branch-jump"]
+    assert finding.value == pytest.approx(jump[0])
+    assert f"between {min(jump):.5g} and {max(jump):.5g} Hz" in finding.message
+
+
+def test_a_sweep_that_stays_on_its_branch_names_no_jump():
+    for law, force in ((ELASTIC(1.0, K), 0.5), (Masing(1.0, K), 10.0)):
+        for frequencies in (np.linspace(95.0, 145.0, 14), np.linspace(145.0, 95.0, 41)):
+            found = frf(oscillator(law), frequencies, force, "1:+X", ["1:+X"])
+            assert found.converged.all() and "branch-jump" not in [finding.code for finding in found.findings]
