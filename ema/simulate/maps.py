@@ -28,6 +28,10 @@ _BAND_END = 1e-4
 within the band ends there. Peaks are placed within half of it; twice as wide, the last 0.02 % are cut."""
 _WALK, _MOST_WALKED = 0.04, 24
 """Steps down from a peak over its damping ratio, a tenth of the way to 0.93 of its height, and how many at most."""
+_OF_WIDTH, _ROUNDING, _DROP = 0.005, 1e-9, 0.5
+"""How closely a narrow peak is placed, over half its width: twice that takes 5e-5 off its height, which is stated; the
+same at least, over its frequency. Rise of 1/height^2 on one side, where the other one is flat, from which on the flank is
+halved: the branch may end there."""
 _APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0
 """Distance of frequencies around a summit that is known from fewer harmonics, and steps towards it that no longer
 matter, relative; the tolerance with which it is placed, over that of its height."""
@@ -397,15 +401,22 @@ def _climbed(
 def _next(
     places: list[float], heights: dict[float, float], best: float, limits: tuple[float, float], closest: float
 ) -> float | None:
-    """Where to look for the summit next; ``None`` when it is found within ``closest`` Hz, or beyond the ``limits``."""
+    """Where to look for the summit next; ``None`` when it is found, or beyond the ``limits``.
+
+    It is found within ``closest`` Hz, or within ``_OF_WIDTH`` of half its width between the half-power points where that
+    is less.
+    """
     index = places.index(best)
     if index in (0, len(places) - 1):
         beyond = best + (best - places[1 if index == 0 else -2])
         return beyond if limits[0] <= beyond <= limits[1] else None
     low, high = places[index - 1], places[index + 1]
     inverse = [1 / heights[f] ** 2 for f in (low, best, high)]
-    guess = _parabola(low, best, high, *inverse)
-    sharp = min(inverse[0], inverse[2]) / inverse[1] - 1
+    guess, width = _parabola(low, best, high, *inverse)
+    (sharp, _), (steep, beyond) = sorted(((inverse[0] / inverse[1] - 1, low), (inverse[2] / inverse[1] - 1, high)))
+    if sharp < _FLAT and steep > _DROP and abs(beyond - best) > closest:
+        return 0.5 * (best + beyond)  # a summit at a fold is no vertex
+    closest = min(closest, max(_OF_WIDTH * width, _ROUNDING * best))
     if high - low < 4 * closest or (abs(guess - best) < 2 * closest and sharp < _FLAT):
         return None
     if abs(guess - best) < closest:
@@ -413,11 +424,16 @@ def _next(
     return float(np.clip(guess, low + 0.05 * (high - low), high - 0.05 * (high - low)))
 
 
-def _parabola(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:
-    """Abscissa of the vertex through three points; the middle one where they are in line."""
-    top = (b - a) ** 2 * (fb - fc) - (b - c) ** 2 * (fb - fa)
-    bottom = (b - a) * (fb - fc) - (b - c) * (fb - fa)
-    return b - 0.5 * top / bottom if bottom != 0 else b
+def _parabola(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> tuple[float, float]:
+    """Abscissa of the vertex through three points, and how far from it the parabola is twice as high.
+
+    The middle point and infinity where they are in line or bent the other way.
+    """
+    bend = ((fc - fb) / (c - b) - (fb - fa) / (b - a)) / (c - a)
+    if not bend > 0:
+        return b, np.inf
+    vertex = 0.5 * (a + b) - 0.5 * (fb - fa) / (b - a) / bend
+    return vertex, float(np.sqrt(max(fb / bend - (b - vertex) ** 2, 0.0)))
 
 
 def _resonance(condensed: Condensed, frequency: float, point: _Point) -> Resonance:
@@ -428,7 +444,11 @@ def _resonance(condensed: Condensed, frequency: float, point: _Point) -> Resonan
     lost = (friction + damping) * 2 * np.pi / omega
     amplitude = complex(condensed.first(point)[0])
     return Resonance(
-        frequency, amplitude, lost / (4 * np.pi * kinetic), float(np.sqrt(np.sum(np.abs(q) ** 2))), point.error
+        frequency,
+        amplitude,
+        lost / (4 * np.pi * kinetic),
+        float(np.sqrt(np.sum(np.abs(q) ** 2))),
+        max(point.error, 2 * _OF_WIDTH**2),
     )
 
 
