@@ -18,7 +18,7 @@ from ema.simulate.harmonic import Branch, Condensed, _Point, condense, with_harm
 
 HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
 """Laws without a scale of their own: forces and displacements grow together."""
-_ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 3, 0.02
+_ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 6, 0.02
 _FIRST, _FIRST_LEVELS, _BESIDE, _MOST_ORDERS = 24, 7, 1.12, 48
 _RISE = 0.15
 """Rise of the motion of the contacts over a step of a scan, relative, from which on a fold is looked for. A smaller
@@ -30,8 +30,10 @@ _WALK, _MOST_WALKED = 0.04, 24
 """Steps down from a peak over its damping ratio, a tenth of the way to 0.93 of its height, and how many at most."""
 _OF_WIDTH, _ROUNDING, _DROP = 0.005, 1e-9, 0.5
 """How closely a narrow peak is placed, over half its width: twice that takes 5e-5 off its height, which is stated; the
-same at least, over its frequency. Rise of 1/height^2 on one side, where the other one is flat, from which on the flank is
-halved: the branch may end there."""
+same at least, over its frequency. Rise of 1/height^2 on one side, where the other one is flat, from which on the flank
+is halved: the branch may end there."""
+_ASIDE = 1e-7
+"""Distance from a natural frequency at which it is looked at: an undamped mode has no response there."""
 _APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0
 """Distance of frequencies around a summit that is known from fewer harmonics, and steps towards it that no longer
 matter, relative; the tolerance with which it is placed, over that of its height."""
@@ -236,23 +238,19 @@ def _peak(
     Places come from few harmonics on a grid that is finer near the top, then each summit is sought by itself.
     ``around``: frequencies between which it is expected; where the largest one there is at an end, all are looked at.
     """
-    grid = np.geomspace(*band, coarse)
+    grid = _grid(condensed, band, coarse)
     part = grid if around is None else grid[slice(*_within(grid, around))]
     points = _scanned(condensed, part, _ROUGH, {})
-    if len(part) < coarse and (not points or _highest(condensed, points) in (part[0], part[-1])):
+    if len(part) < len(grid) and (not points or _highest(condensed, points) in (part[0], part[-1])):
         points = _scanned(condensed, grid, _ROUGH, points)
     heights = _heights(condensed, points)
-    points = _scanned(condensed, _near_the_top(heights, grid), _FINER, points)
-    heights = _heights(condensed, points)
-    places = sorted(points)
-    summits = [
-        n
-        for n, f in enumerate(places)
-        if heights[f] >= max(_RIVAL * max(heights.values()), *(heights[g] for g in places[max(n - 1, 0) : n + 2]))
-    ]
+    points |= _scanned(condensed, _near_the_top(heights, grid), _FINER, points)
+    promised = _promised(_heights(condensed, points))
+    places, top = sorted(points), max(_heights(condensed, points).values(), default=0.0)
+    summits = [n for n, f in enumerate(places) if promised.get(f, 0.0) >= _RIVAL * top]
     best: tuple[float, _Point] | None = None
     highest = 0.0
-    for n in sorted(summits, key=lambda n: -heights[places[n]])[:_MOST_SUMMITS]:
+    for n in sorted(summits, key=lambda n: -promised[places[n]])[:_MOST_SUMMITS]:
         near = {f: points[f] for f in places[max(n - 1, 0) : n + 2]}
         found = _summit(condensed, near, highest)
         if found is not None and _height(condensed, found[1]) > highest:
@@ -265,6 +263,29 @@ def _peak(
             advice="use the time solver",
         )
     return best
+
+
+def _grid(condensed: Condensed, band: tuple[float, float], coarse: int) -> Float[np.ndarray, "place"]:
+    """Frequencies evenly over the band, and natural ones, between which narrow peaks would not be seen."""
+    natural = condensed.problem.natural_frequencies * (1 + _ASIDE)
+    inside = natural[(natural > band[0]) & (natural < band[1])]
+    return np.unique(np.concatenate([np.geomspace(*band, coarse), inside]))
+
+
+def _promised(heights: dict[float, float]) -> dict[float, float]:
+    """How high the summits may be that lie about the highest of three neighbours: of the parabola through 1/h^2."""
+    places, promised = sorted(heights), {}
+    for n, f in enumerate(places):
+        near = places[max(n - 1, 0) : n + 2]
+        if heights[f] < max(heights[g] for g in near):
+            continue
+        promised[f] = heights[f]
+        if len(near) == 3:
+            inverse = [1 / max(heights[g], 1e-300) ** 2 for g in near]
+            vertex, width = _parabola(*near, *inverse)
+            share = width**2 / (width**2 + (f - vertex) ** 2) if np.isfinite(width) else 1.0
+            promised[f] = heights[f] / np.sqrt(share) if share > 0 else np.inf
+    return promised
 
 
 def _within(grid: np.ndarray, around: tuple[float, float]) -> tuple[int, int]:
@@ -403,8 +424,8 @@ def _next(
 ) -> float | None:
     """Where to look for the summit next; ``None`` when it is found, or beyond the ``limits``.
 
-    It is found within ``closest`` Hz, or within ``_OF_WIDTH`` of half its width between the half-power points where that
-    is less.
+    It is found within ``closest`` Hz, or within ``_OF_WIDTH`` of half its width between the half-power points, where
+    that is less.
     """
     index = places.index(best)
     if index in (0, len(places) - 1):

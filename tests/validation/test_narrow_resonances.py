@@ -42,3 +42,32 @@ def test_a_sliding_joint_takes_four_slip_forces_a_cycle(ratio):
     true = (2 - 4 / np.pi) * SLIP / (damping * free)
     assert abs(abs(found.amplitude) / true - 1) <= found.error_estimate + 4 * SLIP / STIFFNESS / true
     assert found.frequency == pytest.approx(50.0, rel=found.frequency_error)
+
+
+def two_masses(natural, angle, damping):
+    """Two masses, of natural frequencies in Hz without the wall, of which the first one sticks to it."""
+    turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    springs = turned @ np.diag((2 * np.pi * np.asarray(natural)) ** 2) @ turned.T
+    dofs = tuple(Dof(node, axis) for axis in ("+X", "+Z") for node in (1, 2))
+    walls = tuple(Dof(1, axis, "wall") for axis in ("+X", "+Z"))
+    stiffness = np.block([[springs, np.zeros((2, 2))], [np.zeros((2, 2)), 1e8 * np.eye(2)]])
+    joint = Joint("contact", ((1, 1),), (0.0, 0.0), Masing(0.3, STIFFNESS), 1e9, 1.0, directions=("X",))
+    wall = Matrices(1e3 * np.eye(2), 1e16 * np.eye(2), walls)
+    model = BeamModel(Matrices(np.eye(4), stiffness, dofs), wall, (joint,), Damping(mass_factor=damping), "two")
+    return model, springs + np.diag([STIFFNESS, 0.0])
+
+
+@pytest.mark.parametrize("seed", [14, 21, 29])
+def test_the_larger_one_of_two_peaks_is_found_though_neither_is_seen_on_the_grid(seed):
+    """Of 45 such draws these three had given the lower one."""
+    rng = np.random.default_rng([seed, 77])
+    natural = rng.uniform(35.0, 80.0, 2)
+    damping = 4 * np.pi * 50 * 10 ** rng.uniform(-5, -2)
+    model, springs = two_masses(natural, rng.uniform(0.2, 1.4), damping)
+    squares, shapes = np.linalg.eigh(springs)
+    lines = [w + damping * np.linspace(-2, 2, 4001) for w in np.sqrt(squares)]
+    omega = np.concatenate([*lines, 2 * np.pi * np.linspace(25.0, 110.0, 20001)])
+    parts = shapes[0] ** 2 / (squares - omega[:, None] ** 2 + 1j * damping * omega[:, None])
+    height = np.abs(parts.sum(axis=1))
+    found = resonance(model, 1.0, "1:+X", "1:+X", (25.0, 110.0))
+    assert abs(found.amplitude) == pytest.approx(height.max(), rel=found.error_estimate + 1e-4)
