@@ -8,21 +8,25 @@ from ema.contact.call_kernels import BY_FORCE, END, EXCESS, FIRST, FORCE, LIMIT,
 
 @inner
 def dahl_step(k, limit, alpha, du, f0):
-    """Force, slope df1/du and tangent df1/df0 of dF/du = k |1 - sgn(v) F/F_C|^alpha after the way ``du``."""
+    """Force, slope df1/du and tangent df1/df0 of dF/du = k |1 - sgn(v) F/F_C|^alpha after the way ``du``.
+
+    What the force changes by is computed itself, as rounding of a large F_C would swamp it as a difference.
+    """
     if limit <= 0.0:
         return 0.0, 0.0, 0.0
     sign = 1.0 if du >= 0.0 else -1.0
     way = k * abs(du) / limit
     y0 = min(max(1.0 - sign * f0 / limit, 0.0), 2.0)
+    start = min(max(f0, -limit), limit)
     if alpha == 1.0:
         fade = np.exp(-way)
-        return sign * limit * (1.0 - y0 * fade), k * y0 * fade, fade
-    y1 = 0.0
-    if y0 > 0.0:
-        base = y0 ** (1.0 - alpha) - (1.0 - alpha) * way
-        y1 = base ** (1.0 / (1.0 - alpha)) if base > 0.0 else 0.0
-    a = (y1 / y0) ** alpha if y0 > 0.0 else 0.0
-    return sign * limit * (1.0 - y1), k * y1**alpha, a
+        return start - sign * limit * y0 * np.expm1(-way), k * y0 * fade, fade
+    if y0 == 0.0:
+        return start, 0.0, 0.0
+    used = (1.0 - alpha) * way * y0 ** (alpha - 1.0)
+    change = np.expm1(np.log1p(-used) / (1.0 - alpha)) if used < 1.0 else -1.0
+    fade = (1.0 + change) ** alpha
+    return start - sign * limit * y0 * change, k * y0**alpha * fade, fade
 
 
 @kernel

@@ -30,13 +30,14 @@ def valanis_step(k, limit, kappa, du, f0):
     r = max(way / (bend + 1.0 - kappa), (way - bend) / (1.0 - kappa))
     for _ in range(_MOST):
         fade = np.exp(-r)
-        step = (way - bend * (1.0 - fade) - (1.0 - kappa) * r) / (bend * fade + 1.0 - kappa)
+        step = (way + bend * np.expm1(-r) - (1.0 - kappa) * r) / (bend * fade + 1.0 - kappa)
         r += step
         if abs(step) <= _SETTLED * r:
             break
     q1 = q0 * np.exp(-r)
     slope, start_slope = q1 / (1.0 - kappa + kappa * q1), q0 / (1.0 - kappa + kappa * q0)
-    return sign * limit * (1.0 - q1), k * slope, slope / start_slope
+    force = min(max(f0, -limit), limit) - sign * limit * q0 * np.expm1(-r)
+    return force, k * slope, slope / start_slope
 
 
 @kernel

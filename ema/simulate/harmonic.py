@@ -544,11 +544,23 @@ class Condensed:
         pairs = ((self.first(point), self.first(other)), (point.amplitudes[:, place], other.amplitudes[:, place]))
         return max(float(np.linalg.norm(a - b)) / max(float(np.linalg.norm(a)), 1e-300) for a, b in pairs)
 
-    def _again(self, point: _Point, gains: np.ndarray) -> _Point | None:
-        """The solution with the harmonics of ``gains``, from one with more or fewer."""
-        start = with_harmonics(point.amplitudes, gains.shape[1])
-        found = self._newton(point.omega, start, gains)
-        return None if found is None else _Point(point.omega, found[1], found[2], found[4], 1.0)
+    def _again(self, point: _Point, gains: np.ndarray, omega: float | None = None) -> _Point | None:
+        """The solution with the harmonics of ``gains``, from one with more or fewer, or at another frequency."""
+        start, place = with_harmonics(point.amplitudes, gains.shape[1]), omega or point.omega
+        found = self._newton(place, start, gains)
+        return None if found is None else _Point(place, found[1], found[2], found[4], 1.0)
+
+    def joins(self, point: _Point, other: _Point) -> bool:
+        """Whether two solutions seem to lie on one branch: from neither a second one is found where the other is.
+
+        Both are sought with the harmonics that the other one has, so that on one branch they differ by rounding.
+        """
+        self.left = int(_ROUGH_SHARE * self.budget)
+        for here, there in ((point, other), (other, point)):
+            again = self._again(here, self.gains(there.omega, there.count), there.omega)
+            if again is not None and self._change(there, again) > max(there.error, LEAST_ERROR * self.tolerance):
+                return False
+        return True
 
     def judged(self, point: _Point) -> float:
         """Error estimate of a solution, from one with fewer harmonics and a step with more."""

@@ -18,13 +18,22 @@ from ema.simulate.harmonic import Branch, Condensed, _Point, condense, with_harm
 
 HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
 """Laws without a scale of their own: forces and displacements grow together."""
-_ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 3, 0.02
+_ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 6, 0.02
 _FIRST, _FIRST_LEVELS, _BESIDE, _MOST_ORDERS = 24, 7, 1.12, 48
+_RISE = 0.15
+"""Rise of the motion of the contacts over a step of a scan, relative, from which on a fold is looked for. A smaller
+jump leads to a branch that ends soon; at half of it a map takes 3 % longer."""
 _BAND_END = 1e-4
 """Distance of a peak from an end of the band, relative, up to which the band cuts it off: a search that meets no peak
 within the band ends there. Peaks are placed within half of it; twice as wide, the last 0.02 % are cut."""
 _WALK, _MOST_WALKED = 0.04, 24
 """Steps down from a peak over its damping ratio, a tenth of the way to 0.93 of its height, and how many at most."""
+_OF_WIDTH, _ROUNDING, _DROP = 0.005, 1e-9, 0.5
+"""How closely a narrow peak is placed, over half its width: twice that takes 5e-5 off its height, which is stated; the
+same at least, over its frequency. Rise of 1/height^2 on one side, where the other one is flat, from which on the flank
+is halved: the branch may end there."""
+_ASIDE = 1e-7
+"""Distance from a natural frequency at which it is looked at: an undamped mode has no response there."""
 _APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0
 """Distance of frequencies around a summit that is known from fewer harmonics, and steps towards it that no longer
 matter, relative; the tolerance with which it is placed, over that of its height."""
@@ -87,7 +96,7 @@ def resonance(
     -------
     Resonance
         Frequency, amplitude and damping, with its ``rivals``, and errors of frequency and damping that contain them
-        where they may be the largest response.
+        where they may be the largest response. Where the curve folds, only a sweep from one side reaches it.
 
     Raises
     ------
@@ -112,10 +121,10 @@ def resonance(
 
 def peak_in_band(condensed: Condensed, band: tuple[float, float], coarse: int = 40) -> Resonance | None:
     """The largest response of a band with its rivals, as of ``resonance``; nothing where it lies at an end."""
-    top = _peak(condensed, band, coarse)
-    if not within_band(np.array([top.frequency]), band)[0]:
+    frequency, point = _peak(condensed, band, coarse)
+    if not within_band(np.array([frequency]), band)[0]:
         return None
-    return _with_rivals(condensed, top, band)
+    return _with_rivals(condensed, frequency, point, band)
 
 
 def within_band(frequency: Float[np.ndarray, "point"], band: tuple[float, float]) -> Bool[np.ndarray, "point"]:
@@ -146,21 +155,22 @@ def _no_resonance(model: BeamModel, band: tuple[float, float], got: str) -> Inpu
     )
 
 
-def _with_rivals(condensed: Condensed, top: Resonance, band: tuple[float, float]) -> Resonance:
+def _with_rivals(condensed: Condensed, frequency: float, summit: _Point, band: tuple[float, float]) -> Resonance:
     """The largest of the peaks about one, with the others and what they leave open.
 
     Superharmonics of a lightly damped structure make ripples on a flat summit, which few harmonics do not show. So the
     summit is walked down on both sides with as many as placing a peak takes, and every rise is climbed.
     """
-    points = _walked(condensed, top, band)
+    top = _resonance(condensed, frequency, summit)
+    points = _walked(condensed, top, summit, band)
     heights, places = _heights(condensed, points), sorted(points)
     peaks = [top]
     for low, middle, high in zip(places, places[1:], places[2:]):
         apart = min(abs(middle / peak.frequency - 1) for peak in peaks) > _APART
         if apart and heights[middle] > max(heights[low], heights[high], _RIVAL * abs(top.amplitude)):
             found = _summit(condensed, {f: points[f] for f in (low, middle, high)}, 0.0)
-            if found is not None and min(abs(found.frequency / peak.frequency - 1) for peak in peaks) > _APART:
-                peaks.append(found)
+            if found is not None and min(abs(found[0] / peak.frequency - 1) for peak in peaks) > _APART:
+                peaks.append(_resonance(condensed, *found))
     best, *rivals = sorted(peaks, key=lambda peak: -abs(peak.amplitude))
     least = (1 - best.error_estimate) * abs(best.amplitude)
     others = [_resonance(condensed, f, points[f]) for f in places]
@@ -174,12 +184,12 @@ def _with_rivals(condensed: Condensed, top: Resonance, band: tuple[float, float]
     )
 
 
-def _walked(condensed: Condensed, top: Resonance, band: tuple[float, float]) -> dict[float, _Point]:
+def _walked(condensed: Condensed, top: Resonance, summit: _Point, band: tuple[float, float]) -> dict[float, _Point]:
     """Solutions from a peak down to ``_RIVAL`` of its height on both sides, within the band."""
     placing, points, highest = condensed.with_tolerance(_PLACING * condensed.tolerance), {}, abs(top.amplitude)
     step = max(_WALK * top.damping, _APART)
     for way in (-step, step):
-        start: np.ndarray | None = None
+        start: np.ndarray | None = with_harmonics(summit.amplitudes, max(_ROUGH, summit.count // 2))
         for number in range(1, _MOST_WALKED + 1):
             frequency = top.frequency * (1 + way) ** number
             if not band[0] <= frequency <= band[1]:
@@ -222,31 +232,29 @@ def check_levels(model: BeamModel, **counts: int) -> None:
 
 def _peak(
     condensed: Condensed, band: tuple[float, float], coarse: int, around: tuple[float, float] | None = None
-) -> Resonance:
-    """The largest response: places from few harmonics on a grid that is finer near the top, then each summit by itself.
+) -> tuple[float, _Point]:
+    """Frequency in Hz and solution of the largest response.
 
+    Places come from few harmonics on a grid that is finer near the top, then each summit is sought by itself.
     ``around``: frequencies between which it is expected; where the largest one there is at an end, all are looked at.
     """
-    grid = np.geomspace(*band, coarse)
+    grid = _grid(condensed, band, coarse)
     part = grid if around is None else grid[slice(*_within(grid, around))]
     points = _scanned(condensed, part, _ROUGH, {})
-    if len(part) < coarse and (not points or _highest(condensed, points) in (part[0], part[-1])):
+    if len(part) < len(grid) and (not points or _highest(condensed, points) in (part[0], part[-1])):
         points = _scanned(condensed, grid, _ROUGH, points)
     heights = _heights(condensed, points)
-    points = _scanned(condensed, _near_the_top(heights, grid), _FINER, points)
-    heights = _heights(condensed, points)
-    places = sorted(points)
-    summits = [
-        n
-        for n, f in enumerate(places)
-        if heights[f] >= max(_RIVAL * max(heights.values()), *(heights[g] for g in places[max(n - 1, 0) : n + 2]))
-    ]
-    best: Resonance | None = None
-    for n in sorted(summits, key=lambda n: -heights[places[n]])[:_MOST_SUMMITS]:
+    points |= _scanned(condensed, _near_the_top(heights, grid), _FINER, points)
+    promised = _promised(_heights(condensed, points))
+    places, top = sorted(points), max(_heights(condensed, points).values(), default=0.0)
+    summits = [n for n, f in enumerate(places) if promised.get(f, 0.0) >= _RIVAL * top]
+    best: tuple[float, _Point] | None = None
+    highest = 0.0
+    for n in sorted(summits, key=lambda n: -promised[places[n]])[:_MOST_SUMMITS]:
         near = {f: points[f] for f in places[max(n - 1, 0) : n + 2]}
-        found = _summit(condensed, near, 0.0 if best is None else abs(best.amplitude))
-        if found is not None and (best is None or abs(found.amplitude) > abs(best.amplitude)):
-            best = found
+        found = _summit(condensed, near, highest)
+        if found is not None and _height(condensed, found[1]) > highest:
+            best, highest = found, _height(condensed, found[1])
     if best is None:
         raise InputError(
             "no steady state in the band",
@@ -255,6 +263,29 @@ def _peak(
             advice="use the time solver",
         )
     return best
+
+
+def _grid(condensed: Condensed, band: tuple[float, float], coarse: int) -> Float[np.ndarray, "place"]:
+    """Frequencies evenly over the band, and natural ones, between which narrow peaks would not be seen."""
+    natural = condensed.problem.natural_frequencies * (1 + _ASIDE)
+    inside = natural[(natural > band[0]) & (natural < band[1])]
+    return np.unique(np.concatenate([np.geomspace(*band, coarse), inside]))
+
+
+def _promised(heights: dict[float, float]) -> dict[float, float]:
+    """How high the summits may be that lie about the highest of three neighbours: of the parabola through 1/h^2."""
+    places, promised = sorted(heights), {}
+    for n, f in enumerate(places):
+        near = places[max(n - 1, 0) : n + 2]
+        if heights[f] < max(heights[g] for g in near):
+            continue
+        promised[f] = heights[f]
+        if len(near) == 3:
+            inverse = [1 / max(heights[g], 1e-300) ** 2 for g in near]
+            vertex, width = _parabola(*near, *inverse)
+            share = width**2 / (width**2 + (f - vertex) ** 2) if np.isfinite(width) else 1.0
+            promised[f] = heights[f] / np.sqrt(share) if share > 0 else np.inf
+    return promised
 
 
 def _within(grid: np.ndarray, around: tuple[float, float]) -> tuple[int, int]:
@@ -273,27 +304,42 @@ def _near_the_top(heights: dict[float, float], grid: np.ndarray) -> np.ndarray:
 def _scanned(condensed: Condensed, grid: np.ndarray, count: int, known: dict[float, _Point]) -> dict[float, _Point]:
     """Solutions with ``count`` harmonics along a grid of frequencies, where there are any.
 
-    They start from the mean of the two nearest ones that are ``known``, or else from those before.
+    They start from the higher one of the two nearest that are ``known``, or else from those before. From where the
+    contacts move by more than ``_RISE`` more than one step below, the way back is tried: the curve may fold, and the
+    motion have jumped there to a branch that goes on downward.
     """
     branch, points = Branch(condensed.tolerance), {}
     for frequency in map(float, grid):
-        start = branch.start(frequency)
-        if known:
-            beside = sorted(known, key=lambda f: abs(np.log(f / frequency)))[:2]
-            one, two = known[beside[0]].amplitudes, known[beside[-1]].amplitudes
-            start = one if one.shape != two.shape or abs(beside[0] / frequency - 1) < 1e-9 else 0.5 * (one + two)
+        start = _higher_beside(condensed, known, frequency) if known else branch.start(frequency)
         point = condensed.rough(frequency, start, count)
         branch.add(point)
         if point is not None:
             points[frequency] = point
+    for above, below in pairwise(sorted(points, reverse=True)):
+        if _moved(points[above]) > (1 + _RISE) * _moved(points[below]):
+            back = condensed.rough(below, points[above].amplitudes, count)
+            if back is not None and _height(condensed, back) > _height(condensed, points[below]):
+                points[below] = back
     return points
+
+
+def _moved(point: _Point) -> float:
+    """Size of the motion of the contacts in m."""
+    return float(np.linalg.norm(point.amplitudes))
+
+
+def _higher_beside(condensed: Condensed, known: dict[float, _Point], frequency: float) -> np.ndarray:
+    """Amplitudes of the higher one of the two solutions nearest to a frequency: beyond a fold the lower one leads away
+    from the branch of the summit, and Newton's method comes down from a higher one where there is no fold."""
+    beside = sorted(known, key=lambda f: abs(np.log(f / frequency)))[:2]
+    return known[max(beside, key=lambda f: _height(condensed, known[f]))].amplitudes
 
 
 def _heights(condensed: Condensed, points: dict[float, _Point]) -> dict[float, float]:
     return {frequency: _height(condensed, point) for frequency, point in points.items()}
 
 
-def _summit(condensed: Condensed, near: dict[float, _Point], least: float) -> Resonance | None:
+def _summit(condensed: Condensed, near: dict[float, _Point], least: float) -> tuple[float, _Point] | None:
     """The summit between neighbouring frequencies: its place with fewer harmonics than its height.
 
     An error e of the whole curve moves a summit of damping ratio zeta by about e zeta, which lowers it by e^2. So it is
@@ -322,7 +368,7 @@ def _summit(condensed: Condensed, near: dict[float, _Point], least: float) -> Re
         if count == point.count:
             break
         count = min(2 * count, point.count)
-    return None if point is None else _resonance(condensed, best, point)
+    return None if point is None else (best, point)
 
 
 def _highest(condensed: Condensed, points: dict[float, _Point]) -> float:
@@ -344,8 +390,9 @@ def _climbed(
 ) -> dict[float, _Point]:
     """Solutions with ``count`` harmonics up to the summit, by parabolas through 1/height^2, nearly one there.
 
-    ``known`` are those made before, ``around`` the frequencies to begin with; each solution starts from the nearest
-    one, be it one of the ``hints``, which have other numbers of harmonics. ``closest``: steps that matter, relative.
+    ``known`` are those made before, ``around`` the frequencies to begin with; each solution starts from one
+    beside it, be it one of the ``hints``, which have other numbers of harmonics. ``closest``: steps that matter,
+    relative.
     """
     points, heights = dict(known), {f: _height(condensed, point) for f, point in known.items()}
 
@@ -353,9 +400,7 @@ def _climbed(
         """Solve there, unless it is known."""
         if frequency in points:
             return
-        starts = {**hints, **points}
-        start = starts[min(starts, key=lambda f: abs(f - frequency))].amplitudes
-        point = condensed.rough(frequency, start, count)
+        point = condensed.rough(frequency, _higher_beside(condensed, {**hints, **points}, frequency), count)
         if point is not None:
             points[frequency], heights[frequency] = point, _height(condensed, point)
 
@@ -377,15 +422,22 @@ def _climbed(
 def _next(
     places: list[float], heights: dict[float, float], best: float, limits: tuple[float, float], closest: float
 ) -> float | None:
-    """Where to look for the summit next; ``None`` when it is found within ``closest`` Hz, or beyond the ``limits``."""
+    """Where to look for the summit next; ``None`` when it is found, or beyond the ``limits``.
+
+    It is found within ``closest`` Hz, or within ``_OF_WIDTH`` of half its width between the half-power points, where
+    that is less.
+    """
     index = places.index(best)
     if index in (0, len(places) - 1):
         beyond = best + (best - places[1 if index == 0 else -2])
         return beyond if limits[0] <= beyond <= limits[1] else None
     low, high = places[index - 1], places[index + 1]
     inverse = [1 / heights[f] ** 2 for f in (low, best, high)]
-    guess = _parabola(low, best, high, *inverse)
-    sharp = min(inverse[0], inverse[2]) / inverse[1] - 1
+    guess, width = _parabola(low, best, high, *inverse)
+    (sharp, _), (steep, beyond) = sorted(((inverse[0] / inverse[1] - 1, low), (inverse[2] / inverse[1] - 1, high)))
+    if sharp < _FLAT and steep > _DROP and abs(beyond - best) > closest:
+        return 0.5 * (best + beyond)  # a summit at a fold is no vertex
+    closest = min(closest, max(_OF_WIDTH * width, _ROUNDING * best))
     if high - low < 4 * closest or (abs(guess - best) < 2 * closest and sharp < _FLAT):
         return None
     if abs(guess - best) < closest:
@@ -393,11 +445,16 @@ def _next(
     return float(np.clip(guess, low + 0.05 * (high - low), high - 0.05 * (high - low)))
 
 
-def _parabola(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:
-    """Abscissa of the vertex through three points; the middle one where they are in line."""
-    top = (b - a) ** 2 * (fb - fc) - (b - c) ** 2 * (fb - fa)
-    bottom = (b - a) * (fb - fc) - (b - c) * (fb - fa)
-    return b - 0.5 * top / bottom if bottom != 0 else b
+def _parabola(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> tuple[float, float]:
+    """Abscissa of the vertex through three points, and how far from it the parabola is twice as high.
+
+    The middle point and infinity where they are in line or bent the other way.
+    """
+    bend = ((fc - fb) / (c - b) - (fb - fa) / (b - a)) / (c - a)
+    if not bend > 0:
+        return b, np.inf
+    vertex = 0.5 * (a + b) - 0.5 * (fb - fa) / (b - a) / bend
+    return vertex, float(np.sqrt(max(fb / bend - (b - vertex) ** 2, 0.0)))
 
 
 def _resonance(condensed: Condensed, frequency: float, point: _Point) -> Resonance:
@@ -408,7 +465,11 @@ def _resonance(condensed: Condensed, frequency: float, point: _Point) -> Resonan
     lost = (friction + damping) * 2 * np.pi / omega
     amplitude = complex(condensed.first(point)[0])
     return Resonance(
-        frequency, amplitude, lost / (4 * np.pi * kinetic), float(np.sqrt(np.sum(np.abs(q) ** 2))), point.error
+        frequency,
+        amplitude,
+        lost / (4 * np.pi * kinetic),
+        float(np.sqrt(np.sum(np.abs(q) ** 2))),
+        max(point.error, 2 * _OF_WIDTH**2),
     )
 
 
@@ -468,7 +529,8 @@ def resonances(
         advance(progress, "resonances", number, len(forces))
         positive(model.name, force=float(force))
         condensed = condensed or condense(model, float(force), at, [output], tolerance, modes)
-        result.append(_peak(condensed.at(float(force), condensed.limits), check_band(model, band), 40))
+        here = condensed.at(float(force), condensed.limits)
+        result.append(_resonance(here, *_peak(here, check_band(model, band), 40)))
     return tuple(result)
 
 
@@ -628,7 +690,8 @@ class _Curve:
         if below and above:
             sides = self.known[max(below)].frequency, self.known[min(above)].frequency
             around = min(sides) / _BESIDE, max(sides) * _BESIDE
-        found = self.known[place] = _peak(self.system(place), self.band, _COARSE, around)
+        condensed = self.system(place)
+        found = self.known[place] = _resonance(condensed, *_peak(condensed, self.band, _COARSE, around))
         return np.array([found.frequency, found.damping, found.modal_amplitude])
 
 

@@ -19,6 +19,11 @@ contact, and 1e-9 is a thousandth of the least error that a result in time can s
 INCREMENTS = 40
 """Of a slow load, before anything shows that it takes more."""
 
+_LOOSE, _AWAY = 1e-10, 1e4
+"""Stiffness that is left where all contacts slide, over theirs, below which nothing else holds the structure, and slips
+over those of stuck contacts from which on it slides away: what is added for rounding stops it at 1e12 times the
+excess."""
+
 
 @dataclass(frozen=True)
 class StaticState:
@@ -64,6 +69,15 @@ def ramp(
     top = (system.contacts.limits if limits is None else limits).copy()
     levels = np.arange(1, increments + 1) / increments
     u, f, z = _raised(laws, gains, levels[:, None] * reach, top, system.name)
+    yielding = np.linalg.eigvalsh(np.sqrt(stiffness)[:, None] * gains * np.sqrt(stiffness)).max(initial=0.0)
+    if 1 - yielding < _LOOSE and np.abs(u).max() > _AWAY * np.abs(reach).max():
+        raise InputError(
+            "the structure is not held",
+            where=system.name,
+            got="a load above the friction that alone holds it: contacts slide away",
+            expected="a support that carries the static load",
+            advice="clamp it, press harder, lower the load, or excite it with a pulse instead of a snap-back",
+        )
     return StaticState(solved[:, 0] - solved[:, 1:] @ (f - stiffness * u), u, f, z)
 
 

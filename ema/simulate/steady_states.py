@@ -16,6 +16,9 @@ from ema.simulate.checks import positive
 from ema.simulate.harmonic import BUDGET, Branch, Condensed, _Point, condense
 from ema.simulate.verification import verified
 
+_NAMED = 5
+"""Jumps between branches whose frequencies a finding names."""
+
 
 @dataclass(frozen=True)
 class HarmonicBalance:
@@ -129,13 +132,18 @@ def frf(
     points: list[_Point | None] = []
     unstable: list[float] = []
     ended: list[tuple[float, int, _Point | None]] = []
-    branch = Branch(condensed.tolerance)
+    jumps: list[tuple[float, float]] = []
+    branch, before = Branch(condensed.tolerance), None
     for number, frequency in enumerate(frequencies):
         advance(progress, "frequencies", number, len(frequencies))
         point = condensed.solve(float(frequency), branch.start(float(frequency)))
         branch.add(point)
         if condensed.left < 0:
             ended.append((float(frequency), chosen.budget - condensed.left, point))
+        if point is not None:
+            if before is not None and not condensed.joins(point, before):
+                jumps.append((before.omega / (2 * np.pi), float(frequency)))
+            before = point
         if chosen.verify and point is not None:
             seen = verified(condensed, point)
             point = replace(point, error=seen.error)
@@ -143,6 +151,7 @@ def frf(
         points.append(point)
     response = _response(condensed, np.asarray(frequencies), points)
     findings = *response.findings, *_ended(condensed, ended), *_instability(condensed, unstable)
+    findings = *findings, *_jumped(response.name, jumps)
     return condensed.completed(replace(response, findings=findings), points)
 
 
@@ -177,6 +186,25 @@ def _ended(condensed: Condensed, searches: list[tuple[float, int, _Point | None]
             float(spent),
             float(condensed.budget),
             "Ask for fewer harmonics (harmonics), a looser tolerance, or a larger budget (budget).",
+        )
+    ]
+
+
+def _jumped(where: str, jumps: list[tuple[float, float]]) -> list[Finding]:
+    """A finding where neighbouring steady states lie on different branches: pairs of frequencies in Hz."""
+    if not jumps:
+        return []
+    named = ", ".join(f"{min(pair):.5g} and {max(pair):.5g}" for pair in jumps[:_NAMED])
+    more = f" and at {len(jumps) - _NAMED} more" if len(jumps) > _NAMED else ""
+    return [
+        Finding(
+            "warning",
+            "branch-jump",
+            where,
+            f"the steady states change to another branch between {named} Hz{more}: there are several there.",
+            jumps[0][0],
+            None,
+            "Sweep up and down (ema.simulate.frf_up_and_down) to see both.",
         )
     ]
 

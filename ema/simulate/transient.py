@@ -7,7 +7,7 @@ that a result carries its error.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -60,6 +60,15 @@ class Problem:
     laws: ContactLaws
     outputs: tuple[Dof, ...]
     findings: tuple[Finding, ...]
+
+    @cached_property
+    def natural_frequencies(self) -> Float[np.ndarray, "frequency"]:
+        """Natural frequencies in Hz with stuck contacts and with free ones, in ascending order."""
+        contacts, squares = slice(0, self.system.contacts.tangential), self.base.frequencies**2
+        slip = self.base.slip[contacts]
+        held = slip.T @ (self.system.contacts.stiffness[contacts, None] * slip)
+        free = np.linalg.eigvalsh(np.diag(squares) - held)
+        return np.sort(np.sqrt(np.maximum(np.concatenate([squares, free]), 0.0))) / (2 * np.pi)
 
     def rest(self) -> _State:
         """Everything at rest and unstressed."""

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate import Masing, frf, frf_up_and_down, register_law
+from ema.simulate import Masing, damping_map, frf, frf_up_and_down, register_law, resonance
 from ema.simulate.harmonic import condense, with_harmonics
 from ema.simulate.verification import verified
 
@@ -134,3 +134,77 @@ def test_a_joint_that_loses_energy_has_one_steady_state():
 def test_frequencies_that_do_not_ascend_get_a_sentence():
     with pytest.raises(InputError, match="each above the one before"):
         frf_up_and_down(oscillator(Masing(1.0, K)), np.array([50.0, 40.0]), 1.0, "1:+X", ["1:+X"])
+
+
+def swept_in_time(frequencies, force):
+    """Between which neighbours a stepped sweep in time jumps: DOP853, each frequency from the state of the one before.
+
+    A jump is a change to more than one and a half or less than two thirds, which no step on these branches is.
+    """
+    first, jumps, before = 0j, [], None
+    for frequency in frequencies:
+        omega, period = 2 * np.pi * frequency, 1 / frequency
+
+        def motion(t, y, omega=omega):
+            rest = SPRING * y[0] + FC * np.tanh(K * y[0] / FC) + 2 * RATIO * STUCK * y[1]
+            return [y[1], force * np.cos(omega * t) - rest]
+
+        times = period * (120 + np.arange(64) / 64)
+        path = solve_ivp(motion, (0, times[-1]), [first.real, -omega * first.imag], "DOP853", times, rtol=1e-7).y[0]
+        first = 2 / 64 * path @ np.exp(-1j * omega * times)
+        if before is not None and not 2 / 3 < abs(first) / abs(before[1]) < 1.5:
+            jumps.append((before[0], frequency))
+        before = frequency, first
+    return jumps
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "force"),
+    [(np.arange(119.5, 134.0, 1.5), 4.5), (np.arange(137.8, 112.0, -1.9), 4.0), (np.arange(126.2, 137.0, 1.3), 3.0)],
+    ids=["upward", "downward", "upward at 3 N"],
+)
+def test_a_sweep_says_where_its_states_change_to_another_branch(frequencies, force):
+    """As the sweep in time jumps, so do the states, each of which begins from its neighbour."""
+    (jump,) = swept_in_time(frequencies, force)
+    found = frf(oscillator(ELASTIC(1.0, K)), frequencies, force, "1:+X", ["1:+X"])
+    (finding,) = [finding for finding in found.findings if finding.code == "branch-jump"]
+    assert finding.value == pytest.approx(jump[0])
+    assert f"between {min(jump):.5g} and {max(jump):.5g} Hz" in finding.message
+
+
+def test_a_sweep_that_stays_on_its_branch_names_no_jump():
+    for law, force in ((ELASTIC(1.0, K), 0.5), (Masing(1.0, K), 10.0)):
+        for frequencies in (np.linspace(95.0, 145.0, 14), np.linspace(145.0, 95.0, 41)):
+            found = frf(oscillator(law), frequencies, force, "1:+X", ["1:+X"])
+            assert found.converged.all() and "branch-jump" not in [finding.code for finding in found.findings]
+
+
+def largest_by_describing_function(force):
+    """Frequency in Hz and amplitude in m of the largest response with the first harmonic alone.
+
+    (k(A) - w^2)^2 + (c w)^2 = (F/A)^2 has a real w up to the largest A, with c w = F/A there but for c^2/2.
+    """
+    angle, c = 2 * np.pi * np.arange(256) / 256, 2 * RATIO * STUCK
+    sizes = np.geomspace(1e-6, 1e-2, 20001)
+    spring = SPRING + 2 * np.mean(FC * np.tanh(K * sizes[:, None] * np.cos(angle) / FC) * np.cos(angle), axis=1) / sizes
+    exists = c**2 * (spring - c**2 / 4) <= (force / sizes) ** 2
+    last = np.flatnonzero(exists)[-1]
+    return np.sqrt(spring[last] - c**2 / 2) / (2 * np.pi), sizes[last]
+
+
+@pytest.mark.parametrize("force", [1.3, 5.2])
+def test_the_resonance_of_a_curve_that_folds_is_its_largest_response(force):
+    """An upward scan jumps beyond it: it had been 130.6 instead of 114.1 Hz at 4 N, with 0.4 of its height."""
+    frequency, size = largest_by_describing_function(force)
+    found = resonance(oscillator(ELASTIC(1.0, K)), force, "1:+X", "1:+X", (90.0, 160.0))
+    assert found.frequency == pytest.approx(frequency, rel=found.frequency_error + 2e-3)
+    assert abs(found.amplitude) == pytest.approx(size, rel=found.error_estimate + 3e-3)
+    assert abs(found.amplitude) == pytest.approx(settled(found.frequency, force, found.amplitude), rel=5e-3)
+
+
+def test_a_damping_map_follows_the_curve_round_its_fold():
+    levels = np.array([0.9, 3.6])
+    found = damping_map(oscillator(ELASTIC(1.0, K)), levels, [FC], "1:+X", "1:+X", (90.0, 160.0))
+    wanted = [largest_by_describing_function(level)[0] for level in levels]
+    np.testing.assert_allclose(found.frequency[:, 0], wanted, rtol=5e-3)
+    np.testing.assert_allclose(found.damping[:, 0], RATIO * STUCK / (2 * np.pi * np.array(wanted)), rtol=0.02)
