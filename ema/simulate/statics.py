@@ -21,8 +21,12 @@ INCREMENTS = 40
 
 _LOOSE, _AWAY = 1e-10, 1e4
 """Stiffness that is left where all contacts slide, over theirs, below which nothing else holds the structure, and slips
-over those of stuck contacts from which on it slides away: what is added for rounding stops it at 1e12 times the
-excess."""
+over those of stuck contacts from which on it slides away."""
+_HOLDS = (1e-12, 1e-9)
+"""What a sliding contact yields less, as a part of its slip. A beam that friction alone holds is free when all its
+contacts slide: 1/k - gains is then singular, and rounding would give it a sign. The first is one that no result shows;
+with it steps of Newton along the free direction may be as large as a structure that is not held would go, so that
+where the solution is far away the second decides."""
 
 
 @dataclass(frozen=True)
@@ -63,22 +67,22 @@ def ramp(
         )
     solved = np.linalg.solve(matrix, np.column_stack([load, slip.T]))
     gains, reach = slip @ solved[:, 1:], slip @ solved[:, 0]
-    # A beam that friction alone holds is free when all its contacts slide: 1/k - gains is then singular, and rounding
-    # would give it a sign. A sliding contact yields by 1e-12 of its slip less, which no result shows.
-    gains = 0.5 * (gains + gains.T) - np.diag(1e-12 / stiffness)
+    gains = 0.5 * (gains + gains.T)
     top = (system.contacts.limits if limits is None else limits).copy()
     levels = np.arange(1, increments + 1) / increments
-    u, f, z = _raised(laws, gains, levels[:, None] * reach, top, system.name)
-    yielding = np.linalg.eigvalsh(np.sqrt(stiffness)[:, None] * gains * np.sqrt(stiffness)).max(initial=0.0)
-    if 1 - yielding < _LOOSE and np.abs(u).max() > _AWAY * np.abs(reach).max():
-        raise InputError(
-            "the structure is not held",
-            where=system.name,
-            got="a load above the friction that alone holds it: contacts slide away",
-            expected="a support that carries the static load",
-            advice="clamp it, press harder, lower the load, or excite it with a pulse instead of a snap-back",
-        )
-    return StaticState(solved[:, 0] - solved[:, 1:] @ (f - stiffness * u), u, f, z)
+    loose = 1 - np.linalg.eigvalsh(np.sqrt(stiffness)[:, None] * gains * np.sqrt(stiffness)).max(initial=0.0) < _LOOSE
+    for hold in _HOLDS:
+        yielding = gains - np.diag(hold / stiffness)
+        u, f, z = _raised(laws, yielding, levels[:, None] * reach, top, system.name)
+        if not (loose and np.abs(u).max() > _AWAY * np.abs(reach).max()):
+            return StaticState(solved[:, 0] - solved[:, 1:] @ (f - stiffness * u), u, f, z)
+    raise InputError(
+        "the structure is not held",
+        where=system.name,
+        got="a load above the friction that alone holds it: contacts slide away",
+        expected="a support that carries the static load",
+        advice="clamp it, press harder, lower the load, or excite it with a pulse instead of a snap-back",
+    )
 
 
 def _raised(
