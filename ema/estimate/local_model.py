@@ -18,10 +18,6 @@ DEGREE = 2
 SPARE = 10
 """Lines around each line in excess of the unknowns: they give the noise."""
 
-PASSES = 3
-"""Least squares after one another. The first weighs a response without signal as much as the others, and lets it
-determine the denominator; after the second its weight is right, and in the third that shows in the values."""
-
 CHUNK = 256
 """Lines that are solved together."""
 
@@ -58,10 +54,10 @@ def local_model(u: Complex[np.ndarray, "freq in"], y: Complex[np.ndarray, "freq 
 def _solve(
     u: Complex[np.ndarray, "k line in"], y: Complex[np.ndarray, "k line out"], distance: Float[np.ndarray, "k line"]
 ) -> Local:
-    """Least squares on the lines around each of k lines, three times.
+    """Least squares on the lines around each of k lines, twice.
 
-    The residual of ``A Y = B U + C`` is the noise times A. Each pass divides by the A of the one before (Sanathanan and
-    Koerner 1963), so that lines count by their own noise, and weighs the responses by theirs.
+    The residual of ``A Y = B U + C`` is the noise times A. The second pass divides by the A of the first one
+    (Sanathanan and Koerner 1963), so that lines count by their own noise, and weighs the responses by theirs.
     """
     powers = distance[:, :, None] ** np.arange(DEGREE + 1)
     regressors = np.concatenate(
@@ -71,7 +67,7 @@ def _solve(
     targets = y[:, None] * powers.transpose(0, 2, 1)[:, :, :, None]
     power = np.mean(np.abs(y) ** 2, axis=1)
     lines, responses = np.ones(distance.shape), 1 / np.maximum(power, 1e-300)
-    for _ in range(PASSES):
+    for _ in range(2):
         local, denominator = _weighted(regressors, targets, lines, responses, u.shape[2])
         size = np.abs(1 + np.einsum("ka,kla->kl", denominator, powers[:, :, 1:]))
         lines = 1 / np.maximum(size, 1e-3)
