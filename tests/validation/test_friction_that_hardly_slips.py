@@ -55,3 +55,31 @@ def test_a_mass_that_friction_alone_holds_carries_no_more_than_it(law, solver):
             solver(on_wall(law, 100.0, 0.0), load, "1:+X", 0.01)
     sprung = solver(on_wall(law, 100.0, 1.0), LOAD, "1:+X", 0.01)
     assert sprung.displacements[0, 0] == pytest.approx(LOAD - 30.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_bar_that_lies_on_two_masses_by_friction_alone_pulls_at_both_with_what_it_carries(seed):
+    """Two masses on springs K, a bar across them that nothing else holds: its joints carry equal and opposite forces, and
+    slide together from mu F_N on. A load P on one mass then moves it by (P - mu F_N) / K, and the other by mu F_N / K."""
+    rng = np.random.default_rng(seed)
+    spring, bar, stiffness = 10 ** rng.uniform(5, 8), 10 ** rng.uniform(6, 10), 10 ** rng.uniform(6, 9)
+    limit = 10 ** rng.uniform(0, 3)
+    law, force = Masing(0.2, stiffness), limit / 0.2
+    host = tuple(Dof(node, axis) for node in (1, 2) for axis in ("+X", "+Z"))
+    beam = tuple(Dof(node, axis, "bar") for node in (1, 2) for axis in ("+X", "+Z"))
+    along = np.kron([[1, -1], [-1, 1]], np.diag([bar, 0.0])) + np.kron(np.eye(2), np.diag([0.0, spring]))
+    model = BeamModel(
+        Matrices(np.eye(4), np.diag([spring, 2 * spring, spring, 2 * spring]), host),
+        Matrices(0.1 * np.eye(4), along, beam),
+        tuple(
+            Joint(f"joint {node}", ((node, node),), (0.0, 0.0), law, force, stiffness, directions=("X",))
+            for node in (1, 2)
+        ),
+        Damping(mass_factor=DAMPING),
+        "bar on two masses",
+    )
+    stuck = 1 / (2 / spring + 2 / stiffness + 1 / bar) / spring  # force of a joint over the load before it slides
+    load = rng.uniform(1.2, 3.0) * limit / stuck
+    time = 1e-3 / np.sqrt(spring)
+    moved = snapback(model, load, "1:+X", time, ["1:+X", "2:+X"]).displacements[:, 0]
+    assert moved == pytest.approx(np.array([load - limit, limit]) / spring, rel=1e-6)
