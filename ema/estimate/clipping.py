@@ -10,7 +10,7 @@ from ema.estimate import channels
 from ema.estimate.judge import FULL_SCALE, TOLERATED
 
 EQUAL = 5
-"""Samples on the extreme of a signal, and how many times as often it occurs as values just below, that betray a limit.
+"""Samples on the extreme of a signal, and how many times as often it occurs as values just below, that show a limit.
 
 Two or three samples of a coarse converter may agree by chance; a signal that repeats has each of its values as often.
 """
@@ -49,7 +49,7 @@ def overloaded(record: Recording, row: int) -> tuple[float, float] | None:
     """Share of the samples of a channel on its limit, and that limit; ``None`` where it has none.
 
     A limit is 98 % of the range of the channel, or an extreme that occurs much more often than the values below it. The
-    share is NaN where only the front end says that there was an overload.
+    share is 0, and the limit NaN, where only the front end says that there was an overload.
     """
     signal, channel = record.signals[row], record.channels[row]
     high, low = float(signal.max()), float(signal.min())

@@ -25,7 +25,7 @@ class _Coupled(NamedTuple):
     stiffness: Float[np.ndarray, "n n"]
     rows: Float[np.ndarray, "spring n"]
     springs: Float[np.ndarray, "spring"]
-    moved: Float[np.ndarray, "spring mode"]
+    motion: Float[np.ndarray, "spring mode"]
 
     @classmethod
     def at(cls, task: Task, candidates: Candidates, candidate: int, normal_force: float) -> "_Coupled":
@@ -70,7 +70,7 @@ def _resonances(coupled: _Coupled, mode: int, omega: float, stuck: bool) -> tupl
     springs = coupled.springs.copy()
     if not stuck:
         springs[: len(springs) // 2] = 0.0
-    apart = np.column_stack([-coupled.moved[:, mode], coupled.rows])
+    apart = np.column_stack([-coupled.motion[:, mode], coupled.rows])
     stiffness = block_diag([[omega**2]], coupled.stiffness) + (apart.T * springs) @ apart
     squares, vectors = eigh(stiffness, block_diag([[1.0]], coupled.mass))
     return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), vectors[0] ** 2

@@ -22,7 +22,7 @@ LINES, BANDWIDTHS = 25, 4.0
 
 LIFTS = 30
 """Steps towards the motion with which edges lift off, at most. What has not settled by then jumps between two motions,
-and is no resonance of which a frequency could be told."""
+and has no resonance frequency."""
 _CLOSE = 1e-4
 """Relative change of the frequency that no longer matters there."""
 

@@ -245,12 +245,12 @@ def _peak(
         points = _scanned(condensed, grid, _ROUGH, points)
     heights = _heights(condensed, points)
     points |= _scanned(condensed, _near_the_top(heights, grid), _FINER, points)
-    promised = _promised(_heights(condensed, points))
+    expected = _vertex_heights(_heights(condensed, points))
     places, top = sorted(points), max(_heights(condensed, points).values(), default=0.0)
-    summits = [n for n, f in enumerate(places) if promised.get(f, 0.0) >= _RIVAL * top]
+    summits = [n for n, f in enumerate(places) if expected.get(f, 0.0) >= _RIVAL * top]
     best: tuple[float, _Point] | None = None
     highest = 0.0
-    for n in sorted(summits, key=lambda n: -promised[places[n]])[:_MOST_SUMMITS]:
+    for n in sorted(summits, key=lambda n: -expected[places[n]])[:_MOST_SUMMITS]:
         near = {f: points[f] for f in places[max(n - 1, 0) : n + 2]}
         found = _summit(condensed, near, highest)
         if found is not None and _height(condensed, found[1]) > highest:
@@ -272,20 +272,20 @@ def _grid(condensed: Condensed, band: tuple[float, float], coarse: int) -> Float
     return np.unique(np.concatenate([np.geomspace(*band, coarse), inside]))
 
 
-def _promised(heights: dict[float, float]) -> dict[float, float]:
-    """How high the summits may be that lie about the highest of three neighbours: of the parabola through 1/h^2."""
-    places, promised = sorted(heights), {}
+def _vertex_heights(heights: dict[float, float]) -> dict[float, float]:
+    """Heights of the peaks about points that are higher than both neighbours, by the parabola through 1/h^2."""
+    places, expected = sorted(heights), {}
     for n, f in enumerate(places):
         near = places[max(n - 1, 0) : n + 2]
         if heights[f] < max(heights[g] for g in near):
             continue
-        promised[f] = heights[f]
+        expected[f] = heights[f]
         if len(near) == 3:
             inverse = [1 / max(heights[g], 1e-300) ** 2 for g in near]
             vertex, width = _parabola(*near, *inverse)
             share = width**2 / (width**2 + (f - vertex) ** 2) if np.isfinite(width) else 1.0
-            promised[f] = heights[f] / np.sqrt(share) if share > 0 else np.inf
-    return promised
+            expected[f] = heights[f] / np.sqrt(share) if share > 0 else np.inf
+    return expected
 
 
 def _within(grid: np.ndarray, around: tuple[float, float]) -> tuple[int, int]:
