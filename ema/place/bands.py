@@ -14,6 +14,7 @@ from ema.data.placement import Candidates
 from ema.errors import InputError
 from ema.place.fundamental import MAJORITY, fundamental, shares
 from ema.place.intervals import beams_drawn, drawn
+from ema.place.lift_off import PRESSURE
 from ema.place.model import model_at
 from ema.place.shortlist import Question, question, verify_all
 from ema.place.task import Task, only, predicted
@@ -27,10 +28,6 @@ _HARMONICS = 0.05
 _NEAR = 0.05
 _SHIFT = 0.02
 """By what share of its frequency a draw may leave the band in which the nominal resonance is looked for."""
-
-
-PRESSURE = (0.0, 2.0)
-"""Exponents of the pressure over a patch that can lift off, drawn evenly: from even to that under a bolt."""
 
 
 def forecast(
@@ -122,13 +119,10 @@ def forecast(
     middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
     rough = fundamental(nominal)
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
-    if _lifts(task):
-        lifted = fundamental(nominal, float(np.mean(PRESSURE)))
-        middle, rough = middle * lifted[:, :2] / rough[:, :2], lifted
     spread, opened = np.empty((draws, *middle.shape)), np.empty((draws, *middle[:, 0].shape), bool)
     for number, one in enumerate(drawn(asked, draws, rng)):
         case = _uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng)
-        spread[number], opened[number] = _draw(case, harmonics, _lifts(task), rng)
+        spread[number], opened[number] = _draw(case, harmonics, rng)
         advance(progress, "bands of the forecast", number + 1, draws)
     low, high = _band(middle, spread / rough[:, :2])
     parted = np.mean(opened, axis=0) > 1 - _ENOUGH
@@ -159,16 +153,12 @@ def forecast(
     )
 
 
-def _lifts(task: Task) -> bool:
-    """Whether the edges of the joints lift off, since nothing pulls there."""
-    return task.joint.normal_contact == "unilateral"
-
-
 def _draw(
-    case: Question, harmonics: Float[np.ndarray, "mode 2 level force"], lifts: bool, rng: np.random.Generator
+    case: Question, harmonics: Float[np.ndarray, "mode 2 level force"], rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "mode 2 level force"], Bool[np.ndarray, "mode level force"]]:
     """Frequency and damping ratio of one draw, its upper harmonics drawn too, and where its joints part."""
-    found = fundamental(case, rng.uniform(*PRESSURE) if lifts else None)
+    lifts = case.pressure is not None
+    found = fundamental(case._replace(pressure=rng.uniform(*PRESSURE)) if lifts else case)
     opened = found[:, 2] >= 1
     values = np.where((opened & lifts)[:, None], np.nan, found[:, :2])
     return values * np.exp(harmonics * rng.standard_normal((len(values), 2, 1, 1))), opened

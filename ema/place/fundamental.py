@@ -27,13 +27,13 @@ _CLOSE = 1e-4
 """Relative change of the frequency that no longer matters there."""
 
 
-def fundamental(question: Question, pressure: float | None = None) -> Float[np.ndarray, "mode 3 level force"]:
+def fundamental(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
     """Every resonance by first harmonics: Hz, damping ratio, opening; NaN where no peak belongs to the mode.
 
     A peak belongs to the bare mode that moves more in it than any other. ``fitted`` questions are answered with what a
     one-mode fit of the response of the output reads. The opening is the amplitude of the normal force over that at
-    rest: from 1 on a joint parts, and normal springs that also pull are no model of it any more. With the exponent of
-    a ``pressure`` (`ema.place.lift_off`) the edges of a patch lift off before.
+    rest: from 1 on a joint parts, and normal springs that also pull are no model of it any more. With a
+    ``pressure`` the edges of a patch lift off before (`ema.place.lift_off`).
     """
     from ema.place import fundamental_kernels
 
@@ -47,7 +47,7 @@ def fundamental(question: Question, pressure: float | None = None) -> Float[np.n
         if structure is None or any(joint.normal_exponent for joint in model.joints):
             structure = _structure(model, question.at, output)
         contact = _contact(model)
-        patch = None if pressure is None else patches(model, pressure)
+        patch = None if question.pressure is None else patches(model, question.pressure)
         for row, band in enumerate(question.bands):
             for number, level in enumerate(levels):
                 found, softer = _peak(question.targets[row], band, float(level), structure, contact, patch)

@@ -21,6 +21,8 @@ from ema.progress import Progress, silent
 from ema.shapes import smooth, with_body_uncertainty, with_plate, with_rigid_body
 
 _FAR = 0.05
+_UNSUITABLE = ("holes", "unsolved", "joint-parts")
+"""Findings that say why places do not count."""
 
 
 def place(
@@ -103,8 +105,8 @@ def place(
         raise InputError(
             "no place was found",
             where=where,
-            got=f"{len(candidates)} candidates without a resonance",
-            advice="other normal forces, or another beam",
+            got=" ".join(one.message for one in ranking.findings if one.code in _UNSUITABLE),
+            advice="press more, excite less, or take another beam",
         )
     study = None
     if recipe.control is not None:

@@ -15,6 +15,8 @@ from jaxtyping import Complex, Float
 
 from ema.data import BeamModel
 
+PRESSURE = (0.0, 2.0)
+"""Exponents of the pressure over a patch, from even to that under a bolt: drawn evenly, the middle where none is."""
 _PIECES = 24
 """Pieces of a patch. Twice as many change what is left of a spring by less than 1 %."""
 _STEPS = 8

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ema import fingerprint, store
 from ema.data import BeamModel, Finding, ModalMap
 from ema.data.placement import Prediction
 from ema.dof import Dof
 from ema.errors import EmaError, FailureError, InputError
+from ema.place.lift_off import PRESSURE
 from ema.place.model import model_at
 from ema.place.objective import of_rows
 from ema.place.task import Task
@@ -38,7 +39,7 @@ class Question(NamedTuple):
 
     ``targets`` are the rows of these modes among those of the bare structure: the peak is sought that belongs to each.
     With ``fitted`` it is what a one-mode fit of a stepped sine about the largest response of ``output`` (the excited
-    DOF where ``None``) reads.
+    DOF where ``None``) reads. With the exponent of a ``pressure`` its patches lift off at their edges.
     """
 
     model: BeamModel
@@ -49,28 +50,39 @@ class Question(NamedTuple):
     fitted: bool = False
     output: Dof | None = None
     targets: tuple[int, ...] = ()
+    pressure: float | None = None
 
 
-def answer(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
-    """Frequency Hz, damping ratio and height |X| in m at the excited DOF of every resonance; NaN where none was found.
+def answer(question: Question) -> Float[np.ndarray, "mode 4 level force"]:
+    """Frequency Hz, damping ratio, height |X| in m at the excited DOF and opening of every resonance, at all harmonics.
 
-    The height follows from the balance of power, F |X| pi = 2 pi zeta w^2 a^2 of the modal amplitude a.
+    NaN where none was found. The height follows from the balance of power, F |X| pi = 2 pi zeta w^2 a^2 of the modal
+    amplitude a. The opening is that of ``fundamental``, and what patches change that lift off at their edges is what
+    the fundamental alone says of it.
     """
     from ema.place.fundamental import fundamental
 
     levels, forces = np.asarray(question.force_levels), np.asarray(question.normal_forces)
-    result = np.full((len(question.bands), 3, len(levels), len(forces)), np.nan)
-    rough = fundamental(question._replace(fitted=False))[:, 0]
+    result = np.full((len(question.bands), 4, len(levels), len(forces)), np.nan)
+    pulling = fundamental(question._replace(fitted=False, pressure=None))
+    rough = pulling[:, 0]
     for row, band in enumerate(question.bands):
         if np.isfinite(rough[row]).any():
-            result[row] = _largest(question, band)
+            result[row, :3] = _largest(question, band)
     # a neighbour's peak is often higher than that of the mode, or a band ends before it
     result = np.where(np.isfinite(rough)[:, None], result, np.nan)
     strange = np.isfinite(rough) & ~(np.abs(result[:, 0] / rough - 1) <= _REACH[0])
     for row, number, column in np.argwhere(strange):
         model = question.model.with_normal_force(float(forces[column]))
         found = _near(question, model, float(levels[number]), float(rough[row, number, column]))
-        result[row, :, number, column] = found
+        result[row, :3, number, column] = found
+    result[:, 3] = pulling[:, 2]
+    if question.pressure is not None:
+        whole = fundamental(question._replace(pressure=None)) if question.fitted else pulling
+        change = fundamental(question)[:, :2] / whole[:, :2]
+        result[:, :2] *= change
+        # |X| goes with 1/(zeta w^2)
+        result[:, 2] /= change[:, 1] * change[:, 0] ** 2
     return result
 
 
@@ -178,32 +190,18 @@ def verify(
         if kept is not None:
             kept.keep(fingerprint_of(questions[number]), found)
         advance(progress, "all modes together", len(answers), len(questions))
-    return _joined(of_rows(prediction, picked), picked, answers)
+    return _joined(of_rows(prediction, picked), picked, answers, task.joint.normal_contact == "unilateral")
 
 
-def _joined(few: Prediction, rows: np.ndarray, answers: dict[int, np.ndarray]) -> Prediction:
-    """The answers as a prediction."""
-    values = np.stack([answers[number] for number in range(len(rows))]) if len(rows) else np.empty((0, 1, 3, 1, 1))
+def _joined(few: Prediction, rows: np.ndarray, answers: dict[int, np.ndarray], unilateral: bool) -> Prediction:
+    """The answers as a prediction; none where joints part that are ``unilateral``."""
     if not len(rows):
         return replace(few, method="all modes")
+    values = np.stack([answers[number] for number in range(len(rows))])
+    parted = (values[:, :, 3] >= 1) & unilateral
+    lost = np.isnan(values[:, :, :3]).any(axis=2) & ~parted
+    values = np.where(parted[:, :, None], np.nan, values)
     drive = few.driver[:, None, None] ** 2 * few.force_levels[:, None]
-    lost = [int(row) for row, value in zip(rows, values, strict=True) if np.isnan(value).any()]
-    findings = (
-        (
-            Finding(
-                "warning",
-                "unsolved",
-                "shortlist",
-                f"{len(lost)} of {len(rows)} places have no steady state for a "
-                f"mode within {_WIDER:.0%} of its predicted frequencies.",
-                float(len(lost)),
-                0.0,
-                "They count as unsuitable.",
-            ),
-        )
-        if lost
-        else ()
-    )
     return replace(
         few,
         frequency=values[:, :, 0],
@@ -211,8 +209,34 @@ def _joined(few: Prediction, rows: np.ndarray, answers: dict[int, np.ndarray]) -
         stiffness=drive / values[:, :, 2],
         slip=np.full(few.slip.shape, np.nan),
         method="all modes",
-        findings=findings,
+        findings=_about_places(lost, parted),
     )
+
+
+def _about_places(
+    lost: Bool[np.ndarray, "place mode level force"], parted: Bool[np.ndarray, "place mode level force"]
+) -> tuple[Finding, ...]:
+    """How many places have conditions without a steady state, or in which a joint parts that cannot pull."""
+    findings = []
+    for code, without, what, advice in (
+        (
+            "unsolved",
+            lost,
+            f"have no steady state for a mode within {_WIDER:.0%} of its predicted frequencies",
+            "They count as unsuitable.",
+        ),
+        (
+            "joint-parts",
+            parted,
+            "have conditions in which the normal force of a joint varies by more than F_N: it parts and rattles",
+            "Such conditions count as unsuitable; press more, or excite less.",
+        ),
+    ):
+        count = int(without.any(axis=(1, 2, 3)).sum())
+        if count:
+            text = f"{count} of {len(without)} places {what}."
+            findings.append(Finding("warning", code, "shortlist", text, float(count), 0.0, advice))
+    return tuple(findings)
 
 
 def question(task: Task, prediction: Prediction, row: int, fitted: bool = False) -> Question:
@@ -233,6 +257,7 @@ def question(task: Task, prediction: Prediction, row: int, fitted: bool = False)
         fitted,
         None if task.output is None else Dof.parse(task.output),
         tuple(int(mode) for mode in task.modes),
+        float(np.mean(PRESSURE)) if task.joint.normal_contact == "unilateral" else None,
     )
 
 
@@ -241,7 +266,7 @@ def verify_all(
     executor: Executor | None = None,
     wanted: Sequence[int] | None = None,
     kept: Path | None = None,
-) -> Iterator[tuple[int, Float[np.ndarray, "mode 3 level force"]]]:
+) -> Iterator[tuple[int, Float[np.ndarray, "mode 4 level force"]]]:
     """Number and answer of every wanted question as they come, with few under way at a time.
 
     Raises
@@ -312,7 +337,7 @@ class KeptPlaces:
         """Of the file of an answer."""
         return f"{question}-{self._code}.npy"
 
-    def known(self, question: str) -> Float[np.ndarray, "mode 3 level force"] | None:
+    def known(self, question: str) -> Float[np.ndarray, "mode 4 level force"] | None:
         """An answer computed before by this code; a damaged file counts as none."""
         path = self.folder / self.name(question)
         if path.is_file():
@@ -339,7 +364,7 @@ class KeptPlaces:
         )
         note(progress, "places: " + "; ".join(f"{count} {what}" for count, what in counts if count))
 
-    def keep(self, question: str, answer: Float[np.ndarray, "mode 3 level force"]) -> None:
+    def keep(self, question: str, answer: Float[np.ndarray, "mode 4 level force"]) -> None:
         """Put an answer on disk in place of those of other code.
 
         Raises

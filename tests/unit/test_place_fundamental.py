@@ -168,3 +168,40 @@ def test_conditions_in_which_a_joint_parts_are_named_and_have_no_band_where_it_c
     parts = soft._replace(joint=replace(soft.joint, normal_contact="unilateral"))
     told = place.forecast(parts, SPOT, 0, [gentle, hard], [20.0], draws=12, method="frozen")
     assert np.isfinite(told.damping_low[0, :, 0]).tolist() == [True, False]
+
+
+def test_a_ranking_counts_edges_that_lift_off_as_the_forecast_does(task):
+    """The checked ranking left them out: places were judged by another damping than the forecast then told of them."""
+    joint = replace(
+        STUCK, law=FrictionLaw("masing", 0.2, 2e8), contact_length=0.016, normal_stiffness=5e7, friction_std=0.05
+    )
+    lifting, level, pressed = task._replace(modes=(0,), force_levels=np.array([10.0])), 10.0, 60.0
+    values = []
+    for contact in ("linear", "unilateral"):
+        asked = lifting._replace(joint=replace(joint, normal_contact=contact), normal_forces=np.array([pressed]))
+        checked = place.verify(asked, predicted(asked, SPOT), [0])
+        told = place.forecast(asked, SPOT, 0, [level], [pressed], draws=10, method="frozen")
+        assert checked.frequency[0] == pytest.approx(told.frequency, rel=1e-9)
+        assert checked.damping[0] == pytest.approx(told.damping, rel=1e-9)
+        # power supplied over the height: F |X| w / 2 = zeta w^3 a^2, and X = driver a
+        height = level * checked.driver[0] ** 2 / (2 * checked.damping * (2 * np.pi * checked.frequency) ** 2)
+        moved = checked.driver[:, None, None] ** 2 * checked.force_levels[:, None] / checked.stiffness[0]
+        values.append([checked.frequency.item(), checked.damping.item(), (moved / height).item()])
+    pulls, lifts = values
+    assert lifts[0] < 0.999 * pulls[0], "edges that lift off lower the frequency"
+    assert lifts[2] == pytest.approx(pulls[2], rel=1e-9), "and the height goes with the damping"
+
+
+def test_a_ranking_takes_no_condition_in_which_a_joint_parts_that_cannot_pull(task):
+    law = FrictionLaw("masing", 0.2, 2e8)
+    asked = task._replace(
+        joint=replace(STUCK, law=law, normal_contact="unilateral"),
+        modes=(0,),
+        force_levels=np.array([2.0, 400.0]),
+        normal_forces=np.array([20.0]),
+    )
+    checked = place.verify(asked, predicted(asked, SPOT), [0])
+    assert np.isfinite(checked.damping[0, 0, :, 0]).tolist() == [True, False]
+    assert [one.code for one in checked.findings] == ["joint-parts"]
+    pulls = asked._replace(joint=replace(asked.joint, normal_contact="linear"))
+    assert np.isfinite(place.verify(pulls, predicted(pulls, SPOT), [0]).damping).all()
