@@ -436,6 +436,9 @@ def forecast() -> Forecast:
         damping_low=0.8 * damping,
         damping_high=1.2 * damping,
         draws=100,
+        sources=("tangential contact stiffness", "friction coefficient"),
+        frequency_shares=np.array([[0.8, 0.2]]),
+        damping_shares=np.array([[0.3, 0.7]]),
     )
 
 

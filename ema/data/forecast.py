@@ -51,6 +51,10 @@ class Forecast(Container):
     method : str, default "measured"
         As in ``ModalMap``: ``measured`` is what a one-mode fit of a stepped sine about the resonance reads, ``frozen``
         the equivalent damping of the steady state at resonance.
+    sources : tuple of str, optional
+        What the bands come from; nothing where too few draws tell it.
+    frequency_shares, damping_shares : array of shape (mode, source), optional
+        Share of each source in the variance of the logarithm of frequency and damping ratio.
     findings : tuple of Finding, optional
         What a reader of the forecast has to know.
     provenance : Provenance, optional
@@ -85,6 +89,9 @@ class Forecast(Container):
     damping_high: Float[np.ndarray, "mode level force"]
     draws: int
     method: str = "measured"
+    sources: tuple[str, ...] = ()
+    frequency_shares: Float[np.ndarray, "mode source"] | None = None
+    damping_shares: Float[np.ndarray, "mode source"] | None = None
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     provenance: Provenance = field(default=Provenance(), compare=False)
 
@@ -101,7 +108,7 @@ class Forecast(Container):
             "damping_low",
             "damping_high",
         )
-        freeze(self, **dict.fromkeys(arrays, np.float64))
+        freeze(self, **dict.fromkeys((*arrays, "frequency_shares", "damping_shares"), np.float64))
         check_axes(self)
         shape = (len(self.modes), len(self.force_levels), len(self.normal_forces))
         for name in arrays[4:]:
@@ -150,6 +157,33 @@ class Forecast(Container):
                     )
         names = ["mode", "F_E [N]", "F_N [N]", "f [Hz]", "f low", "f high", "zeta [%]", "zeta low", "zeta high"]
         return pd.DataFrame(rows, columns=names)
+
+    def budget(self) -> "pd.DataFrame":
+        """Return what the bands come from as a table of pandas, what widens those of the damping most first.
+
+        Were a source of the share s known, a band would keep sqrt(1 - s) of its width.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per source: its share [%] of the variance of the logarithm of frequency and damping of every mode;
+            no row where too few draws tell it.
+
+        Examples
+        --------
+        >>> from ema.examples import forecast
+        >>> forecast().budget().iloc[0].tolist()
+        ['friction coefficient', 20.0, 70.0]
+        """
+        import pandas as pd
+
+        names = [name for mode in self.modes for name in (f"mode {mode}: f [%]", f"mode {mode}: zeta [%]")]
+        if self.frequency_shares is None or self.damping_shares is None or not self.sources:
+            return pd.DataFrame(columns=["source", *names])
+        both = 100 * np.stack([self.frequency_shares, self.damping_shares], axis=1)
+        order = np.argsort(-self.damping_shares.mean(axis=0), kind="stable")
+        rows = [(self.sources[row], *both[:, :, row].ravel()) for row in order]
+        return pd.DataFrame(rows, columns=["source", *names])
 
 
 @dataclass(frozen=True, repr=False)

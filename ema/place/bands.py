@@ -12,6 +12,7 @@ from ema.data import Finding, ModalMap, Provenance
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.placement import Candidates
 from ema.errors import InputError
+from ema.place.budget import budget, inputs
 from ema.place.fundamental import MAJORITY, fundamental, shares
 from ema.place.intervals import beams_drawn, drawn
 from ema.place.lift_off import PRESSURE
@@ -120,11 +121,17 @@ def forecast(
     rough = fundamental(nominal)
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
     spread, opened = np.empty((draws, *middle.shape)), np.empty((draws, *middle[:, 0].shape), bool)
+    taken = []
     for number, one in enumerate(drawn(asked, draws, rng)):
-        case = _uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng)
+        beam = beams_drawn(here, rng)
+        case = _uneven(_asked(nominal, one, beam), task.joint.scatter, rng)
+        if case.pressure is not None:
+            case = case._replace(pressure=rng.uniform(*PRESSURE))
+        taken.append(inputs(one, case, beam))
         spread[number], opened[number] = _draw(case, harmonics, rng)
         advance(progress, "bands of the forecast", number + 1, draws)
     low, high = _band(middle, spread / rough[:, :2])
+    sources, of_sources = budget(taken, spread / rough[:, :2], harmonics)
     parted = np.mean(opened, axis=0) > 1 - _ENOUGH
     findings = (
         *_about_holes(f"place {place}", np.isfinite(low[:, 1]), spread_out, parted, np.isfinite(middle[:, 1])),
@@ -148,6 +155,9 @@ def forecast(
         high[:, 1],
         draws,
         method,
+        sources,
+        of_sources[0],
+        of_sources[1],
         findings,
         Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
     )
@@ -157,10 +167,9 @@ def _draw(
     case: Question, harmonics: Float[np.ndarray, "mode 2 level force"], rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "mode 2 level force"], Bool[np.ndarray, "mode level force"]]:
     """Frequency and damping ratio of one draw, its upper harmonics drawn too, and where its joints part."""
-    lifts = case.pressure is not None
-    found = fundamental(case._replace(pressure=rng.uniform(*PRESSURE)) if lifts else case)
+    found = fundamental(case)
     opened = found[:, 2] >= 1
-    values = np.where((opened & lifts)[:, None], np.nan, found[:, :2])
+    values = np.where((opened & (case.pressure is not None))[:, None], np.nan, found[:, :2])
     return values * np.exp(harmonics * rng.standard_normal((len(values), 2, 1, 1))), opened
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from ema.data import Finding
 from ema.data.placement import Candidates, Place, Prediction, Ranking
 from ema.place.flags import about_holes, about_points, flags, shifts
 from ema.place.intervals import samples
@@ -79,7 +80,8 @@ def rank(
     order = _best(total, keep)
     few = of_rows(prediction, order)
     places = _described(task, wanted, order, few, few, _drawn(task, few, draws, seed, progress))
-    return Ranking(str(wanted), prediction, total, places, (*about_points(task), *about_holes(prediction)))
+    findings = (*about_points(task), *about_holes(prediction), *_about_range(task, places))
+    return Ranking(str(wanted), prediction, total, places, findings)
 
 
 def search(
@@ -168,9 +170,29 @@ def search(
         prediction,
         total,
         places,
-        (*about_points(task), *about_holes(prediction), *checked.findings),
+        (*about_points(task), *about_holes(prediction), *checked.findings, *_about_range(task, places)),
         tuple(int(row) for row in rows),
         checked,
+    )
+
+
+def _about_range(task: Task, places: tuple[Place, ...]) -> tuple[Finding, ...]:
+    """Whether the best place wants the smallest or the largest normal force that was asked for."""
+    asked = np.sort(task.normal_forces)
+    if not places or len(asked) < 2 or places[0].normal_force not in (asked[0], asked[-1]):
+        return ()
+    best = places[0].normal_force
+    end, beyond = ("smallest", "smaller") if best == asked[0] else ("largest", "larger")
+    return (
+        Finding(
+            "warning",
+            "edge-of-range",
+            "rank 1",
+            f"the best normal force, {best:g} N, is the {end} of those asked: a {beyond} one may serve better.",
+            best,
+            None,
+            f"Ask for {beyond} normal forces too, or take it as what the joint allows.",
+        ),
     )
 
 

@@ -46,6 +46,28 @@ def forecast_blocks(prediction: Forecast | ForecastCheck, book: Book) -> list[Bl
             _columns(check),
             _rows(forecast, check),
         ),
+        *_budget(forecast, book),
+    ]
+
+
+def _budget(forecast: Forecast, book: Book) -> list[Block]:
+    """What the bands come from, what widens those of the damping most first."""
+    table = forecast.budget()
+    if table.empty:
+        return []
+    damping = [name for name in table.columns if "zeta" in name]
+    first = table.iloc[0]
+    most = ", ".join(f"{first[name]:.0f} % in {name.split(':')[0]}" for name in damping)
+    rows: list[list[Cell]] = [[row[0], *(f"{value:.0f}" for value in row[1:])] for row in table.itertuples(index=False)]
+    return [
+        Text(f"What widens the bands of the damping ratio most: {first['source']} ({most} of their variance)."),
+        book.table(
+            "budget",
+            "What the bands come from: shares of the variance of the logarithm, mean over the conditions. Were a "
+            "source of the share s known, a band would keep √(1 − s) of its width.",
+            ["Source", *(name.replace("zeta", "ζ") for name in table.columns[1:])],
+            rows,
+        ),
     ]
 
 

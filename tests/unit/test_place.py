@@ -95,6 +95,30 @@ def test_damping_has_its_maximum_inside_the_range_of_normal_forces(table):
     assert max(damping[0], damping[-1]) < 0.00638 + 0.3 * (damping.max() - 0.00638)
 
 
+def test_a_best_normal_force_at_the_end_of_those_asked_is_named(table):
+    """The optimum of a wide range lies inside; of its lower and its upper half it is at an end."""
+    bare, surface = table
+    here = Candidates(np.array([[0.3, 0.06]]), np.zeros(1), np.zeros(1, int), (BEAM,))
+    wide = np.geomspace(5, 20000, 14)
+
+    def named(forces: np.ndarray) -> list[str]:
+        task = place.Task(bare, surface, JOINT, bare.dofs[-1], np.array([30.0]), forces, (0,))
+        ranked = place.rank(task, here, draws=0)
+        searched = place.search(task, here, shortlist=1, draws=0)
+        found = [
+            [one.message for one in ranking.findings if one.code == "edge-of-range"] for ranking in (ranked, searched)
+        ]
+        assert found[0] == found[1]
+        return found[0]
+
+    best = int(np.argmax(predict(table, levels=(30.0,), forces=wide).damping[0, 0, 0]))
+    assert named(wide[best - 2 : best + 3]) == []
+    (below,), (above,) = named(wide[: best - 1]), named(wide[best + 2 :])
+    assert f"{wide[best - 2]:g} N, is the largest" in below and "a larger one" in below
+    assert f"{wide[best + 2]:g} N, is the smallest" in above and "a smaller one" in above
+    assert named(wide[best : best + 1]) == []
+
+
 def test_best_normal_force_grows_in_proportion_to_the_excitation(table):
     forces = np.geomspace(20, 2000, 41)
     damping = predict(table, levels=(10.0, 20.0, 40.0), forces=forces).damping[0, 0]
