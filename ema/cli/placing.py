@@ -13,7 +13,7 @@ from ema.cli.ending import ends_well
 from ema.errors import InputError
 
 if TYPE_CHECKING:
-    from ema.data import Finding, Geometry, ModalModel
+    from ema.data import Geometry, ModalModel
     from ema.data.placement import Placement
     from ema.place.recipe import PlaceRecipe
     from ema.progress import Progress
@@ -58,7 +58,7 @@ def place(
         screen.as_json(_as_mapping(found, written))
     else:
         _show(found, written)
-    return status(_findings(found), limit)
+    return status(found.all_findings, limit)
 
 
 def _stem(path: Path) -> str:
@@ -188,10 +188,6 @@ def _write(found: "Placement", folder: Path, formats: Sequence[str]) -> list[Pat
     return [*written, *(folder / f"placement.{name}" for name in formats)]
 
 
-def _findings(found: "Placement") -> "list[Finding]":
-    return list(dict.fromkeys([*found.findings, *found.ranking.best.findings]))
-
-
 def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
     from ema.report.placement import answer
     from ema.study.plain import finding
@@ -205,7 +201,7 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
         "places": rows,
         "normal_forces": found.ranking.best.normal_forces.tolist(),
         "control": None if found.control is None else found.control.verdict,
-        "findings": [finding(one) for one in _findings(found)],
+        "findings": [finding(one) for one in found.all_findings],
         "written": [str(path) for path in written],
     }
 
@@ -230,5 +226,5 @@ def _show(found: "Placement", written: list[Path]) -> None:
     out.print(Text(answer(found)), soft_wrap=True)
     if found.control is not None:
         out.print(Text(found.control.verdict), soft_wrap=True)
-    screen.show_findings(out, _findings(found))
+    screen.show_findings(out, found.all_findings)
     out.print(Text("Written: " + ", ".join(str(path) for path in written)), soft_wrap=True)

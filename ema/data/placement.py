@@ -616,3 +616,9 @@ class Placement(Container):
     def __post_init__(self) -> None:
         freeze(self, origin=np.float64, axes=np.float64, extent=np.float64, points=np.float64)
         check_axes(self)
+
+    @property
+    def all_findings(self) -> tuple[Finding, ...]:
+        """Findings of the search, of the best place and of its forecast, each once."""
+        forecast = () if self.forecast is None else self.forecast.findings
+        return tuple(dict.fromkeys([*self.findings, *self.ranking.best.findings, *forecast]))

@@ -130,12 +130,13 @@ def forecast(
         taken.append(inputs(one, case, beam))
         spread[number], opened[number] = _draw(case, harmonics, rng)
         advance(progress, "bands of the forecast", number + 1, draws)
+    parted = np.mean(opened, axis=0) > 1 - _ENOUGH
+    middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
     low, high = _band(middle, spread / rough[:, :2])
     sources, of_sources = budget(taken, spread / rough[:, :2], harmonics)
-    parted = np.mean(opened, axis=0) > 1 - _ENOUGH
     findings = (
-        *_about_holes(f"place {place}", np.isfinite(low[:, 1]), spread_out, parted, np.isfinite(middle[:, 1])),
-        *_about_harmonics(f"place {place}", harmonics[:, 1]),
+        *_about_holes(np.isfinite(low[:, 1]), spread_out, parted, np.isfinite(middle[:, 1])),
+        *_about_harmonics(harmonics[:, 1]),
     )
     bare = task.bare.poles[list(task.modes)]
     return Forecast(
@@ -174,7 +175,7 @@ def _draw(
 
 
 def _about_holes(
-    where: str, known: np.ndarray, spread_out: np.ndarray, parted: np.ndarray, solved: np.ndarray
+    known: np.ndarray, spread_out: np.ndarray, parted: np.ndarray, solved: np.ndarray
 ) -> tuple[Finding, ...]:
     """Why conditions have no band: the mode is spread over several resonances, the joints part, no peak belongs to the
     mode, or too few draws have one."""
@@ -191,7 +192,7 @@ def _about_holes(
             "joint-parts",
             parted & ~spread_out,
             "the normal force of a joint varies by more than F_N in a fifth of the draws or more: it parts there "
-            "unless it also pulls, and what is predicted holds only then.",
+            "unless it also pulls, and values are predicted only for joints that can.",
             "Press more, or excite less.",
         ),
         (
@@ -209,11 +210,11 @@ def _about_holes(
     ):
         if lost.any():
             text = f"in {int(lost.sum())} of {known.size} conditions {why}"
-            findings.append(Finding("warning", code, where, text, float(lost.sum()), 0.0, advice))
+            findings.append(Finding("warning", code, "forecast", text, float(lost.sum()), 0.0, advice))
     return tuple(findings)
 
 
-def _about_harmonics(where: str, damping: Float[np.ndarray, "mode level force"]) -> tuple[Finding, ...]:
+def _about_harmonics(damping: Float[np.ndarray, "mode level force"]) -> tuple[Finding, ...]:
     """Whether the upper harmonics of the friction force change a damping ratio, by its logarithm, by much."""
     count, most = int(np.sum(damping > _HARMONICS)), float(damping.max())
     if not count:
@@ -224,7 +225,7 @@ def _about_harmonics(where: str, damping: Float[np.ndarray, "mode level force"])
         "frequency."
     )
     advice = "The bands hold as much to either side; what is true hangs on the frequency of that upper mode."
-    return (Finding("warning", "upper-harmonics", where, message, most, _HARMONICS, advice),)
+    return (Finding("warning", "upper-harmonics", "forecast", message, most, _HARMONICS, advice),)
 
 
 def _asked(nominal: Question, task: Task, candidates: Candidates) -> Question:

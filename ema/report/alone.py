@@ -59,8 +59,7 @@ def _of_placement(placement: Placement, book: Book) -> Document:
         ("Candidates", f"{len(placement.ranking.scores)}, {len(placement.ranking.shortlist)} with all modes together"),
     ]
     blocks = place_blocks(placement, book)
-    findings = list(dict.fromkeys([*placement.findings, *placement.ranking.best.findings]))
-    reported = _findings(findings, book)
+    reported = _findings(list(placement.all_findings), book)
     chapter = Chapter("The place in detail", "placement-detail", sections=placement_sections(placement, book))
     return _document(
         placement.title,

@@ -55,12 +55,13 @@ def _budget(forecast: Forecast, book: Book) -> list[Block]:
     table = forecast.budget()
     if table.empty:
         return []
-    damping = [name for name in table.columns if "zeta" in name]
-    first = table.iloc[0]
-    most = ", ".join(f"{first[name]:.0f} % in {name.split(':')[0]}" for name in damping)
+    most = []
+    for name in table.columns[2::2]:
+        first = table.loc[table[name].idxmax()]
+        most.append(f"{first['source']} ({name.split(':')[0]}, {first[name]:.0f} % of their variance)")
     rows: list[list[Cell]] = [[row[0], *(f"{value:.0f}" for value in row[1:])] for row in table.itertuples(index=False)]
     return [
-        Text(f"What widens the bands of the damping ratio most: {first['source']} ({most} of their variance)."),
+        Text(f"What widens the bands of the damping ratio most: {'; '.join(most)}."),
         book.table(
             "budget",
             "What the bands come from: shares of the variance of the logarithm, mean over the conditions. Were a "

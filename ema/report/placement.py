@@ -43,13 +43,15 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
 
 def placement_sections(placement: Placement, book: Book, check: ForecastCheck | None = None) -> list[Section]:
     """Forecast, normal force, FRFs and control behind the answer; with ``check``, the comparison with measured maps."""
-    sections = [
+    sections = []
+    # first of all, for pictures and tables are numbered as they come
+    if placement.forecast is not None:
+        blocks = forecast_blocks(placement.forecast if check is None else check, book)
+        sections.append(Section("Forecast for the best place", "forecast", blocks))
+    sections += [
         Section("Recommended normal force", "placement-force", _force(placement, book)),
         Section("FRF before and after, predicted", "placement-frf", _predicted(placement, book)),
     ]
-    if placement.forecast is not None:
-        blocks = forecast_blocks(placement.forecast if check is None else check, book)
-        sections.insert(0, Section("Forecast for the best place", "forecast", blocks))
     if placement.control is not None:
         sections.append(Section("A controlled normal force", "control", _control(placement, book)))
     return sections

@@ -523,7 +523,7 @@ class Study:
         decays, loops, placement = beside
         findings += tuple(finding for one in loops for finding in one.findings)
         if placement is not None:
-            findings += (*placement.findings, *placement.ranking.best.findings)
+            findings += placement.all_findings
         checked = friction.forecast_check(self.recipe.placement, placement, maps)
         judged = statements.judge(self.recipe.statements, maps, runs, self.recipe.assumed, campaign=campaign)
         if self.recipe.logo:

@@ -122,9 +122,9 @@ def test_bands_hold_what_the_upper_harmonics_change(task, pool):
 
 
 def test_strong_upper_harmonics_are_named():
-    (found,) = _about_harmonics("place 1", np.array([[[0.02, 0.08], [0.051, 0.0]]]))
+    (found,) = _about_harmonics(np.array([[[0.02, 0.08], [0.051, 0.0]]]))
     assert found.code == "upper-harmonics" and found.value == pytest.approx(0.08) and "in 2 of 4" in found.message
-    assert _about_harmonics("place 1", np.full((1, 2, 2), 0.049)) == ()
+    assert _about_harmonics(np.full((1, 2, 2), 0.049)) == ()
 
 
 def test_a_check_counts_what_lies_inside(told):

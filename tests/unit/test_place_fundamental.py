@@ -168,6 +168,7 @@ def test_conditions_in_which_a_joint_parts_are_named_and_have_no_band_where_it_c
     parts = soft._replace(joint=replace(soft.joint, normal_contact="unilateral"))
     told = place.forecast(parts, SPOT, 0, [gentle, hard], [20.0], draws=12, method="frozen")
     assert np.isfinite(told.damping_low[0, :, 0]).tolist() == [True, False]
+    assert np.isfinite(told.damping[0, :, 0]).tolist() == [True, False], "no value without a band either"
 
 
 def test_a_ranking_counts_edges_that_lift_off_as_the_forecast_does(task):
