@@ -24,9 +24,11 @@ class Objective:
         comes down) or ``chatter`` (dB by which the most negative real part of the receptance at the excited point, a
         tool, comes up: it sets the stable depth of cut).
     over_levels : str, default "least"
-        ``least`` (the worst force level: robust) or ``mean`` of the levels.
+        ``least`` (the worst force level) or ``mean`` of the levels.
     mode_weights : tuple of float, optional
         Of ``damping``, one per target mode; equal by default.
+    robust : bool, default False
+        Whether place and normal force are chosen by the lower end of the 95 % interval of the value, not by the value.
 
     Examples
     --------
@@ -37,9 +39,11 @@ class Objective:
     aim: str = "damping"
     over_levels: str = "least"
     mode_weights: tuple[float, ...] | None = None
+    robust: bool = False
 
     def __str__(self) -> str:
-        return f"{self.aim}, {self.over_levels} over the force levels"
+        chosen = ", lower end of its 95 % interval" if self.robust else ""
+        return f"{self.aim}, {self.over_levels} over the force levels{chosen}"
 
 
 def scores(prediction: Prediction, objective: Objective) -> Float[np.ndarray, "candidate force"]:

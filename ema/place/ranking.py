@@ -3,12 +3,14 @@
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ema.data import Finding
 from ema.data.placement import Candidates, Place, Prediction, Ranking
+from ema.errors import InputError
 from ema.place.flags import about_holes, about_points, flags, shifts
 from ema.place.intervals import samples
 from ema.place.objective import Objective, of_rows, recommended_forces, scores
@@ -77,9 +79,8 @@ def rank(
     prediction = predicted(task, candidates)
     advance(progress, "places", len(candidates), len(candidates))
     total = scores(prediction, wanted).max(axis=1)
-    order = _best(total, keep)
-    few = of_rows(prediction, order)
-    places = _described(task, wanted, order, few, few, _drawn(task, few, draws, seed, progress))
+    draw = _Draws(draws, seed, progress)
+    places = _described(task, wanted, np.arange(len(candidates)), prediction, prediction, keep, draw)
     findings = (*about_points(task), *about_holes(prediction), *_about_range(task, places))
     return Ranking(str(wanted), prediction, total, places, findings)
 
@@ -161,10 +162,8 @@ def search(
     ranked = [*_best(total, shortlist), *_best(_bending(task, candidates), shortlist // 2)]
     rows = np.array(list(dict.fromkeys(ranked)), dtype=np.int64)
     checked = verify(task, prediction, rows, executor, folder, resume, progress)
-    order = _best(scores(checked, wanted).max(axis=1), keep)
-    few = of_rows(prediction, rows[order])
-    drawn = _drawn(task, few, draws, seed, progress)
-    places = _described(task, wanted, rows[order], few, of_rows(checked, order), drawn)
+    draw = _Draws(draws, seed, progress)
+    places = _described(task, wanted, rows, of_rows(prediction, rows), checked, keep, draw)
     return Ranking(
         str(wanted),
         prediction,
@@ -209,30 +208,76 @@ def _bending(task: Task, candidates: Candidates) -> Float[np.ndarray, "candidate
     return np.asarray((((lever[:, -1] - lever[:, 0]) / omega) ** 2).sum(axis=1))
 
 
+class _Draws(NamedTuple):
+    """How many draws the intervals take."""
+
+    draws: int
+    seed: int
+    progress: Progress
+
+    def of(self, task: Task, few: Prediction) -> tuple[Prediction, ...]:
+        """Predictions of the same locations under drawn parameters; none where no draws are asked for."""
+        if not self.draws or not len(few.candidates):
+            return ()
+        return samples(task, few.candidates, self.draws, np.random.default_rng(self.seed), self.progress)
+
+
+class _Judged(NamedTuple):
+    """Value of the objective at every location and normal force, -inf where there is none, and its 95 % interval."""
+
+    value: Float[np.ndarray, "place force"]
+    low: Float[np.ndarray, "place force"]
+    high: Float[np.ndarray, "place force"]
+
+    def by(self, objective: Objective) -> Float[np.ndarray, "place force"]:
+        """What decides."""
+        return np.where(np.isfinite(self.low), self.low, -np.inf) if objective.robust else self.value
+
+
+def _judged(objective: Objective, few: Prediction, decisive: Prediction, drawn: tuple[Prediction, ...]) -> _Judged:
+    """The value of ``decisive``, and the interval of the draws of the one-mode prediction ``few`` moved to it."""
+    value = scores(decisive, objective)
+    if not drawn:
+        return _Judged(value, np.full_like(value, np.nan), np.full_like(value, np.nan))
+    each, alone = np.array([scores(one, objective) for one in drawn]), scores(few, objective)
+    known = np.isfinite(each).any(axis=0) & np.isfinite(value) & np.isfinite(alone)
+    quantiles = np.nanquantile(np.where(np.isfinite(each) | ~known, each, np.nan), [0.025, 0.975], axis=0)
+    offset = np.subtract(value, alone, out=np.zeros_like(value), where=known)
+    low, high = np.where(known, offset + quantiles, np.nan)
+    return _Judged(value, low, high)
+
+
 def _described(
     task: Task,
     objective: Objective,
     rows: np.ndarray,
     few: Prediction,
     decisive: Prediction,
-    drawn: tuple[Prediction, ...],
+    keep: int,
+    draw: _Draws,
 ) -> tuple[Place, ...]:
-    """The locations in ``rows`` of all candidates.
+    """The best of the locations in ``rows`` of all candidates.
 
-    ``few`` is their prediction by the one-mode predictor and ``drawn`` its draws; ``decisive`` has the values that
-    count: those of ``few`` itself, or with all modes together.
+    ``few`` is their prediction by the one-mode predictor; ``decisive`` has the values that count: those of ``few``
+    itself, or with all modes together.
+
+    Raises
+    ------
+    InputError : a robust choice without draws.
     """
+    if objective.robust and not draw.draws:
+        raise InputError(
+            "a robust choice needs intervals", where="search", got="draws = 0", expected="draws above 0, such as 200"
+        )
+    drawn = draw.of(task, few) if objective.robust else ()
+    order = _best(_judged(objective, few, decisive, drawn).by(objective).max(axis=1), keep)
+    few, decisive = of_rows(few, order), of_rows(decisive, order)
+    drawn = tuple(of_rows(one, order) for one in drawn) if objective.robust else draw.of(task, few)
+    judged = _judged(objective, few, decisive, drawn)
     return tuple(
-        replace(_place(task, objective, number, few, decisive, drawn), candidate=int(row))
-        for number, row in enumerate(rows)
+        replace(_place(task, objective, number, few, decisive, drawn, judged), candidate=int(row))
+        for number, row in enumerate(rows[order])
     )
-
-
-def _drawn(task: Task, few: Prediction, draws: int, seed: int, progress: Progress) -> tuple[Prediction, ...]:
-    """Predictions of the same locations under drawn parameters; none where no draws are asked for."""
-    if not draws or not len(few.candidates):
-        return ()
-    return samples(task, few.candidates, draws, np.random.default_rng(seed), progress)
 
 
 def _place(
@@ -242,20 +287,15 @@ def _place(
     few: Prediction,
     decisive: Prediction,
     drawn: tuple[Prediction, ...],
+    judged: _Judged,
 ) -> Place:
     """One location of ``few``, at the normal force that its objective prefers."""
-    by_force = scores(decisive, objective)
-    force = int(by_force[number].argmax())
+    force = int(judged.by(objective)[number].argmax())
     damping, alone = decisive.damping[number, :, :, force], few.damping[number, :, :, force]
-    score = float(by_force[number, force])
-    low, high, score_low, score_high = np.full_like(damping, np.nan), np.full_like(damping, np.nan), np.nan, np.nan
+    low, high = np.full_like(damping, np.nan), np.full_like(damping, np.nan)
     if drawn:
         ratio = damping / alone
         low, high = ratio * np.nanquantile([one.damping[number, :, :, force] for one in drawn], [0.025, 0.975], axis=0)
-        judged = np.array([scores(of_rows(one, [number]), objective)[0, force] for one in drawn])
-        offset = score - float(scores(few, objective)[number, force])
-        if np.isfinite(judged).any() and np.isfinite(offset):
-            score_low, score_high = offset + np.quantile(judged[np.isfinite(judged)], [0.025, 0.975])
     candidates = few.candidates
     kind = int(candidates.beams[number])
     normal_force = float(few.normal_forces[force])
@@ -265,9 +305,9 @@ def _place(
         (float(candidates.centres[number, 0]), float(candidates.centres[number, 1])),
         float(candidates.angles[number]),
         candidates.catalogue[kind].name or f"beam {kind + 1}",
-        score,
-        float(score_low),
-        float(score_high),
+        float(judged.value[number, force]),
+        float(judged.low[number, force]),
+        float(judged.high[number, force]),
         normal_force,
         recommended_forces(decisive, objective, number),
         decisive.frequency[number, :, :, force],
@@ -278,5 +318,5 @@ def _place(
         stiffness,
         flags(task, few, number, force),
         decisive.method,
-        None if decisive is few else alone,
+        None if decisive.method == few.method else alone,
     )

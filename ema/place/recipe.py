@@ -38,6 +38,7 @@ class ObjectiveTable(Table):
     aim: Literal["damping", "least damping", "geometric mean", "peak reduction", "chatter"] = "damping"
     over_levels: Literal["least", "mean"] = "least"
     mode_weights: list[Annotated[float, Field(ge=0)]] | None = None
+    robust: bool = False
 
 
 class BeamTable(Table):
@@ -221,8 +222,9 @@ class PlaceRecipe(Table):
 
     def wanted(self) -> Objective:
         """The objective as a noun."""
-        weights = self.objective.mode_weights
-        return Objective(self.objective.aim, self.objective.over_levels, None if weights is None else tuple(weights))
+        table = self.objective
+        weights = None if table.mode_weights is None else tuple(table.mode_weights)
+        return Objective(table.aim, table.over_levels, weights, table.robust)
 
 
 LAWS = ("masing", "iwan", "regularised masing", "dahl")

@@ -119,6 +119,47 @@ def test_a_best_normal_force_at_the_end_of_those_asked_is_named(table):
     assert named(wide[best : best + 1]) == []
 
 
+@pytest.mark.parametrize("friction_std", [0.02, 0.3])
+def test_a_robust_choice_takes_the_normal_force_with_the_largest_lower_bound(table, friction_std):
+    """Only mu is uncertain: mu e^x at F_N does what mu does at F_N e^x, so the quantiles at every F_N are those of the
+    damping over a normal distribution about log F_N. It falls steeper to one side, from
+    which the choice moves away."""
+    bare, surface = table
+    sure = replace(surface, covariance=0 * surface.covariance, noise=0 * surface.noise)
+    here = Candidates(np.array([[0.3, 0.06]]), np.zeros(1), np.zeros(1, int), (BEAM,))
+    joint = replace(JOINT, friction_std=friction_std, stiffness_std=0.0)
+    asked, fine = np.geomspace(30, 3000, 31), np.geomspace(5, 20000, 800)
+    task = place.Task(bare, sure, joint, bare.dofs[-1], np.array([30.0]), asked, (0,))
+    damping = predict((bare, sure), joint=joint, levels=(30.0,), forces=fine).damping[0, 0, 0]
+    spread = np.exp(friction_std * np.random.default_rng(1).standard_normal(200_000))
+    lower = np.array([np.quantile(np.interp(force * spread, fine, damping), 0.025) for force in asked])
+    usual = place.rank(task, here, draws=500).best
+    robust = place.rank(task, here, place.Objective(robust=True), draws=500).best
+    best = int(np.flatnonzero(asked == robust.normal_force)[0])
+    # the quantile of 500 draws scatters by a tenth of its distance from the median
+    assert robust.score_low == pytest.approx(lower[best], rel=0.03)
+    assert lower[best] > 0.98 * lower.max()
+    assert robust.score_low >= usual.score_low and robust.score <= usual.score
+    # asked normal forces are 17 % apart
+    moved = np.log(robust.normal_force / usual.normal_force)
+    assert abs(moved) < 0.2 if friction_std == 0.02 else moved * np.log(asked[lower.argmax()] / usual.normal_force) > 0
+
+
+def test_a_robust_choice_prefers_the_place_whose_least_value_is_larger(table):
+    """With all modes together too; and it needs draws."""
+    bare, surface = table
+    here = Candidates(np.array([[0.3, 0.06], [0.45, 0.25]]), np.zeros(2), np.zeros(2, int), (BEAM,))
+    task = place.Task(bare, surface, JOINT, bare.dofs[-1], np.array([30.0]), np.array([100.0, 200.0]), (0,))
+    for ask in (place.rank, place.search):
+        usual = ask(task, here, draws=100)
+        robust = ask(task, here, place.Objective(robust=True), draws=100)
+        bounds = [max(one.score_low for one in found.places) for found in (usual, robust)]
+        assert robust.best.score_low == bounds[1] >= bounds[0]
+        with pytest.raises(InputError, match="robust choice needs intervals; got draws = 0"):
+            ask(task, here, place.Objective(robust=True), draws=0)
+    assert str(place.Objective(robust=True)).endswith("lower end of its 95 % interval")
+
+
 def test_best_normal_force_grows_in_proportion_to_the_excitation(table):
     forces = np.geomspace(20, 2000, 41)
     damping = predict(table, levels=(10.0, 20.0, 40.0), forces=forces).damping[0, 0]
