@@ -77,6 +77,30 @@ def test_names_that_a_string_stands_for_or_that_do_not_exist(check):
     refused(of, ["two"], 1)
 
 
+def test_inner_functions_are_each_their_own(check):
+    """Defined twice, called within each other, with names of the outer one, defaults that differ, and an error between."""
+
+    def making(scale, default, kind=float):
+        @check
+        def scaled(values: Vector, within=None, *, factor: kind = default) -> Vector:
+            if within is not None:
+                values = within(values)
+            return factor * scale * values
+
+        return scaled
+
+    double, triple = making(2.0, 1.0), making(3.0, 10.0)
+    assert double(np.ones(2), triple).tolist() == [60.0, 60.0]
+    refused(double, TWO, lambda _: THREE)
+    refused(triple, TWO, lambda _: 1.0)
+    refused(triple, TWO, factor="2")
+    with pytest.raises(ZeroDivisionError):
+        double(TWO, lambda values: triple(values, lambda _: 1 / 0))
+    assert triple(np.ones(1)).tolist() == [30.0]
+    named = making(np.ones(1), "2", str)
+    refused(named, TWO, factor=2.0)
+
+
 def test_data_classes_and_methods(check):
     @check
     @dataclass(frozen=True, kw_only=True)
