@@ -354,6 +354,7 @@ def test_nothing_to_draw_is_said(figure, told):
 
 
 @pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("spoil", ["zero", "one line", "undefined coherence"])
 def test_dead_and_short_records_are_drawn_without_complaint(spoil: str):
     frfs = {
@@ -372,6 +373,7 @@ def test_dead_and_short_records_are_drawn_without_complaint(spoil: str):
         FigureCanvasAgg(figure).draw()
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.filterwarnings("error")
 def test_shapes_without_motion_lines_or_extent_are_drawn():
     still = replace(MODES, shapes=0 * MODES.shapes)
