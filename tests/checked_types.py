@@ -1,7 +1,7 @@
 """Types and shapes checked at run time, as ``jaxtyping.jaxtyped`` does, at a fraction of its cost.
 
 ``jaxtyped`` checks the parameters of a function twice, binds them by ``inspect`` at every call, and makes the check of an
-inner function anew whenever the outer one is called: more than half the time of the tests. Here parameters and result
+inner function anew whenever the outer one is called: half the time of many tests. Here parameters and result
 are checked once, names of axes are kept only where a hint has axes, and every piece of code gets its check once.
 """
 
