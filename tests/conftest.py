@@ -3,13 +3,14 @@
 import os
 from pathlib import Path
 
+import jaxtyping
 import pytest
 import scipy.linalg  # noqa: F401 (loads linear algebra, so that its threads can be limited)
 from hypothesis import settings
-from jaxtyping import install_import_hook
 from threadpoolctl import threadpool_limits
 
 from ema.fingerprint import compiled_modules
+from tests.checked_types import checked
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -31,8 +32,9 @@ def _checked_modules() -> list[str]:
     return modules
 
 
-# an int is a float where one is declared, as PEP 484 has it
-install_import_hook(_checked_modules(), "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
+# the hook puts `@jaxtyping.jaxtyped(typechecker=...)` above every function and class
+jaxtyping.jaxtyped = lambda **unused: checked
+jaxtyping.install_import_hook(_checked_modules(), None)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from ema.app.state import Exclusion, Workbench
 from ema.cli.ending import FINE, ends_well
 from ema.data import (
     Campaign,
@@ -30,6 +29,7 @@ from ema.errors import EmaError, FailureError, InputError
 from ema.progress import Progress, silent
 
 if TYPE_CHECKING:
+    from ema.app.state import Exclusion, Workbench
     from ema.study import Study
 
 app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
@@ -83,7 +83,7 @@ def browse(
 
 def workbench(
     path: Path, output: Path | None = None, progress: Progress = silent, maps: Sequence[ModalMap] = ()
-) -> Workbench:
+) -> "Workbench":
     """The workbench of a campaign, recipe or result; a study that has no result yet is run first.
 
     What is picked goes to ``<result>_picked.h5``, which the next opening takes up where it is newer than the result.
@@ -92,6 +92,7 @@ def workbench(
     ------
     InputError : the path holds none of these.
     """
+    from ema.app.state import Workbench
     from ema.study import Study
 
     if path.suffix.lower() == ".h5" and (result := _result(path)) is not None:
@@ -106,8 +107,10 @@ def workbench(
     return _with_answers(_with_signals(Workbench(result, picked, maps=tuple(maps)), study, campaign))
 
 
-def _of_result(path: Path, result: StudyResult, progress: Progress, maps: Sequence[ModalMap]) -> Workbench:
+def _of_result(path: Path, result: StudyResult, progress: Progress, maps: Sequence[ModalMap]) -> "Workbench":
     """The workbench of a result, with its signals where the recipe or campaign that it was made from is found."""
+    from ema.app.state import Workbench
+
     bench = Workbench(result, _picked(path), maps=tuple(maps))
     study = study_of(path, result)
     if study is None:
@@ -142,7 +145,7 @@ def study_of(path: Path, result: StudyResult) -> "Study | None":
     return None
 
 
-def _with_signals(bench: Workbench, study: "Study", campaign: Campaign) -> Workbench:
+def _with_signals(bench: "Workbench", study: "Study", campaign: Campaign) -> "Workbench":
     """The workbench that can compute runs again, show FRFs behind maps, and keep what was excluded."""
     where = campaign_file(study.campaign)
     bench.again = partial(_again, campaign, study)
@@ -151,7 +154,7 @@ def _with_signals(bench: Workbench, study: "Study", campaign: Campaign) -> Workb
     return bench
 
 
-def _with_answers(bench: Workbench) -> Workbench:
+def _with_answers(bench: "Workbench") -> "Workbench":
     """The workbench with the maps and the placement that its study holds."""
     bench.maps = (*(one.chart for one in bench.result.maps), *bench.maps)
     if bench.result.placement is not None:
@@ -215,7 +218,7 @@ class Keeper:
         self._path = path
         self._base = self._written = path.read_text(encoding="utf-8")
 
-    def keep(self, excluded: Mapping[str, Sequence[Exclusion]]) -> None:
+    def keep(self, excluded: Mapping[str, Sequence["Exclusion"]]) -> None:
         """Write the exclusions, whole or not at all.
 
         Raises
@@ -244,7 +247,7 @@ class Keeper:
         self._written = text
 
 
-def _table(run: str, one: Exclusion) -> str:
+def _table(run: str, one: "Exclusion") -> str:
     """One repair as TOML; JSON strings are TOML strings."""
     text = {
         "what": "exclude hit",
@@ -261,7 +264,7 @@ def _table(run: str, one: Exclusion) -> str:
 
 
 def _again(
-    campaign: Campaign, study: "Study", run: str, excluded: Sequence[Exclusion]
+    campaign: Campaign, study: "Study", run: str, excluded: Sequence["Exclusion"]
 ) -> tuple[FrfSet, HitGallery | None, PoleTable]:
     """FRFs, impacts and poles of a run without some of its impacts."""
     from ema import fit
@@ -284,7 +287,7 @@ def _look(campaign: Campaign, study: "Study", run: str) -> FrfSet:
     return frfs_of(campaign[run], study.recipe.estimate)[0]
 
 
-def _without(run: Run, excluded: Sequence[Exclusion]) -> Run:
+def _without(run: Run, excluded: Sequence["Exclusion"]) -> Run:
     """The run with marks on the impacts that do not count."""
 
     def marked(place: int) -> Recording:

@@ -70,6 +70,16 @@ def test_import_is_light_and_has_no_side_effects(more):
     assert not changed
 
 
+def test_a_command_loads_what_it_needs_and_no_more():
+    """The workbench, and with it the fit and scipy.stats, was loaded by every command: a second of processor time."""
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "ema", "--version"], capture_output=True, text=True, check=True
+    )
+    loaded = {line.rsplit("|", 1)[-1].strip() for line in done.stderr.splitlines()}
+    assert "ema.cli.app" in loaded
+    assert not loaded & {"ema.app.state", "ema.fit.modal", "scipy.stats", "scipy.linalg"}
+
+
 def test_the_probe_notices_a_heavy_import():
     heavy, changed = loaded_by("import h5py, warnings; warnings.simplefilter('ignore')")
     assert heavy == ["h5py"] and changed

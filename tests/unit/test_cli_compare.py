@@ -69,7 +69,7 @@ def simulated(model, levels, forces):
 
 @pytest.fixture
 def measured(model, tmp_path):
-    chart = simulated(model, [0.5, 1.0, 2.0], [30.0, 60.0, 120.0, 240.0])
+    chart = simulated(model, [0.5, 2.0], [30.0, 120.0, 240.0])
     path = tmp_path / "map.h5"
     store.save(path, replace(chart, damping_std=0.01 * chart.damping, frequency_std=1e-4 * chart.frequency))
     return path
@@ -141,7 +141,7 @@ def test_a_map_against_a_model_before_and_after_an_update(measured, model, tmp_p
     page = (tmp_path / "after/comparison.html").read_text(encoding="utf-8")
     assert "Identified: friction_coefficient 0.2" in page and "Best F_N of the model [N]" in page
     points = (tmp_path / "after/comparison_tables/points.csv").read_text(encoding="utf-8").splitlines()
-    assert len(points) == 1 + 3 * 4
+    assert len(points) == 1 + 2 * 3
     check_prediction(tmp_path / "after/comparison.h5", model, tmp_path / "predicted")
 
 

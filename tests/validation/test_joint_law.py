@@ -1,14 +1,15 @@
 """One friction law for numbers and sentences: readings against integration in time, the sampler against the prior."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from typer.testing import CliRunner
 
+from ema.cli.app import app
+from ema.compare import joint_law
 from ema.compare.joint_law import Datum, JointModel, joint_posterior, posteriors
 from ema.compare.joint_readings import _COUNTS, _LEVELS, Beam, hammer, shaker
 from ema.compare.joint_statements import JointFile, load
@@ -133,14 +134,29 @@ def test_weight_of_one_joint_is_that_of_draws_of_both_priors():
             )
 
 
+@pytest.fixture(scope="module")
+def command(root):
+    """What `ema joint` prints of the paper's table, with seed 0, and the posteriors behind it."""
+    found = []
+
+    def kept(*given):
+        found.append(posteriors(*given))
+        return found[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(joint_law, "posteriors", kept)
+        done = CliRunner().invoke(app, ["joint", str(root / "reports" / "work_table_joint"), "--json"])
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout), found[0]
+
+
 @pytest.mark.slow
-def test_the_joint_of_the_paper_does_not_hang_on_the_random_numbers(root):
+def test_the_joint_of_the_paper_does_not_hang_on_the_random_numbers(command):
     """Twelve sharp numbers on fourteen parameters: means of two seeds, over the standard deviations of the draws.
 
     With as many runs as the command takes: a run scatters by about 0.3 in the logarithm of the ratio.
     """
-    model = JointModel(load(root / "reports" / "work_table_joint"))
-    found = [posteriors(model, seed) for seed in (1, 2)]
+    found = [command[1], posteriors(command[1][0].model, 1)]
     for first, second in zip(*found, strict=True):
         spread = first.draws.std(axis=0)
         assert np.max(np.abs(first.draws.mean(axis=0) - second.draws.mean(axis=0)) / spread) < 0.5
@@ -210,16 +226,13 @@ def test_what_too_few_draws_tell_has_no_interval(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_joint_of_the_paper(root):
+def test_the_joint_of_the_paper(command):
     """What the numbers and sentences of the paper determine, from the command line.
 
     The ratio of peak force and friction coefficient is half as wide as before (0.47 to 0.52 in runs of other random
     numbers), which is the limit of what is called determined: its width is looked at, and not on which side it falls.
     """
-    command = [str(path) for path in (sys.executable, "-m", "ema", "joint", root / "reports" / "work_table_joint")]
-    done = subprocess.run([*command, "--json"], capture_output=True, text=True, timeout=1500)
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    found, _ = command
     rows = {row["name"]: row for row in found["parameters"]}
     assert not rows["friction coefficient"]["determined"]
     ratio = rows["peak force over friction coefficient"]["over_prior"]

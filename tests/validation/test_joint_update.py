@@ -111,8 +111,8 @@ def test_the_intervals_hold_the_truth_and_are_of_use(update):
     assert np.all(update.intervals[:2, 1] / update.intervals[:2, 0] < 1.5)
 
 
-def test_with_levels_known_only_relative_to_each_other_mu_is_told_over_the_force_alone(exact, tmp_path):
-    chart = noisy(exact, np.random.default_rng(115))
+def test_with_levels_known_only_relative_to_each_other_mu_is_told_over_the_force_alone(tmp_path):
+    chart = noisy(damping_map(model(), LEVELS, FORCES[::2], AT, OUT, BAND), np.random.default_rng(115))
     found = updated(chart, tmp_path, (0.2, 2e7, 0.4), "--update", "friction_coefficient", "--relative-levels")
     assert found.names == ("friction_coefficient", "force_scale")
     assert found.identifiable == (False, False)
