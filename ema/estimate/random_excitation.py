@@ -11,7 +11,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings, local_model, spectra, windows
+from ema.estimate import channels, clipping, hammer_findings, local_model, spectra, stated_excitation, windows
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_blows import MOST
 from ema.estimate.spectra import Estimator, Spectra
@@ -106,6 +106,7 @@ def shaker(
         raise InputError("not an overlap", got=overlap, expected="0 ... 0.95")
     records = channels.recordings_of(run)
     first = records[0]
+    stated_excitation.refuse_single_frequencies(run)
     where = channels.describe(run, first)
     layout = channels.layout(first, where)
     chosen = [first.channels[row] for row in layout.responses], [first.channels[row] for row in layout.references]

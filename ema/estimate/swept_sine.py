@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from ema.data import Finding, FrfSet, Provenance, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings, single_input
+from ema.estimate import channels, clipping, hammer_findings, single_input, stated_excitation
 from ema.estimate.detection_lines import NonlinearDistortion, distortion_finding, excited_lines, nonlinear_distortion
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_input import Sums
@@ -79,6 +79,7 @@ def sweep(
     True
     """
     records = channels.recordings_of(run)
+    stated_excitation.refuse_single_frequencies(run)
     length = block or min(record.signals.shape[1] for record in records)
     period = run.condition.excitation.period
     periodic = bool(np.isfinite(period))
@@ -123,7 +124,9 @@ def sweep(
         for blocks in single.values()
         for finding in about_records(blocks, first.channels, layout.responses, where)
     ]
-    frfs = replace(frfs, findings=(*differing, *clipping.about_records(run), *about_levels(run), *frfs.findings))
+    other = () if periodic else stated_excitation.about_repeats(run, *frequencies[keep][[0, -1]])
+    of_records = (*other, *differing, *clipping.about_records(run), *about_levels(run))
+    frfs = replace(frfs, findings=(*of_records, *frfs.findings))
     return _excited(run, frfs, np.arange(len(frequencies))[keep], total) if periodic else frfs
 
 

@@ -1,0 +1,122 @@
+"""Shaker tests that are not what their campaign states, against vibrations integrated in time."""
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from ema.data import Channel, Condition, Excitation, Recording, Run
+from ema.dof import Dof
+from ema.errors import InputError
+from ema.estimate import shaker, stepped, sweep
+
+RATE, FINER = 1024.0, 8
+FREQUENCIES, DAMPING = np.array([61.0, 97.5, 148.0]), np.array([0.008, 0.0105, 0.006])
+SHAPES = np.random.default_rng(31).normal(size=(5, 3))
+
+
+def times(seconds):
+    return np.arange(int(seconds * RATE) * FINER) / (RATE * FINER)
+
+
+def chirp(t, band, seconds, level=10.0):
+    low, high = band
+    return np.where(t < seconds, level * np.sin(2 * np.pi * (low * t + (high - low) / (2 * seconds) * t**2)), 0.0)
+
+
+def vibration(force):
+    """Accelerations at RATE under a force that is linear between samples of FINER * RATE: exact, mode by mode."""
+    w, step = 2 * np.pi * FREQUENCIES, 1 / (RATE * FINER)
+    answer = np.zeros((len(SHAPES), len(force) // FINER))
+    for r, zeta, shape in zip(w, DAMPING, SHAPES.T, strict=True):
+        pole = r * (-zeta + 1j * np.sqrt(1 - zeta**2))
+        z = pole * step
+        late = (np.exp(z) - 1 - z) / z**2
+        early = (np.exp(z) - 1) / z - late
+        # q = sum of Im(e^(pole t)) / Im(pole) over the force; its second derivative is force - 2 zeta r q' - r^2 q
+        state = scipy.signal.lfilter([late * step, early * step], [1, -np.exp(z)], shape[0] * force)[::FINER]
+        q, rate = (state / pole.imag).imag, (pole * state / pole.imag).imag
+        answer += np.outer(shape, shape[0] * force[::FINER] - 2 * zeta * r * rate - r**2 * q)
+    return answer
+
+
+def accelerance(frequencies):
+    """(freq, out) of the structure."""
+    w, r = 2 * np.pi * np.asarray(frequencies)[:, None], 2 * np.pi * FREQUENCIES
+    return (-(w**2) / (r**2 - w**2 + 2j * DAMPING * r * w)) @ (SHAPES * SHAPES[0]).T
+
+
+def noisy(signals, rng, share=0.01):
+    signals = np.atleast_2d(signals)
+    return signals + share * signals.std(axis=1, keepdims=True) * rng.normal(size=signals.shape)
+
+
+def record(force, answers, name="", more=(), extra=()):
+    channels = (
+        Channel("F", Dof(1, "+Z"), quantity="force", role="reference", unit="N"),
+        *(Channel(f"a{n}", Dof(n, "+Z"), quantity="acceleration", unit="m/s^2") for n in range(1, 1 + len(answers))),
+        *extra,
+    )
+    return Recording(np.vstack([force, answers, *more]), RATE, channels, name=name)
+
+
+def run(records, kind, **more):
+    return Run("test", Condition(Excitation(kind, **more)), tuple(records))
+
+
+def said(findings, code):
+    return [finding for finding in findings if finding.code == code]
+
+
+def worst(frfs, low, high):
+    """Largest error of the FRFs in a band over their largest value."""
+    part = frfs.band(low, high)
+    wanted = accelerance(part.frequencies)
+    return float(np.abs(part.values[:, :, 0] - wanted).max() / np.abs(wanted).max())
+
+
+def slow_sweep(rng, band, seconds=60.0):
+    force = chirp(times(seconds), band, seconds)
+    return record(force[::FINER], noisy(vibration(force), rng))
+
+
+def steps_in_one(rng, lines, stay, noise=0.0):
+    phase = 2 * np.pi * np.cumsum(np.repeat(lines, int(stay * RATE) * FINER)) / (RATE * FINER)
+    force = 10 * np.sin(phase)
+    return record(noisy(force[::FINER], rng, noise)[0], noisy(vibration(force), rng))
+
+
+@pytest.mark.parametrize("band", [(90.0, 106.0), (106.0, 90.0), (96.0, 99.0)])
+@pytest.mark.parametrize("period", [0.25, 1.0])
+def test_a_slow_sweep_is_no_stepped_sine(band, period):
+    """Its stays had passed for sines: one mode became two, four deviations to either side."""
+    take = slow_sweep(np.random.default_rng(1), band)
+    with pytest.raises(InputError, match="does not stay"):
+        stepped(run([take], "stepped sine", period=period))
+
+
+@pytest.mark.parametrize(("apart", "noise"), [(0.5, 0.0), (0.03, 0.05)])
+def test_steps_one_after_the_other_stay(apart, noise):
+    take = steps_in_one(np.random.default_rng(2), 97 + apart * np.arange(12), 2.0, noise)
+    frfs = stepped(run([take], "stepped sine", period=2.0), discard=1.0)
+    assert worst(frfs, 90, 110) < 0.02
+
+
+def test_single_sines_are_no_sweep_and_not_random():
+    rng = np.random.default_rng(3)
+    takes = []
+    for line in (95.0, 96.3, 97.5, 99.1):
+        force = 10 * np.sin(2 * np.pi * line * times(6))
+        takes.append(record(force[::FINER], noisy(vibration(force), rng)))
+    for kind, estimate in (("sweep", sweep), ("random", shaker)):
+        with pytest.raises(InputError, match="sine of one frequency"):
+            estimate(run(takes, kind))
+
+
+def test_a_sweep_that_repeats_without_a_stated_period_is_named():
+    rng = np.random.default_rng(4)
+    force = np.tile(chirp(times(4), (20, 200), 4), 5)
+    takes = [record(force[::FINER], noisy(vibration(force), rng)) for _ in range(2)]
+    (finding,) = said(sweep(run(takes, "sweep")).findings, "excitation-not-as-stated")
+    assert finding.severity == "error"
+    frfs = sweep(run(takes, "sweep", period=4.0))
+    assert not said(frfs.findings, "excitation-not-as-stated") and worst(frfs, 40, 180) < 0.02
