@@ -13,6 +13,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import channels, clipping, hammer_findings, single_input, stated_excitation
 from ema.estimate.detection_lines import NonlinearDistortion, distortion_finding, excited_lines, nonlinear_distortion
+from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
@@ -37,7 +38,8 @@ def sweep(
 ) -> FrfSet:
     """Estimate FRFs from swept-sine takes: one whole sweep per block, averaged over the takes.
 
-    No window: a sweep that begins and ends at rest within its record has no leakage. Of a periodic sweep, whose
+    No window: a sweep that begins and ends at rest within its record has no leakage; a slow drift of a channel is taken
+    off (finding ``drift``). Of a periodic sweep, whose
     ``period`` the condition states, the first is dropped while the structure settles, and the others are averaged. Any
     other periodic force will do: lines that a multisine leaves out are left out of the FRFs, and say whether the
     structure is linear (findings ``nonlinear-distortion``, ``level-tested``, ``linearity-not-testable``).
@@ -88,7 +90,7 @@ def sweep(
     sums: dict[Dof, Sums] = {}
     single: dict[Dof, SingleBlocks] = {}
     first, layout = None, None
-    left = 0.0
+    drift, left = Drift(), 0.0
     for place, record in enumerate(records):
         where = channels.describe(run, record)
         this = channels.layout(record, where)
@@ -101,7 +103,9 @@ def sweep(
         begins = range(length, record.signals.shape[1] - length + 1, length) if periodic else (0,)
         for begin in begins:
             signals = record.signals[[*this.references, *this.responses], begin : begin + length]
-            signals = signals - signals.mean(axis=1, keepdims=True)
+            signals = (
+                signals - signals.mean(axis=1, keepdims=True) if periodic else drift.off(signals, first.sampling_rate)
+            )
             left = max(left, 0.0 if periodic else _left_over(signals[1:]))
             lines = scipy.fft.rfft(signals, axis=1)
             part = single_input.summed(lines[0], lines[1:])
@@ -125,7 +129,8 @@ def sweep(
         for finding in about_records(blocks, first.channels, layout.responses, where)
     ]
     other = () if periodic else stated_excitation.about_repeats(run, *frequencies[keep][[0, -1]])
-    of_records = (*other, *differing, *clipping.about_records(run), *about_levels(run))
+    rows = [first.channels[row] for row in (*layout.references, *layout.responses)]
+    of_records = (*other, *drift.findings(rows, where), *differing, *clipping.about_records(run), *about_levels(run))
     frfs = replace(frfs, findings=(*of_records, *frfs.findings))
     return _excited(run, frfs, np.arange(len(frequencies))[keep], total) if periodic else frfs
 

@@ -120,3 +120,46 @@ def test_a_sweep_that_repeats_without_a_stated_period_is_named():
     assert finding.severity == "error"
     frfs = sweep(run(takes, "sweep", period=4.0))
     assert not said(frfs.findings, "excitation-not-as-stated") and worst(frfs, 40, 180) < 0.02
+
+
+def sweeps(rng, count=3, seconds=10.0, rest=6.0, band=(15.0, 240.0)):
+    force = chirp(times(seconds + rest), band, seconds)
+    answers = vibration(force)
+    return [record(force[::FINER], noisy(answers, rng), f"take_{n}") for n in range(count)]
+
+
+DRIFTS = {
+    "line": lambda t: t / t[-1],
+    "strong line": lambda t: 20 * t / t[-1],
+    "discharge": lambda t: 5 * np.exp(-t / 2),
+}
+
+
+@pytest.mark.parametrize("name", DRIFTS)
+def test_drift_of_a_charge_amplifier_is_taken_off(name):
+    """A drift by the rms of the vibration had made FRFs ten times as wrong as stated, and lost all modes."""
+    rng = np.random.default_rng(5)
+    takes = []
+    for n, take in enumerate(sweeps(rng)):
+        signals = take.signals.copy()
+        t = np.arange(signals.shape[1]) / RATE
+        signals[1:] += (1 + 0.1 * n) * signals[1:].std(axis=1, keepdims=True) * DRIFTS[name](t)
+        takes.append(Recording(signals, RATE, take.channels))
+    frfs = sweep(run(takes, "sweep"))
+    (finding,) = said(frfs.findings, "drift")
+    assert "and 4 further channels" in finding.message and not said(frfs.findings, "leakage")
+    inside = frfs.band(30, 230)
+    error = np.abs(inside.values[:, :, 0] - accelerance(inside.frequencies)) ** 2
+    assert np.mean(error / inside.variance[:, :, 0]) < 1.5
+
+
+def test_drift_of_the_force_is_taken_off():
+    rng = np.random.default_rng(6)
+    takes = sweeps(rng)
+    for take in takes:
+        assert not said(sweep(run([take], "sweep")).findings, "drift")
+    signals = takes[0].signals.copy()
+    signals[0] += 3 * signals[0].std() * np.linspace(0, 1, signals.shape[1]) ** 2
+    frfs = sweep(run([Recording(signals, RATE, takes[0].channels)], "sweep"))
+    (finding,) = said(frfs.findings, "drift")
+    assert "channel F" in finding.message and worst(frfs, 30, 230) < 0.01
