@@ -1,7 +1,7 @@
 """Slow drift of the channels of a sweep, such as that of a charge amplifier that warms up or was just reset.
 
-Sweeps are transformed whole and without a window: what a channel drifts from the first to the last sample is a step, and
-leaks into all lines. A polynomial over the record takes it off; lines from the tenth on keep their FRFs.
+Sweeps are transformed whole and without a window: what a channel drifts from the first to the last sample is a step,
+and leaks into all lines. A polynomial over the record takes it off; lines from the tenth on keep their FRFs.
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ DEGREE = 8
 RESPONSE = 1e-3
 """Share of a response's power in that polynomial from which on it is taken off, unless the force has a quarter of it.
 
-Accelerations of 320 drawn sweeps had up to 1e-4; a drift by a tenth of the rms has 8e-4 and adds a tenth to the errors of
-noise of 1 %, twice as much half.
+Accelerations of 320 drawn sweeps had up to 1e-4; a drift by a tenth of the rms has 8e-4 and adds a tenth to
+the errors of noise of 1 %, twice as much half.
 """
 
 FORCE = 0.1
