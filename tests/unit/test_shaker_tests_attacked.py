@@ -173,7 +173,7 @@ def dropping(force, mass):
 
 @pytest.mark.parametrize("period", [np.nan, 12.0])
 def test_noise_of_a_force_that_drops_has_no_bias_in_sweeps_that_repeat(period):
-    """H1 is too low by the share of noise in the power of the force: by 6 to 60 % about the three peaks."""
+    """H1 is too low by the share of noise in the power of the force: by 5 to 70 % about the three peaks."""
     rng = np.random.default_rng(7)
     force = dropping(chirp(times(12), (20, 220), 8), 0.6)
     count = 6 if np.isnan(period) else 1
@@ -194,7 +194,7 @@ def test_noise_of_a_force_that_drops_has_no_bias_in_sweeps_that_repeat(period):
         assert abs(np.mean(ratio) - 1) < 3 * np.mean(std) / 3  # nine lines
         assert np.mean(np.abs(ratio - 1) ** 2 / std**2) < 2.5
         shares.append(1 - np.mean(biased[near, row, 0] / wanted[near, row]).real)
-    assert min(shares) > 0.05
+    assert min(shares) > 0.03 and max(shares) > 0.5
     one = force[: int(12 * RATE) * FINER : FINER]
     noise = 0.01 * np.var(one) * len(one)
     lines = np.round(FREQUENCIES * 12).astype(int)
