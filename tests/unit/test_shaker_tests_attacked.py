@@ -205,3 +205,17 @@ def test_noise_of_a_force_that_drops_has_no_bias_in_sweeps_that_repeat(period):
 def test_sweeps_whose_force_is_clean_are_h1():
     frfs = sweep(run(sweeps(np.random.default_rng(8)), "sweep"))
     assert not said(frfs.findings, "force-noise")
+
+
+def test_a_normal_force_that_is_cut_off_is_named():
+    rng = np.random.default_rng(9)
+    cell = (Channel("ring", quantity="force", role="normal force", unit="N"),)
+    for limit, severity in ((1e9, None), (1050.0, "error")):
+        takes = []
+        for take in sweeps(rng, 2):
+            force = 1000 + 60 * rng.normal(size=take.signals.shape[1])
+            takes.append(record(take.signals[0], take.signals[1:], more=[np.minimum(force, limit)], extra=cell))
+        found = said(sweep(run(takes, "sweep")).findings, "overload")
+        assert [finding.severity for finding in found] == ([severity] if severity else [])
+        if found:
+            assert found[0].value == pytest.approx(0.202, abs=0.02)  # share of a normal distribution above 50 / 60
