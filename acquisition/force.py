@@ -95,7 +95,7 @@ def joint_forces(
 
 
 def against_other_runs(runs: Sequence[Run]) -> tuple[Run, ...]:
-    """Runs of a campaign, with a finding where a normal force fits the others a thousand times as large or small alone."""
+    """Runs of a campaign, with a finding where a normal force fits the others a thousand times as large or small."""
     known = {run.id: run.condition.normal_force for run in runs if run.condition.normal_force > 0}
     told = []
     for run in runs:
