@@ -9,7 +9,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings
+from ema.estimate import channels, clipping, gain_changes, hammer_findings
 from ema.estimate.record_agreement import LEVEL, about_level
 from ema.progress import Progress, advance, silent
 
@@ -391,7 +391,9 @@ def _joined(
         where,
     )
     mixed = sorted(repeats, key=lambda finding: finding.value or 0.0)[-1:]
-    findings = [*clipping.about_records(run), *mixed, *hammer_findings.about_units(unit, where)]
+    names = [first.channels[row].name for row in (*layout.references, *layout.responses)]
+    gains = gain_changes.about_gains(frequencies, np.array(values), names, where)
+    findings = [*clipping.about_records(run), *gains, *mixed, *hammer_findings.about_units(unit, where)]
     if apart[0] > LEVEL:
         findings.append(
             Finding(

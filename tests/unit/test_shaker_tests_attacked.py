@@ -219,3 +219,50 @@ def test_a_normal_force_that_is_cut_off_is_named():
         assert [finding.severity for finding in found] == ([severity] if severity else [])
         if found:
             assert found[0].value == pytest.approx(0.202, abs=0.02)  # share of a normal distribution above 50 / 60
+
+
+LINES = np.linspace(89.0, 106.0, 31)
+
+
+def single_steps(rng, lines=LINES):
+    """One record for each frequency, at its steady state in closed form."""
+    t = np.arange(int(0.5 * RATE)) / RATE
+    takes = []
+    for line, answer in zip(lines, accelerance(lines), strict=True):
+        wave = 10 * np.exp(2j * np.pi * line * t)
+        takes.append(record(wave.imag, noisy((answer[:, None] * wave).imag, rng), f"{line:.4g} Hz"))
+    return takes
+
+
+def amplified(takes, row, gain, which):
+    changed = list(takes)
+    for k in which:
+        signals = takes[k].signals.copy()
+        signals[row] *= gain
+        changed[k] = Recording(signals, RATE, takes[k].channels, name=takes[k].name)
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("row", "gain", "which", "said_gain", "place"),
+    [
+        (0, 10.0, range(16, 31), 0.1, "from 98.067 Hz on"),
+        (0, 0.5, range(20), 0.5, "from 100.33 Hz on"),
+        (2, 3.1623, range(14, 31), 3.1623, "from 96.933 Hz on"),
+        (3, 1.25, range(17, 31), 1.25, "from 98.633 Hz on"),
+        (2, -1.0, [12], -1.0, "at 95.8 Hz"),
+    ],
+)
+def test_a_range_that_is_switched_between_steps_is_named(row, gain, which, said_gain, place):
+    """A gain of ten in the force, from the resonance on, had made a damping ratio six deviations too low."""
+    rng = np.random.default_rng(10)
+    frfs = stepped(run(amplified(single_steps(rng), row, gain, which), "stepped sine"))
+    findings = said(frfs.findings, "records-disagree")
+    (finding,) = [one for one in findings if one.where.endswith(("F", "a1", "a2", "a3")[row])]
+    assert finding.value == pytest.approx(said_gain, rel=0.05) and place in finding.message
+
+
+def test_steps_of_one_gain_are_called_clean():
+    for seed, lines in ((11, LINES), (12, np.linspace(50, 160, 23)), (13, np.linspace(97, 98, 60))):
+        frfs = stepped(run(single_steps(np.random.default_rng(seed), lines), "stepped sine"))
+        assert not said(frfs.findings, "records-disagree")
