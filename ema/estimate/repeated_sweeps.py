@@ -12,6 +12,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding
 from ema.estimate import single_input
+from ema.estimate.detection_lines import excited_lines
 from ema.estimate.single_input import Sums
 
 REPEATS = 0.95
@@ -59,7 +60,10 @@ def repeats(sums: Sums, spectra: SpectraSums, keep: slice) -> Repeats | None:
     answer = np.mean(
         sums.response[:, keep] / np.maximum(sums.response[:, keep].max(axis=1, keepdims=True), 1e-300), axis=0
     )
-    share = np.where(answer >= np.median(answer), share, 0.0)  # the ends of the band have little force, and no peak
+    driven = np.zeros(len(share), bool)
+    driven[excited_lines(np.sqrt(sums.force[keep]))] = True
+    # lines that a multisine leaves out have no force, the ends of the band little force and no peak
+    share = np.where(driven & (answer >= np.median(answer)), share, 0.0)
     if share.max() < MATTERS:
         return None
     # where the mean of the forces is no more than its noise, that is what is known of it: a standard deviation of 100 %

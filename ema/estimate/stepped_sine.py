@@ -392,7 +392,8 @@ def _joined(
     )
     mixed = sorted(repeats, key=lambda finding: finding.value or 0.0)[-1:]
     names = [first.channels[row].name for row in (*layout.references, *layout.responses)]
-    gains = gain_changes.about_gains(frequencies, np.array(values), names, where)
+    # the mean of steps that differ is no gain
+    gains = () if apart[0] > LEVEL else gain_changes.about_gains(frequencies, np.array(values), names, where)
     findings = [*clipping.about_records(run), *gains, *mixed, *hammer_findings.about_units(unit, where)]
     if apart[0] > LEVEL:
         findings.append(

@@ -101,14 +101,13 @@ def sweep(
         if first is None or layout is None:
             first, layout = record, this
         _check(first.sampling_rate, record.sampling_rate, layout, this, record.signals.shape[1], length, where)
+        record = drift.off(record, this)
         if periodic:
             _repeating(record.signals[this.references[0]], length, record.sampling_rate, where)
         begins = range(length, record.signals.shape[1] - length + 1, length) if periodic else (0,)
         for begin in begins:
             signals = record.signals[[*this.references, *this.responses], begin : begin + length]
-            signals = (
-                signals - signals.mean(axis=1, keepdims=True) if periodic else drift.off(signals, first.sampling_rate)
-            )
+            signals = signals - signals.mean(axis=1, keepdims=True)
             left = max(left, 0.0 if periodic else _left_over(signals[1:]))
             lines = scipy.fft.rfft(signals, axis=1)
             part = single_input.summed(lines[0], lines[1:])
@@ -136,8 +135,13 @@ def sweep(
         for finding in about_records(blocks, first.channels, layout.responses, where)
     ]
     other = () if periodic else stated_excitation.about_repeats(run, *frequencies[keep][[0, -1]])
-    rows = [first.channels[row] for row in (*layout.references, *layout.responses)]
-    of_records = (*other, *drift.findings(rows, where), *differing, *clipping.about_records(run), *about_levels(run))
+    of_records = (
+        *other,
+        *drift.findings(first.channels, where),
+        *differing,
+        *clipping.about_records(run),
+        *about_levels(run),
+    )
     frfs = replace(frfs, findings=(*of_records, *frfs.findings))
     return _excited(run, frfs, np.arange(len(frequencies))[keep], total) if periodic else frfs
 

@@ -266,3 +266,33 @@ def test_steps_of_one_gain_are_called_clean():
     for seed, lines in ((11, LINES), (12, np.linspace(50, 160, 23)), (13, np.linspace(97, 98, 60))):
         frfs = stepped(run(single_steps(np.random.default_rng(seed), lines), "stepped sine"))
         assert not said(frfs.findings, "records-disagree")
+
+
+def test_drift_within_a_periodic_sweep_is_taken_off():
+    """It had hidden every mode, and that of the force had been called a nonlinear structure."""
+    rng = np.random.default_rng(14)
+    force = np.tile(chirp(times(4), (15, 240), 4), 8)
+    take = record(force[::FINER], noisy(vibration(force), rng))
+    ramp = np.linspace(0, 1, take.signals.shape[1])
+    for rows in (slice(0, 1), slice(1, 6)):
+        signals = take.signals.copy()
+        signals[rows] += 5 * signals[rows].std(axis=1, keepdims=True) * ramp
+        frfs = sweep(run([Recording(signals, RATE, take.channels)], "sweep", period=4.0))
+        assert len(said(frfs.findings, "drift")) == 1 and worst(frfs, 30, 220) < 0.01
+        assert not said(frfs.findings, "nonlinear-distortion")
+    assert not said(sweep(run([take], "sweep", period=4.0)).findings, "drift")
+
+
+@pytest.mark.parametrize("method", ["local", "welch"])
+def test_drift_of_a_random_force_is_taken_off(method):
+    """The lines that it filled were taken for excited ones, and no mode was found."""
+    rng = np.random.default_rng(15)
+    shape = scipy.signal.butter(4, [20, 250], "band", fs=RATE * FINER, output="sos")
+    force = scipy.signal.sosfiltfilt(shape, 100 * rng.normal(size=int(24 * RATE) * FINER))
+    measured = force[::FINER] + 10 * force.std() * np.linspace(0, 1, int(24 * RATE))
+    take = record(measured, noisy(vibration(force), rng))
+    frfs = shaker(run([take], "random"), method=method)
+    assert len(said(frfs.findings, "drift")) == 1
+    assert frfs.frequencies[0] > 8
+    assert method == "welch" or worst(frfs, 40, 180) < 0.03
+    assert not said(shaker(run([record(force[::FINER], take.signals[1:])], "random"), method=method).findings, "drift")
