@@ -15,7 +15,7 @@ from acquisition.axes import LocalAxes
 from acquisition.campaign_file import CampaignFile, ChannelTable, LevelsTable, RunTable
 from acquisition.copied_files import copied_repeats, copies
 from acquisition.file_cache import Files, Take
-from acquisition.force import Span, joint_forces, span_of
+from acquisition.force import Span, against_other_runs, joint_forces, span_of
 from acquisition.geometry_file import geometry_of
 from acquisition.repairs import Repairs
 from acquisition.scaling import (
@@ -136,6 +136,7 @@ def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: boo
         _note_skewed(described.channels_of(run), items[run.id], axes, f"{where}, run {run.id}")
     opening = _Opening(described, (folder, data), where, axes, repairs, Files(), progress, salvage)
     runs = tuple(opening.run(run, items[run.id]) for run in described.runs)
+    runs = against_other_runs(runs)
     repairs.refuse_unused()
     if geometry is not None:
         geometry = replace(geometry, axes=axes.apply(geometry))

@@ -11,11 +11,16 @@ from jaxtyping import Float
 from acquisition import units
 from acquisition.campaign_file import JointTable, NormalForceTable, RunTable
 from acquisition.columns import column, moment, numbers, read_columns
-from ema.data import Finding, JointForce, Recording
+from ema.data import Finding, JointForce, Recording, Run
 from ema.errors import InputError
 
 DRIFT_LIMIT = 0.05
 """Drift over a run, as a fraction of the mean, up to which a normal force counts as constant."""
+
+STATED_LIMIT = 1.3
+"""Ratio of the measured normal force to the nominal one, or its inverse, up to which the nominal one was reached.
+
+Tightening by torque scatters by a third; half of it would name every second bolt."""
 
 SCATTER_LIMIT = 0.10
 """Largest deviation of a joint from the mean of all joints, as a fraction of it."""
@@ -24,17 +29,22 @@ _KILO = (300.0, 3000.0)
 _BLOCKS = 64
 _ENDS = 0.1
 _ROUNDING = 1e-12
+_NOISE = 5.0
+"""Standard errors by which the means of ten stretches differ at most by noise alone."""
+_OFTEN = 0.05
+"""Share of the values of a trace from which on those of another unit are no single faults."""
 
 
 @dataclass(frozen=True)
 class Trace:
     """Normal force (sample,) in N at times (sample,) in s from the start of the run; mean and standard deviation of
-    all that was measured, of which the values may be block means."""
+    all that was measured, of which the values may be block means; the share of samples that are no numbers."""
 
     times: Float[np.ndarray, "sample"]
     values: Float[np.ndarray, "sample"]
     mean: float
     std: float
+    lost: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,20 +81,50 @@ def joint_forces(
     names = list(dict.fromkeys([*(joint.name for joint in joints), *stated, *on_records])) or ["beam"]
     cells = {joint.name: joint for joint in joints}
     forces: list[JointForce] = []
+    findings: list[Finding] = []
     sampled: set[str] = set()
     for name in names:
         table = stated.get(name, NormalForceTable(joint=name))
         channel = table.channel or ("" if table.file or table.value else on_records.get(name, ""))
         sampled |= {name} if channel else set()
-        force = _measured(table, channel, records, span, folders, f"{where}, joint {name}")
+        force, lost = _measured(table, channel, records, span, folders, f"{where}, joint {name}")
+        findings += lost
         forces.append(replace(force, calibration=_calibration(cells.get(name))))
     nominal = {name: units.measure(table.nominal, "force")[0] for name, table in stated.items() if table.nominal}
-    return tuple(forces), tuple(_findings(forces, nominal, sampled, where))
+    return tuple(forces), (*findings, *_findings(forces, nominal, sampled, where))
+
+
+def against_other_runs(runs: Sequence[Run]) -> tuple[Run, ...]:
+    """Runs of a campaign, with a finding where a normal force fits the others a thousand times as large or small."""
+    known = {run.id: run.condition.normal_force for run in runs if run.condition.normal_force > 0}
+    told = []
+    for run in runs:
+        others = np.array([force for name, force in known.items() if name != run.id])
+        told.append(run)
+        if run.id not in known or len(others) < 2:
+            continue
+        nearest = float(others[np.abs(np.log(others / known[run.id])).argmin()])
+        ratio = known[run.id] / nearest
+        right = known[run.id] * (1000.0 if ratio < 1 else 0.001)
+        fits = 0.5 * others.min() <= right <= 2 * others.max()
+        if max(ratio, 1 / ratio) > np.sqrt(1000.0) and fits:
+            finding = Finding(
+                "error",
+                "normal-force-unit",
+                f"run {run.id}",
+                f"The normal force is {known[run.id]:.4g} N, {ratio:.4g} times the nearest one of the other runs of "
+                f"{nearest:.4g} N, as if kN had been taken for N.",
+                ratio,
+                1.0,
+                "Correct the unit of this run in the campaign file, or its side data.",
+            )
+            told[-1] = replace(run, findings=(*run.findings, finding))
+    return tuple(told)
 
 
 def _measured(
     table: NormalForceTable, channel: str, records: Sequence[Recording], span: Span, folders: Sequence[Path], where: str
-) -> JointForce:
+) -> tuple[JointForce, tuple[Finding, ...]]:
     noted = JointForce(
         table.joint,
         torque=None if table.torque is None else units.measure(table.torque, "torque")[0],
@@ -93,17 +133,36 @@ def _measured(
     )
     if table.value is not None:
         std = float("nan") if table.std is None else units.measure(table.std, "force")[0]
-        return replace(noted, mean=units.measure(table.value, "force")[0], std=std)
+        return replace(noted, mean=units.measure(table.value, "force")[0], std=std), ()
     if not channel and not table.file:
-        return noted
+        return noted, ()
     trace = _of_channel(records, channel, where) if channel else _of_side_data(table, span, folders, where)
-    return replace(
+    force = replace(
         noted,
         mean=trace.mean,
         std=trace.std,
         drift=drift(trace),
         trace=trace.values,
         trace_times=trace.times,
+    )
+    return force, _lost(trace, where)
+
+
+def _lost(trace: Trace, where: str) -> tuple[Finding, ...]:
+    """A finding where samples of a normal force are no numbers."""
+    if not trace.lost:
+        return ()
+    return (
+        Finding(
+            "warning",
+            "not-finite",
+            where,
+            f"{100 * trace.lost:.2g} % of the samples of the normal force are not numbers; its mean is that of the "
+            "others.",
+            trace.lost,
+            0.0,
+            "Check the load cell, its cable and the export.",
+        ),
     )
 
 
@@ -122,7 +181,7 @@ def _of_channel(records: Sequence[Recording], channel: str, where: str) -> Trace
         raise InputError("the run has no records, so no channel of a record", where=where, got=channel)
     times: list[float] = []
     values: list[float] = []
-    weight, total, squares = 0, 0.0, 0.0
+    weight, total, squares, samples = 0, 0.0, 0.0, 0
     elapsed, start = 0.0, None
     for record in records:
         names = [line.name for line in record.channels]
@@ -151,15 +210,26 @@ def _of_channel(records: Sequence[Recording], channel: str, where: str) -> Trace
             start = start or record.start
             elapsed = (record.start - start).total_seconds()
         edges = np.linspace(0, len(signal), min(_BLOCKS, len(signal)) + 1).astype(int)
-        sums = np.add.reduceat(signal, edges[:-1])
-        values += list(sums / np.diff(edges))
-        times += list(elapsed + 0.5 * (edges[:-1] + edges[1:]) / record.sampling_rate)
-        weight, total, squares = weight + len(signal), total + signal.sum(), squares + float(signal @ signal)
+        number = np.isfinite(signal)
+        signal = np.where(number, signal, 0.0)
+        counts = np.add.reduceat(number.astype(np.int64), edges[:-1])
+        sums = np.add.reduceat(signal, edges[:-1])[counts > 0]
+        values += list(sums / counts[counts > 0])
+        times += list((elapsed + 0.5 * (edges[:-1] + edges[1:]) / record.sampling_rate)[counts > 0])
+        samples, weight = samples + len(signal), weight + int(counts.sum())
+        total, squares = total + signal.sum(), squares + float(signal @ signal)
         elapsed += record.duration
+    if not weight:
+        raise InputError(
+            "the channel of a normal force holds no numbers",
+            where=where,
+            got=f"{samples} samples that are NaN or infinite",
+            advice="state the value of the normal force, or leave the channel out",
+        )
     mean = total / weight
     std = float(np.sqrt(max(squares / weight - mean**2, 0.0)))
     order = np.argsort(times, kind="stable")
-    return Trace(np.array(times)[order], np.array(values)[order], float(mean), std)
+    return Trace(np.array(times)[order], np.array(values)[order], float(mean), std, 1 - weight / samples)
 
 
 def _of_side_data(table: NormalForceTable, span: Span, folders: Sequence[Path], where: str) -> Trace:
@@ -171,12 +241,13 @@ def _of_side_data(table: NormalForceTable, span: Span, folders: Sequence[Path], 
     unit = units.parse(str(table.unit))
     values = unit.to_si(numbers(column(columns, table.column, place), f"{place}, column {table.column}"))
     times = _times(table, columns, span, place)
-    inside = np.isfinite(values) & np.isfinite(times)
+    inside = np.isfinite(times)
     if table.between is not None:
         low, high = (units.measure(text, "time")[0] for text in table.between)
         inside &= (times >= low) & (times <= high)
     elif span.start is not None and span.stop is not None and _dated(table, columns):
         inside &= (times >= 0) & (times <= (span.stop - span.start).total_seconds())
+    during, inside = int(inside.sum()), inside & np.isfinite(values)
     if not inside.any():
         raise InputError(
             "no normal force within the time of the run",
@@ -185,7 +256,8 @@ def _of_side_data(table: NormalForceTable, span: Span, folders: Sequence[Path], 
             advice="check start, between and the clock of the front end",
         )
     times, values = times[inside], values[inside]
-    return Trace(times - (times[0] if table.between else 0.0), values, float(np.mean(values)), float(np.std(values)))
+    begin = times[0] if table.between else 0.0
+    return Trace(times - begin, values, float(np.mean(values)), float(np.std(values)), 1 - len(values) / during)
 
 
 def _dated(table: NormalForceTable, columns: dict[str, list[str]]) -> bool:
@@ -263,22 +335,11 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
             )
             continue
         findings += _unit_findings(force, nominal.get(force.joint), place)
-        findings += _sensor_findings(force, place, sampled=force.joint in sampled)
-        relative = abs(force.drift / force.mean) if force.mean else float("inf")
-        if np.isfinite(force.drift) and force.drift and relative > DRIFT_LIMIT:
-            findings.append(
-                Finding(
-                    "warning",
-                    "normal-force-drift",
-                    place,
-                    f"The normal force drifted by {force.drift:+.3g} N during the run, {100 * relative:.1f} % "
-                    "of its mean "
-                    f"of {force.mean:.4g} N.",
-                    relative,
-                    DRIFT_LIMIT,
-                    "Let the joint settle, use a strain-gauge ring or re-zero at every point, and measure again.",
-                )
-            )
+        findings += _against_nominal(force, nominal.get(force.joint), place)
+        of_sensor = _sensor_findings(force, place, sampled=force.joint in sampled)
+        findings += of_sensor
+        if not any(finding.code == "normal-force-none" for finding in of_sensor):
+            findings += _drift_findings(force, place, sampled=force.joint in sampled)
     known = [force for force in forces if force.known]
     mean = float(np.mean([force.mean for force in known])) if known else 0.0
     if len(known) > 1 and mean:
@@ -300,9 +361,82 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
     return findings
 
 
+def _drift_findings(force: JointForce, place: str, *, sampled: bool) -> list[Finding]:
+    """A normal force that is another one at the end of the run, or that came back from another one."""
+    if not force.mean or not np.isfinite(force.drift):
+        return []
+    low, high = _slow_range(force.trace, 6 if sampled else None)
+    ended, moved = abs(force.drift / force.mean), (high - low) / abs(force.mean)
+    if ended > DRIFT_LIMIT:
+        said = f"drifted by {force.drift:+.3g} N during the run, {100 * ended:.1f} % of its mean of {force.mean:.4g} N"
+    elif moved > DRIFT_LIMIT:
+        said = f"moved between {low:.4g} and {high:.4g} N during the run, {100 * moved:.1f} % of its mean"
+    else:
+        return []
+    return [
+        Finding(
+            "warning",
+            "normal-force-drift",
+            place,
+            f"The normal force {said}.",
+            ended if ended > DRIFT_LIMIT else moved,
+            DRIFT_LIMIT,
+            "Let the joint settle, use a strain-gauge ring or re-zero at every point, and measure again.",
+        )
+    ]
+
+
+def _slow_range(trace: Float[np.ndarray, "sample"] | None, together: int | None) -> tuple[float, float]:
+    """Lowest and highest mean over ``together`` values (a tenth of all by default), less what noise does to them.
+
+    Six of the 64 block means of a record are a tenth of it.
+    """
+    if trace is None or len(trace) < 10:
+        return 0.0, 0.0
+    size = together or len(trace) // 10
+    means = trace[: len(trace) // size * size].reshape(-1, size).mean(axis=1)
+    noise = float(np.median(np.abs(np.diff(trace, 2)))) / 1.652 / np.sqrt(size)  # 1.652 = 0.6745 sqrt(6)
+    low, high = np.percentile(means, [2.5, 97.5])
+    shrunk = 0.5 * min(_NOISE * noise, high - low)
+    return float(low + shrunk), float(high - shrunk)
+
+
+def _against_nominal(force: JointForce, nominal: float | None, place: str) -> list[Finding]:
+    """A mean that is not the nominal force, nor that in another unit."""
+    ratio = abs(force.mean) / nominal if nominal else 1.0
+    other_unit = _KILO[0] < max(ratio, 1 / max(ratio, 1e-300)) < _KILO[1]
+    if 1 / STATED_LIMIT <= ratio <= STATED_LIMIT or other_unit:
+        return []
+    return [
+        Finding(
+            "warning",
+            "normal-force-not-as-stated",
+            place,
+            f"The normal force is {force.mean:.4g} N, and {nominal:.4g} N are stated as nominal: the condition is the "
+            "one that was measured.",
+            ratio,
+            STATED_LIMIT,
+            "Correct the nominal force, or the sensitivity and the zero of the load cell.",
+        )
+    ]
+
+
 def _sensor_findings(force: JointForce, place: str, *, sampled: bool) -> list[Finding]:
     """A joint is pressed, never pulled; and a sensor that measures is never quite at rest."""
     findings = []
+    if sampled and 0 < abs(force.mean) < force.std and abs(force.drift) < force.std:
+        return [
+            Finding(
+                "error",
+                "normal-force-none",
+                place,
+                f"The normal force of {force.mean:.4g} N is less than it scatters by, {force.std:.4g} N: the load cell "
+                "shows no force, or the joint opens.",
+                force.mean,
+                force.std,
+                "Check cable and amplifier of the load cell; state the force as value where it is known otherwise.",
+            )
+        ]
     if force.mean < 0:
         findings.append(
             Finding(
@@ -338,7 +472,7 @@ def _unit_findings(force: JointForce, nominal: float | None, place: str) -> list
         ratio = np.abs(values / reference)
     large = (ratio > _KILO[0]) & (ratio < _KILO[1])
     small = (ratio > 1 / _KILO[1]) & (ratio < 1 / _KILO[0])
-    if not (large.any() or small.any()):
+    if np.mean(large | small) < _OFTEN:
         return []
     against = "the nominal force" if nominal else "the rest of its record"
     share = float(np.mean(large | small))

@@ -49,12 +49,15 @@ def read(path: Path, layout: Layout) -> Contents:
         names = pool.texts(layout.names)
     unit = channel_units(pool, layout, names, [UNSTATED] * len(names))
     record = make_recording(np.ascontiguousarray(signals.T), names, unit, float(rate), path.name)
+    physical = any(word in there["subtype"].upper() for word in ("FLOAT", "DOUBLE"))
     note = Finding(
-        "info",
+        "info" if physical else "warning",
         "full-scale",
         path.name,
-        "the numbers of a wave file are fractions of full scale.",
-        advice="Say units or sensitivities in the channel table.",
+        "the numbers of a wave file are fractions of full scale"
+        + ("." if physical else ": full scale is taken as 1 V, or as 1 of the unit stated."),
+        advice="Say units or sensitivities in the channel table; a sensitivity has to contain the volts of full scale, "
+        "or forces and modal masses are wrong.",
     )
     if layout.units is None:
         notes += (note,)

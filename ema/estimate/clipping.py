@@ -1,4 +1,4 @@
-"""Channels of a shaker test that were overloaded: cut off at a level that many samples share."""
+"""Channels of a test that were overloaded: cut off at a level that many samples share."""
 
 from collections.abc import Sequence
 
@@ -28,6 +28,33 @@ are on its limit and 3.3 % just below.
 
 def about_records(run: Run) -> tuple[Finding, ...]:
     """One finding for each channel that was overloaded in records of ``run``."""
+    return (*_of_vibration(run), *about_normal_forces(run))
+
+
+def about_normal_forces(run: Run) -> tuple[Finding, ...]:
+    """One finding for each normal force that was cut off in a record of ``run``: its mean is too low."""
+    findings: dict[str, Finding] = {}
+    if not (len(run.recordings) and run.recordings[0].with_role("normal force")):
+        return ()
+    for record in run.recordings:
+        for row in record.with_role("normal force"):
+            found, channel = overloaded(record, row), record.channels[row]
+            if found is None or channel.name in findings:
+                continue
+            limit = "" if np.isnan(found[1]) else f" at {found[1]:.4g} N in {100 * found[0]:.2g} % of its samples"
+            findings[channel.name] = Finding(
+                "error" if found[0] > TOLERATED else "warning",
+                "overload",
+                f"{channels.describe(run, record)}, channel {channel.name}",
+                f"the normal force is cut off{limit}: its mean, with which the modes are stated, is wrong.",
+                found[0],
+                TOLERATED,
+                "Raise the range of the load cell's amplifier, and measure again.",
+            )
+    return tuple(findings.values())
+
+
+def _of_vibration(run: Run) -> tuple[Finding, ...]:
     worst: dict[int, tuple[float, float, str]] = {}
     count: dict[int, int] = {}
     first: Sequence[Channel] = ()

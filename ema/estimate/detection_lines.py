@@ -14,6 +14,7 @@ from jaxtyping import Complex, Float, Int
 from ema.data import Finding, Recording, Run
 from ema.errors import InputError
 from ema.estimate import channels
+from ema.estimate.drift import Drift
 
 EXCITED = 0.1
 """Force of a line over the largest within `_NEAR` lines, from which on it is excited. A shaker that drives a moving
@@ -184,6 +185,7 @@ def _lines(
     """Force and responses at all lines, means over the periods, and the variance of the responses' means by noise."""
     layout = channels.layout(record, where)
     channels.finite(record, layout, where)
+    record = Drift().off(record, layout)
     rate = record.sampling_rate
     samples, first = round(period * rate), round(discard * rate)
     count = (record.signals.shape[1] - first) // max(samples, 1)

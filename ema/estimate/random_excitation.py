@@ -11,7 +11,8 @@ from jaxtyping import Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings, local_model, spectra, windows
+from ema.estimate import channels, clipping, hammer_findings, local_model, spectra, stated_excitation, windows
+from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_blows import MOST
 from ema.estimate.spectra import Estimator, Spectra
@@ -106,6 +107,7 @@ def shaker(
         raise InputError("not an overlap", got=overlap, expected="0 ... 0.95")
     records = channels.recordings_of(run)
     first = records[0]
+    stated_excitation.refuse_single_frequencies(run)
     where = channels.describe(run, first)
     layout = channels.layout(first, where)
     chosen = [first.channels[row] for row in layout.responses], [first.channels[row] for row in layout.references]
@@ -113,17 +115,17 @@ def shaker(
     cut = Blocks(automatic_block(first.signals.shape[1], len(layout.references)) if block is None else block, overlap)
     if cut.length < 16:
         raise InputError("the block is too short", got=f"{cut.length} samples", expected="at least 16")
-    where = channels.describe(run)
+    where, drift = channels.describe(run), Drift()
     if method == "local":
         if estimator != "H1":
             raise InputError("the local model is an H1 estimate", got=estimator, advice="use method='welch'")
         # The correlation of the inputs, and whether they can be told apart, is a matter of averages.
-        inputs = welch(run, records, cut, progress)
+        inputs = welch(run, records, cut, progress, drift)
         spectra.frf(inputs)
         parts = local_frfs(run, records, block, progress)
         name = "H1 (local model)"
     else:
-        inputs = welch(run, records, cut, progress)
+        inputs = welch(run, records, cut, progress, drift)
         parts = welch_frfs(inputs, estimator, first.sampling_rate, cut.length)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
         name = estimator
@@ -131,6 +133,7 @@ def shaker(
     parts, beyond = _within(parts, band, where)
     findings = (
         *parts.pop("findings", ()),
+        *drift.findings(first.channels, where),
         *beyond,
         *clipping.about_records(run),
         *about_levels(run),
@@ -244,6 +247,7 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     single = SingleBlocks()
     for place, record in enumerate(records):
         this = channels.layout(record, channels.describe(run, record))
+        record = Drift().off(record, this)
         for start in range(0, record.signals.shape[1] - length + 1, length):
             rows = [*this.references, *this.responses]
             signals = record.signals[rows, start : start + length].astype(np.float64)
@@ -356,8 +360,10 @@ def local_block(samples: int, records: int = 1) -> int:
     return length
 
 
-def welch(run: Run, records: Sequence[Recording], cut: Blocks, progress: Progress = silent) -> Spectra:
-    """Averaged spectra of all records, Hann window, overlapping blocks."""
+def welch(
+    run: Run, records: Sequence[Recording], cut: Blocks, progress: Progress = silent, drift: Drift | None = None
+) -> Spectra:
+    """Averaged spectra of all records without their drift, Hann window, overlapping blocks."""
     first = records[0]
     layout = channels.layout(first, channels.describe(run, first))
     sums: list[np.ndarray] | None = None
@@ -368,6 +374,7 @@ def welch(run: Run, records: Sequence[Recording], cut: Blocks, progress: Progres
         channels.finite(record, this, where)
         alive(record, this, where)
         same_test(first.sampling_rate, layout, record.sampling_rate, this, where)
+        record = (Drift() if drift is None else drift).off(record, this)
         u, y = (transformed(record.signals[list(rows)], cut, where) for rows in (this.references, this.responses))
         part = spectra.averaged(u, y, 1.0)
         blocks = u.shape[0]

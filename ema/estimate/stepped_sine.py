@@ -1,5 +1,6 @@
 """FRFs of a stepped sine: frequency after frequency, read by least squares of a sine and its harmonics."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -8,7 +9,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings
+from ema.estimate import channels, clipping, gain_changes, hammer_findings
 from ema.estimate.record_agreement import LEVEL, about_level
 from ema.progress import Progress, advance, silent
 
@@ -24,15 +25,22 @@ _CLEAR = 5.0
 """Standard deviations of noise that a change between the halves of a record has to exceed."""
 
 
+GLIDES = 0.25
+"""Rise of the frequency from the first to the second half of a stay, over the distance of the stays, above which the
+force is a sweep: 0 for steps, 0.1 where a generator glides for the first tenth of a stay, 0.5 for a sweep."""
+
+
 @dataclass(frozen=True)
 class Step:
     """One stay at a frequency [Hz]: amplitudes (channel, order) with the force first, the variance of those of order 1,
-    and by how much each response over the force changed while it lasted (0 within noise)."""
+    by how much each response over the force changed while it lasted (0 within noise), and the rise of the frequency
+    of the force from the first to the second half [Hz]."""
 
     frequency: float
     amplitudes: Complex[np.ndarray, "channel order"]
     noise: Float[np.ndarray, "channel"]
     moved: Float[np.ndarray, "out"]
+    rise: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -179,9 +187,10 @@ def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) ->
             amplitudes, noise = _orders(signals, frequency, rate)
             change, moved = _change(signals, frequency, rate)
             unsteady = max(unsteady, change)
-            steps.append(Step(frequency, amplitudes, noise, moved))
+            steps.append(Step(frequency, amplitudes, noise, moved, _rise(signals[0], frequency, rate)))
         advance(progress, "reading steps", place + 1, len(records))
     assert layout is not None and first is not None
+    _staying(steps, channels.describe(run))
     return _joined(run, first, layout, steps, unsteady)
 
 
@@ -253,6 +262,41 @@ def _frequency(force: Float[np.ndarray, "sample"], rate: float, where: str) -> f
             expected=f"{_FEWEST_CYCLES:g} or more",
         )
     return frequency
+
+
+def _rise(force: Float[np.ndarray, "sample"], frequency: float, rate: float) -> float:
+    """Frequency of a sine in the second half of a record less that in the first [Hz], by its phase in four quarters."""
+    quarter = len(force) // 4
+    time = np.arange(quarter) / rate
+    basis = np.stack([np.cos(2 * np.pi * frequency * time), np.sin(2 * np.pi * frequency * time), np.ones(quarter)]).T
+    cosine, sine, _ = np.linalg.lstsq(basis, force[: 4 * quarter].reshape(4, quarter).T, rcond=None)[0]
+    turns = np.angle((cosine - 1j * sine) * np.exp(-2j * np.pi * frequency * np.arange(4) * quarter / rate))
+    first, second = (np.angle(np.exp(1j * (turns[k + 1] - turns[k]))) for k in (0, 2))
+    return float((second - first) * rate / (2 * np.pi * quarter))
+
+
+def _staying(steps: Sequence[Step], where: str) -> None:
+    """Refuse a force whose frequency rises within its stays as it does from stay to stay.
+
+    Raises
+    ------
+    InputError : it does.
+    """
+    if len(steps) < 4:
+        return
+    rises, apart = np.array([step.rise for step in steps[1:]]), np.diff([step.frequency for step in steps])
+    share = np.divide(rises, apart, out=np.zeros_like(rises), where=np.abs(apart) > 1e-5 * steps[0].frequency)
+    middle = float(np.median(share))
+    noise = 1.5 * float(np.median(np.abs(share - middle))) / np.sqrt(len(share))
+    if middle > GLIDES + _CLEAR * noise:
+        raise InputError(
+            "the frequency of the force does not stay",
+            where=where,
+            got=f"a change by {2 * abs(float(np.median(rises))):.3g} Hz within a stay, and by "
+            f"{abs(float(np.median(apart))):.3g} Hz from one to the next",
+            expected="steps of one frequency each",
+            advice='a sweep is kind = "sweep"; steps that begin elsewhere have another period',
+        )
 
 
 def _orders(
@@ -347,7 +391,10 @@ def _joined(
         where,
     )
     mixed = sorted(repeats, key=lambda finding: finding.value or 0.0)[-1:]
-    findings = [*clipping.about_records(run), *mixed, *hammer_findings.about_units(unit, where)]
+    names = [first.channels[row].name for row in (*layout.references, *layout.responses)]
+    # the mean of steps that differ is no gain
+    gains = () if apart[0] > LEVEL else gain_changes.about_gains(frequencies, np.array(values), names, where)
+    findings = [*clipping.about_records(run), *gains, *mixed, *hammer_findings.about_units(unit, where)]
     if apart[0] > LEVEL:
         findings.append(
             Finding(

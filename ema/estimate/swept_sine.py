@@ -11,9 +11,11 @@ from jaxtyping import Float, Int
 from ema.data import Finding, FrfSet, Provenance, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings, single_input
+from ema.estimate import channels, clipping, hammer_findings, repeated_sweeps, single_input, stated_excitation
 from ema.estimate.detection_lines import NonlinearDistortion, distortion_finding, excited_lines, nonlinear_distortion
+from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
+from ema.estimate.repeated_sweeps import SpectraSums
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.progress import Progress, advance, silent
@@ -37,7 +39,8 @@ def sweep(
 ) -> FrfSet:
     """Estimate FRFs from swept-sine takes: one whole sweep per block, averaged over the takes.
 
-    No window: a sweep that begins and ends at rest within its record has no leakage. Of a periodic sweep, whose
+    No window: a sweep that begins and ends at rest within its record has no leakage; a slow drift of a channel is taken
+    off (finding ``drift``). Of a periodic sweep, whose
     ``period`` the condition states, the first is dropped while the structure settles, and the others are averaged. Any
     other periodic force will do: lines that a multisine leaves out are left out of the FRFs, and say whether the
     structure is linear (findings ``nonlinear-distortion``, ``level-tested``, ``linearity-not-testable``).
@@ -47,7 +50,8 @@ def sweep(
     run : Run
         Each record holds one sweep: one force (reference) and one or more responses.
     estimator : {"H1", "H2", "Hv"}, default "H1"
-        ``H1`` (noise on the responses), ``H2`` (noise on the force) or ``Hv``.
+        ``H1`` (noise on the responses; of sweeps that repeat, noise of the force has no bias either, finding
+        ``force-noise``), ``H2`` (noise on the force) or ``Hv``.
     band : tuple of (float, float), optional
         Lines to return [Hz]; by default those that the sweep excited (force power within 20 dB of its median in the
         band that holds 98 % of it).
@@ -79,15 +83,17 @@ def sweep(
     True
     """
     records = channels.recordings_of(run)
+    stated_excitation.refuse_single_frequencies(run)
     length = block or min(record.signals.shape[1] for record in records)
     period = run.condition.excitation.period
     periodic = bool(np.isfinite(period))
     if periodic:
         length = _period(run, period)
     sums: dict[Dof, Sums] = {}
+    spectra: dict[Dof, SpectraSums] = {}
     single: dict[Dof, SingleBlocks] = {}
     first, layout = None, None
-    left = 0.0
+    drift, left = Drift(), 0.0
     for place, record in enumerate(records):
         where = channels.describe(run, record)
         this = channels.layout(record, where)
@@ -95,6 +101,7 @@ def sweep(
         if first is None or layout is None:
             first, layout = record, this
         _check(first.sampling_rate, record.sampling_rate, layout, this, record.signals.shape[1], length, where)
+        record = drift.off(record, this)
         if periodic:
             _repeating(record.signals[this.references[0]], length, record.sampling_rate, where)
         begins = range(length, record.signals.shape[1] - length + 1, length) if periodic else (0,)
@@ -106,6 +113,8 @@ def sweep(
             part = single_input.summed(lines[0], lines[1:])
             force = this.inputs[0]
             sums[force] = sums[force] + part if force in sums else part
+            whole = SpectraSums(lines[0], lines[1:])
+            spectra[force] = spectra[force] + whole if force in spectra else whole
             weight = np.broadcast_to(part.force, part.cross.shape)
             single.setdefault(force, SingleBlocks()).keep(
                 record.name, (part.cross * single_input.reciprocal(part.force)).T[:, :, None], weight.T[:, :, None]
@@ -117,14 +126,41 @@ def sweep(
     total = reduce(add, sums.values())
     keep = _lines(frequencies, total, band, channels.describe(run))
     frfs = _frfs(run, sums, layout.outputs, frequencies[keep], keep, estimator, left)
+    if estimator == "H1":
+        frfs = _without_force_noise(run, frfs, sums, spectra, keep)
     where = channels.describe(run)
     differing = [
         finding
         for blocks in single.values()
         for finding in about_records(blocks, first.channels, layout.responses, where)
     ]
-    frfs = replace(frfs, findings=(*differing, *clipping.about_records(run), *about_levels(run), *frfs.findings))
+    other = () if periodic else stated_excitation.about_repeats(run, *frequencies[keep][[0, -1]])
+    of_records = (
+        *other,
+        *drift.findings(first.channels, where),
+        *differing,
+        *clipping.about_records(run),
+        *about_levels(run),
+    )
+    frfs = replace(frfs, findings=(*of_records, *frfs.findings))
     return _excited(run, frfs, np.arange(len(frequencies))[keep], total) if periodic else frfs
+
+
+def _without_force_noise(
+    run: Run, frfs: FrfSet, sums: dict[Dof, Sums], spectra: dict[Dof, SpectraSums], keep: slice
+) -> FrfSet:
+    """FRFs of sweeps that repeat, without the bias by noise of their force where it has one."""
+    assert frfs.variance is not None
+    values, variance, findings = frfs.values.copy(), frfs.variance.copy(), list(frfs.findings)
+    for column, force in enumerate(frfs.inputs):
+        repeated = repeated_sweeps.repeats(sums[force], spectra[force], keep)
+        if repeated is None:
+            continue
+        values[:, :, column] = repeated.values[:, keep].T
+        variance[:, :, column] = repeated.variance[:, keep].T
+        frequency = float(frfs.frequencies[repeated.line - keep.start])
+        findings.append(repeated_sweeps.finding(repeated, frequency, f"{channels.describe(run)}, force at {force}"))
+    return replace(frfs, values=values, variance=variance, findings=tuple(findings))
 
 
 def _excited(run: Run, frfs: FrfSet, lines: Int[np.ndarray, "freq"], total: Sums) -> FrfSet:

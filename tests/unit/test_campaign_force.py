@@ -221,3 +221,77 @@ def test_volts_are_no_normal_force(tmp_path: Path, unit: str, quantity: str) -> 
     table = f'[[channels]]\nname = "ring"\nrole = "normal force"\nunit = "{unit}"\njoint = "J1"\n\n[[joints]]'
     with pytest.raises(InputError, match=f"channel ring: .* measures no force; got {quantity}, expected force"):
         opened(tmp_path, "", base=BASE.replace("[[joints]]", table))
+
+
+RING = BASE.replace(
+    "[[joints]]", '[[channels]]\nname = "ring"\nrole = "normal force"\nunit = "N"\njoint = "J1"\n\n[[joints]]'
+)
+
+
+def rings(path: Path, *courses: "np.ndarray", text: str = "") -> Run:
+    """A run whose load cell saw these courses, with noise of 2 N."""
+    rng = np.random.default_rng(5)
+    return opened(path, text, base=RING, signals=[course + 2 * rng.standard_normal(len(course)) for course in courses])
+
+
+FLAT, TIME = np.full(1000, 900.0), np.linspace(0, 1, 1000)
+COURSES = {
+    "another in the second of three": ((FLAT, 0.8 * FLAT, FLAT), 0.2 * 900 / 840),
+    "falls in every record": ((FLAT * (1.1 - 0.2 * TIME),) * 3, 0.18),
+    "swings": ((FLAT * (1 + 0.1 * np.sin(6 * np.pi * TIME)),) * 2, 0.19),
+}
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_a_normal_force_that_comes_back_has_moved(tmp_path: Path, name: str) -> None:
+    """Only the difference of end and start had counted."""
+    courses, expected = COURSES[name]
+    run = rings(tmp_path, *courses)
+    assert codes(run) == ["normal-force-drift"] and "moved between" in run.findings[0].message
+    assert run.findings[0].value == pytest.approx(expected, rel=0.15)
+
+
+def test_noise_and_vibration_of_a_normal_force_are_no_drift(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    for seconds in (0.6, 3.0, 10.0):
+        t = np.arange(int(100 * seconds)) / 100
+        course = 900 * (1 + 0.05 * rng.standard_normal(len(t)) + 0.1 * np.sin(2 * np.pi * 31 * t))
+        assert codes(rings(tmp_path, course, course[::-1])) == []
+    values = 1000 + 30 * rng.standard_normal(20)
+    side = "J1\n" + "\n".join(f"{value:.1f}" for value in values)
+    assert "moved" not in str(opened(tmp_path, force(SIDE.replace("kN", "N")), side).findings)
+
+
+def test_a_load_cell_that_shows_nothing_but_noise_is_named(tmp_path: Path) -> None:
+    assert codes(rings(tmp_path, 0.01 * TIME, 0.01 * TIME)) == ["normal-force-none"]
+
+
+def test_samples_that_are_no_numbers_cost_themselves_alone(tmp_path: Path) -> None:
+    """The whole mean had been NaN, and the normal force one that nobody stated."""
+    gap = np.where((TIME > 0.3) & (TIME < 0.5), np.nan, FLAT)
+    run = rings(tmp_path, gap, FLAT)
+    assert run.condition.joints[0].mean == pytest.approx(900, abs=0.2) and codes(run) == ["not-finite"]
+    assert run.findings[0].value == pytest.approx(0.1, abs=0.002)
+    with pytest.raises(InputError, match="holds no numbers"):
+        rings(tmp_path, np.nan * FLAT, np.nan * FLAT)
+
+
+@pytest.mark.parametrize(("nominal", "expected"), [("1 kN", []), ("2 kN", ["normal-force-not-as-stated"])])
+def test_a_normal_force_far_from_the_nominal_one_is_named(tmp_path: Path, nominal: str, expected: list[str]) -> None:
+    run = rings(tmp_path, FLAT, FLAT, text=force(f'channel = "ring"\nnominal = "{nominal}"'))
+    assert codes(run) == expected
+    assert not expected or run.findings[0].value == pytest.approx(0.45, rel=0.01)
+
+
+def test_kilonewtons_of_one_run_are_noticed_by_the_others(tmp_path: Path) -> None:
+    more = "".join(
+        f'\n[[runs]]\nid = "run {n}"\nkind = "hammer"\nfiles = "beam_{{point}}.h5"\n' + force(f'value = "{value} N"')
+        for n, value in enumerate((300, 1000, 0.6))
+    )
+    opened(tmp_path, force('value = "100 N"') + more)
+    runs = acquisition.open_campaign(tmp_path).runs
+    assert [codes(run) for run in runs] == [[], [], [], ["normal-force-unit"]]
+    opened(
+        tmp_path, force('value = "1 N"') + more.replace('"300', '"10').replace('"1000', '"3000').replace("0.6", "100")
+    )
+    assert not any(codes(run) for run in acquisition.open_campaign(tmp_path).runs)
