@@ -17,6 +17,7 @@ from ema.data.modal import (
     Candidate,
     ModalModel,
     ModalUncertainty,
+    ModeQuality,
     PoleTable,
     Residuals,
     damping_ratios,
@@ -40,7 +41,7 @@ from ema.data.provenance import Provenance
 from ema.data.recording import Channel, Recording, TakeIdentity
 from ema.data.repeats import ConditionDifference, RepeatGroup, VarianceComponents
 from ema.data.response import Decay, EnergyBalance, HarmonicResponse, Loop, Response
-from ema.data.results import Expectation, LevelEffect, MapResult, ModeQuality, RunResult, Statement, StudyResult
+from ema.data.results import Expectation, LevelEffect, MapResult, RunResult, Statement, StudyResult
 from ema.data.set_ups import SetUps, SetUpShifts
 from ema.data.single import SingleMode
 from ema.data.source import Source

@@ -464,3 +464,33 @@ class ModalModel(Container):
             count(len(self.candidates), "candidate") if self.candidates else "",
             count(len(self.findings), "finding") if self.findings else "",
         )
+
+
+@dataclass(frozen=True, repr=False)
+class ModeQuality(Container):
+    """Indicators of how real the shape of each mode is.
+
+    Parameters
+    ----------
+    modal_phase_collinearity : array of shape (mode,)
+        MPC, 0 ... 1.
+    mean_phase : array of shape (mode,)
+        Mean phase [deg].
+    mean_phase_deviation : array of shape (mode,)
+        Mean phase deviation [deg].
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> from ema.shapes import quality
+    >>> quality(modal_model().shapes).modal_phase_collinearity.round(3)
+    array([1., 1., 1.])
+    """
+
+    modal_phase_collinearity: Float[np.ndarray, "mode"]
+    mean_phase: Float[np.ndarray, "mode"]
+    mean_phase_deviation: Float[np.ndarray, "mode"]
+
+    def __post_init__(self) -> None:
+        freeze(self, modal_phase_collinearity=float, mean_phase=float, mean_phase_deviation=float)
+        check_axes(self)

@@ -15,42 +15,12 @@ from ema.data.forecast import ForecastCheck
 from ema.data.frf import FrfSet
 from ema.data.hits import HitGallery
 from ema.data.maps import ModalMap
-from ema.data.modal import ModalModel, PoleTable
+from ema.data.modal import ModalModel, ModeQuality, PoleTable
 from ema.data.placement import Placement
 from ema.data.provenance import Provenance
 from ema.data.repeats import ConditionDifference, RepeatGroup
 from ema.data.response import Decay, Loop
 from ema.data.single import SingleMode
-
-
-@dataclass(frozen=True, repr=False)
-class ModeQuality(Container):
-    """Indicators of how real the shape of each mode is.
-
-    Parameters
-    ----------
-    modal_phase_collinearity : array of shape (mode,)
-        MPC, 0 ... 1.
-    mean_phase : array of shape (mode,)
-        Mean phase [deg].
-    mean_phase_deviation : array of shape (mode,)
-        Mean phase deviation [deg].
-
-    Examples
-    --------
-    >>> from ema.examples import modal_model
-    >>> from ema.shapes import quality
-    >>> quality(modal_model().shapes).modal_phase_collinearity.round(3)
-    array([1., 1., 1.])
-    """
-
-    modal_phase_collinearity: Float[np.ndarray, "mode"]
-    mean_phase: Float[np.ndarray, "mode"]
-    mean_phase_deviation: Float[np.ndarray, "mode"]
-
-    def __post_init__(self) -> None:
-        freeze(self, modal_phase_collinearity=float, mean_phase=float, mean_phase_deviation=float)
-        check_axes(self)
 
 
 @dataclass(frozen=True, repr=False)
