@@ -81,13 +81,17 @@ def _changes(
         gains = best * NEAR
     plain, _ = _least(misfit.sum(ONE), size.sum(ONE))
     found += _judged(0, 1 / best, float(plain[0]), float(left.min()), freedom)
-    for row in range(len(values[0])) if len(values[0]) > 1 else ():
-        # the other channels tell the denominator
-        _, d = _least(misfit.sum(ONE, without=row), size.sum(ONE, without=row))
-        a, b, c = (float(np.real(d[0].conj() @ one[row] @ d[0])) for one in (misfit.first, misfit.mixed, misfit.second))
-        factor = -0.5 * b / c if c > 0 else 1.0
-        if factor != 0:
-            found += _judged(row + 1, 1 / factor, a + b + c, a + b * factor + c * factor**2, 2 * (len(x) - 3) - 1)
+    if len(values[0]) == 1:
+        return found
+    # the other channels tell the denominator of each
+    _, d = _least(misfit.of_others(), size.of_others())
+    forms = (misfit.first, misfit.mixed, misfit.second)
+    a, b, c = (np.einsum("op,opq,oq->o", d.conj(), form, d).real for form in forms)
+    factor = np.divide(-0.5 * b, c, out=np.ones_like(c), where=c > 0)
+    left = a + b * factor + c * factor**2
+    for row in np.flatnonzero((factor != 0) & (left <= (1 - EXPLAINED) * (a + b + c))):
+        change = 1 / float(factor[row])
+        found += _judged(int(row) + 1, change, float((a + b + c)[row]), float(left[row]), 2 * (len(x) - 3) - 1)
     return found
 
 
@@ -104,14 +108,15 @@ class _Square:
         first, half, second = (np.einsum("olp,olq->opq", x.conj(), y) for x, y in ((a, a), (a, b), (b, b)))
         return cls(first, half + half.conj().transpose(0, 2, 1), second)
 
-    def sum(
-        self, factors: Float[np.ndarray, "gain"], without: int | None = None
-    ) -> Complex[np.ndarray, "gain order order"]:
-        """The forms of all outputs, or of all but one."""
-        a, b, c = (
-            one.sum(axis=0) - (0 if without is None else one[without]) for one in (self.first, self.mixed, self.second)
-        )
+    def sum(self, factors: Float[np.ndarray, "gain"]) -> Complex[np.ndarray, "gain order order"]:
+        """The forms of all outputs."""
+        a, b, c = (one.sum(axis=0) for one in (self.first, self.mixed, self.second))
         return np.asarray(a + factors[:, None, None] * b + factors[:, None, None] ** 2 * c)
+
+    def of_others(self) -> Complex[np.ndarray, "out order order"]:
+        """For each output the forms of all others, with the factor 1."""
+        each = self.first + self.mixed + self.second
+        return np.asarray(each.sum(axis=0) - each)
 
 
 def _least(
