@@ -38,16 +38,20 @@ def rows(answer: dict[str, Any]) -> np.ndarray:
 
 
 def ranks(answer: dict[str, Any]) -> np.ndarray:
-    """Rank correlation and regret (of the damping gained) over the places, per mode."""
+    """Per mode, over the places: rank correlation, regret (of the damping gained), and regret against the best of all.
+
+    The last counts places too for which nothing was predicted, such as those where a joint parts.
+    """
     result = []
     for told, true, bare in zip(answer["prediction"]["ranked"], answer["truth"]["ranked"], answer["bare"]):
         told, true = np.array(told, float), np.array(true, float)
         known = np.isfinite(told) & np.isfinite(true)
         if known.sum() < 6 or np.ptp(true[known]) < 0.1 * bare:
             continue
-        gained = true[known] - bare
-        result.append([spearmanr(told[known], true[known]).statistic, 1 - gained[told[known].argmax()] / gained.max()])
-    return np.array(result).reshape(-1, 2)
+        chosen = true[known][told[known].argmax()] - bare
+        best, best_of_all = true[known].max() - bare, np.nanmax(true) - bare
+        result.append([spearmanr(told[known], true[known]).statistic, 1 - chosen / best, 1 - chosen / best_of_all])
+    return np.array(result).reshape(-1, 3)
 
 
 def report(answers: list[dict[str, Any]], seed: int = 0) -> str:
@@ -82,9 +86,10 @@ def report(answers: list[dict[str, Any]], seed: int = 0) -> str:
     lines.append(f"conditions without a band or a truth: {holes}")
     order = np.concatenate([ranks(answer) for answer in answers])
     if len(order):
-        regret = 100 * np.quantile(order[:, 1], [0.5, 0.9])
+        regret, of_all = 100 * np.quantile(order[:, 1:], [0.5, 0.9], axis=0).T
         lines.append(
             f"places: {len(order)} rankings, rank correlation median {np.median(order[:, 0]):.3f}, 10th percentile "
-            f"{np.quantile(order[:, 0], 0.1):.3f}; regret median {regret[0]:.1f} %, 90th percentile {regret[1]:.1f} %"
+            f"{np.quantile(order[:, 0], 0.1):.3f}; regret median {regret[0]:.1f} %, 90th percentile {regret[1]:.1f} %; "
+            f"against places without a prediction too: {of_all[0]:.1f} %, {of_all[1]:.1f} %"
         )
     return "\n".join(lines)
