@@ -172,8 +172,8 @@ class Forecast(Container):
         Examples
         --------
         >>> from ema.examples import forecast
-        >>> forecast().budget().iloc[0].tolist()
-        ['friction coefficient', 20.0, 70.0]
+        >>> forecast().budget().iloc[0].map(str).tolist()
+        ['friction coefficient', '20.0', '70.0']
         """
         import pandas as pd
 

@@ -171,7 +171,7 @@ def test_a_kept_place_of_other_code_is_computed_again(tmp_path: Path, monkeypatc
 
     listener = Listener()
     kept = shortlist.KeptPlaces(tmp_path)
-    answer = np.ones((1, 3, 2, 2))
+    answer = np.ones((1, 4, 2, 2))
     kept.keep("a" * 24, answer)
     kept.keep("b" * 24, answer)
     (tmp_path / kept.name("b" * 24)).write_bytes(b"half")
