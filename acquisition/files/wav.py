@@ -120,7 +120,8 @@ def _announced(path: Path, layout: Layout) -> tuple[Finding, ...]:
                 announced = long_size if start[:4] == b"RF64" and length == 0xFFFFFFFF else length
                 notes = _compare(announced, size - begin, align, path, layout)
                 whole = int.from_bytes(start[4:8], "little")
-                odd = length % 2  # a byte that fills up an odd chunk, which some writers do not count or leave out
+                # a byte that fills up an odd chunk, which some writers do not count or leave out
+                odd = 0 if announced in _UNKNOWN else length % 2
                 if (
                     start[:4] == b"RIFF"
                     and whole not in _UNKNOWN

@@ -52,3 +52,21 @@ def test_a_fact_chunk_that_knows_nothing_or_counts_all_channels(tmp_path: Path, 
     soundfile.write(tmp_path / "a.wav", np.stack([SIGNAL, -SIGNAL], 1), 16000, subtype="FLOAT")
     _with_fact(tmp_path / "a.wav", count)
     assert acquisition.read(tmp_path / "a.wav").recordings[0].signals.shape == (2, 5000)
+
+
+@pytest.mark.parametrize("lost", [0, 1, 4])
+def test_a_file_whose_data_have_no_length_is_as_long_as_the_whole_announces(tmp_path: Path, lost: int) -> None:
+    """A recorder that was cut off: an unknown length is odd, and a byte too few had passed for the one that fills up."""
+    soundfile.write(tmp_path / "a.wav", np.stack([SIGNAL[:63]] * 2, 1), 100, subtype="PCM_16")
+    data = bytearray((tmp_path / "a.wav").read_bytes())
+    place = data.index(b"data") + 4
+    data[place : place + 4] = b"\xff" * 4
+    (tmp_path / "a.wav").write_bytes(data[: len(data) - lost])
+    if not lost:
+        contents = acquisition.read(tmp_path / "a.wav")
+        assert "length-unstated" in [note.code for note in contents.findings]
+        assert contents.recordings[0].signals.shape == (2, 63)
+        return
+    with pytest.raises(InputError, match="not as long as it announces"):
+        acquisition.read(tmp_path / "a.wav")
+    assert acquisition.read(tmp_path / "a.wav", salvage=True).recordings[0].signals.shape == (2, 62)
