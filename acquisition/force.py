@@ -97,10 +97,10 @@ def joint_forces(
 def against_other_runs(runs: Sequence[Run]) -> tuple[Run, ...]:
     """Runs of a campaign, with a finding where a normal force fits the others a thousand times as large or small."""
     known = {run.id: run.condition.normal_force for run in runs if run.condition.normal_force > 0}
-    told = []
+    result = []
     for run in runs:
         others = np.array([force for name, force in known.items() if name != run.id])
-        told.append(run)
+        result.append(run)
         if run.id not in known or len(others) < 2:
             continue
         nearest = float(others[np.abs(np.log(others / known[run.id])).argmin()])
@@ -118,8 +118,8 @@ def against_other_runs(runs: Sequence[Run]) -> tuple[Run, ...]:
                 1.0,
                 "Correct the unit of this run in the campaign file, or its side data.",
             )
-            told[-1] = replace(run, findings=(*run.findings, finding))
-    return tuple(told)
+            result[-1] = replace(run, findings=(*run.findings, finding))
+    return tuple(result)
 
 
 def _measured(

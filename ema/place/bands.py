@@ -120,16 +120,7 @@ def forecast(
     middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
     rough = fundamental(nominal)
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
-    spread, opened = np.empty((draws, *middle.shape)), np.empty((draws, *middle[:, 0].shape), bool)
-    taken = []
-    for number, one in enumerate(drawn(asked, draws, rng)):
-        beam = beams_drawn(here, rng)
-        case = _uneven(_asked(nominal, one, beam), task.joint.scatter, rng)
-        if case.pressure is not None:
-            case = case._replace(pressure=rng.uniform(*PRESSURE))
-        taken.append(inputs(one, case, beam))
-        spread[number], opened[number] = _draw(case, harmonics, rng)
-        advance(progress, "bands of the forecast", number + 1, draws)
+    spread, opened, taken = _draws(asked, here, nominal, harmonics, draws=draws, rng=rng, progress=progress)
     parted = np.mean(opened, axis=0) > 1 - _ENOUGH
     middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
     low, high = _band(middle, spread / rough[:, :2])
@@ -162,6 +153,35 @@ def forecast(
         findings,
         Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
     )
+
+
+def _draws(
+    task: Task,
+    here: Candidates,
+    nominal: Question,
+    harmonics: Float[np.ndarray, "mode 2 level force"],
+    *,
+    draws: int,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[
+    Float[np.ndarray, "draw mode 2 level force"],
+    Bool[np.ndarray, "draw mode level force"],
+    list[dict[str, Float[np.ndarray, "mode value"]]],
+]:
+    """Frequencies and damping ratios of all draws, where their joints part, and what was drawn for them."""
+    spread, opened, taken = [], [], []
+    for number, one in enumerate(drawn(task, draws, rng)):
+        beam = beams_drawn(here, rng)
+        case = _uneven(_asked(nominal, one, beam), task.joint.scatter, rng)
+        if case.pressure is not None:
+            case = case._replace(pressure=rng.uniform(*PRESSURE))
+        values, parts = _draw(case, harmonics, rng)
+        spread.append(values)
+        opened.append(parts)
+        taken.append(inputs(one, case, beam))
+        advance(progress, "bands of the forecast", number + 1, draws)
+    return np.array(spread), np.array(opened), taken
 
 
 def _draw(

@@ -29,6 +29,7 @@ class Objective:
         Of ``damping``, one per target mode; equal by default.
     robust : bool, default False
         Whether place and normal force are chosen by the lower end of the 95 % interval of the value, not by the value.
+        The normal force that is best at each level (``recommended_forces``) stays that of the value.
 
     Examples
     --------
