@@ -38,6 +38,8 @@ from ema.data import (
     RunResult,
     Source,
     StudyResult,
+    Trial,
+    Trials,
     poles_from,
 )
 from ema.dof import Dof
@@ -440,6 +442,50 @@ def forecast() -> Forecast:
         frequency_shares=np.array([[0.8, 0.2]]),
         damping_shares=np.array([[0.3, 0.7]]),
     )
+
+
+def trials() -> Trials:
+    """Return two tests that would narrow :func:`forecast`: the beam bolted on, and loops of one joint.
+
+    Returns
+    -------
+    Trials
+        Forty draws; the bands of the damping have a half width of 20 %.
+
+    Examples
+    --------
+    >>> trials().values.shape
+    (40, 1, 2, 2, 3)
+    """
+    told = forecast()
+    middle = np.stack([told.frequency, told.damping], axis=1)
+    common, own = np.random.default_rng(1).standard_normal((2, 40))
+    logs = np.stack([0.005 * own, 0.1 * common], axis=1)
+    values = middle * np.exp(logs)[:, None, :, None, None]
+    beam = Trial(
+        "beam",
+        ("mode 1: f [Hz]", "mode 1: zeta [-]"),
+        values[:, 0, :, 0, 0],
+        np.array([5e-4, 0.03]),
+        1.5,
+        float(told.force_levels[0]),
+        float(told.normal_forces[0]),
+        told.centre,
+        told.angle,
+        0.002,
+        0.14,
+    )
+    loop = Trial(
+        "loop",
+        ("energy [J] at 1 mu F_N/k_T",),
+        1e-3 * np.exp(0.1 * common)[:, None],
+        np.array([0.05]),
+        2.0,
+        normal_force=float(told.normal_forces[0]),
+        frequency_width=0.01,
+        damping_width=0.08,
+    )
+    return Trials(told, values, (beam, loop))
 
 
 def ranking() -> Ranking:

@@ -190,6 +190,7 @@ def _write(found: "Placement", folder: Path, formats: Sequence[str]) -> list[Pat
 
 def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
     from ema.report.placement import answer
+    from ema.report.trials import proposal
     from ema.study.plain import finding
 
     rows = [jsonable(row) for row in found.ranking.table().reset_index().to_dict("records")]
@@ -200,6 +201,8 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
         "checked": len(found.ranking.shortlist),
         "places": rows,
         "normal_forces": found.ranking.best.normal_forces.tolist(),
+        "next_test": None if found.trials is None else proposal(found.trials),
+        "trials": [] if found.trials is None else [jsonable(row) for row in found.trials.table().to_dict("records")],
         "control": None if found.control is None else found.control.verdict,
         "findings": [finding(one) for one in found.all_findings],
         "written": [str(path) for path in written],
@@ -212,6 +215,7 @@ def _show(found: "Placement", written: list[Path]) -> None:
 
     from ema.cli import screen
     from ema.report.placement import answer
+    from ema.report.trials import proposal
 
     out = screen.console()
     if found.warning:
@@ -224,6 +228,8 @@ def _show(found: "Placement", written: list[Path]) -> None:
         table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in row))
     out.print(table)
     out.print(Text(answer(found)), soft_wrap=True)
+    if found.trials is not None:
+        out.print(Text(proposal(found.trials)), soft_wrap=True)
     if found.control is not None:
         out.print(Text(found.control.verdict), soft_wrap=True)
     screen.show_findings(out, found.all_findings)

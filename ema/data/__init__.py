@@ -45,6 +45,7 @@ from ema.data.results import Expectation, LevelEffect, MapResult, RunResult, Sta
 from ema.data.set_ups import SetUps, SetUpShifts
 from ema.data.single import SingleMode
 from ema.data.source import Source
+from ema.data.trials import Trial, Trials
 
 __all__ = [
     "AmplitudeDependentMode",
@@ -118,6 +119,8 @@ __all__ = [
     "SteppedLevel",
     "StudyResult",
     "TakeIdentity",
+    "Trial",
+    "Trials",
     "VarianceComponents",
     "Verdict",
     "damping_ratios",

@@ -13,6 +13,7 @@ from ema.data.findings import Finding
 from ema.data.forecast import Forecast
 from ema.data.geometry import Geometry
 from ema.data.provenance import Provenance
+from ema.data.trials import Trials
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -590,6 +591,8 @@ class Placement(Container):
         Geometry of the structure.
     forecast : Forecast, optional
         Frequency and damping predicted at the best location.
+    trials : Trials, optional
+        Tests that would narrow the forecast.
 
     Examples
     --------
@@ -612,6 +615,7 @@ class Placement(Container):
     provenance: Provenance = field(default=Provenance(), compare=False)
     geometry: Geometry | None = None
     forecast: Forecast | None = None
+    trials: Trials | None = None
 
     def __post_init__(self) -> None:
         freeze(self, origin=np.float64, axes=np.float64, extent=np.float64, points=np.float64)

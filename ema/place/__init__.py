@@ -3,7 +3,9 @@
 from ema.lazy import attach
 
 _HOMES = {
+    "Costs": "ema.place.trials",
     "Objective": "ema.place.objective",
+    "Spot": "ema.place.trials",
     "Task": "ema.place.task",
     "check": "ema.place.bands",
     "control_study": "ema.place.control",
@@ -11,10 +13,12 @@ _HOMES = {
     "forecast": "ema.place.bands",
     "grid": "ema.place.candidates",
     "model_at": "ema.place.model",
+    "next_tests": "ema.place.trials",
     "predict": "ema.place.predictor",
     "rank": "ema.place.ranking",
     "recommended_forces": "ema.place.objective",
     "search": "ema.place.ranking",
+    "updated": "ema.place.conditioning",
     "verify": "ema.place.shortlist",
 }
 

@@ -1,6 +1,7 @@
 from ema.place.bands import check as check
 from ema.place.bands import forecast as forecast
 from ema.place.candidates import grid as grid
+from ema.place.conditioning import updated as updated
 from ema.place.control import control_study as control_study
 from ema.place.model import model_at as model_at
 from ema.place.objective import Objective as Objective
@@ -11,3 +12,6 @@ from ema.place.ranking import search as search
 from ema.place.recommend import distribute as distribute
 from ema.place.shortlist import verify as verify
 from ema.place.task import Task as Task
+from ema.place.trials import Costs as Costs
+from ema.place.trials import Spot as Spot
+from ema.place.trials import next_tests as next_tests

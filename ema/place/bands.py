@@ -1,9 +1,9 @@
 """What a placed beam will do at chosen conditions, with 95 % bands, told before it is bolted on."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -22,13 +22,29 @@ from ema.place.task import Task, only, predicted
 from ema.progress import Progress, advance, silent
 
 Method = Literal["measured", "frozen"]
-_ENOUGH = 0.8
+
+
+class Draw(NamedTuple):
+    """One draw of what is not known: the task, the beam, and the question that is asked of both."""
+
+    task: Task
+    beam: Candidates
+    case: Question
+
+
+Beside = Callable[[Draw], Float[np.ndarray, "reading"]]
+"""What else is to be computed of a draw."""
+ENOUGH = 0.8
 """Share of the draws that have to have a steady state for a band to be told."""
 _HARMONICS = 0.05
 """Change of a damping ratio by the upper harmonics from which on it is named."""
 _NEAR = 0.05
 _SHIFT = 0.02
 """By what share of its frequency a draw may leave the band in which the nominal resonance is looked for."""
+
+
+def _nothing(draw: Draw) -> Float[np.ndarray, "reading"]:
+    return np.empty(0)
 
 
 def forecast(
@@ -105,6 +121,25 @@ def forecast(
     >>> bool(result.damping_low[0, 0, 0] <= result.damping[0, 0, 0] <= result.damping_high[0, 0, 0])
     True
     """
+    return forecast_and_draws(
+        task, candidates, place, force_levels, normal_forces, draws, seed, method, executor, progress
+    )[0]
+
+
+def forecast_and_draws(
+    task: Task,
+    candidates: Candidates,
+    place: int,
+    force_levels: Sequence[float] | Float[np.ndarray, "level"],
+    normal_forces: Sequence[float] | Float[np.ndarray, "force"],
+    draws: int,
+    seed: int,
+    method: Method,
+    executor: Executor | None = None,
+    progress: Progress = silent,
+    beside: Beside = _nothing,
+) -> tuple[Forecast, Float[np.ndarray, "draw mode 2 level force"], list[Float[np.ndarray, "reading"]]]:
+    """The forecast, its draws (frequency in Hz and damping ratio), and what ``beside`` says of each of them."""
     if draws < 10:
         raise InputError("too few draws for a band", where=f"place {place}", got=draws, expected="10 or more")
     if not 0 <= place < len(candidates):
@@ -120,8 +155,10 @@ def forecast(
     middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
     rough = fundamental(nominal)
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
-    spread, opened, taken = _draws(asked, here, nominal, harmonics, draws=draws, rng=rng, progress=progress)
-    parted = np.mean(opened, axis=0) > 1 - _ENOUGH
+    spread, opened, taken, read = _draws(
+        asked, here, nominal, harmonics, draws=draws, rng=rng, progress=progress, beside=beside
+    )
+    parted = np.mean(opened, axis=0) > 1 - ENOUGH
     middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
     low, high = _band(middle, spread / rough[:, :2])
     sources, of_sources = budget(taken, spread / rough[:, :2], harmonics)
@@ -130,7 +167,7 @@ def forecast(
         *_about_harmonics(harmonics[:, 1]),
     )
     bare = task.bare.poles[list(task.modes)]
-    return Forecast(
+    told = Forecast(
         (float(here.centres[0, 0]), float(here.centres[0, 1])),
         float(here.angles[0]),
         here.catalogue[int(here.beams[0])].name,
@@ -153,6 +190,7 @@ def forecast(
         findings,
         Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
     )
+    return told, middle * spread / rough[:, :2], read
 
 
 def _draws(
@@ -164,27 +202,30 @@ def _draws(
     draws: int,
     rng: np.random.Generator,
     progress: Progress,
+    beside: Beside,
 ) -> tuple[
     Float[np.ndarray, "draw mode 2 level force"],
     Bool[np.ndarray, "draw mode level force"],
     list[dict[str, Float[np.ndarray, "mode value"]]],
+    list[Float[np.ndarray, "reading"]],
 ]:
-    """Frequencies and damping ratios of all draws, where their joints part, and what was drawn for them."""
-    spread, opened, taken = [], [], []
+    """Frequencies and damping ratios of all draws, where their joints part, what was drawn, and what stands beside."""
+    spread, opened, taken, read = [], [], [], []
     for number, one in enumerate(drawn(task, draws, rng)):
         beam = beams_drawn(here, rng)
-        case = _uneven(_asked(nominal, one, beam), task.joint.scatter, rng)
+        case = mounted(nominal, one, beam, rng)
         if case.pressure is not None:
             case = case._replace(pressure=rng.uniform(*PRESSURE))
-        values, parts = _draw(case, harmonics, rng)
+        values, parts = answered(case, harmonics, rng)
         spread.append(values)
         opened.append(parts)
         taken.append(inputs(one, case, beam))
+        read.append(beside(Draw(one, beam, case)))
         advance(progress, "bands of the forecast", number + 1, draws)
-    return np.array(spread), np.array(opened), taken
+    return np.array(spread), np.array(opened), taken, read
 
 
-def _draw(
+def answered(
     case: Question, harmonics: Float[np.ndarray, "mode 2 level force"], rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "mode 2 level force"], Bool[np.ndarray, "mode level force"]]:
     """Frequency and damping ratio of one draw, its upper harmonics drawn too, and where its joints part."""
@@ -248,8 +289,8 @@ def _about_harmonics(damping: Float[np.ndarray, "mode level force"]) -> tuple[Fi
     return (Finding("warning", "upper-harmonics", "forecast", message, most, _HARMONICS, advice),)
 
 
-def _asked(nominal: Question, task: Task, candidates: Candidates) -> Question:
-    """The question of a draw, in the bands of the nominal one, wider by what a draw may shift."""
+def mounted(nominal: Question, task: Task, candidates: Candidates, rng: np.random.Generator) -> Question:
+    """The question of a draw, in the bands of the nominal one and what a draw may shift; every joint is drawn."""
     pressed = float(task.normal_forces[0])
     model = model_at(
         task.bare,
@@ -262,7 +303,8 @@ def _asked(nominal: Question, task: Task, candidates: Candidates) -> Question:
         flexibility_factor=task.flexibility_factor,
     )
     bands = tuple((low * (1 - _SHIFT), high * (1 + _SHIFT)) for low, high in nominal.bands)
-    return nominal._replace(model=model, normal_forces=task.normal_forces, bands=bands)
+    asked = nominal._replace(model=model, normal_forces=task.normal_forces, bands=bands)
+    return _uneven(asked, task.joint.scatter, rng)
 
 
 def _band(
@@ -273,7 +315,7 @@ def _band(
     The quantile at p is the order statistic p (n + 1), which another draw exceeds with probability 1 - p; with fewer
     than 39 draws the band is their range, which holds (n - 1)/(n + 1) of all.
     """
-    known = (np.mean(np.isfinite(ratios), axis=0) >= _ENOUGH) & np.isfinite(middle)
+    known = (np.mean(np.isfinite(ratios), axis=0) >= ENOUGH) & np.isfinite(middle)
     ratios = np.where(known, ratios, 1.0)
     low, high = np.nanquantile(ratios, [0.025, 0.975], axis=0, method="weibull")
     # at the ridge of the damping every change lowers it

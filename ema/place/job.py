@@ -1,5 +1,6 @@
 """A whole placement: modes of the bare structure and a recipe -> ranking, control study, warning."""
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -9,14 +10,17 @@ import numpy as np
 from ema.data import Finding, Geometry, ModalModel, Provenance
 from ema.data.comparison import Verdict
 from ema.data.forecast import Forecast
-from ema.data.placement import Candidates, Placement
+from ema.data.placement import Candidates, Placement, Ranking
+from ema.data.trials import Trials
 from ema.errors import InputError
 from ema.place.bands import forecast
 from ema.place.candidates import grid
+from ema.place.conditioning import updated
 from ema.place.control import control_study
 from ema.place.ranking import search
-from ema.place.recipe import PlaceRecipe
+from ema.place.recipe import DoneTable, PlaceRecipe, TrialsTable
 from ema.place.task import Task
+from ema.place.trials import Spot, next_tests
 from ema.progress import Progress, silent
 from ema.shapes import smooth, with_body_uncertainty, with_plate, with_rigid_body
 
@@ -121,7 +125,7 @@ def place(
             objective=wanted,
             progress=progress,
         )
-    told, beyond = _told(recipe, task, candidates, ranking.best.candidate, executor, progress)
+    told, tests, beyond = _told(recipe, task, candidates, ranking, executor, progress)
     return Placement(
         recipe.title or f"Friction beam on {where}",
         ranking,
@@ -136,32 +140,90 @@ def place(
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
         geometry,
         told,
+        tests,
     )
 
 
 def _told(
-    recipe: PlaceRecipe, task: Task, candidates: Candidates, best: int, executor: Executor | None, progress: Progress
-) -> tuple[Forecast | None, tuple[Finding, ...]]:
-    """The forecast that the recipe asks for, if any, and what is to be known about the modes behind it."""
+    recipe: PlaceRecipe,
+    task: Task,
+    candidates: Candidates,
+    ranking: Ranking,
+    executor: Executor | None,
+    progress: Progress,
+) -> tuple[Forecast | None, Trials | None, tuple[Finding, ...]]:
+    """The forecast that the recipe asks for, if any, with its tests, and what is to be known about the modes behind."""
     asked = recipe.forecast
     if asked is None:
-        return None, ()
+        return None, None, ()
     bare, surface, beyond = task.bare, task.surface, tuple[Finding, ...]()
     if asked.above == "plate":
         bare, surface, beyond = with_plate(bare, surface)
     task = task._replace(bare=bare, surface=surface, scale_std=0.5 * asked.calibration_std)
-    return forecast(
+    best, levels, forces = ranking.best.candidate, asked.force or recipe.force, asked.normal_force
+    if recipe.trials is None:
+        effort = (asked.draws, asked.seed, asked.method, executor, progress)
+        return forecast(task, candidates, best, levels, forces, *effort), None, beyond
+    spots = [Spot(one.candidate, max(levels), one.normal_force) for one in ranking.places[1 : 1 + recipe.trials.places]]
+    candidates, done = _done(recipe.trials, candidates, best, levels=levels, forces=forces)
+    tests = next_tests(
         task,
         candidates,
         best,
-        asked.force or recipe.force,
-        asked.normal_force,
-        asked.draws,
-        asked.seed,
-        asked.method,
-        executor,
-        progress,
-    ), beyond
+        levels,
+        forces,
+        others=[*(spot for spot, _ in done if spot is not None), *spots],
+        costs=recipe.trials.costs(),
+        draws=asked.draws,
+        seed=asked.seed,
+        method=asked.method,
+        executor=executor,
+        progress=progress,
+    )
+    for _, table in done:
+        tests = _after(tests, table)
+    return tests.forecast, tests, beyond
+
+
+def _done(
+    table: TrialsTable, candidates: Candidates, best: int, *, levels: Sequence[float], forces: Sequence[float]
+) -> tuple[Candidates, list[tuple[Spot | None, DoneTable]]]:
+    """Tests that have been done, and the candidates with their places; no spot under a condition of the forecast."""
+    result: list[tuple[Spot | None, DoneTable]] = []
+    for one in table.done:
+        if one.centre is None and any(np.isclose(one.force, levels)) and any(np.isclose(one.normal_force, forces)):
+            result.append((None, one))
+            continue
+        centre = candidates.centres[best] if one.centre is None else np.array(one.centre)
+        angle = candidates.angles[best] if one.centre is None else np.radians(one.angle)
+        candidates = replace(
+            candidates,
+            centres=np.vstack([candidates.centres, centre]),
+            angles=np.append(candidates.angles, angle),
+            beams=np.append(candidates.beams, candidates.beams[best]),
+        )
+        result.append((Spot(len(candidates) - 1, one.force, one.normal_force), one))
+    return candidates, result
+
+
+def _after(tests: Trials, done: DoneTable) -> Trials:
+    """The tests once one of them has been done."""
+    told = tests.forecast
+    centre, angle = (told.centre, told.angle) if done.centre is None else (tuple(done.centre), np.radians(done.angle))
+    for number, trial in enumerate(tests.trials):
+        where = [*trial.centre, trial.angle, trial.force_level, trial.normal_force]
+        if trial.kind == "beam" and np.allclose(where, [*centre, angle, done.force, done.normal_force], atol=1e-9):
+            read = dict.fromkeys(trial.readings, np.nan)
+            for what, values in (("f [Hz]", done.frequency), ("zeta [-]", done.damping)):
+                known = np.array(values, np.float64).tolist()  # None is NaN
+                read.update({f"mode {mode}: {what}": one for mode, one in zip(told.modes, known, strict=False)})
+            return updated(tests, number, [read[name] for name in trial.readings])
+    raise InputError(
+        "the forecast expects no reading of this test",
+        where="trials.done",
+        got=f"F_E {done.force:g} N, F_N {done.normal_force:g} N",
+        expected="a condition in which the joints hold and a peak belongs to the mode",
+    )
 
 
 def _elastic(bare: ModalModel) -> ModalModel:

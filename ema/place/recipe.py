@@ -1,7 +1,7 @@
 """What a placement recipe may say: a TOML file, every key checked before anything is computed."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -21,10 +21,15 @@ from acquisition.quantities import (
     Ratio,
     Seconds,
     Stiffness,
+    Tolerance,
+    in_si,
 )
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.place.objective import Objective
 from ema.tables import FileKind, Table
+
+if TYPE_CHECKING:
+    from ema.place.trials import Costs
 
 Near = Annotated[
     list[Frequency], BeforeValidator(lambda value: value if isinstance(value, list) else [value]), Field(min_length=1)
@@ -122,6 +127,49 @@ class ForecastTable(Table):
     maps: list[str] = Field(default=[])
 
 
+def _or_nan(value: BeforeValidator) -> BeforeValidator:
+    """A quantity, or ``None`` for the nan of TOML."""
+    read: Any = value.func
+    return BeforeValidator(lambda given: None if isinstance(given, float) and given != given else read(given))
+
+
+class DoneTable(Table):
+    """``[[trials.done]]``: what a test with the beam read of the target modes, in their order; nan where nothing.
+
+    Without ``centre`` (m, in the plane of the surface) and ``angle`` (deg) the beam was at its recommended place.
+    """
+
+    force: Annotated[Force, Field(gt=0)]
+    normal_force: Annotated[Force, Field(gt=0)]
+    frequency: list[Annotated[float | None, _or_nan(in_si("frequency"))]] = Field(default=[])
+    damping: list[Annotated[float | None, _or_nan(in_si("ratio", plain=True))]] = Field(default=[])
+    centre: Corner | None = None
+    angle: float = 0.0
+
+
+class TrialsTable(Table):
+    """``[trials]``: which test would narrow the bands of the forecast most per hour, and tests that have been done.
+
+    ``places`` of the ranking, besides the best one, can be tried. Costs are times (``ema.place.Costs``).
+    """
+
+    places: int = Field(default=2, ge=0)
+    mounting: Seconds = 3600.0
+    condition: Seconds = 900.0
+    loop: Seconds = 14400.0
+    frequency_std: Tolerance = 5e-4
+    damping_std: Tolerance = 0.03
+    loop_std: Tolerance = 0.05
+    done: list[DoneTable] = Field(default=[])
+
+    def costs(self) -> "Costs":
+        """As a noun."""
+        from ema.place.trials import Costs
+
+        hours = (self.mounting / 3600, self.condition / 3600, self.loop / 3600)
+        return Costs(*hours, self.frequency_std, self.damping_std, self.loop_std)
+
+
 class PlaceExpectTable(Table):
     """``[expect]`` of a placement within a study: the best place, and how many measured values lie in their bands."""
 
@@ -160,6 +208,7 @@ class PlaceRecipe(Table):
     search: SearchTable = SearchTable()
     control: ControlTable | None = None
     forecast: ForecastTable | None = None
+    trials: TrialsTable | None = None
     expect: PlaceExpectTable | None = None
 
     @model_validator(mode="after")
@@ -168,6 +217,13 @@ class PlaceRecipe(Table):
             raise ValueError("the bare structure comes from a campaign or from a file with modes, not both")
         if self.joint.law.name not in LAWS:
             raise ValueError(f"no placement with the law {self.joint.law.name!r}; use one of " + ", ".join(LAWS))
+        if self.trials is not None and self.forecast is None:
+            raise ValueError("[trials] narrow a forecast; add [forecast] with the conditions that matter")
+        for number, done in enumerate([] if self.trials is None else self.trials.done, 1):
+            for name in ("frequency", "damping"):
+                given = getattr(done, name)
+                if len(given) not in (0, len(self.near)):
+                    raise ValueError(f"trials.done {number}: {len(given)} values of {name} for {len(self.near)} modes")
         weights = self.objective.mode_weights
         if weights is not None and len(weights) != len(self.near):
             raise ValueError(f"{len(weights)} mode_weights for {len(self.near)} modes")
@@ -240,6 +296,8 @@ KIND = FileKind(
         "search": SearchTable,
         "control": ControlTable,
         "forecast": ForecastTable,
+        "trials": TrialsTable,
+        "trials.done": DoneTable,
         "expect": PlaceExpectTable,
     },
     name="place.toml",

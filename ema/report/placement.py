@@ -11,6 +11,7 @@ from ema.dof import Dof
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
 from ema.report.numbers import plain, short
+from ema.report.trials import proposal, trial_blocks
 from ema.synthesis import frfs as synthesised
 from ema.units import FRF_UNIT
 
@@ -23,6 +24,8 @@ def answers(placement: Placement) -> list[str]:
     """For the front page: how far to trust it, the place with its normal force, what a controlled one would add."""
     sentences = [placement.warning] if placement.warning else []
     sentences.append(answer(placement))
+    if placement.trials is not None:
+        sentences.append(proposal(placement.trials))
     return [*sentences, *([placement.control.verdict] if placement.control is not None else [])]
 
 
@@ -48,6 +51,8 @@ def placement_sections(placement: Placement, book: Book, check: ForecastCheck | 
     if placement.forecast is not None:
         blocks = forecast_blocks(placement.forecast if check is None else check, book)
         sections.append(Section("Forecast for the best place", "forecast", blocks))
+    if placement.trials is not None:
+        sections.append(Section("The next best test", "trials", trial_blocks(placement.trials, book)))
     sections += [
         Section("Recommended normal force", "placement-force", _force(placement, book)),
         Section("FRF before and after, predicted", "placement-frf", _predicted(placement, book)),

@@ -59,8 +59,15 @@ def frfs_of(measured: Measured) -> FrfSet:
     )
 
 
-def recipe_of(measured: Measured, sheet: Sheet, law: dict[str, Any], joint: dict[str, Any], draws: int) -> PlaceRecipe:
-    """What the engineer would write."""
+def recipe_of(
+    measured: Measured,
+    sheet: Sheet,
+    law: dict[str, Any],
+    joint: dict[str, Any],
+    draws: int,
+    others: int | None = None,
+) -> PlaceRecipe:
+    """What the engineer would write; with a number of other places, which test comes next too."""
     bar = sheet.bar
     span = measured.points.max(axis=0)
     return PlaceRecipe.model_validate(
@@ -101,7 +108,7 @@ def recipe_of(measured: Measured, sheet: Sheet, law: dict[str, Any], joint: dict
                 "margin": "20 mm",
                 "angles": [0.0] if measured.kind == "slender" else [0.0, 90.0],
                 "shortlist": 4,
-                "keep": 1,
+                "keep": 1 + (others or 0),
                 "draws": 0,
             },
             "forecast": {
@@ -111,6 +118,7 @@ def recipe_of(measured: Measured, sheet: Sheet, law: dict[str, Any], joint: dict
                 "above": "plate",
                 "calibration_std": CALIBRATION,
             },
+            **({} if others is None else {"trials": {"places": others}}),
         }
     )
 

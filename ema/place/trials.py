@@ -1,0 +1,261 @@
+"""The next best test: what tests of a placed beam, or of one joint, would read by every draw of a forecast."""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.data.placement import BoltedJoint, Candidates
+from ema.data.trials import Trial, Trials
+from ema.place.bands import ENOUGH, Draw, Method, answered, forecast_and_draws, mounted
+from ema.place.conditioning import promised
+from ema.place.describing import SIZE, START, STEP, secant_table
+from ema.place.fundamental import fundamental
+from ema.place.shortlist import Question, question, verify_all
+from ema.place.task import Task, only, predicted
+from ema.progress import Progress, silent
+
+AMPLITUDES = (0.5, 1.0, 2.0, 5.0)
+"""Amplitudes of slip at which loops of one joint are read, in units of mu F_N / k_T: from microslip to full sliding."""
+QUANTITIES = ("f [Hz]", "zeta [-]")
+
+
+class Costs(NamedTuple):
+    """What tests cost in hours, and the relative standard uncertainty of what they read.
+
+    Parameters
+    ----------
+    mounting : float, default 1.0
+        Bolting the beam on [h].
+    condition : float, default 0.25
+        Stepped sines of all target modes at one F_E and F_N [h].
+    loop : float, default 4.0
+        Loops of one joint in a rig at one F_N [h].
+    frequency_std, damping_std : float, default 5e-4, 0.03
+        Relative standard uncertainty of a frequency and of a damping ratio that is read.
+    loop_std : float, default 0.05
+        That of the stiffness and of the energy per cycle of a loop.
+
+    Examples
+    --------
+    >>> Costs(mounting=2.0).condition
+    0.25
+    """
+
+    mounting: float = 1.0
+    condition: float = 0.25
+    loop: float = 4.0
+    frequency_std: float = 5e-4
+    damping_std: float = 0.03
+    loop_std: float = 0.05
+
+
+class Spot(NamedTuple):
+    """Another place at which the beam can be tried, under one condition: row of the candidates, F_E and F_N in N."""
+
+    place: int
+    force_level: float
+    normal_force: float
+
+
+def next_tests(
+    task: Task,
+    candidates: Candidates,
+    place: int,
+    force_levels: Sequence[float] | Float[np.ndarray, "level"],
+    normal_forces: Sequence[float] | Float[np.ndarray, "force"],
+    *,
+    others: Sequence[Spot] = (),
+    costs: Costs | None = None,
+    draws: int = 400,
+    seed: int = 0,
+    method: Method = "measured",
+    executor: Executor | None = None,
+    progress: Progress = silent,
+) -> Trials:
+    """Forecast a placed beam, and say which test would narrow the forecast most per hour.
+
+    Offered are the beam at its place under each condition of the forecast, the beam at other places, and loops of one
+    joint alone under each normal force. Every draw of the forecast says what a test will read; how well readings
+    explain the forecast over the draws says what they will leave of its bands (:func:`updated`). Joints differ from
+    assembly to assembly by the stated scatter; a beam that is tried at its own place stays bolted on. The forecast is
+    that of :func:`forecast`.
+
+    Parameters
+    ----------
+    task : Task
+        Structure, joint and target modes.
+    candidates : Candidates
+        Locations of the beam.
+    place : int
+        Row in ``candidates`` that the forecast is for.
+    force_levels : sequence of float or array of shape (level,)
+        F_E [N].
+    normal_forces : sequence of float or array of shape (force,)
+        F_N per joint [N].
+    others : sequence of Spot, optional
+        Other places where the beam can be tried, with their conditions.
+    costs : Costs, optional
+        What tests cost, and how well they read; the defaults of ``Costs`` by default.
+    draws : int, default 400
+        Samples for the bands, at least 10.
+    seed : int, default 0
+        Seed of the draws.
+    method : {"measured", "frozen"}, default "measured"
+        As in :func:`forecast`.
+    executor : Executor, optional
+        Where the nominal cases are computed; in this process by default.
+    progress : Progress, optional
+        Called after each draw.
+
+    Returns
+    -------
+    Trials
+        The forecast with its draws, and the tests.
+
+    Raises
+    ------
+    InputError
+        As :func:`forecast`.
+
+    Examples
+    --------
+    >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
+    >>> from ema.examples import plate
+    >>> from ema.place import Task, grid
+    >>> from ema.shapes import smooth
+    >>> bare, geometry = plate()
+    >>> surface = smooth(bare, geometry)
+    >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003, friction_std=0.1)
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
+    >>> offered = next_tests(task, spots, 0, [5.0, 10.0], [50.0], draws=40, method="frozen")
+    >>> [trial.kind for trial in offered.trials]
+    ['beam', 'beam', 'loop']
+    """
+    costs = Costs() if costs is None else costs
+    forces = np.asarray(normal_forces, np.float64)
+    spots = [_spot(task, candidates, other, method, executor) for other in others]
+    slips = [_slips(task.joint, float(force)) for force in forces]
+    rng = np.random.default_rng([seed, 1])
+
+    def beside(draw: Draw) -> Float[np.ndarray, "reading"]:
+        factor = float(draw.task.normal_forces[0] / forces[0])
+        there = [_tried(spot, draw, factor, rng).ravel() for spot in spots]
+        looped = [
+            loop_readings(_specimen(draw.task, rng), slip, float(factor * force))
+            for slip, force in zip(slips, forces, strict=True)
+        ]
+        return np.concatenate([*there, *(one.ravel() for one in looped)])
+
+    told, values, read = forecast_and_draws(
+        task, candidates, place, force_levels, forces, draws, seed, method, executor, progress, beside
+    )
+    names = [f"mode {mode}: {what}" for mode in told.modes for what in QUANTITIES]
+    std = np.tile([costs.frequency_std, costs.damping_std], len(told.modes))
+    there, looped = np.split(np.array(read), [len(spots) * len(names)], axis=1)
+    offered = []
+    for i, j in np.ndindex(len(told.force_levels), len(told.normal_forces)):
+        block = values[:, :, :, i, j].reshape(len(values), -1)
+        level, force = float(told.force_levels[i]), float(told.normal_forces[j])
+        offered.append((block, told.centre, told.angle, level, force))
+    for other, spot, block in zip(others, spots, np.split(there, max(len(spots), 1), axis=1), strict=False):
+        x, y = spot.here.centres[0]
+        offered.append((block, (float(x), float(y)), float(spot.here.angles[0]), other.force_level, other.normal_force))
+    hours = costs.mounting + costs.condition
+    tests = [
+        _trial("beam", names, block, std, hours, force_level=level, normal_force=force, centre=at, angle=angle)
+        for block, at, angle, level, force in offered
+    ]
+    names = [f"{what} at {one:g} mu F_N/k_T" for what in ("stiffness [N/m]", "energy [J]") for one in AMPLITUDES]
+    std = np.full(len(names), costs.loop_std)
+    tests += [
+        _trial("loop", names, block, std, costs.loop, normal_force=float(force))
+        for block, force in zip(np.split(looped, len(forces), axis=1), forces, strict=True)
+    ]
+    return promised(Trials(told, values, tuple(test for test in tests if test is not None)))
+
+
+def loop_readings(
+    joint: BoltedJoint, slips: Float[np.ndarray, "amplitude"], normal_force: float
+) -> Float[np.ndarray, "2 amplitude"]:
+    """Stiffness [N/m] of the first harmonic and energy [J] per cycle of one joint, at amplitudes of its slip [m]."""
+    law = joint.law
+    stiffness, limit = _stiffness(joint, normal_force), law.friction_coefficient * normal_force
+    table = secant_table(law.name, law.parameters)
+    at, grid = (np.log(slips * stiffness / limit) - START) / STEP, np.arange(SIZE)
+    elastic, lost = (stiffness * np.interp(at, grid, part) for part in (table.real, table.imag))
+    return np.array([elastic, np.pi * slips**2 * lost])
+
+
+def _stiffness(joint: BoltedJoint, normal_force: float) -> float:
+    law = joint.law
+    ratio = (normal_force / law.reference_force) ** law.stiffness_exponent
+    return float(min(law.contact_stiffness * ratio, law.stiffness_cap))
+
+
+def _slips(joint: BoltedJoint, normal_force: float) -> Float[np.ndarray, "amplitude"]:
+    """Amplitudes [m] at which loops of the joint are read."""
+    limit = joint.law.friction_coefficient * normal_force
+    return np.array(AMPLITUDES) * limit / _stiffness(joint, normal_force)
+
+
+def _specimen(task: Task, rng: np.random.Generator) -> BoltedJoint:
+    """Another joint of the kind: mu and k_T differ from joint to joint."""
+    mu, tangential = np.exp(task.joint.scatter * rng.standard_normal(2))
+    law = task.joint.law
+    return replace(
+        task.joint,
+        law=replace(
+            law,
+            friction_coefficient=float(mu * law.friction_coefficient),
+            contact_stiffness=float(tangential * law.contact_stiffness),
+            stiffness_cap=float(tangential * law.stiffness_cap),
+        ),
+    )
+
+
+class _There(NamedTuple):
+    """The beam at another place: the question, its answer, and that by the fundamental alone."""
+
+    here: Candidates
+    nominal: Question
+    middle: Float[np.ndarray, "mode 2 1 1"]
+    rough: Float[np.ndarray, "mode 2 1 1"]
+
+
+def _spot(task: Task, candidates: Candidates, other: Spot, method: Method, executor: Executor | None) -> _There:
+    here = only(candidates, [other.place])
+    asked = task._replace(force_levels=np.array([other.force_level]), normal_forces=np.array([other.normal_force]))
+    nominal = question(asked, predicted(asked, here), 0, method == "measured")
+    ((_, whole),) = verify_all([nominal], executor)
+    return _There(here, nominal, whole[:, :2], fundamental(nominal)[:, :2])
+
+
+def _tried(spot: _There, draw: Draw, factor: float, rng: np.random.Generator) -> Float[np.ndarray, "mode 2"]:
+    """What a draw reads at another place: a new assembly of the same kind of joints."""
+    beam = replace(spot.here, catalogue=draw.beam.catalogue)
+    sample = draw.task._replace(normal_forces=factor * spot.nominal.normal_forces)
+    case = mounted(spot.nominal, sample, beam, rng)._replace(pressure=draw.case.pressure)
+    values, _ = answered(case, np.nan_to_num(np.abs(np.log(spot.middle / spot.rough))), rng)
+    return np.asarray((spot.middle * values / spot.rough)[..., 0, 0])
+
+
+def _trial(
+    kind: str,
+    names: Sequence[str],
+    values: Float[np.ndarray, "draw reading"],
+    std: Float[np.ndarray, "reading"],
+    hours: float,
+    **about: Any,
+) -> Trial | None:
+    """A test with the readings that most draws have; ``None`` where there are none."""
+    with np.errstate(invalid="ignore"):
+        there = np.mean(np.isfinite(values) & (values > 0), axis=0) >= ENOUGH
+    if not there.any():
+        return None
+    chosen = tuple(name for name, one in zip(names, there, strict=True) if one)
+    return Trial(kind, chosen, np.where(values > 0, values, np.nan)[:, there], std[there], hours, **about)

@@ -1,0 +1,39 @@
+"""Tests that would narrow a forecast, in a report: which one tells most per hour, and what each leaves of the bands."""
+
+import numpy as np
+
+from ema.data.trials import Trials
+from ema.report.blocks import Block, Book, Cell, Text
+from ema.report.numbers import plain
+
+
+def proposal(offered: Trials) -> str:
+    """One sentence: the test that narrows the bands of the damping ratio most per hour."""
+    gain = offered.narrowing
+    if not np.any(gain > 0):
+        return "No test on offer narrows the bands of the damping ratio."
+    best = offered.trials[offered.best]
+    return (
+        f"Next best test: {best.title} ({plain(best.hours, 3)} h); it is expected to narrow the bands of the damping "
+        f"ratio from ±{100 * offered.damping_width:.0f} to ±{100 * best.damping_width:.0f} % and those of the "
+        f"frequency from ±{100 * offered.frequency_width:.2f} to ±{100 * best.frequency_width:.2f} %."
+    )
+
+
+def trial_blocks(offered: Trials, book: Book) -> list[Block]:
+    """The proposal, and every test with its cost and what it will leave of the bands."""
+    rows: list[list[Cell]] = [
+        [str(row[0]), plain(row[1], 3), f"{row[2]:.2f}", f"{row[3]:.1f}", f"{row[4]:.0f}", f"{row[5]:.1f}"]
+        for row in offered.table().itertuples(index=False)
+    ]
+    return [
+        Text(proposal(offered)),
+        book.table(
+            "trials",
+            f"Tests and what they are expected to leave of the bands, now ±{100 * offered.frequency_width:.2f} % of "
+            f"the frequency and ±{100 * offered.damping_width:.1f} % of the damping ratio (half widths, mean over modes "
+            "and conditions). A beam at its recommended place stays bolted on; elsewhere it is another assembly.",
+            ["Test", "Hours", "f after [± %]", "ζ after [± %]", "Narrower [%]", "Per hour [%]"],
+            rows,
+        ),
+    ]
