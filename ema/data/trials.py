@@ -1,7 +1,7 @@
 """Tests that would narrow a forecast, with what each draw of the forecast says that they will read."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -22,7 +22,7 @@ class Trial(Container):
 
     Parameters
     ----------
-    kind : str
+    kind : {"beam", "loop"}
         ``beam``: frequency and damping ratio of the target modes with the beam in place; ``loop``: stiffness and energy
         per cycle of one joint alone.
     readings : tuple of str
@@ -47,7 +47,7 @@ class Trial(Container):
     Raises
     ------
     InputError
-        If the kind is unknown, or a cost or uncertainty is not positive.
+        If a cost or an uncertainty is not positive.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class Trial(Container):
     ('beam', 1.5, ('mode 1: f [Hz]', 'mode 1: zeta [-]'))
     """
 
-    kind: str
+    kind: Literal["beam", "loop"]
     readings: tuple[str, ...]
     values: Float[np.ndarray, "draw reading"]
     std: Float[np.ndarray, "reading"]
@@ -72,8 +72,6 @@ class Trial(Container):
     def __post_init__(self) -> None:
         freeze(self, values=np.float64, std=np.float64)
         check_axes(self)
-        if self.kind not in ("beam", "loop"):
-            raise InputError("unknown kind of test", where="trial", got=self.kind, expected="beam or loop")
         if not (self.hours > 0 and np.all(self.std > 0)):
             raise InputError(
                 "a test has a cost and an uncertainty",

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -245,7 +245,7 @@ def _tried(spot: _There, draw: Draw, factor: float, rng: np.random.Generator) ->
 
 
 def _trial(
-    kind: str,
+    kind: Literal["beam", "loop"],
     names: Sequence[str],
     values: Float[np.ndarray, "draw reading"],
     std: Float[np.ndarray, "reading"],

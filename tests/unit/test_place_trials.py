@@ -196,8 +196,6 @@ def test_wrong_readings_get_one_sentence(number, readings, words):
 
 def test_wrong_tests_get_one_sentence():
     tests = example()
-    with pytest.raises(InputError, match="unknown kind of test"):
-        replace(tests.trials[0], kind="hammer")
     with pytest.raises(InputError, match="a cost and an uncertainty"):
         replace(tests.trials[0], hours=0.0)
     with pytest.raises(InputError, match="another number of draws"):
