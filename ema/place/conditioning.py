@@ -20,8 +20,8 @@ RARE = 1e-3
 BEAM = {"f": 5e-4, "zeta": 0.08}
 """Standard deviation, relative, of what a joint does otherwise than its law says at another F_E or F_N, per unit of the
 logarithm of their ratio; the variance grows with the distance. Calibrated on 24 hosts of ``tests.bench.blind`` (seed
-261126; joints that no law here reproduces), whose bands held 91 % (f) and 95 % (zeta) of the active truths before: after
-a reading they hold 93 and 94 %, without this 91 and 91 %; twice as much changes them by 1 %."""
+261126; joints that no law here reproduces), whose bands held 91 % (f) and 95 % (zeta) of the active truths: after a
+reading they hold 93 and 94 %, without this 91 and 91 %; twice as much changes them by 1 %."""
 LOOP, LOOP_AMPLITUDE = {"stiffness": 0.3, "energy": 0.2}, 0.3
 """The same of loops of a joint in a rig, where it neither rocks nor vibrates as fast as under the beam: of all
 stiffnesses, of all energies, and of each on its own. There 90 and 93 % after a reading, 88 and 89 % without, and 90 and

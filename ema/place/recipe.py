@@ -1,7 +1,7 @@
 """What a placement recipe may say: a TOML file, every key checked before anything is computed."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -22,7 +22,6 @@ from acquisition.quantities import (
     Seconds,
     Stiffness,
     Tolerance,
-    in_si,
 )
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.place.objective import Objective
@@ -34,6 +33,8 @@ if TYPE_CHECKING:
 Near = Annotated[
     list[Frequency], BeforeValidator(lambda value: value if isinstance(value, list) else [value]), Field(min_length=1)
 ]
+NAN = BeforeValidator(lambda given: None if isinstance(given, float) and given != given else given)
+"""The nan of TOML where nothing was read."""
 Corner = Annotated[list[HalfHeight], Field(min_length=2, max_length=2)]
 
 
@@ -127,12 +128,6 @@ class ForecastTable(Table):
     maps: list[str] = Field(default=[])
 
 
-def _or_nan(value: BeforeValidator) -> BeforeValidator:
-    """A quantity, or ``None`` for the nan of TOML."""
-    read: Any = value.func
-    return BeforeValidator(lambda given: None if isinstance(given, float) and given != given else read(given))
-
-
 class DoneTable(Table):
     """``[[trials.done]]``: what a test with the beam read of the target modes, in their order; nan where nothing.
 
@@ -141,8 +136,8 @@ class DoneTable(Table):
 
     force: Annotated[Force, Field(gt=0)]
     normal_force: Annotated[Force, Field(gt=0)]
-    frequency: list[Annotated[float | None, _or_nan(in_si("frequency"))]] = Field(default=[])
-    damping: list[Annotated[float | None, _or_nan(in_si("ratio", plain=True))]] = Field(default=[])
+    frequency: list[Annotated[Frequency | None, NAN]] = Field(default=[])
+    damping: list[Annotated[Tolerance | None, NAN]] = Field(default=[])
     centre: Corner | None = None
     angle: float = 0.0
 

@@ -54,7 +54,22 @@ class Costs(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """Another place at which the beam can be tried, under one condition: row of the candidates, F_E and F_N in N."""
+    """Another place at which the beam can be tried, under one condition.
+
+    Parameters
+    ----------
+    place : int
+        Row in the candidates.
+    force_level : float
+        F_E [N].
+    normal_force : float
+        F_N per joint [N].
+
+    Examples
+    --------
+    >>> Spot(3, force_level=30.0, normal_force=120.0).place
+    3
+    """
 
     place: int
     force_level: float

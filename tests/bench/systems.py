@@ -13,7 +13,7 @@ from scipy.stats import beta
 from tests.bench.cases import Case, random_system
 from tests.bench.draws import Knowledge, drawn
 from tests.bench.scoring import cramer_rao
-from tests.bench.stated import REACH, automatic, errors, finite
+from tests.bench.stated import REACH, Stated, automatic, errors, finite
 
 TITLE = "Random systems: coverage, recall and width of the intervals"
 COUNT, QUICK = 240, 45
@@ -21,6 +21,8 @@ COUNT, QUICK = 240, 45
 NOISES = (0.001, 0.01, 0.05)
 AVERAGES = (1, 2, 3, 5, 10)
 """Averages behind the FRFs. One average tells no variance; of more, the variance is drawn from its distribution."""
+CONFIDENCES = (0.0, 0.9, 0.98, 0.999, 1.0001)
+"""Edges of the bins of the stated probability that an accepted mode is one, is nearest to itself and shows its shape."""
 FEWEST = 400
 """Identifiable modes from which a bin is judged."""
 FIELDS = (
@@ -110,6 +112,8 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
             "false": finite(stated.frequencies[list(found.false)], 2),
             "seconds": round(stated.seconds, 3),
             "accepted": len(stated.model.poles),
+            "confidence": finite(_confidence(stated), 6),
+            "sound": [mode not in found.false for mode in range(len(stated.model.poles))],
             "unidentifiable accepted": int(np.sum(hit & ~identifiable)),
             "unidentifiable covered": int(np.sum(np.abs(found.frequency[hit & ~identifiable]) <= REACH)),
         }
@@ -123,6 +127,12 @@ def one(seed: int, number: int, quick: bool = False) -> dict:
     ]
     rows = np.array(columns).T[identifiable]
     return about | {"rows": [finite(row, 5) for row in rows]}
+
+
+def _confidence(stated: Stated) -> np.ndarray:
+    """Probability that each accepted mode is one, as stated."""
+    told = stated.model.confidence
+    return np.ones(len(stated.model.poles)) if told is None else np.asarray(told)
 
 
 def line(row: dict) -> str:
@@ -194,6 +204,7 @@ def summary(rows: list[dict]) -> dict:
         "false": sum(len(row["false"]) for row in rows),
         "systems without false": clean,
         "systems without false, least": least_share(clean, len(rows)),
+        "confidence": _calibration(rows),
         "over bound": {name: _spread(columns[f"{name} over bound"][found]) for name in ("frequency", "damping")},
         "beyond twice the bound": [
             {
@@ -207,6 +218,25 @@ def summary(rows: list[dict]) -> dict:
         ],
         "seconds": float(sum(row["seconds"] for row in rows)),
     }
+
+
+def _calibration(rows: list[dict]) -> list[dict]:
+    """Of the accepted modes by their stated confidence: how many are false, and how many it says are."""
+    told = np.array([value for row in rows for value in row.get("confidence", [])], float)
+    sound = np.array([value for row in rows for value in row.get("sound", [])], bool)
+    result = []
+    for low, high in pairwise(CONFIDENCES):
+        chosen = (told >= low) & (told < high)
+        result.append(
+            {
+                "from": low,
+                "to": min(high, 1.0),
+                "modes": int(chosen.sum()),
+                "false": int(np.sum(~sound[chosen])),
+                "stated false": float(np.sum(1 - told[chosen])),
+            }
+        )
+    return result
 
 
 def _number(value: float) -> float:
@@ -248,6 +278,11 @@ def report(found: dict) -> str:
         lines.append(
             f"stated std of {name} over the bound: median {own['median']:.3f}, {100 * own['within two']:.2f} % within "
             f"2, {own['smallest']:.2f} to {own['largest']:.3g}"
+        )
+    for one in found["confidence"]:
+        lines.append(
+            f"confidence {one['from']:g} to {one['to']:g}: {one['modes']} modes, {one['false']} false, "
+            f"{one['stated false']:.1f} stated"
         )
     for one in found["bins"]:
         mark = "    " if one["modes"] < FEWEST else "  ok" if _inside(one) else "  !!"
