@@ -168,7 +168,11 @@ KIND = FileKind(
 
 
 def load(path: Path) -> RigFile:
-    """Read ``rig.toml`` or the folder that holds it.
+    """Read ``rig.toml``; a former name of a key is read, with a warning.
+
+    Parameters
+    ----------
+    path : the file, or the folder that holds it.
 
     Raises
     ------
@@ -292,7 +296,11 @@ def force_level(rig: RigFile, text: str | None, folder: Path) -> float | None:
 
 
 def open_rig(rig: RigFile) -> Source:
-    """The rig that a file describes.
+    """The front end that a file describes, opened; takes begin at its trigger.
+
+    Parameters
+    ----------
+    rig : content of a ``rig.toml`` whose ``device`` is ``opendaq:ADDRESS``.
 
     Raises
     ------

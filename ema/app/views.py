@@ -96,7 +96,17 @@ def poles(bench: Workbench) -> dict[str, Any]:
 
 
 def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
-    """One FRF, measured and synthesised, with its coherence.
+    """One FRF, measured and synthesised, with its coherence, as what JSON can hold.
+
+    Parameters
+    ----------
+    bench : workbench with the run that is shown.
+    output, input_ : index of the response and of the force in the FRFs of the run, from 0.
+
+    Returns
+    -------
+    Labels and curves; ``error`` is the norm of the difference over that of the measured FRF in %. ``synthesised``,
+    ``error`` and ``coherence`` are absent where the run has none.
 
     Raises
     ------
@@ -132,7 +142,16 @@ def matrix(bench: Workbench) -> dict[str, Any]:
 
 
 def motion(bench: Workbench) -> dict[str, Any]:
-    """The moving shapes, or why there are none."""
+    """The moving shapes in space, or why there are none.
+
+    Parameters
+    ----------
+    bench : workbench with the modes that are picked.
+
+    Returns
+    -------
+    Points, faces and shapes for the browser; ``missing`` alone, a sentence, without geometry or without modes.
+    """
     geometry, modes = bench.result.campaign.geometry, bench.work.result.modes
     if geometry is None:
         return {"missing": "The campaign has no geometry, so shapes cannot be drawn in space."}
@@ -142,7 +161,17 @@ def motion(bench: Workbench) -> dict[str, Any]:
 
 
 def hits(bench: Workbench) -> dict[str, Any]:
-    """The impacts, with what is known about each."""
+    """The impacts, with what is known about each.
+
+    Parameters
+    ----------
+    bench : workbench with the run that is shown.
+
+    Returns
+    -------
+    ``usable`` band in Hz, and of each impact the peak force in N, the contact time in ms, whether it is accepted and
+    why not; ``missing`` alone, a sentence, where the run has no impacts or came as finished FRFs.
+    """
     gallery = bench.work.result.hits
     if gallery is None:
         return {"missing": "This run has no impacts, or came as finished FRFs without its time records."}

@@ -204,7 +204,16 @@ def _contents(path: Path, kind: type[T]) -> list[T]:
 
 
 def campaign_file(path: Path) -> Path | None:
-    """The campaign.toml of a campaign; nothing for a single file of FRFs."""
+    """The campaign.toml of a campaign.
+
+    Parameters
+    ----------
+    path : folder of a campaign, its campaign.toml, or a single file of FRFs.
+
+    Returns
+    -------
+    The path, whether the file is there or not; None for a single file of FRFs.
+    """
     from acquisition.campaign_file import FILE_NAME
 
     file = path / FILE_NAME if path.is_dir() else path

@@ -35,7 +35,17 @@ def snapback(
     reference: bool,
     progress: Progress,
 ) -> Job:
-    """Free vibrations at every normal force, with their ring-down."""
+    """Free vibrations at every normal force, with their ring-down.
+
+    Parameters
+    ----------
+    table : ``[snapback]`` of the model file.
+    model : the beam.
+    load, duration : N and s in place of those of the table.
+    forces : normal forces in N of all joints; without any, those of the model.
+    reference : integrate from event to event (Masing-type laws), with an error estimate.
+    progress : called while it is computed.
+    """
     outputs = [table.at, *(dof for dof in table.outputs if dof != table.at)]
     held = (table.load if load is None else load, table.at, table.duration if duration is None else duration, outputs)
     responses: dict[str, Response] = {}
@@ -169,7 +179,16 @@ def frf(
     normal: Sequence[float] | None,
     progress: Progress,
 ) -> Job:
-    """Steady states over the band at every force level and normal force; no frequency where no peak is in the band."""
+    """Steady states over the band at every force level and normal force; no frequency where no peak is in the band.
+
+    Parameters
+    ----------
+    table : ``[frf]`` of the model file.
+    model : the beam.
+    force : force amplitudes in N in place of those of the table.
+    normal : normal forces in N of all joints; without any, those of the model.
+    progress : called while it is computed.
+    """
     from ema.simulate.harmonic import condense
     from ema.simulate.maps import check_band, peak_in_band
 
@@ -215,7 +234,15 @@ def damping_map(
     normal: Sequence[float] | None,
     progress: Progress,
 ) -> Job:
-    """Map of one resonance, with the best normal force of every level."""
+    """Map of one resonance, with the best normal force of every level.
+
+    Parameters
+    ----------
+    table : ``[map]`` of the model file.
+    model : the beam.
+    force, normal : force amplitudes and normal forces in N in place of those of the table.
+    progress : called while it is computed.
+    """
     chart = simulate.damping_map(
         model,
         force or table.force,

@@ -88,8 +88,15 @@ def hammer(
 
     Parameters
     ----------
+    beam : one beam for each draw of the parameters.
+    forces : normal forces in N, above 0.
     impulse : slip force [N] that yields at the slip an impact on the highest point gives: the highest slip over that at
         which a joint of normal force F_N yields is ``impulse`` times the stiffness ratio over F_N.
+
+    Returns
+    -------
+    Frequency [Hz] and damping ratio, each (draw, force). Where no point slips beyond ``_START`` they are those of the
+    sticking joint; slips beyond the last of ``_NODES`` count as that one.
     """
     ratio = beam.ratio(forces)
     highest = impulse[:, None] * ratio / forces
@@ -185,11 +192,18 @@ def _newton(values: Float[np.ndarray, "case 3 3"]) -> Float[np.ndarray, "2 case"
 def shaker(
     beam: Beam, force: Float[np.ndarray, "force"], normal: Float[np.ndarray, "force"], drive: Columns
 ) -> tuple[Float[np.ndarray, "draw force"], Float[np.ndarray, "draw force"]]:
-    """Frequency [Hz] and damping ratio at resonance under pairs of force amplitude and normal force [N].
+    """Frequency [Hz] and damping ratio at resonance under pairs of force amplitude and normal force.
 
     Parameters
     ----------
+    beam : one beam for each draw of the parameters.
+    force : amplitude of the force of the shaker in N.
+    normal : normal force in N of the same points, above 0.
     drive : shape at the shaker over the slip of the joint, over the friction coefficient.
+
+    Returns
+    -------
+    Frequency [Hz] and damping ratio, each (draw, point), interpolated between the slips of the table.
     """
     ratio = beam.ratio(normal)
     wanted = drive[:, None] * np.asarray(force) / normal

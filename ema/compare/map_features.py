@@ -134,7 +134,19 @@ def value(given: Line, at: float) -> Measure:
 
 
 def estimate(value: float, std: float) -> Measure:
-    """A value with a standard deviation; one that is not known counts as zero."""
+    """A value with the two-sided interval at ``LEVEL`` of a normal distribution.
+
+    Parameters
+    ----------
+    value : the value, in any unit.
+    std : its standard deviation in the same unit; one that is not known (NaN, infinite) counts as zero.
+
+    Examples
+    --------
+    >>> measure = estimate(10.0, 1.0)
+    >>> round(measure.lower, 2), round(measure.upper, 2)
+    (8.04, 11.96)
+    """
     half = _factor(1) * (std if np.isfinite(std) else 0.0)
     return Measure(float(value), float(value - half), float(value + half))
 

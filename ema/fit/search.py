@@ -46,7 +46,19 @@ stands out there in a few FRFs that are small is hardly seen in the average."""
 
 
 def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int) -> Fit:
-    """Add modes that the residual still shows, the strongest first, as long as noise and misfit cannot explain them."""
+    """Add modes that the residual still shows, the strongest first, as long as noise and misfit cannot explain them.
+
+    Parameters
+    ----------
+    data : what is fitted, with its noise.
+    fit : fit to begin with.
+    band : lowest and highest frequency [Hz] of a trial pole.
+    rounds : modes that are added at most.
+
+    Returns
+    -------
+    The fit with the modes that were added, refined; ``fit`` itself where there was none.
+    """
     references, outputs = data.references, data.outputs
     freedom = 2 * outputs * references
     limit = passes_for_mode(freedom, len(data.s))

@@ -105,7 +105,19 @@ def split(frfs: FrfSet) -> tuple[FrfSet, ...]:
 
 
 def compare(parts: Sequence[PartFit]) -> Comparison | None:
-    """Match the modes of set-ups and test whether they agree; ``None`` where no mode shows in two of them."""
+    """Match the modes of set-ups and test whether they agree.
+
+    The test is chi-squared on the natural logarithms of the frequencies, weighted with their standard deviations; a
+    mode that a set-up does not show is taken to have moved there as the others did.
+
+    Parameters
+    ----------
+    parts : fit of each set-up, at least two.
+
+    Returns
+    -------
+    Means, spread and shifts of the modes that at least two set-ups show, by frequency; ``None`` where there is none.
+    """
     rows = _matched(parts)
     rows = rows[np.count_nonzero(rows >= 0, axis=1) > 1]
     if not len(rows):

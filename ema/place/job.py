@@ -36,13 +36,17 @@ def place(
     resume: bool = False,
     progress: Progress = silent,
 ) -> Placement:
-    """Answer a recipe for a structure of which ``bare`` are the modes without the beam.
+    """Answer a recipe for a structure of which the modes without the beam are known.
 
     Parameters
     ----------
+    recipe : beam, candidates, target modes, objective and forces.
+    bare : mass-normalised modes without the beam, at the points of ``geometry``.
+    geometry : points at which the beam may stand, in m.
     verdict : of the joint model against a measurement, where there is one.
     anyway : place with a model that does not agree; the placement then carries a warning for the first line.
     executor, folder, resume : see ``ema.place.search``.
+    progress : called after each step with what it is.
 
     Raises
     ------

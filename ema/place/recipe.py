@@ -249,7 +249,11 @@ KIND = FileKind(
 
 
 def load(path: Path) -> PlaceRecipe:
-    """Read a recipe.
+    """Read a placement recipe.
+
+    Parameters
+    ----------
+    path : the TOML file; paths in it are relative to its folder.
 
     Raises
     ------

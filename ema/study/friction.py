@@ -47,6 +47,16 @@ _SAME = 0.1
 def ring_downs(campaign: Campaign, tables: Sequence[RingDownTable]) -> tuple[Decay, ...]:
     """The ring-down of every record of the runs named.
 
+    Parameters
+    ----------
+    campaign : campaign that holds the runs.
+    tables : tables of the recipe, each with a run, the band [Hz] of the mode, and optionally a channel, start and end
+        [s].
+
+    Returns
+    -------
+    One for each record, in the order of the tables, named by run and record.
+
     Raises
     ------
     InputError : no such run, a run without records, or what ``ema.estimate.ring_down`` refuses.
