@@ -40,7 +40,8 @@ CHANCE = 1e-3
 SAME = 0.9
 """MAC of the participation of a mode in one set-up with that in all of them, from which on it is the same mode."""
 AGREEMENT = 0.002
-"""Width of the agreement by which the common shift of two set-ups is comparison: that of modes which share it."""
+"""Relative difference (one width of a Gaussian weight) within which modes agree on a common shift of two set-ups; modes
+of the aligned FRFs within it take over the scatter between the set-ups."""
 
 
 @dataclass(frozen=True)
