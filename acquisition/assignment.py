@@ -125,9 +125,9 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
         return
     pattern, names = _pattern(entry.file)
     fitting = [path for path in _below(folder) if pattern.fullmatch(path.relative_to(folder).as_posix())]
-    found = [path for path in fitting if path.is_file()]
+    files = [path for path in fitting if path.is_file()]
     # a pattern without a suffix, such as "*", may well match folders
-    if len(found) < len(fitting) and "." in entry.file.rpartition("/")[2]:
+    if len(files) < len(fitting) and "." in entry.file.rpartition("/")[2]:
         other = next(path for path in fitting if not path.is_file())
         raise InputError(
             "a folder where a file is expected" if other.is_dir() else "a link to a file that is not there",
@@ -135,7 +135,7 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
             got=str(other),
             advice=f"remove it, or narrow the pattern {entry.file}",
         )
-    if not found:
+    if not files:
         near = [path.relative_to(folder).as_posix() for path in _below(folder) if path.is_file()][:5]
         raise InputError(
             "no file matches the pattern",
@@ -144,7 +144,7 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
             expected=f"files in {folder}",
             advice="there are " + ", ".join(near) if near else "the folder is empty",
         )
-    for path in sorted(found, key=lambda path: _natural(path.relative_to(folder).as_posix())):
+    for path in sorted(files, key=lambda path: _natural(path.relative_to(folder).as_posix())):
         label = path.relative_to(folder).as_posix()
         values = pattern.fullmatch(label)
         assert values is not None
@@ -193,9 +193,9 @@ def _pattern(text: str) -> tuple[re.Pattern[str], list[str]]:
 
 def _below(folder: Path) -> list[Path]:
     """Everything in a folder and below it, hidden files and folders left out."""
-    found = sorted(folder.rglob("*"))
-    hidden = [any(part.startswith(".") for part in path.relative_to(folder).parts) for path in found]
-    return [path for path, out in zip(found, hidden, strict=True) if not out]
+    below = sorted(folder.rglob("*"))
+    hidden = [any(part.startswith(".") for part in path.relative_to(folder).parts) for path in below]
+    return [path for path, out in zip(below, hidden, strict=True) if not out]
 
 
 def _plain(text: str) -> str:

@@ -220,19 +220,19 @@ def trigger(rig: RigFile) -> Trigger:
     ------
     InputError : it names no channel, or a level that is not above 0 or of another quantity.
     """
-    found = _LEVEL.match(rig.take.trigger)
-    assert found is not None
+    parts = _LEVEL.match(rig.take.trigger)
+    assert parts is not None
     channels = [wire.channel for wire in wires(rig)]
     names = [channel.name for channel in channels]
-    if found["channel"] not in names:
-        raise InputError("the trigger names no channel", got=found["channel"], expected="one of " + ", ".join(names))
-    row = names.index(found["channel"])
-    level = units.measure(found["level"], channels[row].quantity)[0]
+    if parts["channel"] not in names:
+        raise InputError("the trigger names no channel", got=parts["channel"], expected="one of " + ", ".join(names))
+    row = names.index(parts["channel"])
+    level = units.measure(parts["level"], channels[row].quantity)[0]
     if level <= 0:
         raise InputError(
             "the trigger is not above 0, where a signal at rest is",
             where="[take] trigger",
-            got=found["level"],
+            got=parts["level"],
             expected="a level above the noise",
             advice="where the impacts come out negative, give the sensitivity a minus",
         )

@@ -219,14 +219,14 @@ def chart(bench: Workbench, place: int) -> dict[str, Any]:
     """
     if not 0 <= place < len(bench.maps):
         raise InputError("no such map", got=place)
-    one = bench.maps[place]
+    modal_map = bench.maps[place]
     return {
-        "levels": numbers(one.force_levels),
-        "forces": numbers(one.normal_forces),
-        "damping": [numbers(100 * row, 5) for row in one.damping],
-        "frequency": [numbers(row) for row in one.frequency],
-        "name": one.name,
-        "method": one.method,
+        "levels": numbers(modal_map.force_levels),
+        "forces": numbers(modal_map.normal_forces),
+        "damping": [numbers(100 * row, 5) for row in modal_map.damping],
+        "frequency": [numbers(row) for row in modal_map.frequency],
+        "name": modal_map.name,
+        "method": modal_map.method,
     }
 
 
@@ -238,8 +238,8 @@ def point(bench: Workbench, place: int, level: int, force: int) -> dict[str, Any
     InputError : there is no such point, no run near it, or no signals to compute from.
     """
     name, frfs = bench.seen_at(place, level, force)
-    one = bench.maps[place]
-    frequency = float(one.frequency[level, force])
+    modal_map = bench.maps[place]
+    frequency = float(modal_map.frequency[level, force])
     if np.isfinite(frequency) and frfs.frequencies[0] < 1.1 * frequency and frfs.frequencies[-1] > 0.9 * frequency:
         frfs = frfs.band(0.9 * frequency, 1.1 * frequency)
     output, input_ = next(iter(drive_points(frfs)), (0, 0))
@@ -249,9 +249,9 @@ def point(bench: Workbench, place: int, level: int, force: int) -> dict[str, Any
         "unit": frf_label(frfs.quantity, frfs.unit),
         "measured": curve(frfs.frequencies, frfs.values[:, output, input_]),
         "f": numbers([frequency], 6)[0],
-        "zeta": numbers([100 * float(one.damping[level, force])], 4)[0],
-        "level": numbers([one.force_levels[level]], 4)[0],
-        "force": numbers([one.normal_forces[force]], 4)[0],
+        "zeta": numbers([100 * float(modal_map.damping[level, force])], 4)[0],
+        "level": numbers([modal_map.force_levels[level]], 4)[0],
+        "force": numbers([modal_map.normal_forces[force]], 4)[0],
     }
 
 

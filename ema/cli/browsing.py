@@ -169,10 +169,10 @@ def placements_of(path: Path) -> list[Placement]:
     ------
     InputError : there is none.
     """
-    found = _contents(path, Placement)
-    if not found:
+    placements = _contents(path, Placement)
+    if not placements:
         raise InputError("the file holds no placement", where=str(path), advice="`ema place` writes placement.h5")
-    return found
+    return placements
 
 
 def maps_of(path: Path) -> list[ModalMap]:
@@ -182,10 +182,10 @@ def maps_of(path: Path) -> list[ModalMap]:
     ------
     InputError : there is none.
     """
-    found = [*_contents(path, ModalMap), *(one.chart for one in _contents(path, MapResult))]
-    if not found:
+    maps = [*_contents(path, ModalMap), *(result.chart for result in _contents(path, MapResult))]
+    if not maps:
         raise InputError("the file holds no modal map", where=str(path))
-    return found
+    return maps
 
 
 def _contents(path: Path, kind: type[T]) -> list[T]:

@@ -51,14 +51,14 @@ def place(
     with screen.Bars() as bars:
         bare, geometry = bare_of_model(model) if model is not None else _bare(read, origin, bars)
         with workers(cluster, jobs) as executor:
-            found = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
-    found = replace(found, geometry=geometry)
-    written = _write(found, folder, wanted)
+            placement = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
+    placement = replace(placement, geometry=geometry)
+    written = _write(placement, folder, wanted)
     if json:
-        screen.as_json(_as_mapping(found, written))
+        screen.as_json(_as_mapping(placement, written))
     else:
-        _show(found, written)
-    return status(found.all_findings, limit)
+        _show(placement, written)
+    return status(placement.all_findings, limit)
 
 
 def _stem(path: Path) -> str:
@@ -155,8 +155,8 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
     if not path.exists():
         raise InputError("there is no such file with modes", where=str(path))
     if path.suffix.lower() == ".h5" and store.is_store(path):
-        held = store.load(path)
-        items = list(held.values()) if isinstance(held, Mapping) else [held]
+        stored = store.load(path)
+        items = list(stored.values()) if isinstance(stored, Mapping) else [stored]
     else:
         import acquisition
 

@@ -278,27 +278,27 @@ def _rows_of_map(chart: ModalMap) -> list[dict[str, Any]]:
 def loops(table: LoopTable, model: BeamModel, amplitude: Sequence[float] | None, normal: Sequence[float] | None) -> Job:
     """Stabilised loops of one joint."""
     joint = next((one for one in model.joints if one.name == table.joint), model.joints[0])
-    held: dict[str, Loop] = {}
+    loops_by_label: dict[str, Loop] = {}
     rows: list[dict[str, Any]] = []
     for force in normal or table.normal_force or [joint.normal_force]:
         for reach in amplitude or table.amplitude:
             if not reach > 0:
                 raise InputError("not an amplitude", got=f"{reach} m", expected="above 0 m")
             label = f"{1e6 * reach:g} µm, F_N {force:g} N"
-            held[label] = _loop(joint, float(force), float(reach), table.frequency)
+            loops_by_label[label] = _loop(joint, float(force), float(reach), table.frequency)
             rows.append(
                 {
                     "F_N [N]": float(force),
                     "amplitude [um]": 1e6 * reach,
-                    "energy per cycle [J]": max(held[label].area, 0.0),
+                    "energy per cycle [J]": max(loops_by_label[label].area, 0.0),
                     "slip force [N]": joint.law.friction_coefficient * force,
-                    "largest force [N]": float(np.abs(held[label].forces).max()),
-                    "loss factor": max(held[label].area, 0.0)
-                    / (np.pi * reach * float(np.abs(held[label].forces).max())),
+                    "largest force [N]": float(np.abs(loops_by_label[label].forces).max()),
+                    "loss factor": max(loops_by_label[label].area, 0.0)
+                    / (np.pi * reach * float(np.abs(loops_by_label[label].forces).max())),
                 }
             )
-    pictures = {"hysteresis": show.hysteresis(list(held.values()), list(held))}
-    return Job({f"loop {label}": one for label, one in held.items()}, pictures, rows, [])
+    pictures = {"hysteresis": show.hysteresis(list(loops_by_label.values()), list(loops_by_label))}
+    return Job({f"loop {label}": one for label, one in loops_by_label.items()}, pictures, rows, [])
 
 
 def _loop(joint: Joint, force: float, amplitude: float, frequency: float) -> Loop:
@@ -382,10 +382,10 @@ def _said_of_tool(limits: CuttingLimits) -> str:
 
 
 def _ends_of_range(limits: CuttingLimits) -> str:
-    asked = sorted({0, len(limits.normal_forces) - 1} & {int(place) for place in limits.controlled})
-    if not asked:
+    at_ends = sorted({0, len(limits.normal_forces) - 1} & {int(place) for place in limits.controlled})
+    if not at_ends:
         return ""
-    ends = " and ".join(f"{limits.normal_forces[place]:g} N" for place in asked)
+    ends = " and ".join(f"{limits.normal_forces[place]:g} N" for place in at_ends)
     return f" Some levels ask for {ends}, an end of the range: more may lie beyond."
 
 

@@ -127,10 +127,10 @@ def _one(measure: Measure, low: float, high: float, strict: bool) -> Decision:
 
 def value(given: Line, at: float) -> Measure:
     """The value of a line at a point of its grid."""
-    place = np.flatnonzero(np.isclose(given.axis, at, rtol=1e-6, atol=0))
-    if not len(place):
+    rows = np.flatnonzero(np.isclose(given.axis, at, rtol=1e-6, atol=0))
+    if not len(rows):
         return missing(f"a measured point at {at:g} N")
-    return estimate(float(given.values[place[0]]), float(given.std[place[0]]))
+    return estimate(float(given.values[rows[0]]), float(given.std[rows[0]]))
 
 
 def estimate(value: float, std: float) -> Measure:
@@ -284,9 +284,9 @@ def settled(given: Line) -> Measure:
     off = np.abs(given.values - last) > SETTLED * (float(given.values.max()) - last) + doubt
     if not off.any():
         return missing("a line that changes")
-    place = int(np.flatnonzero(off)[-1])
-    begins = float(given.axis[place + 1])
-    return Measure(begins, float(given.axis[place]), begins if place + 2 < len(given.axis) else np.inf)
+    last_off = int(np.flatnonzero(off)[-1])
+    begins = float(given.axis[last_off + 1])
+    return Measure(begins, float(given.axis[last_off]), begins if last_off + 2 < len(given.axis) else np.inf)
 
 
 def spread(given: Line) -> Measure:

@@ -20,9 +20,9 @@ class Deviations(Container):
 
     Parameters
     ----------
-    values : complex array of shape (blow, freq, out, in)
+    values : complex array of shape (impact, freq, out, in)
         Deviations in SI; 0 where an FRF has fewer impacts.
-    blows : integer array of shape (blow, out, in)
+    blows : integer array of shape (impact, out, in)
         Number of the impact; equal numbers in several FRFs are one and the same impact, -1 is none.
 
     Examples
@@ -32,8 +32,8 @@ class Deviations(Container):
     array([[[0.02]]], dtype=float32)
     """
 
-    values: Complex[np.ndarray, "blow freq out in"]
-    blows: Int[np.ndarray, "blow out in"]
+    values: Complex[np.ndarray, "impact freq out in"]
+    blows: Int[np.ndarray, "impact out in"]
 
     def __post_init__(self) -> None:
         freeze(self, values=np.complex64, blows=np.int64)

@@ -18,7 +18,7 @@ from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
-from ema.estimate.single_blows import SingleBlows
+from ema.estimate.single_impacts import SingleImpacts
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.estimate.windows import exponential_window, force_window
@@ -218,7 +218,7 @@ def hammer_test(
             advice="all of them are excluded by the settings or the campaign",
         )
     sums: dict[_Key, Sums] = {}
-    single, effects = SingleBlows(), list[LevelEffect]()
+    single, effects = SingleImpacts(), list[LevelEffect]()
     for key, parts, effect in _transformed(run, takes, judged, length, before, added, options, progress):
         sums[key] = reduce(add, parts, sums[key]) if key in sums else reduce(add, parts)
         single.keep(key, parts)
@@ -447,7 +447,7 @@ def _assemble(
     run: Run,
     first: Recording,
     sums: dict[_Key, Sums],
-    single: SingleBlows,
+    single: SingleImpacts,
     length: int,
     decay: float,
     options: Options,

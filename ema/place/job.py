@@ -125,7 +125,7 @@ def place(
             objective=wanted,
             progress=progress,
         )
-    told, beyond = _told(recipe, task, candidates, ranking.best.candidate, executor, progress)
+    predicted, beyond = _forecast(recipe, task, candidates, ranking.best.candidate, executor, progress)
     return Placement(
         recipe.title or f"Friction beam on {where}",
         ranking,
@@ -139,30 +139,30 @@ def place(
         (*ranking.findings, *recipe.former_names, *hung, *beyond, *_about_verdict(verdict)),
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
         geometry,
-        told,
+        predicted,
     )
 
 
-def _told(
+def _forecast(
     recipe: PlaceRecipe, task: Task, candidates: Candidates, best: int, executor: Executor | None, progress: Progress
 ) -> tuple[Forecast | None, tuple[Finding, ...]]:
     """The forecast that the recipe asks for, if any, and what is to be known about the modes behind it."""
-    asked = recipe.forecast
-    if asked is None:
+    table = recipe.forecast
+    if table is None:
         return None, ()
     bare, surface, beyond = task.bare, task.surface, tuple[Finding, ...]()
-    if asked.above == "plate":
+    if table.above == "plate":
         bare, surface, beyond = with_plate(bare, surface)
-    task = task._replace(bare=bare, surface=surface, scale_std=0.5 * asked.calibration_std)
+    task = task._replace(bare=bare, surface=surface, scale_std=0.5 * table.calibration_std)
     return forecast(
         task,
         candidates,
         best,
-        asked.force or recipe.force,
-        asked.normal_force,
-        asked.draws,
-        asked.seed,
-        asked.method,
+        table.force or recipe.force,
+        table.normal_force,
+        table.draws,
+        table.seed,
+        table.method,
         executor,
         progress,
     ), beyond
@@ -205,7 +205,7 @@ def _about_verdict(verdict: Verdict | None) -> tuple[Finding, ...]:
             "info",
             "not-compared",
             "joint",
-            "the joint model was not held against a measurement.",
+            "the joint model was not compared with a measurement.",
             None,
             None,
             "Compare it with a measured map, and name the result as agreement.",

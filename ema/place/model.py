@@ -82,7 +82,7 @@ def model_at(
         rows += [np.zeros((1, len(bare.poles))), deflection[number : number + 1], slope[number : number + 1]]
         dofs += [Dof(node, "+X"), Dof(node, "+Z"), Dof(node, "-RY")]
     shapes, poles = np.concatenate(rows).astype(complex), bare.poles
-    # bolts press a round patch; where its length is not told, the beam touches with its whole width
+    # bolts press a round patch; where its length is not given, the beam touches with its whole width
     above = flexibility(bare, surface, points, angle, joint.contact_length or beam.width)
     if above is not None:
         # one mode for each joint and motion, of the flexibility phi^2/omega^2

@@ -189,9 +189,11 @@ def _of_contents(
 
 def _stored(path: Path) -> acquisition.Contents:
     """What a file of ours holds."""
-    held = store.load(path)
-    several = held.values() if isinstance(held, Mapping) else held if hasattr(held, "__len__") else [held]
-    things = list(several)
+    content = store.load(path)
+    if isinstance(content, Mapping):
+        things = list(content.values())
+    else:
+        things = list(content) if hasattr(content, "__len__") else [content]
     geometry = next((one for one in things if isinstance(one, Geometry)), None)
     return acquisition.Contents(
         recordings=tuple(one for one in things if isinstance(one, Recording)),

@@ -120,7 +120,7 @@ def with_stated(
     modes: Sequence[AmplitudeDependentMode], statements: Sequence[StatementTable]
 ) -> tuple[AmplitudeDependentMode, ...]:
     """Modes of ring-downs with the amplitudes to which belong the numbers that a publication states of their runs."""
-    found = []
+    result = []
     for mode in modes:
         own = [
             one
@@ -128,8 +128,8 @@ def with_stated(
             if one.sentence and one.near is not None and mode.name.startswith(f"{one.run}, ") and not one.other
         ]
         near = [one for one in own if _nearest(modes, one) is mode]
-        found.append(replace(mode, findings=(*mode.findings, *(said for one in near for said in _stated(mode, one)))))
-    return tuple(found)
+        result.append(replace(mode, findings=(*mode.findings, *(said for one in near for said in _stated(mode, one)))))
+    return tuple(result)
 
 
 def _nearest(modes: Sequence[AmplitudeDependentMode], statement: StatementTable) -> AmplitudeDependentMode | None:

@@ -40,7 +40,7 @@ from ema.data import (
 )
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
-from ema.store.document import NOUNS
+from ema.store.document import CONTAINERS
 
 GOLDEN = Path(__file__).parent / "golden" / "store_v1.h5"
 MOMENT = datetime(2026, 11, 21, 10, 15, 0, 250000, tzinfo=UTC)
@@ -209,7 +209,7 @@ def assert_same(found: object, expected: object, path: str = "") -> None:
 def test_every_noun_is_registered() -> None:
     nouns = {name for name in data.__all__ if isinstance(getattr(data, name), type)}
     nouns = {name for name in nouns if dataclasses.is_dataclass(getattr(data, name))}
-    assert nouns <= set(NOUNS)
+    assert nouns <= set(CONTAINERS)
 
 
 @pytest.mark.parametrize("name", sorted(everything()))
@@ -395,10 +395,10 @@ def _rewrite(path: Path, change: dict[str, object]) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"$noun": "Popen"}, "unknown noun; got Popen"),
+        ({"$noun": "Popen"}, "unknown container; got Popen"),
         ({"colour": "red"}, "fields that this version does not know; got colour"),
         ({"start": {"$pickle": "x"}}, "does not know"),
-        ({"sampling_rate": {"$noun": "Lazy"}}, "unknown noun; got Lazy"),
+        ({"sampling_rate": {"$noun": "Lazy"}}, "unknown container; got Lazy"),
         ({"start": {"$time": "yesterday"}}, "cannot be read"),
         ({"signals": {"$array": "../../contents"}}, "link to somewhere else"),
         ({"signals": {"$array": "nowhere"}}, "link to somewhere else"),
