@@ -206,9 +206,8 @@ class _Opening:
             self.channels = self.channels or tuple(line.channel for line in pieces[0].lines)
         findings += copies([item.path for item in items], f"run {run.id}")
         of_files = [finding for item in items for finding in self.files.findings(item.path, options)]
-        findings += [
-            finding for finding in of_files if finding.code != "duplicated-dof"
-        ]  # settled by ``refuse_doubles``
+        # DOFs that occur twice are settled by ``refuse_doubles``
+        findings += [finding for finding in of_files if finding.code != "duplicated-dof"]
         recordings = Lazy([piece.read for piece in pieces])
         measured = any(force.channel for force in run.normal_force) or any(
             line.channel.role == "normal force" for piece in pieces for line in piece.lines

@@ -9,7 +9,7 @@ import numpy as np
 from ema.data import Finding, Geometry, ModalModel, Provenance
 from ema.data.comparison import Verdict
 from ema.data.forecast import Forecast
-from ema.data.placement import Candidates, Placement
+from ema.data.placement import Candidates, ControlStudy, Place, Placement
 from ema.errors import InputError
 from ema.place.bands import forecast
 from ema.place.candidates import grid
@@ -54,41 +54,9 @@ def place(
         ``ema.place.search`` raises.
     """
     where = bare.name or "bare structure"
-    if verdict is not None and not verdict.agrees and not anyway:
-        raise InputError(
-            "the joint model does not agree with the measurement",
-            where=where,
-            got=" ".join(verdict.sentences),
-            expected="a model that agrees",
-            advice="update the model, or place with --anyway",
-        )
-    if bare.condition.joints:
-        names = ", ".join(joint.joint for joint in bare.condition.joints)
-        raise InputError(
-            "these modes were measured with a friction beam",
-            where=where,
-            got=f"joints {names}",
-            expected="the structure without the beam",
-            advice="choose the bare run",
-        )
-    measured = len(bare.poles)
-    bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
-    modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
-    if len(set(modes)) < len(modes):
-        raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
-    surface = with_body_uncertainty(smooth(bare, geometry), len(bare.poles) - measured, recipe.mass is not None)
-    task = Task(
-        bare,
-        surface,
-        recipe.bolted_joint(),
-        recipe.at,
-        np.array(recipe.force),
-        np.unique(recipe.normal_force),
-        modes,
-        recipe.output,
-        in_plane=recipe.in_plane,
-    )
-    effort, wanted = recipe.search, recipe.wanted()
+    _refuse_unsuitable(bare, None if anyway else verdict, where)
+    task, hung = _task(recipe, bare, geometry, where)
+    surface, effort, wanted = task.surface, recipe.search, recipe.wanted()
     candidates = grid(
         surface, recipe.catalogue(), effort.step, np.radians(effort.angles).tolist(), recipe.keep_out(), effort.margin
     )
@@ -112,19 +80,7 @@ def place(
             got=" ".join(one.message for one in ranking.findings if one.code in _UNSUITABLE),
             advice="press more, excite less, or take another beam",
         )
-    study = None
-    if recipe.control is not None:
-        best = ranking.best
-        study = control_study(
-            task,
-            candidates,
-            best.candidate,
-            best.normal_force,
-            recipe.control.load,
-            lag=recipe.control.lag,
-            objective=wanted,
-            progress=progress,
-        )
+    study = _control(recipe, task, candidates, ranking.best, progress)
     predicted, beyond = _forecast(recipe, task, candidates, ranking.best.candidate, executor, progress)
     return Placement(
         recipe.title or f"Friction beam on {where}",
@@ -140,6 +96,67 @@ def place(
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
         geometry,
         predicted,
+    )
+
+
+def _refuse_unsuitable(bare: ModalModel, verdict: Verdict | None, where: str) -> None:
+    """Refuse a joint model that does not agree with its measurement, and modes that were measured with a beam."""
+    if verdict is not None and not verdict.agrees:
+        raise InputError(
+            "the joint model does not agree with the measurement",
+            where=where,
+            got=" ".join(verdict.sentences),
+            expected="a model that agrees",
+            advice="update the model, or place with --anyway",
+        )
+    if bare.condition.joints:
+        names = ", ".join(joint.joint for joint in bare.condition.joints)
+        raise InputError(
+            "these modes were measured with a friction beam",
+            where=where,
+            got=f"joints {names}",
+            expected="the structure without the beam",
+            advice="choose the bare run",
+        )
+
+
+def _task(recipe: PlaceRecipe, bare: ModalModel, geometry: Geometry, where: str) -> tuple[Task, tuple[Finding, ...]]:
+    """Target modes, surface and forces of the recipe, with the rigid-body modes of a structure that hangs freely."""
+    measured = len(bare.poles)
+    bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
+    modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
+    if len(set(modes)) < len(modes):
+        raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
+    surface = with_body_uncertainty(smooth(bare, geometry), len(bare.poles) - measured, recipe.mass is not None)
+    task = Task(
+        bare,
+        surface,
+        recipe.bolted_joint(),
+        recipe.at,
+        np.array(recipe.force),
+        np.unique(recipe.normal_force),
+        modes,
+        recipe.output,
+        in_plane=recipe.in_plane,
+    )
+    return task, tuple(hung)
+
+
+def _control(
+    recipe: PlaceRecipe, task: Task, candidates: Candidates, best: Place, progress: Progress
+) -> ControlStudy | None:
+    """What a controlled normal force would bring at the best place, where the recipe asks for it."""
+    if recipe.control is None:
+        return None
+    return control_study(
+        task,
+        candidates,
+        best.candidate,
+        best.normal_force,
+        recipe.control.load,
+        lag=recipe.control.lag,
+        objective=recipe.wanted(),
+        progress=progress,
     )
 
 
