@@ -13,6 +13,7 @@ from acquisition.live.take_files import file_name, from_name
 from ema import store
 from ema.data import TakeIdentity
 from ema.errors import InputError
+from ema.file_names import natural
 
 _FIELD = re.compile(r"\{([A-Za-z_]\w*)\}")
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
@@ -144,7 +145,7 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
             expected=f"files in {folder}",
             advice="there are " + ", ".join(near) if near else "the folder is empty",
         )
-    for path in sorted(files, key=lambda path: _natural(path.relative_to(folder).as_posix())):
+    for path in sorted(files, key=lambda path: natural(path.relative_to(folder).as_posix())):
         label = path.relative_to(folder).as_posix()
         values = pattern.fullmatch(label)
         assert values is not None
@@ -200,11 +201,6 @@ def _below(folder: Path) -> list[Path]:
 
 def _plain(text: str) -> str:
     return str(int(text)) if text.isdigit() else text
-
-
-def _natural(text: str) -> list[tuple[int, str]]:
-    """Sort key by which ``p2`` comes before ``p10``."""
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", text)]
 
 
 def matches(label: str, patterns: list[str]) -> bool:

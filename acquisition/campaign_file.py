@@ -378,7 +378,7 @@ class RepairTable(Table):
             "reverse sign": "a channel, role or dof",
             "sensitivity": "a channel, role or dof, and the right sensitivity",
             "unit": "a channel, role or dof, and the right unit",
-            "exclude hit": "hits = [2] (the first impact is 0) and files or points",
+            "exclude hit": "hits = [2] (the first blow is 0) and files or points",
             "exclude record": "files or points",
             "move dof": "dof and to",
         }

@@ -10,6 +10,7 @@ from acquisition.contents import Contents
 from acquisition.units import Unit
 from ema import store
 from ema.data import Finding, FrfSet, Geometry, Recording
+from ema.store.reading import containers
 
 _KEPT = 256 * 2**20
 """Bytes of read files that stay in memory, so that opening and then using a campaign reads them once."""
@@ -107,14 +108,11 @@ def _read(path: Path, options: dict[str, Any]) -> Contents:
 
         contents: Contents = read(path, **options)
         return contents
-    content = store.load(path)
-    containers = list(content.values()) if hasattr(content, "values") and not isinstance(content, FrfSet) else [content]
-    if hasattr(content, "__len__") and not hasattr(content, "values"):
-        containers = list(content)
-    geometries = [container for container in containers if isinstance(container, Geometry)]
+    stored = containers(path)
+    geometries = [container for container in stored if isinstance(container, Geometry)]
     return Contents(
-        frfs=tuple(container for container in containers if isinstance(container, FrfSet)),
-        recordings=tuple(container for container in containers if isinstance(container, Recording)),
+        frfs=tuple(container for container in stored if isinstance(container, FrfSet)),
+        recordings=tuple(container for container in stored if isinstance(container, Recording)),
         geometry=geometries[0] if geometries else None,
     )
 

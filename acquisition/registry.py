@@ -257,7 +257,7 @@ def _require(kind: Format) -> None:
             )
 
 
-def write(path: "str | PathLike[str]", *containers: Any, format: str = "", **options: Any) -> None:
+def write(path: "str | PathLike[str]", *nouns: Any, format: str = "", **options: Any) -> None:
     """Write FRF sets, recordings, geometry, modes, or the contents of a file in a foreign format.
 
     The file appears whole or not at all; an old one stays intact if writing fails.
@@ -266,7 +266,7 @@ def write(path: "str | PathLike[str]", *containers: Any, format: str = "", **opt
     ----------
     path : str or PathLike
         The file; its suffix chooses the format.
-    *containers : object
+    *nouns : object
         What to write.
     format : str, optional
         Name of the format, instead of the suffix.
@@ -302,6 +302,6 @@ def write(path: "str | PathLike[str]", *containers: Any, format: str = "", **opt
         )
     adapter = import_module(choices[0].module)
     try:
-        adapter.write(path, containers, **options)
+        adapter.write(path, nouns, **options)
     except OSError as error:
         raise FailureError(f"the file cannot be written: {error.strerror or error}", where=str(path)) from error

@@ -323,15 +323,15 @@ def split(text: str) -> tuple[float, str]:
     ------
     UnitError : there is no number, no unit, or the number is too large to be one.
     """
-    parts = _NUMBER.match(text)
-    if parts is None:
+    found = _NUMBER.match(text)
+    if found is None:
         raise UnitError("no number before the unit", got=repr(text), expected='a value such as "1.02 kN"')
-    if not parts[2]:
+    if not found[2]:
         raise UnitError(
             "a number without a unit", got=repr(text), expected=f'a value such as "1.02 kN", or "{UNSTATED}"'
         )
-    _refuse_endless(float(parts[1]), text)
-    return float(parts[1]), parts[2]
+    _refuse_endless(float(found[1]), text)
+    return float(found[1]), found[2]
 
 
 def _refuse_endless(value: float, text: str) -> None:

@@ -190,17 +190,9 @@ def maps_of(path: Path) -> list[ModalMap]:
 
 def _contents(path: Path, kind: type[T]) -> list[T]:
     """The items of one kind in a file of ours."""
-    from ema import store
+    from ema.store.reading import containers
 
-    contents = store.load(path)
-    items = (
-        contents.values()
-        if isinstance(contents, Mapping)
-        else contents
-        if isinstance(contents, list | tuple)
-        else [contents]
-    )
-    return [item for item in items if isinstance(item, kind)]
+    return [item for item in containers(path) if isinstance(item, kind)]
 
 
 def campaign_file(path: Path) -> Path | None:

@@ -113,6 +113,7 @@ def _contents(path: Path) -> "ModalMap | ModalModel | Recording":
     import acquisition
     from ema import store
     from ema.data import MapResult, ModalMap, ModalModel, Recording
+    from ema.store.reading import containers
 
     if not path.exists():
         raise InputError(
@@ -122,8 +123,7 @@ def _contents(path: Path) -> "ModalMap | ModalModel | Recording":
             advice="`ema fit` writes modes, `ema map` a map",
         )
     if store.is_store(path):
-        stored = store.load(path)
-        items = list(stored.values()) if hasattr(stored, "values") and not isinstance(stored, ModalModel) else [stored]
+        items = containers(path)
     else:
         read = acquisition.read(path)
         items = list(read.modes) or list(read.recordings)

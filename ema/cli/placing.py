@@ -1,6 +1,6 @@
 """`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -151,12 +151,12 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
     """Modes and geometry of a file in our own or a foreign format."""
     from ema import store
     from ema.data import Geometry, ModalModel
+    from ema.store.reading import containers
 
     if not path.exists():
         raise InputError("there is no such file with modes", where=str(path))
     if path.suffix.lower() == ".h5" and store.is_store(path):
-        stored = store.load(path)
-        items = list(stored.values()) if isinstance(stored, Mapping) else [stored]
+        items = containers(path)
     else:
         import acquisition
 

@@ -150,9 +150,9 @@ def _updated(path: Path) -> "tuple[ModelUpdate, ModalMap]":
     """
     from ema import store
     from ema.data import MapComparison, ModelUpdate
+    from ema.store.reading import containers
 
-    content = store.load(path) if path.is_file() and store.is_store(path) else {}
-    items = list(content.values()) if isinstance(content, Mapping) else []
+    items = containers(path) if path.is_file() and store.is_store(path) else []
     updates = [item for item in items if isinstance(item, ModelUpdate)]
     charts = [item.measured for item in items if isinstance(item, MapComparison)]
     if len(updates) != 1 or len(charts) != 1:

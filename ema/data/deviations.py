@@ -32,8 +32,8 @@ class Deviations(Container):
     array([[[0.02]]], dtype=float32)
     """
 
-    values: Complex[np.ndarray, "impact freq out in"]
-    blows: Int[np.ndarray, "impact out in"]
+    values: Complex[np.ndarray, "blow freq out in"]
+    blows: Int[np.ndarray, "blow out in"]
 
     def __post_init__(self) -> None:
         freeze(self, values=np.complex64, blows=np.int64)

@@ -116,10 +116,10 @@ class Window:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """The values, read now."""
         wanted = self.dtype if dtype is None else np.dtype(dtype)
-        values = np.empty(self.shape, wanted)
+        found = np.empty(self.shape, wanted)
         for box in product(*(list(_runs(axis)) for axis in self.axes)):
-            values[tuple(here for here, _ in box)] = self.source.read(tuple(there for _, there in box))
-        return values
+            found[tuple(here for here, _ in box)] = self.source.read(tuple(there for _, there in box))
+        return found
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Window):

@@ -95,13 +95,6 @@ def multiple_coherence(
     return np.clip(ratio, 0.0, 1.0)
 
 
-def ordinary_coherence(spectra: Spectra) -> Float[np.ndarray, "freq out in"]:
-    """``|S_yu|^2 / (S_yy S_uu)`` of every response with every input."""
-    power = spectra.outputs[:, :, None] * input_power(spectra)[:, None, :]
-    shared = np.abs(spectra.cross) ** 2
-    return np.clip(np.divide(shared, power, out=np.zeros_like(shared), where=power > 0), 0.0, 1.0)
-
-
 def input_coherence(spectra: Spectra) -> Float[np.ndarray, "freq in in"]:
     """Ordinary coherence between the inputs."""
     power = input_power(spectra)

@@ -1,18 +1,18 @@
 """A plate of a model file as if it had been measured: its bare modes, its points, and the question its file asks."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 import acquisition
 from acquisition import model_file
-from ema import store
 from ema.data import Geometry, Matrices, ModalModel, poles_from
 from ema.data.comparison import Verdict
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.recipe import PlaceRecipe
+from ema.store.reading import containers
 
 MODES = 16
 """Elastic modes of the bare structure that are kept."""
@@ -81,15 +81,15 @@ def verdict_of(recipe: PlaceRecipe, origin: Path) -> Verdict | None:
     if not recipe.agreement:
         return None
     path = origin / recipe.agreement
-    content = store.load(path)
-    for result in [content, *(content.values() if isinstance(content, Mapping) else [])]:
+    results = containers(path)
+    for result in results:
         verdict = result if isinstance(result, Verdict) else getattr(result, "verdict", None)
         if isinstance(verdict, Verdict):
             return verdict
     raise InputError(
         "the file holds no verdict",
         where=str(path),
-        got=type(content).__name__,
+        got=", ".join(type(result).__name__ for result in results) or "nothing",
         expected="a comparison of the joint model with a measurement",
     )
 

@@ -13,6 +13,7 @@ from ema.errors import EmaError, InputError
 from ema.progress import Progress, advance, silent
 from ema.proposal.array_layouts import described
 from ema.proposal.roles import JudgedRecord, judge
+from ema.store.reading import containers
 from ema.units import UNSTATED
 
 _PASSED_OVER = (
@@ -189,11 +190,7 @@ def _of_contents(
 
 def _stored(path: Path) -> acquisition.Contents:
     """What a file of ours holds."""
-    content = store.load(path)
-    if isinstance(content, Mapping):
-        things = list(content.values())
-    else:
-        things = list(content) if hasattr(content, "__len__") else [content]
+    things = containers(path)
     geometry = next((one for one in things if isinstance(one, Geometry)), None)
     return acquisition.Contents(
         recordings=tuple(one for one in things if isinstance(one, Recording)),

@@ -116,6 +116,19 @@ def load(path: str | Path) -> Any:
     return StoredMapping({name: _maker(path, f"{ITEMS}/{place}", state) for place, name in enumerate(names)})
 
 
+def containers(path: str | Path) -> list[Any]:
+    """All containers of a file in their order, whether it holds one, a sequence, or a mapping by name.
+
+    Raises
+    ------
+    InputError : what `load` raises.
+    """
+    content = load(path)
+    if isinstance(content, StoredMapping):
+        return list(content.values())
+    return list(content) if isinstance(content, Lazy) else [content]
+
+
 class StoredMapping(Mapping[str, Any]):
     """The containers of a file by name; each is read when asked for, and not kept."""
 

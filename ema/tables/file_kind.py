@@ -96,11 +96,11 @@ class FileKind(Generic[T]):
         ...
         ema.errors.InputError: none.toml: no rig here; expected a file such as a.toml; write one as docs/a.md shows, ...
         """
-        file = self.locate(path)
+        found = self.locate(path)
         return read_text(
-            file,
+            found,
             self.absent,
-            expected=f"a file {'' if file.name == self.name else 'such as '}{self.name}",
+            expected=f"a file {'' if found.name == self.name else 'such as '}{self.name}",
             advice=f"write one as {self.guide} shows, or correct the path",
         )
 

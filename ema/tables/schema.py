@@ -171,8 +171,8 @@ def all_at_once(troubles: Sequence[Trouble], where: str) -> InputError:
     """
     # a key that is misspelt is not missing besides
     misspelt = {advice.removeprefix("did you mean ").rstrip("?") for _, _, _, advice in troubles}
-    remaining = [trouble for trouble in troubles if not any(trouble[1].endswith(f" lacks {key!r}") for key in misspelt)]
-    ordered = sorted(dict.fromkeys(remaining), key=lambda trouble: trouble[0])
+    told = [trouble for trouble in troubles if not any(trouble[1].endswith(f" lacks {key!r}") for key in misspelt)]
+    ordered = sorted(dict.fromkeys(told), key=lambda trouble: trouble[0])
     if len(ordered) == 1:
         line, what, got, advice = ordered[0]
         return InputError(what, where=f"{where}, line {line}", got=got, advice=advice)

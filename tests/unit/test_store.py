@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from ema import data, store
+from ema.cli.browsing import maps_of
 from ema.data import (
     Campaign,
     Channel,
@@ -40,7 +41,9 @@ from ema.data import (
 )
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
+from ema.examples import modal_map
 from ema.store.document import CONTAINERS
+from ema.store.reading import containers
 
 GOLDEN = Path(__file__).parent / "golden" / "store_v1.h5"
 MOMENT = datetime(2026, 11, 21, 10, 15, 0, 250000, tzinfo=UTC)
@@ -492,3 +495,19 @@ def test_a_folder_that_is_absent_or_a_file_is_a_failure(tmp_path: Path) -> None:
     (tmp_path / "folder.h5").mkdir()
     with pytest.raises(FailureError, match="folder of this name"):
         store.save(tmp_path / "folder.h5", recording())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [modal_model(), [modal_model()] * 2, {"a": modal_model(), "b": modal_model()}],
+    ids=["one", "list", "names"],
+)
+def test_all_containers_of_a_file_are_read(tmp_path: Path, content: object) -> None:
+    store.save(tmp_path / "modes.h5", content)
+    poles = [one.poles.tolist() for one in containers(tmp_path / "modes.h5")]
+    assert poles == [modal_model().poles.tolist()] * (2 if isinstance(content, list | dict) else 1)
+
+
+def test_maps_that_were_saved_as_a_list_are_maps_of_the_file(tmp_path: Path) -> None:
+    store.save(tmp_path / "maps.h5", [modal_map(), modal_map()])
+    assert [one.name for one in maps_of(tmp_path / "maps.h5")] == [modal_map().name] * 2
