@@ -22,7 +22,11 @@ from ema.fit.noise import NoiseLevel
 from ema.fit.range_finder import DIRECTIONS, Range, growing
 
 EDGE = 2.0
-"""Fixed poles of the residual terms lie at the band edges divided and multiplied by this."""
+"""Fixed poles of the residual terms lie at the band edges divided and multiplied by this.
+
+They stand for all that is farther away; what lies nearer is found as poles outside the band. At 1.5 and at 3 the modes
+of 14 random systems stay the same, and values move by up to 0.9 and 0.1 of their stated standard deviations.
+"""
 FIXED = complex(-0.05, 1.0)
 """These poles, over their angular frequency."""
 FEWEST = 24

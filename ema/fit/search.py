@@ -40,7 +40,9 @@ modes of 14 random systems stay the same."""
 _OUTSIDE = np.array([0.003, 0.01, 0.02, 0.04, 0.08, 0.16])
 """Distances from the edges of the band, over its width, at which resonances outside it are tried."""
 _CHANCE = 0.01
-"""Probability with which noise alone passes for a resonance outside the band, or for a weak one somewhere in it."""
+"""Probability with which noise alone passes for a resonance outside the band, or for a weak one somewhere in it. At
+half and at twice the value the modes of 14 random systems stay the same; values move by up to 0.8 standard
+deviations."""
 _TRIED = 200
 """Trial poles in one search: the best of so many explains by chance what a single one hardly ever does."""
 _WEAK = 6
