@@ -23,8 +23,8 @@ _REACH = 0.05
 """Largest relative distance of a peak from the wanted frequency: damping of 20 % moves the top of a peak by 4 %."""
 
 _PROMINENCE = 1.0
-"""Height in dB of a peak over its surroundings, below which it is a wiggle: 12 % in amplitude. No test changes at 0.5
-and at 2 dB."""
+"""Height in dB of a peak over its surroundings, below which it is a wiggle: 12 % in amplitude. Its unit tests pass at
+0.5 and at 2 dB."""
 
 _LEANING = 1.5
 """Ratio of the two halves of the half-power bandwidth from which on a neighbour or a nonlinearity bends the peak.

@@ -17,7 +17,7 @@ from ema.units import DERIVATIVE_ORDER
 
 _MISFIT = 0.05
 """Residual, as norm over the norm of the FRFs around the peak, above which a linear mode does not describe it: noise 26
-dB below the peak, or as much misfit. It only decides whether a finding names it; no test changes at half and at
+dB below the peak, or as much misfit. It only decides whether a finding names it; its unit tests pass at half and at
 twice."""
 
 _SETTLED = 1e-9
