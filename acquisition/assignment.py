@@ -13,6 +13,7 @@ from acquisition.live.take_files import file_name, from_name
 from ema import store
 from ema.data import TakeIdentity
 from ema.errors import InputError
+from ema.file_names import natural
 
 _FIELD = re.compile(r"\{([A-Za-z_]\w*)\}")
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
@@ -125,9 +126,9 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
         return
     pattern, names = _pattern(entry.file)
     fitting = [path for path in _below(folder) if pattern.fullmatch(path.relative_to(folder).as_posix())]
-    found = [path for path in fitting if path.is_file()]
+    files = [path for path in fitting if path.is_file()]
     # a pattern without a suffix, such as "*", may well match folders
-    if len(found) < len(fitting) and "." in entry.file.rpartition("/")[2]:
+    if len(files) < len(fitting) and "." in entry.file.rpartition("/")[2]:
         other = next(path for path in fitting if not path.is_file())
         raise InputError(
             "a folder where a file is expected" if other.is_dir() else "a link to a file that is not there",
@@ -135,7 +136,7 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
             got=str(other),
             advice=f"remove it, or narrow the pattern {entry.file}",
         )
-    if not found:
+    if not files:
         near = [path.relative_to(folder).as_posix() for path in _below(folder) if path.is_file()][:5]
         raise InputError(
             "no file matches the pattern",
@@ -144,7 +145,7 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
             expected=f"files in {folder}",
             advice="there are " + ", ".join(near) if near else "the folder is empty",
         )
-    for path in sorted(found, key=lambda path: _natural(path.relative_to(folder).as_posix())):
+    for path in sorted(files, key=lambda path: natural(path.relative_to(folder).as_posix())):
         label = path.relative_to(folder).as_posix()
         values = pattern.fullmatch(label)
         assert values is not None
@@ -193,18 +194,13 @@ def _pattern(text: str) -> tuple[re.Pattern[str], list[str]]:
 
 def _below(folder: Path) -> list[Path]:
     """Everything in a folder and below it, hidden files and folders left out."""
-    found = sorted(folder.rglob("*"))
-    hidden = [any(part.startswith(".") for part in path.relative_to(folder).parts) for path in found]
-    return [path for path, out in zip(found, hidden, strict=True) if not out]
+    below = sorted(folder.rglob("*"))
+    hidden = [any(part.startswith(".") for part in path.relative_to(folder).parts) for path in below]
+    return [path for path, out in zip(below, hidden, strict=True) if not out]
 
 
 def _plain(text: str) -> str:
     return str(int(text)) if text.isdigit() else text
-
-
-def _natural(text: str) -> list[tuple[int, str]]:
-    """Sort key by which ``p2`` comes before ``p10``."""
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", text)]
 
 
 def matches(label: str, patterns: list[str]) -> bool:

@@ -441,7 +441,11 @@ KIND = FileKind(
 
 
 def load(path: str | Path) -> CampaignFile:
-    """Read ``campaign.toml`` (or the folder that holds it).
+    """Read ``campaign.toml``.
+
+    Parameters
+    ----------
+    path : the file, or the folder that holds it.
 
     Raises
     ------

@@ -85,7 +85,7 @@ def moment(text: str, where: str) -> datetime:
     InputError : the text is no time stamp.
     """
     try:
-        found = datetime.fromisoformat(text)
+        stamp = datetime.fromisoformat(text)
     except ValueError:
         raise InputError("not a time stamp", where=where, got=repr(text), expected="2026-11-21T10:15:00Z") from None
-    return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
+    return stamp.replace(tzinfo=UTC) if stamp.tzinfo is None else stamp.astimezone(UTC)

@@ -28,12 +28,12 @@ def alike(paths: Sequence[Path]) -> list[list[Path]]:
 
 def copied_repeats(runs: Mapping[str, Sequence[Path]], label: str) -> list[Finding]:
     """A finding for runs that are said to repeat a condition and share a file: that repeats nothing."""
-    found = []
+    findings = []
     for (former, first), (latter, second) in combinations(runs.items(), 2):
         groups = alike([*first, *second])
         shared = [group for group in groups if set(group) & set(first) and set(group) & set(second)]
         if shared:
-            found.append(
+            findings.append(
                 Finding(
                     "error",
                     "copied-file",
@@ -46,15 +46,15 @@ def copied_repeats(runs: Mapping[str, Sequence[Path]], label: str) -> list[Findi
                     "Name the file of each repeat, or take the label repeat away.",
                 )
             )
-    return found
+    return findings
 
 
 def _grouped(paths: Iterable[Path], mark: Callable[[Path], Hashable]) -> list[list[Path]]:
     """Those that share their mark with another one."""
-    found = defaultdict(list)
+    by_mark = defaultdict(list)
     for path in paths:
-        found[mark(path)].append(path)
-    return [group for group in found.values() if len(group) > 1]
+        by_mark[mark(path)].append(path)
+    return [group for group in by_mark.values() if len(group) > 1]
 
 
 def _size(path: Path) -> int:

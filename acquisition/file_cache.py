@@ -10,6 +10,7 @@ from acquisition.contents import Contents
 from acquisition.units import Unit
 from ema import store
 from ema.data import Finding, FrfSet, Geometry, Recording
+from ema.store.reading import containers
 
 _KEPT = 256 * 2**20
 """Bytes of read files that stay in memory, so that opening and then using a campaign reads them once."""
@@ -43,14 +44,14 @@ class Files:
         if key in self._contents:
             self._contents.move_to_end(key)
             return self._contents[key]
-        found = _read(path, options)
-        if _size(found) <= self._budget:
-            self._contents[key] = found
-            self._size += _size(found)
+        contents = _read(path, options)
+        if _size(contents) <= self._budget:
+            self._contents[key] = contents
+            self._size += _size(contents)
             while self._size > self._budget:
                 _, dropped = self._contents.popitem(last=False)
                 self._size -= _size(dropped)
-        return found
+        return contents
 
     def _is_stored(self, path: Path) -> bool:
         """Whether it is a file of ours; found out once."""
@@ -89,13 +90,13 @@ class Files:
         )
 
 
-def _reader_of(path: Path, name: str, place: int) -> Callable[[], Recording]:
+def _reader_of(path: Path, name: str, index: int) -> Callable[[], Recording]:
     def read() -> Recording:
         """The record, read anew from its file."""
-        held = store.load(path)
-        if isinstance(held, Recording):
-            return held
-        recording: Recording = held[name] if name else held[place]
+        content = store.load(path)
+        if isinstance(content, Recording):
+            return content
+        recording: Recording = content[name] if name else content[index]
         return recording
 
     return read
@@ -105,16 +106,13 @@ def _read(path: Path, options: dict[str, Any]) -> Contents:
     if not store.is_store(path):
         from acquisition.registry import read
 
-        found: Contents = read(path, **options)
-        return found
-    held = store.load(path)
-    nouns = list(held.values()) if hasattr(held, "values") and not isinstance(held, FrfSet) else [held]
-    if hasattr(held, "__len__") and not hasattr(held, "values"):
-        nouns = list(held)
-    geometries = [noun for noun in nouns if isinstance(noun, Geometry)]
+        contents: Contents = read(path, **options)
+        return contents
+    stored = containers(path)
+    geometries = [container for container in stored if isinstance(container, Geometry)]
     return Contents(
-        frfs=tuple(noun for noun in nouns if isinstance(noun, FrfSet)),
-        recordings=tuple(noun for noun in nouns if isinstance(noun, Recording)),
+        frfs=tuple(container for container in stored if isinstance(container, FrfSet)),
+        recordings=tuple(container for container in stored if isinstance(container, Recording)),
         geometry=geometries[0] if geometries else None,
     )
 

@@ -205,8 +205,9 @@ class _Opening:
             self._note(line.channel for piece in pieces for line in piece.lines)
             self.channels = self.channels or tuple(line.channel for line in pieces[0].lines)
         findings += copies([item.path for item in items], f"run {run.id}")
-        told = [finding for item in items for finding in self.files.findings(item.path, options)]
-        findings += [finding for finding in told if finding.code != "duplicated-dof"]  # settled by ``refuse_doubles``
+        of_files = [finding for item in items for finding in self.files.findings(item.path, options)]
+        # DOFs that occur twice are settled by ``refuse_doubles``
+        findings += [finding for finding in of_files if finding.code != "duplicated-dof"]
         recordings = Lazy([piece.read for piece in pieces])
         measured = any(force.channel for force in run.normal_force) or any(
             line.channel.role == "normal force" for piece in pieces for line in piece.lines
@@ -292,7 +293,7 @@ class _Opening:
             self.repairs.note_records(names)
             for take, name in zip(takes, names, strict=True):
                 here = f"{where}, {name}"
-                with _telling_damage(self.files.findings(item.path, options)):
+                with _naming_damage(self.files.findings(item.path, options)):
                     same_units(take.header.channels, table, self.files.units(item.path, options), here)
                     lines = lines_of_record(take.header.channels, table, item, self.axes, here)
                 lines = self.repairs.lines(run.id, item, lines)
@@ -332,12 +333,12 @@ class _Opening:
 
 
 @contextmanager
-def _telling_damage(told: Sequence[Finding]) -> Iterator[None]:
+def _naming_damage(findings: Sequence[Finding]) -> Iterator[None]:
     """Where a damaged file does not fit the campaign, the damage is the reason to name."""
     try:
         yield
     except InputError as error:
-        damage = [finding for finding in told if finding.severity == "error"]
+        damage = [finding for finding in findings if finding.severity == "error"]
         if not damage:
             raise
         raise InputError(

@@ -236,11 +236,11 @@ def _of_side_data(table: NormalForceTable, span: Span, folders: Sequence[Path], 
     """The part of a column of side data that was written during the run."""
     paths = [folder / table.file for folder in folders]
     path = next((path for path in paths if path.is_file()), paths[0])
-    place = f"{where}, {table.file}"
+    label = f"{where}, {table.file}"
     columns = read_columns(path)
     unit = units.parse(str(table.unit))
-    values = unit.to_si(numbers(column(columns, table.column, place), f"{place}, column {table.column}"))
-    times = _times(table, columns, span, place)
+    values = unit.to_si(numbers(column(columns, table.column, label), f"{label}, column {table.column}"))
+    times = _times(table, columns, span, label)
     inside = np.isfinite(times)
     if table.between is not None:
         low, high = (units.measure(text, "time")[0] for text in table.between)
@@ -251,7 +251,7 @@ def _of_side_data(table: NormalForceTable, span: Span, folders: Sequence[Path], 
     if not inside.any():
         raise InputError(
             "no normal force within the time of the run",
-            where=place,
+            where=label,
             got=f"{len(values)} values" + (f" from {times.min():g} to {times.max():g} s" if len(values) else ""),
             advice="check start, between and the clock of the front end",
         )
@@ -320,13 +320,13 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
     """``sampled`` are the joints whose force is a channel of the records."""
     findings = []
     for force in forces:
-        place = f"{where}, joint {force.joint}"
+        label = f"{where}, joint {force.joint}"
         if not force.known:
             findings.append(
                 Finding(
                     "error",
                     "normal-force-unknown",
-                    place,
+                    label,
                     "The beam was pressed by a normal force that nobody stated.",
                     advice=(
                         "Measure it, or state it in [[runs.normal_force]]; comparison and placement refuse this run."
@@ -334,12 +334,12 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
                 )
             )
             continue
-        findings += _unit_findings(force, nominal.get(force.joint), place)
-        findings += _against_nominal(force, nominal.get(force.joint), place)
-        of_sensor = _sensor_findings(force, place, sampled=force.joint in sampled)
+        findings += _unit_findings(force, nominal.get(force.joint), label)
+        findings += _against_nominal(force, nominal.get(force.joint), label)
+        of_sensor = _sensor_findings(force, label, sampled=force.joint in sampled)
         findings += of_sensor
         if not any(finding.code == "normal-force-none" for finding in of_sensor):
-            findings += _drift_findings(force, place, sampled=force.joint in sampled)
+            findings += _drift_findings(force, label, sampled=force.joint in sampled)
     known = [force for force in forces if force.known]
     mean = float(np.mean([force.mean for force in known])) if known else 0.0
     if len(known) > 1 and mean:

@@ -55,14 +55,14 @@ def _read(path: Path, table: GeometryTable) -> Geometry:
         return _from_columns(path, table)
     from acquisition.file_cache import Files
 
-    found = Files().contents(path, table.reader).geometry
-    if found is None:
+    geometry = Files().contents(path, table.reader).geometry
+    if geometry is None:
         raise InputError(
             "the file holds no geometry",
             where=str(path),
             advice="name another file, or say in [geometry.reader] where in the file the coordinates are",
         )
-    return found
+    return geometry
 
 
 def _from_columns(path: Path, table: GeometryTable) -> Geometry:

@@ -1,4 +1,4 @@
-"""From the tables of ``model.toml`` to the noun: matrices are built or read, joints get their node pairs."""
+"""From the tables of ``model.toml`` to a ``BeamModel``: matrices are built or read, joints get their node pairs."""
 
 import hashlib
 from collections.abc import Iterator, Mapping
@@ -39,7 +39,7 @@ class _Reader:
 
     @contextmanager
     def line(self, *steps: str | int) -> Iterator[None]:
-        """What goes wrong inside is told with the line of ``steps``."""
+        """Errors inside name the line of ``steps``."""
         try:
             yield
         except EmaError as error:
@@ -69,9 +69,9 @@ def build(model: tables.ModelFile, path: Path) -> BeamModel:
         beam: Matrices | None = None
         if model.beam is not None:
             with reader.line("beam"):
-                held = _structure(model.beam, "beam", reader)
-                assert isinstance(held, Matrices)
-                beam = held
+                matrices = _structure(model.beam, "beam", reader)
+                assert isinstance(matrices, Matrices)
+                beam = matrices
         joints = tuple(_joint(model, number, reader) for number in range(len(model.joints)))
         built = BeamModel(host, beam, joints, damping, model.model.name, _spacing(model))
     _check_places(model, built, reader)
@@ -119,20 +119,20 @@ def _sections(table: tables.StructureTable) -> list[Section]:
 
 def _measured(path: Path, run: str) -> ModalModel:
     """The modes in a file of our store: a modal model, several by name, or those of a run of a study."""
-    held = store.load(path)
-    if isinstance(held, StudyResult):
-        held = {one.run.id: one.modes for one in held.runs}
-    if isinstance(held, ModalModel) and not run:
-        return held
-    named = held if isinstance(held, Mapping) else {}
-    models = {name: one for name, one in named.items() if isinstance(one, ModalModel)}
+    content = store.load(path)
+    if isinstance(content, StudyResult):
+        content = {item.run.id: item.modes for item in content.runs}
+    if isinstance(content, ModalModel) and not run:
+        return content
+    named = content if isinstance(content, Mapping) else {}
+    models = {name: item for name, item in named.items() if isinstance(item, ModalModel)}
     if not run and len(models) == 1:
         return next(iter(models.values()))
     if run not in models:
         raise InputError(
             "no such modal model in the file",
             where=str(path),
-            got=run or type(held).__name__,
+            got=run or type(content).__name__,
             expected="run = one of " + ", ".join(models) if models else "a modal model",
             advice="`ema fit ... --output modes.h5` writes one",
         )

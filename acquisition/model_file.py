@@ -374,7 +374,11 @@ def locate(path: str | Path) -> Path:
 
 
 def load(path: str | Path) -> ModelFile:
-    """Read ``model.toml`` (or the folder that holds it).
+    """Read ``model.toml``; a former name of a key is read, with a warning.
+
+    Parameters
+    ----------
+    path : the file, or the folder that holds it.
 
     Raises
     ------

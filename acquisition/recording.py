@@ -1,4 +1,4 @@
-"""Recording from Python: a rig file, a source, and takes that are on disk before they are told."""
+"""Recording from Python: a rig file, a source, and takes that are on disk before they are reported."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -113,7 +113,7 @@ def record(
 
 @dataclass(frozen=True)
 class Takes:
-    """The takes of a run as they are measured; each is on disk before it is told.
+    """The takes of a run as they are measured; each is on disk before it is handed over.
 
     Going through them ends when every point has its takes, or the source has no more.
     """

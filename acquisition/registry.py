@@ -22,6 +22,12 @@ class Format:
 
     ``reads`` and ``writes`` name what it carries. ``extra`` is the optional dependency group it needs, ``packages`` the
     packages of that group; ``sniff`` recognises the format by the first bytes of a file.
+
+    ``module`` is where ``read(path, layout)`` stands, and ``write(path, containers)`` of a format that is written. All
+    readers have this signature: ``path`` is a file that is there and was recognised, ``layout`` says what the file does
+    not (`Layout`), and its ``salvage`` whether a damaged file gives what it still holds. What comes back is `Contents`,
+    in SI where units are stated, with findings for everything that was not taken as it stands; a file that cannot be
+    used raises `InputError`, a package that is not installed `MissingExtraError`.
     """
 
     name: str

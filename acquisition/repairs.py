@@ -73,12 +73,12 @@ class Repairs:
 
         A repair names the record as the campaign does, or its file, whose records are then all meant.
         """
-        found: list[tuple[int, str]] = []
+        excluded: list[tuple[int, str]] = []
         for number, table in self._of(run, "exclude hit"):
             if self._means_record(table, item, record):
                 self._used[number].add(run)
-                found += [(hit, f"excluded by {table.who}: {table.why}") for hit in table.hits]
-        return tuple(sorted(found))
+                excluded += [(hit, f"excluded by {table.who}: {table.why}") for hit in table.hits]
+        return tuple(sorted(excluded))
 
     def note_records(self, names: Iterable[str]) -> None:
         """Names of files and records of the campaign: a repair that bears one of them means no other."""

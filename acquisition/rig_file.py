@@ -168,7 +168,11 @@ KIND = FileKind(
 
 
 def load(path: Path) -> RigFile:
-    """Read ``rig.toml`` or the folder that holds it.
+    """Read ``rig.toml``; a former name of a key is read, with a warning.
+
+    Parameters
+    ----------
+    path : the file, or the folder that holds it.
 
     Raises
     ------
@@ -216,19 +220,19 @@ def trigger(rig: RigFile) -> Trigger:
     ------
     InputError : it names no channel, or a level that is not above 0 or of another quantity.
     """
-    found = _LEVEL.match(rig.take.trigger)
-    assert found is not None
+    parts = _LEVEL.match(rig.take.trigger)
+    assert parts is not None
     channels = [wire.channel for wire in wires(rig)]
     names = [channel.name for channel in channels]
-    if found["channel"] not in names:
-        raise InputError("the trigger names no channel", got=found["channel"], expected="one of " + ", ".join(names))
-    row = names.index(found["channel"])
-    level = units.measure(found["level"], channels[row].quantity)[0]
+    if parts["channel"] not in names:
+        raise InputError("the trigger names no channel", got=parts["channel"], expected="one of " + ", ".join(names))
+    row = names.index(parts["channel"])
+    level = units.measure(parts["level"], channels[row].quantity)[0]
     if level <= 0:
         raise InputError(
             "the trigger is not above 0, where a signal at rest is",
             where="[take] trigger",
-            got=found["level"],
+            got=parts["level"],
             expected="a level above the noise",
             advice="where the impacts come out negative, give the sensitivity a minus",
         )
@@ -292,7 +296,11 @@ def force_level(rig: RigFile, text: str | None, folder: Path) -> float | None:
 
 
 def open_rig(rig: RigFile) -> Source:
-    """The rig that a file describes.
+    """The front end that a file describes, opened; takes begin at its trigger.
+
+    Parameters
+    ----------
+    rig : content of a ``rig.toml`` whose ``device`` is ``opendaq:ADDRESS``.
 
     Raises
     ------

@@ -153,22 +153,22 @@ def _set_ups(
 def _deviations(
     parts: Sequence[Part], owners: Mapping[tuple[int, int], tuple[Part, tuple[int, int], int]], shape: tuple[int, ...]
 ) -> Deviations | None:
-    """What single blows changed; those of two parts are never the same blow."""
-    held = [part.frfs.deviations for part in parts]
-    most = max((len(one.blows) for one in held if one is not None), default=0)
+    """What single impacts changed; those of two parts are never the same impact."""
+    deviations = [part.frfs.deviations for part in parts]
+    most = max((len(each.blows) for each in deviations if each is not None), default=0)
     if not most:
         return None
-    counts = [0 if one is None else int(one.blows.max(initial=-1)) + 1 for one in held]
+    counts = [0 if each is None else int(each.blows.max(initial=-1)) + 1 for each in deviations]
     first = {id(part): sum(counts[:place]) for place, part in enumerate(parts)}
-    values, blows = np.zeros((most, *shape), np.complex64), np.full((most, *shape[1:]), -1)
+    values, impacts = np.zeros((most, *shape), np.complex64), np.full((most, *shape[1:]), -1)
     for cell, (part, place, sign) in owners.items():
         own = part.frfs.deviations
         if own is not None:
             some = slice(0, len(own.blows))
             values[some, :, *cell] = sign * own.values[:, :, *place]
             number = own.blows[:, *place]
-            blows[some, *cell] = np.where(number < 0, -1, number + first[id(part)])
-    return Deviations(values, blows)
+            impacts[some, *cell] = np.where(number < 0, -1, number + first[id(part)])
+    return Deviations(values, impacts)
 
 
 def _owners(
@@ -361,8 +361,8 @@ def _level(
                     power += (magnitude / (np.sqrt(np.mean(magnitude**2)) or 1.0)) ** 2
     logs = np.interp(grid, axis, np.log(np.maximum(power, np.finfo(float).tiny)))
     total = np.concatenate([[0.0], np.cumsum(logs)])
-    place = np.arange(len(logs))
-    low, high = np.maximum(place - width, 0), np.minimum(place + width + 1, len(logs))
+    index = np.arange(len(logs))
+    low, high = np.maximum(index - width, 0), np.minimum(index + width + 1, len(logs))
     above = np.logaddexp(0.0, logs - (total[high] - total[low]) / (high - low))
     return above - above.mean()
 

@@ -341,11 +341,23 @@ def _refuse_endless(value: float, text: str) -> None:
 
 
 def measure(text: str, quantity: str = "") -> tuple[float, str]:
-    """SI value and quantity of a text such as ``"1.02 kN"`` or ``"21 degC"``.
+    """SI value and quantity of a text with a number and a unit.
+
+    Parameters
+    ----------
+    text : such as ``"1.02 kN"``; a number without a unit is refused.
+    quantity : the quantity that is wanted, such as ``"force"``; any where it is empty.
 
     Raises
     ------
-    UnitError : no number, no unit, an unknown unit, or a unit of another ``quantity`` than the one wanted.
+    UnitError : no number, no unit, an unknown unit, or a unit of another quantity than the one wanted.
+
+    Examples
+    --------
+    >>> measure("1.02 kN", "force")
+    (1020.0, 'force')
+    >>> measure("21 degC")
+    (294.15, 'temperature')
     """
     value, unit_text = split(text)
     unit = parse(unit_text, quantity in _OF_STRUCTURES.values())

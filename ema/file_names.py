@@ -15,6 +15,11 @@ _LONGEST = 80
 the 260 characters of a path on Windows. Doubled, deep folders would not fit there; halved, long names are cut."""
 
 
+def natural(text: str) -> list[tuple[int, str]]:
+    """Sort key by which ``p2`` comes before ``p10``."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", text)]
+
+
 def folded(text: str) -> str:
     """Equal for names that some disk takes for one."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())

@@ -40,6 +40,14 @@ def read(path: Path) -> Float[np.ndarray, "n n"]:
 
     Source: Duff, Grimes, Lewis, Users' guide for the Harwell-Boeing sparse matrix collection (1992).
 
+    Parameters
+    ----------
+    path : text file of type RSA (one triangle) or RUA.
+
+    Returns
+    -------
+    The matrix (n, n), dense, in the units of the model it was written from.
+
     Raises
     ------
     InputError : binary, cut short, complex, unassembled or not square.

@@ -179,6 +179,11 @@ SALVAGE = ", or read it with salvage=true"
 def check(path: Path, salvage: bool = False) -> tuple[list[int], list[Correction]]:
     """Compare what an MDF 4 file announces with what it holds.
 
+    Parameters
+    ----------
+    path : the file.
+    salvage : take the whole records that are there where it holds fewer than it announces, instead of an error.
+
     Returns
     -------
     list : cycles of every group of channels that holds records of one length, in the order of the file.

@@ -15,7 +15,21 @@ from ema.units import UNSTATED
 
 
 def geometry(arrays: Arrays, layout: Layout) -> Contents:
-    """Nodes and lines."""
+    """Nodes and lines, in m where the unit of length is stated.
+
+    Parameters
+    ----------
+    arrays : arrays or columns of the file.
+    layout : ``coordinates``, or ``x``, ``y``, ``z`` (a missing one is 0); ``node``, ``lines`` and ``unit``.
+
+    Returns
+    -------
+    The geometry; nodes whose number or coordinates are NaN or infinite are left out, with a finding.
+
+    Raises
+    ------
+    InputError : coordinates that are not (n, 3), or a node number that occurs twice.
+    """
     if layout.coordinates is not None:
         xyz = arrays.numbers(layout.coordinates)
         xyz = xyz.T if xyz.ndim == 2 and xyz.shape[1] != 3 and xyz.shape[0] == 3 else xyz

@@ -27,10 +27,15 @@ TASKS = {
 
 
 def serve(package: str, version: str) -> None:
-    """Answer requests ``{"task", "path", "options"}`` from the standard input.
+    """Answer requests ``{"task", "path", "options"}`` from the standard input until it ends.
 
     Each gets ``{"ready": True}`` when its module is loaded, from when on the limits hold, and then
     ``{"result": tree}``, ``{"error": fields of an EmaError}`` or ``{"exception": text}``.
+
+    Parameters
+    ----------
+    package : the foreign package that the tasks need; it is named in the first message.
+    version : version of it that is installed, likewise.
     """
     source, sink = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_RDWR)

@@ -133,10 +133,10 @@ def _renewed(row: Row, take: TakeFile) -> Row:
 
 def _record(take: TakeFile) -> Recording | None:
     try:
-        held = store.load(take.path)
+        content = store.load(take.path)
     except EmaError:
         return None
-    return held if isinstance(held, Recording) else None
+    return content if isinstance(content, Recording) else None
 
 
 def _which(take: TakeFile) -> tuple[str, int, int]:

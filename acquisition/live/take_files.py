@@ -54,22 +54,22 @@ class TakeFolder:
     @classmethod
     def read(cls, folder: Path, journal: str = "") -> "TakeFolder":
         """Look at every take of every run; ``journal`` tells which numbers were given to takes that have gone."""
-        found = cls(folder)
+        takes = cls(folder)
         for run, point, number in _GIVEN.findall(journal):
-            found._note(run, int(point), int(number))
+            takes._note(run, int(point), int(number))
         seen: dict[str, TakeFile] = {}
         for path in _takes_below(folder):
             if (named := from_name(path.name)) is not None:
-                found._note(named.run, named.point, named.number)
-            take = found._taken(path, named)
+                takes._note(named.run, named.point, named.number)
+            take = takes._taken(path, named)
             if take is None:
                 continue
             first = seen.setdefault(take.identity.key or take.label, take)
             if first is take:
-                found.add(take)
+                takes.add(take)
             else:
-                found.notes.append(f"{take.label} is a copy of {first.label} and does not count; remove one of them")
-        return found
+                takes.notes.append(f"{take.label} is a copy of {first.label} and does not count; remove one of them")
+        return takes
 
     def add(self, take: TakeFile) -> None:
         """Count a take in."""

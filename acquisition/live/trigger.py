@@ -33,20 +33,20 @@ class Trigger:
         ------
         InputError : the stream ends before a whole take.
         """
-        held: list[Float[np.ndarray, "channel sample"]] = []
+        kept: list[Float[np.ndarray, "channel sample"]] = []
         begin = None
         for block in blocks:
-            held.append(block)
-            signals = np.concatenate(held, axis=1)
+            kept.append(block)
+            signals = np.concatenate(kept, axis=1)
             if begin is None:
                 begin = self._begin(signals[self.row])
             if begin is None:
                 # one sample more than the pre-trigger tells whether the next block begins with a rise
-                held = [signals[:, -(self.before + 1) :]]
+                kept = [signals[:, -(self.before + 1) :]]
             elif signals.shape[1] >= begin + self.length:
                 return signals[:, begin : begin + self.length]
             else:
-                held = [signals[:, begin:]]
+                kept = [signals[:, begin:]]
                 begin = 0
         raise InputError("the stream ended before a take was whole", expected=f"{self.length} samples")
 

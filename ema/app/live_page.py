@@ -111,11 +111,11 @@ def _signals(record: Recording) -> dict[str, Any]:
     """Force about its peak, its spectrum below its highest value, and the first response."""
     roles = [channel.role for channel in record.channels]
     force = record.signals[roles.index("reference")]
-    found: dict[str, Any] = {"force": None, "spectrum": None, "response": None}
+    curves: dict[str, Any] = {"force": None, "spectrum": None, "response": None}
     peak = int(np.argmax(np.abs(force)))
     begin = max(0, peak - round(_BEFORE * record.sampling_rate))
     shown = force[begin : peak + round(_BEHIND * record.sampling_rate)]
-    found["force"] = {
+    curves["force"] = {
         "time": numbers(1e3 * (begin + np.arange(len(shown)) - peak) / record.sampling_rate, 5),
         "value": numbers(shown, 5),
     }
@@ -124,17 +124,17 @@ def _signals(record: Recording) -> dict[str, Any]:
     if spectrum.max() > 0:
         below = 20 * np.log10(np.maximum(spectrum, 1e-6 * spectrum.max()) / spectrum.max())
         lines, below = _largest(lines, below)
-        found["spectrum"] = {"f": numbers(lines), "decibels": numbers(below, 4)}
+        curves["spectrum"] = {"f": numbers(lines), "decibels": numbers(below, 4)}
     if "response" in roles:
         row = roles.index("response")
         time, value = _largest(np.arange(len(force)) / record.sampling_rate, record.signals[row])
         channel = record.channels[row]
-        found["response"] = {
+        curves["response"] = {
             "time": numbers(time, 6),
             "value": numbers(value, 5),
             "label": f"{channel.name} [{channel.unit}]",
         }
-    return found
+    return curves
 
 
 def _largest(axis: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -146,7 +146,7 @@ def _largest(axis: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _frf(average: FrfSet) -> dict[str, Any]:
-    found = {
+    curves = {
         "label": average.label(0, 0),
         "unit": frf_label(average.quantity, average.unit),
         "measured": curve(average.frequencies, average.values[:, 0, 0]),
@@ -154,5 +154,5 @@ def _frf(average: FrfSet) -> dict[str, Any]:
     }
     if average.coherence is not None:
         coherence = np.asarray(average.coherence).reshape(len(average.frequencies), -1)[:, 0]
-        found["coherence"] = {"f": numbers(average.frequencies), "value": numbers(coherence, 4)}
-    return found
+        curves["coherence"] = {"f": numbers(average.frequencies), "value": numbers(coherence, 4)}
+    return curves

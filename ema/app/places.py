@@ -85,8 +85,8 @@ def _in_decibels(placement: Placement) -> bool:
 
 
 def _kind(placement: Placement, angle: float, beam: int) -> str:
-    one = placement.ranking.prediction.candidates.catalogue[beam]
-    return f"{one.name or f'beam {beam + 1}'} at {np.degrees(angle):.0f}°"
+    beam_type = placement.ranking.prediction.candidates.catalogue[beam]
+    return f"{beam_type.name or f'beam {beam + 1}'} at {np.degrees(angle):.0f}°"
 
 
 def _of_rank(place: Place) -> dict[str, Any]:

@@ -96,7 +96,17 @@ def poles(bench: Workbench) -> dict[str, Any]:
 
 
 def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
-    """One FRF, measured and synthesised, with its coherence.
+    """One FRF, measured and synthesised, with its coherence, as what JSON can hold.
+
+    Parameters
+    ----------
+    bench : workbench with the run that is shown.
+    output, input_ : index of the response and of the force in the FRFs of the run, from 0.
+
+    Returns
+    -------
+    Labels and curves; ``error`` is the norm of the difference over that of the measured FRF in %. ``synthesised``,
+    ``error`` and ``coherence`` are absent where the run has none.
 
     Raises
     ------
@@ -132,7 +142,16 @@ def matrix(bench: Workbench) -> dict[str, Any]:
 
 
 def motion(bench: Workbench) -> dict[str, Any]:
-    """The moving shapes, or why there are none."""
+    """The moving shapes in space, or why there are none.
+
+    Parameters
+    ----------
+    bench : workbench with the modes that are picked.
+
+    Returns
+    -------
+    Points, faces and shapes for the browser; ``missing`` alone, a sentence, without geometry or without modes.
+    """
     geometry, modes = bench.result.campaign.geometry, bench.work.result.modes
     if geometry is None:
         return {"missing": "The campaign has no geometry, so shapes cannot be drawn in space."}
@@ -142,7 +161,17 @@ def motion(bench: Workbench) -> dict[str, Any]:
 
 
 def hits(bench: Workbench) -> dict[str, Any]:
-    """The impacts, with what is known about each."""
+    """The impacts, with what is known about each.
+
+    Parameters
+    ----------
+    bench : workbench with the run that is shown.
+
+    Returns
+    -------
+    ``usable`` band in Hz, and of each impact the peak force in N, the contact time in ms, whether it is accepted and
+    why not; ``missing`` alone, a sentence, where the run has no impacts or came as finished FRFs.
+    """
     gallery = bench.work.result.hits
     if gallery is None:
         return {"missing": "This run has no impacts, or came as finished FRFs without its time records."}
@@ -190,14 +219,14 @@ def chart(bench: Workbench, place: int) -> dict[str, Any]:
     """
     if not 0 <= place < len(bench.maps):
         raise InputError("no such map", got=place)
-    one = bench.maps[place]
+    modal_map = bench.maps[place]
     return {
-        "levels": numbers(one.force_levels),
-        "forces": numbers(one.normal_forces),
-        "damping": [numbers(100 * row, 5) for row in one.damping],
-        "frequency": [numbers(row) for row in one.frequency],
-        "name": one.name,
-        "method": one.method,
+        "levels": numbers(modal_map.force_levels),
+        "forces": numbers(modal_map.normal_forces),
+        "damping": [numbers(100 * row, 5) for row in modal_map.damping],
+        "frequency": [numbers(row) for row in modal_map.frequency],
+        "name": modal_map.name,
+        "method": modal_map.method,
     }
 
 
@@ -209,8 +238,8 @@ def point(bench: Workbench, place: int, level: int, force: int) -> dict[str, Any
     InputError : there is no such point, no run near it, or no signals to compute from.
     """
     name, frfs = bench.seen_at(place, level, force)
-    one = bench.maps[place]
-    frequency = float(one.frequency[level, force])
+    modal_map = bench.maps[place]
+    frequency = float(modal_map.frequency[level, force])
     if np.isfinite(frequency) and frfs.frequencies[0] < 1.1 * frequency and frfs.frequencies[-1] > 0.9 * frequency:
         frfs = frfs.band(0.9 * frequency, 1.1 * frequency)
     output, input_ = next(iter(drive_points(frfs)), (0, 0))
@@ -220,9 +249,9 @@ def point(bench: Workbench, place: int, level: int, force: int) -> dict[str, Any
         "unit": frf_label(frfs.quantity, frfs.unit),
         "measured": curve(frfs.frequencies, frfs.values[:, output, input_]),
         "f": numbers([frequency], 6)[0],
-        "zeta": numbers([100 * float(one.damping[level, force])], 4)[0],
-        "level": numbers([one.force_levels[level]], 4)[0],
-        "force": numbers([one.normal_forces[force]], 4)[0],
+        "zeta": numbers([100 * float(modal_map.damping[level, force])], 4)[0],
+        "level": numbers([modal_map.force_levels[level]], 4)[0],
+        "force": numbers([modal_map.normal_forces[force]], 4)[0],
     }
 
 

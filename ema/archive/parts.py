@@ -57,6 +57,10 @@ class Part:
 def names(archive: Path) -> set[str]:
     """Names of the parts of an archive.
 
+    Parameters
+    ----------
+    archive : its folder; one whose parts are all gone has no names, one without ``parts/`` is no archive.
+
     Raises
     ------
     InputError : the folder is no archive.
@@ -92,6 +96,17 @@ def digest_of(content: Any) -> str:
 
 def write(archive: Path, record: dict[str, Any], seen: dict[str, Any], supersedes: tuple[str, ...] = ()) -> Part:
     """Write a part, whole or not at all; one that is there already stays as it is.
+
+    Parameters
+    ----------
+    archive : folder of the archive; it is made where there is none.
+    record : what is known of a campaign, as JSON can hold it.
+    seen : where and when it was found; not part of the digest by which campaigns are compared.
+    supersedes : names of the parts that this one replaces.
+
+    Returns
+    -------
+    The part, with the name it got: the SHA-256 of its content.
 
     Raises
     ------
@@ -154,6 +169,11 @@ def copy(source: Path, archive: Path, name: str) -> None:
 
 def read(archive: Path, name: str) -> Part:
     """Read a part; parts of earlier versions as if they had been written today.
+
+    Parameters
+    ----------
+    archive : folder of the archive.
+    name : SHA-256 of the content, as ``names`` gives it; the content is checked against it.
 
     Raises
     ------

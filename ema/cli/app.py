@@ -232,7 +232,6 @@ def fit(
     from ema.estimate import quality, without_dead
     from ema.study import Study, chain
     from ema.study.measured import frfs_of
-    from ema.study.plain import modes, opinion
 
     study = replace(Study.load(measurement), salvage=salvage).keeping(keep or [])
     given: dict[str, Any] = study.recipe.fit.given()
@@ -252,25 +251,15 @@ def fit(
             models[one.id] = chain.fitted(inside, settings, bars)[1]
             measured[one.id] = chain.unique(one.findings + frfs.findings + quality(inside, models[one.id], hits))
             if second:
-                opinions[one.id] = found = fitting.second_opinion(models[one.id], inside, bars)
-                models[one.id] = replace(models[one.id], findings=models[one.id].findings + found.findings)
+                opinions[one.id] = fitting.second_opinion(models[one.id], inside, bars)
+                findings = models[one.id].findings + opinions[one.id].findings
+                models[one.id] = replace(models[one.id], findings=findings)
     if output is not None:
         _write_modes(output, models, opened.geometry)
     if json:
-        told_of = {name: modes(model) for name, model in models.items()}
-        screen.as_json(
-            {name: {"modes": told_of[name], "second opinion": opinion(opinions[name])} for name in told_of}
-            if second
-            else told_of
-        )
+        screen.as_json(_as_mapping(models, opinions))
     else:
-        out = screen.console()
-        for name, model in models.items():
-            out.print(screen.mode_table(model, name))
-            if second:
-                out.print(screen.opinion_table(opinions[name], name))
-            screen.show_findings(out, model.findings)
-            screen.show_findings(out, [finding for finding in measured[name] if finding.severity != "info"])
+        _print_modes(models, opinions, measured)
     return status([finding for model in models.values() for finding in model.findings], limit or "never")
 
 
@@ -364,6 +353,32 @@ def _settings(given: dict[str, Any]) -> "FitTable":
     except ValidationError as error:
         detail = error.errors()[0]
         raise InputError(str(detail.get("ctx", {}).get("error", detail["msg"])), where="options of ema fit") from error
+
+
+def _as_mapping(models: "dict[str, ModalModel]", opinions: "dict[str, SecondOpinion]") -> dict[str, Any]:
+    """The modes of each run as what JSON can hold, with the second opinion where there is one."""
+    from ema.study.plain import modes, opinion
+
+    if not opinions:
+        return {name: modes(model) for name, model in models.items()}
+    return {name: {"modes": modes(model), "second opinion": opinion(opinions[name])} for name, model in models.items()}
+
+
+def _print_modes(
+    models: "dict[str, ModalModel]",
+    opinions: "dict[str, SecondOpinion]",
+    measured: "dict[str, tuple[Finding, ...]]",
+) -> None:
+    """Tables of the modes of each run, of the second opinion where there is one, and the findings."""
+    from ema.cli import screen
+
+    out = screen.console()
+    for name, model in models.items():
+        out.print(screen.mode_table(model, name))
+        if name in opinions:
+            out.print(screen.opinion_table(opinions[name], name))
+        screen.show_findings(out, model.findings)
+        screen.show_findings(out, [finding for finding in measured[name] if finding.severity != "info"])
 
 
 def _write_modes(path: Path, models: "dict[str, ModalModel]", geometry: "Geometry | None") -> None:

@@ -165,15 +165,15 @@ def _campaigns_in(path: Path) -> list[Path]:
         raise InputError(
             "there is no such file or folder", where=str(path), expected="a campaign, a recipe, or a folder of them"
         )
-    found = []
+    campaigns = []
     for folder, below, files in os.walk(path):
         if "campaign.toml" in files:
-            found.append(Path(folder))
+            campaigns.append(Path(folder))
             below.clear()  # campaigns do not lie in each other, and data may be many
         below[:] = sorted(name for name in below if name not in _PRUNED)
-    if not found:
+    if not campaigns:
         raise InputError("no campaign in this folder", where=str(path), expected="campaign.toml in it or below")
-    return found
+    return campaigns
 
 
 def _source(path: Path) -> "Source":

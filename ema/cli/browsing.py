@@ -169,10 +169,10 @@ def placements_of(path: Path) -> list[Placement]:
     ------
     InputError : there is none.
     """
-    found = _contents(path, Placement)
-    if not found:
+    placements = _contents(path, Placement)
+    if not placements:
         raise InputError("the file holds no placement", where=str(path), advice="`ema place` writes placement.h5")
-    return found
+    return placements
 
 
 def maps_of(path: Path) -> list[ModalMap]:
@@ -182,29 +182,30 @@ def maps_of(path: Path) -> list[ModalMap]:
     ------
     InputError : there is none.
     """
-    found = [*_contents(path, ModalMap), *(one.chart for one in _contents(path, MapResult))]
-    if not found:
+    maps = [*_contents(path, ModalMap), *(result.chart for result in _contents(path, MapResult))]
+    if not maps:
         raise InputError("the file holds no modal map", where=str(path))
-    return found
+    return maps
 
 
 def _contents(path: Path, kind: type[T]) -> list[T]:
     """The items of one kind in a file of ours."""
-    from ema import store
+    from ema.store.reading import containers
 
-    contents = store.load(path)
-    items = (
-        contents.values()
-        if isinstance(contents, Mapping)
-        else contents
-        if isinstance(contents, list | tuple)
-        else [contents]
-    )
-    return [item for item in items if isinstance(item, kind)]
+    return [item for item in containers(path) if isinstance(item, kind)]
 
 
 def campaign_file(path: Path) -> Path | None:
-    """The campaign.toml of a campaign; nothing for a single file of FRFs."""
+    """The campaign.toml of a campaign.
+
+    Parameters
+    ----------
+    path : folder of a campaign, its campaign.toml, or a single file of FRFs.
+
+    Returns
+    -------
+    The path, whether the file is there or not; None for a single file of FRFs.
+    """
     from acquisition.campaign_file import FILE_NAME
 
     file = path / FILE_NAME if path.is_dir() else path

@@ -57,12 +57,12 @@ def compare(
     formats: Formats = "html",
     json: Json = False,
 ) -> int:
-    """Hold a model against a measurement; ends with status 1 where it does not agree."""
+    """Compare a model with a measurement; ends with status 1 where it does not agree."""
     from ema.cli import screen
 
     wanted = split_formats(formats)
     free = [name.strip() for name in update.split(",") if name.strip()]
-    found = _contents(measured)
+    content = _contents(measured)
     if geometry is not None and _is_model(model):
         raise InputError(
             "a model file needs no points of the test",
@@ -73,7 +73,7 @@ def compare(
         )
     with screen.Bars() as bars:
         if _is_model(model):
-            outcome = _against_model(found, measured, model, free, levels, bars)
+            outcome = _against_model(content, measured, model, free, levels, bars)
         elif free:
             raise InputError(
                 "only a model file has parameters to identify",
@@ -84,8 +84,8 @@ def compare(
             )
         else:
             other = _contents(model)
-            placed = None if geometry is None else _at_points(found, other, model, geometry)
-            outcome = _against_file(found, placed[0] if placed else other, (measured, model), (band, start))
+            placed = None if geometry is None else _at_points(content, other, model, geometry)
+            outcome = _against_file(content, placed[0] if placed else other, (measured, model), (band, start))
             outcome.findings += placed[1] if placed else []
     folder = out or Path("compared") / measured.resolve().stem
     written = _write(folder, outcome, wanted)
@@ -113,6 +113,7 @@ def _contents(path: Path) -> "ModalMap | ModalModel | Recording":
     import acquisition
     from ema import store
     from ema.data import MapResult, ModalMap, ModalModel, Recording
+    from ema.store.reading import containers
 
     if not path.exists():
         raise InputError(
@@ -122,8 +123,7 @@ def _contents(path: Path) -> "ModalMap | ModalModel | Recording":
             advice="`ema fit` writes modes, `ema map` a map",
         )
     if store.is_store(path):
-        held = store.load(path)
-        items = list(held.values()) if hasattr(held, "values") and not isinstance(held, ModalModel) else [held]
+        items = containers(path)
     else:
         read = acquisition.read(path)
         items = list(read.modes) or list(read.recordings)
@@ -189,21 +189,23 @@ def _geometry(path: Path) -> "Geometry":
 
 
 def _against_file(
-    found: "ModalMap | ModalModel | Recording",
-    other: "ModalMap | ModalModel | Recording",
+    first: "ModalMap | ModalModel | Recording",
+    second: "ModalMap | ModalModel | Recording",
     paths: tuple[Path, Path],
     release: tuple[tuple[float, float] | None, float],
 ) -> Outcome:
     from ema import compare, show
     from ema.data import ModalMap, ModalModel, Recording
 
-    if isinstance(found, ModalModel) and isinstance(other, ModalModel):
-        paired = compare.modes(found, other)
+    if isinstance(first, ModalModel) and isinstance(second, ModalModel):
+        paired = compare.modes(first, second)
         return Outcome(paired.verdict, {"modes": paired.table()}, {"comparison": paired}, {})
-    if isinstance(found, ModalMap) and isinstance(other, ModalMap):
-        held = compare.maps(found, other)
-        return Outcome(held.verdict, {}, {"comparison": held}, {"map_comparison": show.map_comparison(held)})
-    if isinstance(found, Recording) and isinstance(other, Recording):
+    if isinstance(first, ModalMap) and isinstance(second, ModalMap):
+        comparison = compare.maps(first, second)
+        return Outcome(
+            comparison.verdict, {}, {"comparison": comparison}, {"map_comparison": show.map_comparison(comparison)}
+        )
+    if isinstance(first, Recording) and isinstance(second, Recording):
         band, start = release
         if band is None:
             raise InputError(
@@ -212,11 +214,11 @@ def _against_file(
                 expected="the band in Hz that holds it",
                 advice="give --band 8 60, and --start 0.3 where the records begin with 0.3 s of rest",
             )
-        decays = compare.releases(found, other, band, start)
+        decays = compare.releases(first, second, band, start)
         return Outcome(decays.verdict, {}, {"comparison": decays}, {})
     kinds = {ModalModel: "modes", ModalMap: "a map", Recording: "a record"}
     raise InputError(
-        f"{kinds[type(found)]} cannot be compared with {kinds[type(other)]}",
+        f"{kinds[type(first)]} cannot be compared with {kinds[type(second)]}",
         where=f"{paths[0]} and {paths[1]}",
         expected="two of a kind",
         advice="`ema fit` writes modes, `ema map` a map, `ema record` records",
@@ -224,18 +226,23 @@ def _against_file(
 
 
 def _against_model(
-    found: "ModalMap | ModalModel | Recording", measured: Path, path: Path, free: list[str], levels: bool, bars: Any
+    content: "ModalMap | ModalModel | Recording",
+    measured: Path,
+    path: Path,
+    free: list[str],
+    levels: bool,
+    bars: Any,
 ) -> Outcome:
     import acquisition
     from acquisition import model_file
     from ema import compare, show
     from ema.data import ModalMap
 
-    if not isinstance(found, ModalMap):
+    if not isinstance(content, ModalMap):
         raise InputError(
             "a model file is compared with a map",
             where=str(measured),
-            got=type(found).__name__,
+            got=type(content).__name__,
             expected="what `ema map` wrote",
             advice="compare modes with a file of modes",
         )
@@ -252,14 +259,14 @@ def _against_model(
     contents: dict[str, Any] = {}
     findings: list[Any] = []
     if free or not levels:
-        fitted = compare.update(model, found, free, at, output, band, known_level=levels, progress=bars)
+        fitted = compare.update(model, content, free, at, output, band, known_level=levels, progress=bars)
         model, findings = fitted.model, list(fitted.findings)
         tables["parameters"], contents["update"] = fitted.table(), fitted
-    simulated = compare.measure(model, found, at, output, band, progress=bars)
+    simulated = compare.measure(model, content, at, output, band, progress=bars)
     findings += simulated.findings
-    held = compare.maps(found, simulated)
-    contents |= {"model": model, "comparison": held}
-    return Outcome(held.verdict, tables, contents, {"map_comparison": show.map_comparison(held)}, findings)
+    comparison = compare.maps(content, simulated)
+    contents |= {"model": model, "comparison": comparison}
+    return Outcome(comparison.verdict, tables, contents, {"map_comparison": show.map_comparison(comparison)}, findings)
 
 
 def _write(folder: Path, outcome: Outcome, formats: Sequence[str]) -> list[Path]:

@@ -167,8 +167,8 @@ def _daq() -> list[Check]:
     except (OSError, subprocess.TimeoutExpired):
         return [check, Check("devices", False, "openDAQ does not answer", needed=False)]
     lines = done.stdout.strip().splitlines()
-    found = lines[-1] if done.returncode == 0 and lines else ""
-    return [check, Check("devices", bool(found), found or "openDAQ finds none", needed=False)]
+    devices = lines[-1] if done.returncode == 0 and lines else ""
+    return [check, Check("devices", bool(devices), devices or "openDAQ finds none", needed=False)]
 
 
 def _debian() -> bool:
@@ -192,6 +192,6 @@ def _datasets() -> list[Check]:
     from acquisition import dataset_folder
 
     folder = dataset_folder()
-    found = folder.is_dir()
-    detail = str(folder) if found else f"{folder} is absent; tests on real measurements need EMA_DATASETS"
-    return [Check("reference measurements", found, detail, needed=False)]
+    exists = folder.is_dir()
+    detail = str(folder) if exists else f"{folder} is absent; tests on real measurements need EMA_DATASETS"
+    return [Check("reference measurements", exists, detail, needed=False)]

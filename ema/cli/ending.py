@@ -14,10 +14,8 @@ FINE = 0
 """Exit status of a command with nothing to complain about."""
 FINDINGS = 1
 """Findings above the limit, or an expectation missed."""
-WRONG_USE = 2
-"""Wrong use or bad input; 2 is what shells and argument parsers end with."""
 FAILURE = 3
-"""A full disk, or a fault of ours."""
+"""A full disk, or a fault of ours; wrong use and bad input end with 2, as of `InputError` and the argument parser."""
 INTERRUPTED = 130
 """Interrupted: 128 and the number of the signal, as shells count (POSIX)."""
 

@@ -88,7 +88,7 @@ def _results(folder: Path) -> list[Path]:
 
 def _recipes(folder: Path) -> list[Path]:
     """TOML files that name a campaign, here and in ``reports``."""
-    found = []
+    recipes = []
     for path in [*sorted(folder.glob("*.toml")), *sorted((folder / "reports").glob("*.toml"))]:
         if path.name in ("campaign.toml", "rig.toml", "model.toml", "pyproject.toml"):
             continue
@@ -97,8 +97,8 @@ def _recipes(folder: Path) -> list[Path]:
         except tomllib.TOMLDecodeError:
             continue
         if isinstance(document.get("campaign"), str):
-            found.append(path)
-    return found
+            recipes.append(path)
+    return recipes
 
 
 def _text(path: Path) -> str:

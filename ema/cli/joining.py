@@ -25,8 +25,8 @@ def joint(
 
     statements = load(file)
     with screen.Bars() as bars:
-        found = joint_posterior(statements, seed, bars)
-    document = _document(statements.title, found)
+        posterior = joint_posterior(statements, seed, bars)
+    document = _document(statements.title, posterior)
     if json:
         screen.as_json(jsonable(document))
     else:

@@ -1,6 +1,6 @@
 """`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -51,14 +51,14 @@ def place(
     with screen.Bars() as bars:
         bare, geometry = bare_of_model(model) if model is not None else _bare(read, origin, bars)
         with workers(cluster, jobs) as executor:
-            found = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
-    found = replace(found, geometry=geometry)
-    written = _write(found, folder, wanted)
+            placement = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
+    placement = replace(placement, geometry=geometry)
+    written = _write(placement, folder, wanted)
     if json:
-        screen.as_json(_as_mapping(found, written))
+        screen.as_json(_as_mapping(placement, written))
     else:
-        _show(found, written)
-    return status(found.all_findings, limit)
+        _show(placement, written)
+    return status(placement.all_findings, limit)
 
 
 def _stem(path: Path) -> str:
@@ -151,12 +151,12 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
     """Modes and geometry of a file in our own or a foreign format."""
     from ema import store
     from ema.data import Geometry, ModalModel
+    from ema.store.reading import containers
 
     if not path.exists():
         raise InputError("there is no such file with modes", where=str(path))
     if path.suffix.lower() == ".h5" and store.is_store(path):
-        held = store.load(path)
-        items = list(held.values()) if isinstance(held, Mapping) else [held]
+        items = containers(path)
     else:
         import acquisition
 

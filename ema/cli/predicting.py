@@ -92,17 +92,17 @@ def _of_levels(wanted: _Wanted, amplitude: list[str], run: str, up_to: str) -> i
     fitted = mode
     if up_to:
         fitted = mode.lowest(int((mode.amplitude <= _in_si(up_to, mode.quantity) * 1.01).sum()))
-    found = predict_amplitudes(fitted, sorted(_in_si(text, mode.quantity) for text in amplitude))
-    inside, held = confirmed(found, mode) if up_to else (0, 0)
-    picture = show.amplitude_modes([mode], [found])
-    written = wanted.written(safe_name(mode.name or "mode"), {"mode": fitted, "prediction": found}, picture)
+    predicted = predict_amplitudes(fitted, sorted(_in_si(text, mode.quantity) for text in amplitude))
+    inside, held_out = confirmed(predicted, mode) if up_to else (0, 0)
+    picture = show.amplitude_modes([mode], [predicted])
+    written = wanted.written(safe_name(mode.name or "mode"), {"mode": fitted, "prediction": predicted}, picture)
     if wanted.json:
-        tested = {"held_out": held, "inside": inside} if up_to else None
-        screen.as_json(prediction(found) | {"confirmed": tested, "written": [str(path) for path in written]})
+        tested = {"held_out": held_out, "inside": inside} if up_to else None
+        screen.as_json(prediction(predicted) | {"confirmed": tested, "written": [str(path) for path in written]})
     else:
-        _print(found, [*amplitude_lines(found)], (inside, held) if up_to else None)
+        _print(predicted, [*amplitude_lines(predicted)], (inside, held_out) if up_to else None)
         screen.console().print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
-    return status(list(found.findings), wanted.limit)
+    return status(list(predicted.findings), wanted.limit)
 
 
 def _of_map(wanted: _Wanted, model: Path, force: list[str], normal_force: list[str]) -> int:
@@ -126,19 +126,19 @@ def _of_map(wanted: _Wanted, model: Path, force: list[str], normal_force: list[s
         )
     levels, forces = (sorted(float(measure(text, "force")[0]) for text in each) for each in (force, normal_force))
     band = table.band[0], table.band[1]
-    found = predict_map(update, chart, levels, forces, at=table.at, output=table.output or table.at, band=band)
-    picture = show.map_prediction(found, chart)
-    written = wanted.written(safe_name(chart.name or "map"), {"prediction": found}, picture)
+    predicted = predict_map(update, chart, levels, forces, at=table.at, output=table.output or table.at, band=band)
+    picture = show.map_prediction(predicted, chart)
+    written = wanted.written(safe_name(chart.name or "map"), {"prediction": predicted}, picture)
     if wanted.json:
-        screen.as_json(map_prediction(found) | {"written": [str(path) for path in written]})
-        return status(list(found.findings), wanted.limit)
+        screen.as_json(map_prediction(predicted) | {"written": [str(path) for path in written]})
+        return status(list(predicted.findings), wanted.limit)
     out = screen.console()
-    lines = [f"{found.name}: medians and 95 % bands, which contain {found.contains}.", *map_lines(found)]
-    for line in (*lines, found.statement):
+    lines = [f"{predicted.name}: medians and 95 % bands, which contain {predicted.contains}.", *map_lines(predicted)]
+    for line in (*lines, predicted.statement):
         out.print(line, highlight=False, markup=False, soft_wrap=True)
-    screen.show_findings(out, found.findings)
+    screen.show_findings(out, predicted.findings)
     out.print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
-    return status(list(found.findings), wanted.limit)
+    return status(list(predicted.findings), wanted.limit)
 
 
 def _updated(path: Path) -> "tuple[ModelUpdate, ModalMap]":
@@ -150,9 +150,9 @@ def _updated(path: Path) -> "tuple[ModelUpdate, ModalMap]":
     """
     from ema import store
     from ema.data import MapComparison, ModelUpdate
+    from ema.store.reading import containers
 
-    held = store.load(path) if path.is_file() and store.is_store(path) else {}
-    items = list(held.values()) if isinstance(held, Mapping) else []
+    items = containers(path) if path.is_file() and store.is_store(path) else []
     updates = [item for item in items if isinstance(item, ModelUpdate)]
     charts = [item.measured for item in items if isinstance(item, MapComparison)]
     if len(updates) != 1 or len(charts) != 1:

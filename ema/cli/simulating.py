@@ -286,5 +286,7 @@ def control(
         out,
         json,
         limit,
-        lambda told, held, bars: simulations.control(_chosen("control", told.control), held, force, normal_force, bars),
+        lambda tables, held, bars: simulations.control(
+            _chosen("control", tables.control), held, force, normal_force, bars
+        ),
     )

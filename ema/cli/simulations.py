@@ -35,7 +35,17 @@ def snapback(
     reference: bool,
     progress: Progress,
 ) -> Job:
-    """Free vibrations at every normal force, with their ring-down."""
+    """Free vibrations at every normal force, with their ring-down.
+
+    Parameters
+    ----------
+    table : ``[snapback]`` of the model file.
+    model : the beam.
+    load, duration : N and s in place of those of the table.
+    forces : normal forces in N of all joints; without any, those of the model.
+    reference : integrate from event to event (Masing-type laws), with an error estimate.
+    progress : called while it is computed.
+    """
     outputs = [table.at, *(dof for dof in table.outputs if dof != table.at)]
     held = (table.load if load is None else load, table.at, table.duration if duration is None else duration, outputs)
     responses: dict[str, Response] = {}
@@ -169,7 +179,16 @@ def frf(
     normal: Sequence[float] | None,
     progress: Progress,
 ) -> Job:
-    """Steady states over the band at every force level and normal force; no frequency where no peak is in the band."""
+    """Steady states over the band at every force level and normal force; no frequency where no peak is in the band.
+
+    Parameters
+    ----------
+    table : ``[frf]`` of the model file.
+    model : the beam.
+    force : force amplitudes in N in place of those of the table.
+    normal : normal forces in N of all joints; without any, those of the model.
+    progress : called while it is computed.
+    """
     from ema.simulate.harmonic import condense
     from ema.simulate.maps import check_band, peak_in_band
 
@@ -215,7 +234,15 @@ def damping_map(
     normal: Sequence[float] | None,
     progress: Progress,
 ) -> Job:
-    """Map of one resonance, with the best normal force of every level."""
+    """Map of one resonance, with the best normal force of every level.
+
+    Parameters
+    ----------
+    table : ``[map]`` of the model file.
+    model : the beam.
+    force, normal : force amplitudes and normal forces in N in place of those of the table.
+    progress : called while it is computed.
+    """
     chart = simulate.damping_map(
         model,
         force or table.force,
@@ -251,27 +278,27 @@ def _rows_of_map(chart: ModalMap) -> list[dict[str, Any]]:
 def loops(table: LoopTable, model: BeamModel, amplitude: Sequence[float] | None, normal: Sequence[float] | None) -> Job:
     """Stabilised loops of one joint."""
     joint = next((one for one in model.joints if one.name == table.joint), model.joints[0])
-    held: dict[str, Loop] = {}
+    loops_by_label: dict[str, Loop] = {}
     rows: list[dict[str, Any]] = []
     for force in normal or table.normal_force or [joint.normal_force]:
         for reach in amplitude or table.amplitude:
             if not reach > 0:
                 raise InputError("not an amplitude", got=f"{reach} m", expected="above 0 m")
             label = f"{1e6 * reach:g} µm, F_N {force:g} N"
-            held[label] = _loop(joint, float(force), float(reach), table.frequency)
+            loops_by_label[label] = _loop(joint, float(force), float(reach), table.frequency)
             rows.append(
                 {
                     "F_N [N]": float(force),
                     "amplitude [um]": 1e6 * reach,
-                    "energy per cycle [J]": max(held[label].area, 0.0),
+                    "energy per cycle [J]": max(loops_by_label[label].area, 0.0),
                     "slip force [N]": joint.law.friction_coefficient * force,
-                    "largest force [N]": float(np.abs(held[label].forces).max()),
-                    "loss factor": max(held[label].area, 0.0)
-                    / (np.pi * reach * float(np.abs(held[label].forces).max())),
+                    "largest force [N]": float(np.abs(loops_by_label[label].forces).max()),
+                    "loss factor": max(loops_by_label[label].area, 0.0)
+                    / (np.pi * reach * float(np.abs(loops_by_label[label].forces).max())),
                 }
             )
-    pictures = {"hysteresis": show.hysteresis(list(held.values()), list(held))}
-    return Job({f"loop {label}": one for label, one in held.items()}, pictures, rows, [])
+    pictures = {"hysteresis": show.hysteresis(list(loops_by_label.values()), list(loops_by_label))}
+    return Job({f"loop {label}": one for label, one in loops_by_label.items()}, pictures, rows, [])
 
 
 def _loop(joint: Joint, force: float, amplitude: float, frequency: float) -> Loop:
@@ -355,10 +382,10 @@ def _said_of_tool(limits: CuttingLimits) -> str:
 
 
 def _ends_of_range(limits: CuttingLimits) -> str:
-    asked = sorted({0, len(limits.normal_forces) - 1} & {int(place) for place in limits.controlled})
-    if not asked:
+    at_ends = sorted({0, len(limits.normal_forces) - 1} & {int(place) for place in limits.controlled})
+    if not at_ends:
         return ""
-    ends = " and ".join(f"{limits.normal_forces[place]:g} N" for place in asked)
+    ends = " and ".join(f"{limits.normal_forces[place]:g} N" for place in at_ends)
     return f" Some levels ask for {ends}, an end of the range: more may lie beyond."
 
 

@@ -129,15 +129,15 @@ def ring_down_modes(run: Run, band: tuple[float, float], progress: Progress = si
         return ()
     frequencies = np.abs(decays.poles) / (2 * np.pi)
     inside = np.flatnonzero((frequencies >= band[0]) & (frequencies <= band[1]))
-    found: list[RingDownMode] = []
+    modes: list[RingDownMode] = []
     for number, mode in enumerate(inside, 1):
-        one = _mode(decays, int(mode), kind, band[0])
-        if one is not None:
-            named = replace(one.mode, name=f"{run.id}, mode {number}", condition=run.condition)
-            found.append(
-                replace(one, mode=replace(named, findings=findings(replace(one, mode=named), decays, int(mode))))
+        read = _mode(decays, int(mode), kind, band[0])
+        if read is not None:
+            named = replace(read.mode, name=f"{run.id}, mode {number}", condition=run.condition)
+            modes.append(
+                replace(read, mode=replace(named, findings=findings(replace(read, mode=named), decays, int(mode))))
             )
-    return tuple(found)
+    return tuple(modes)
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def _mode(decays: ModalDecays, mode: int, kind: str, low: float) -> RingDownMode
     bands = [Band(one - reach, one, one + reach, 0.95, CONTAINS) for one, reach in zip(value, half, strict=True)]
     start = np.abs(decays.amplitudes[:, 0, mode])
     mass = modal_mass(decays, mode, (amplitude, value[0], value[1]), onset, kind)
-    found = AmplitudeDependentMode(
+    resolved = AmplitudeDependentMode(
         amplitude=amplitude,
         frequency=bands[0],
         damping=bands[1],
@@ -218,7 +218,7 @@ def _mode(decays: ModalDecays, mode: int, kind: str, low: float) -> RingDownMode
         modal_mass=mass.value,
         provenance=Provenance(steps=("ring_down_modes",)),
     )
-    return RingDownMode(found, onset, (float(start.min()), float(np.median(start)), float(start.max())), mass)
+    return RingDownMode(resolved, onset, (float(start.min()), float(np.median(start)), float(start.max())), mass)
 
 
 def _length(decays: ModalDecays) -> float:

@@ -65,14 +65,14 @@ def variance_components(
         )
     labels = np.array(names)
     groups = [labels == name for name in dict.fromkeys(names)]
-    found = np.isfinite(values)
-    sizes = np.array([found[group].sum(axis=0) for group in groups], dtype=np.float64)
+    finite = np.isfinite(values)
+    sizes = np.array([finite[group].sum(axis=0) for group in groups], dtype=np.float64)
     present = sizes > 0
-    means = _means(np.array([np.where(found, values, 0)[group].sum(axis=0) for group in groups]), sizes)
-    noise = np.where(found, np.nan_to_num(stds**2), 0)
+    means = _means(np.array([np.where(finite, values, 0)[group].sum(axis=0) for group in groups]), sizes)
+    noise = np.where(finite, np.nan_to_num(stds**2), 0)
     own = _means(np.array([noise[group].sum(axis=0) for group in groups]), sizes)
     count = present.sum(axis=0)
-    known = (found & np.isfinite(stds)).any(axis=0)
+    known = (finite & np.isfinite(stds)).any(axis=0)
     takes = _takes(values, means, groups, sizes)
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = np.nansum(means, axis=0) / count

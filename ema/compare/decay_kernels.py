@@ -20,7 +20,7 @@ def explained(frequencies, rates, start, decay, counts):
     cases, columns, rows = frequencies.shape[0], frequencies.shape[1], rates.shape[1]
     after = np.empty((columns, rows, poles.shape[1] + 1), np.complex128)
     turns, falls = np.empty(columns, np.complex128), np.empty(rows)
-    found = np.zeros((cases, columns, rows))
+    energy = np.zeros((cases, columns, rows))
     for case in range(cases):
         # backwards from the linear end: what follows a node, for an amplitude of one there
         for column in range(columns):
@@ -47,8 +47,8 @@ def explained(frequencies, rates, start, decay, counts):
                     whole = falls[row] * turns[column]
                     piece = _integral(whole, poles[case, cell], frequencies[case, column], rates[case, row])
                     value = piece + whole * after[column, row, cell]
-                    found[case, column, row] += worth * rates[case, row] * (value.real**2 + value.imag**2)
-    return found
+                    energy[case, column, row] += worth * rates[case, row] * (value.real**2 + value.imag**2)
+    return energy
 
 
 @compiled(error_model="numpy")

@@ -58,7 +58,7 @@ def releases(
     >>> round(100 * releases(one, two, (20.0, 80.0)).missing_damping, 3)  # 0.5 / (2 pi 40) in percent
     0.199
     """
-    rows = [one.with_role("response") for one in (measured, simulated)]
+    rows = [record.with_role("response") for record in (measured, simulated)]
     if any(len(found) != 1 for found in rows) or measured.sampling_rate != simulated.sampling_rate:
         raise InputError(
             "not two records of one motion",
@@ -68,12 +68,12 @@ def releases(
             expected="one response each, the same sampling rate",
         )
     both = (measured, simulated)
-    quantities = {one.channels[row[0]].quantity for one, row in zip(both, rows)}
+    quantities = {record.channels[row[0]].quantity for record, row in zip(both, rows)}
     common: Quantity = "displacement" if "displacement" in quantities else "velocity"
     rest = max(int(REST * start * measured.sampling_rate), 1)
-    held = [to_quantity(one, common, band[0] / HIGH_PASS, rest) for one in both]
-    first, last = round(start * measured.sampling_rate), min(one.signals.shape[1] for one in held)
-    moved = [np.asarray(one.signals[row[0], first:last], dtype=np.float64) for one, row in zip(held, rows)]
+    alike = [to_quantity(record, common, band[0] / HIGH_PASS, rest) for record in both]
+    first, last = round(start * measured.sampling_rate), min(record.signals.shape[1] for record in alike)
+    moved = [np.asarray(record.signals[row[0], first:last], dtype=np.float64) for record, row in zip(alike, rows)]
     return signals(moved[0], moved[1], measured.sampling_rate, band)
 
 

@@ -625,7 +625,7 @@ def sound_slopes(
 ) -> Float[np.ndarray, "residual parameter"]:
     """Derivatives from differences to either side: their mean, or the smaller where a simulated peak jumped.
 
-    A resonance that changes to a neighbouring summit, or is lost, within the step would pass for precise knowledge.
+    A resonance that changes to a neighbouring peak, or is lost, within the step would pass for precise knowledge.
     """
     smaller = np.where(np.abs(above) < np.abs(below), above, below)
     jumped = np.abs(above - below) > np.maximum(_JUMP, 2 * np.abs(smaller))

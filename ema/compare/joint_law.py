@@ -149,13 +149,13 @@ class JointModel:
         """Parameters by name."""
         joint, own = self._joint, self._own
         parts = self.tests if self.two else ("",)
-        found = {
+        values = {
             self._named(one.name, part): one.of(z[:, number * len(joint) + row])
             for number, part in enumerate(parts)
             for row, one in enumerate(joint)
         }
         first = len(parts) * len(joint)
-        return found | {one.name: one.of(z[:, first + row]) for row, one in enumerate(own)}
+        return values | {one.name: one.of(z[:, first + row]) for row, one in enumerate(own)}
 
     def combinations(self, z: Draws) -> dict[str, np.ndarray]:
         """What a test determines better than its parts."""
@@ -204,18 +204,18 @@ class JointModel:
             p = self.values(z)
             drive = p["shape over slip, shaker"] / p[self._named("friction coefficient", "shaker")]
             test = _Shaker(np.sort(self.file.levels), np.sort(self.file.normal_forces))
-            asked = [test.conditions(one) for one in self.file.shaker]
-            ends = np.cumsum([each.shape[1] for each in asked])[:-1]
-            levels, forces = np.hstack(asked)
-            found = shaker(self._beam(p, "shaker"), levels, forces, drive)
-            curves = (np.split(each, ends, axis=1) for each in found)
+            conditions = [test.conditions(one) for one in self.file.shaker]
+            ends = np.cumsum([each.shape[1] for each in conditions])[:-1]
+            levels, forces = np.hstack(conditions)
+            readings = shaker(self._beam(p, "shaker"), levels, forces, drive)
+            curves = (np.split(each, ends, axis=1) for each in readings)
             columns += [test.reading(*one) for one in zip(self.file.shaker, *curves, strict=True)]
         return np.stack(columns, axis=1)
 
     def log_likelihoods(self, z: Draws) -> Float[np.ndarray, "draw datum"]:
         """Of every number and sentence."""
-        found = self.readings(z)
-        return np.stack([one.log_likelihood(found[:, row]) for row, one in enumerate(self.data)], axis=1)
+        readings = self.readings(z)
+        return np.stack([datum.log_likelihood(readings[:, row]) for row, datum in enumerate(self.data)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -252,13 +252,13 @@ class _Shaker:
             return np.asarray(damping[:, -2] / damping[:, -1])
         if kind == "stuck damping":
             return np.asarray(damping[:, -1] / _vertex(damping[:, :-1])[1])
-        place = _vertex(damping)[0]
+        vertex = _vertex(damping)[0]
         if kind == "ridge":
-            return np.asarray(np.log(grid[0]) + place * np.log(grid[1] / grid[0]))
+            return np.asarray(np.log(grid[0]) + vertex * np.log(grid[1] / grid[0]))
         if kind == "drop":
-            row = np.clip(np.rint(place).astype(int), 0, len(grid) - 1)
+            row = np.clip(np.rint(vertex).astype(int), 0, len(grid) - 1)
             return np.asarray(frequency[np.arange(len(row)), row] - frequency[:, -1])
-        return np.asarray(np.interp(place, np.arange(len(self.levels)), np.log(self.levels)))
+        return np.asarray(np.interp(vertex, np.arange(len(self.levels)), np.log(self.levels)))
 
 
 def _vertex(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -276,13 +276,13 @@ def _vertex(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _data(file: JointFile) -> list[Datum]:
-    found = []
+    data = []
     for one in file.hammer:
         where = f"hammer, {one.normal_force:g} N"
         if one.frequency is not None:
-            found.append(Datum(one.sentence, f"{where}: frequency [Hz]", one.frequency_std, one.frequency))
+            data.append(Datum(one.sentence, f"{where}: frequency [Hz]", one.frequency_std, one.frequency))
         if one.damping is not None:
-            found.append(Datum(one.sentence, f"{where}: damping ratio", one.damping_std, one.damping))
+            data.append(Datum(one.sentence, f"{where}: damping ratio", one.damping_std, one.damping))
     for said in file.shaker:
         scale = np.log if said.quantity in RELATIVE else float
         ends = {
@@ -290,10 +290,10 @@ def _data(file: JointFile) -> list[Datum]:
             for key, number in (("value", said.value), ("low", said.low), ("high", said.high))
             if number is not None
         }
-        place = [f"{said.level:g} N excitation"] if said.level is not None else []
-        place += [f"F_N {said.normal_force:g} N"] if said.normal_force is not None else []
-        found.append(Datum(said.sentence, f"shaker, {', '.join([*place, said.quantity])}", said.std, **ends))
-    return found
+        parts = [f"{said.level:g} N excitation"] if said.level is not None else []
+        parts += [f"F_N {said.normal_force:g} N"] if said.normal_force is not None else []
+        data.append(Datum(said.sentence, f"shaker, {', '.join([*parts, said.quantity])}", said.std, **ends))
+    return data
 
 
 @dataclass(frozen=True)
@@ -598,9 +598,9 @@ def _held(found: Posterior, row: int) -> Held:
 def _experiments(one: Posterior, two: Posterior) -> tuple[Experiment, ...]:
     """Outcomes of single measurements under either hypothesis, with the noise that they would have."""
     weight = -_log_ratio(one, two)
-    found: list[Experiment] = []
+    experiments: list[Experiment] = []
     for name, (outcome, std) in _OUTCOMES.items():
-        rng = np.random.default_rng(len(found))
+        rng = np.random.default_rng(len(experiments))
         draws = []
         for part in (one, two):
             values = np.asarray(outcome(part.model, part.draws))
@@ -614,8 +614,8 @@ def _experiments(one: Posterior, two: Posterior) -> tuple[Experiment, ...]:
             odds = sign * (np.log(densities[0][cell] / densities[1][cell]) + weight)
             right.append(np.mean(odds > np.log(19.0)))
         ends = [_interval(part) for part in draws]
-        found.append(Experiment(name, ends[0], ends[1], float(np.mean(right))))
-    return tuple(sorted(found, key=lambda each: -each.separates))
+        experiments.append(Experiment(name, ends[0], ends[1], float(np.mean(right))))
+    return tuple(sorted(experiments, key=lambda each: -each.separates))
 
 
 def _of_loop(model: JointModel, z: Draws) -> np.ndarray:

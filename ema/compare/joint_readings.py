@@ -88,8 +88,15 @@ def hammer(
 
     Parameters
     ----------
+    beam : one beam for each draw of the parameters.
+    forces : normal forces in N, above 0.
     impulse : slip force [N] that yields at the slip an impact on the highest point gives: the highest slip over that at
         which a joint of normal force F_N yields is ``impulse`` times the stiffness ratio over F_N.
+
+    Returns
+    -------
+    Frequency [Hz] and damping ratio, each (draw, force). Where no point slips beyond ``_START`` they are those of the
+    sticking joint; slips beyond the last of ``_NODES`` count as that one.
     """
     ratio = beam.ratio(forces)
     highest = impulse[:, None] * ratio / forces
@@ -147,21 +154,21 @@ class _Decay:
         worth = self._explained(self.frequencies, self.rates, slips).reshape(len(slips), _FREQUENCIES * _DAMPINGS)
         column, row = np.unravel_index(worth.argmax(axis=-1), (_FREQUENCIES, _DAMPINGS))
         cases = np.arange(len(slips))
-        place = np.stack([self.frequencies[cases, column], self.rates[cases, row]])
-        step = np.stack([(self.frequencies[:, 1] - self.frequencies[:, 0]) / 2 + 0.01 * place[1], 0.3 * place[1]])
+        centre = np.stack([self.frequencies[cases, column], self.rates[cases, row]])
+        step = np.stack([(self.frequencies[:, 1] - self.frequencies[:, 0]) / 2 + 0.01 * centre[1], 0.3 * centre[1]])
         for _ in range(_REFINEMENTS):
-            around = place[:, :, None] + step[:, :, None] * np.array([-1.0, 0.0, 1.0])
-            found = np.log(self._explained(*around, slips))  # type: ignore[call-arg]  # two rows: frequencies, rates
-            place = place + _newton(found) * step
-            place[1] = np.maximum(place[1], around[1, :, 0] / 2)
+            around = centre[:, :, None] + step[:, :, None] * np.array([-1.0, 0.0, 1.0])
+            gain = np.log(self._explained(*around, slips))  # type: ignore[call-arg]  # two rows: frequencies, rates
+            centre = centre + _newton(gain) * step
+            centre[1] = np.maximum(centre[1], around[1, :, 0] / 2)
             step = 0.4 * step
-        return -place[1] + 1j * place[0]
+        return -centre[1] + 1j * centre[0]
 
     def _explained(self, frequencies: np.ndarray, rates: np.ndarray, slips: np.ndarray) -> np.ndarray:
         """What exponentials of frequencies and rates (case, one) explain of all decays (case, frequency, rate)."""
-        place = np.log(np.maximum(slips, _START) / _START) / np.log(_NODES[1] / _NODES[0])
-        cell = np.minimum(place.astype(int), len(_NODES) - 2)
-        start, decay = (cell, place - cell, slips), (self.pole, self.duration, self.linear)
+        node = np.log(np.maximum(slips, _START) / _START) / np.log(_NODES[1] / _NODES[0])
+        cell = np.minimum(node.astype(int), len(_NODES) - 2)
+        start, decay = (cell, node - cell, slips), (self.pole, self.duration, self.linear)
         return np.asarray(explained(frequencies, rates, start, decay, _COUNTS))
 
 
@@ -185,16 +192,23 @@ def _newton(values: Float[np.ndarray, "case 3 3"]) -> Float[np.ndarray, "2 case"
 def shaker(
     beam: Beam, force: Float[np.ndarray, "force"], normal: Float[np.ndarray, "force"], drive: Columns
 ) -> tuple[Float[np.ndarray, "draw force"], Float[np.ndarray, "draw force"]]:
-    """Frequency [Hz] and damping ratio at resonance under pairs of force amplitude and normal force [N].
+    """Frequency [Hz] and damping ratio at resonance under pairs of force amplitude and normal force.
 
     Parameters
     ----------
+    beam : one beam for each draw of the parameters.
+    force : amplitude of the force of the shaker in N.
+    normal : normal force in N of the same points, above 0.
     drive : shape at the shaker over the slip of the joint, over the friction coefficient.
+
+    Returns
+    -------
+    Frequency [Hz] and damping ratio, each (draw, point), interpolated between the slips of the table.
     """
     ratio = beam.ratio(normal)
     wanted = drive[:, None] * np.asarray(force) / normal
-    place = driven(ratio, np.stack([beam.damping, beam.loss]), wanted, (_SLIPS, _STIFFNESS, _LOSS))
-    below = np.minimum(place.astype(int), len(_SLIPS) - 2)
-    ends = [beam.curves(ratio, below + one) for one in (0, 1)]
-    share = place - below
+    row = driven(ratio, np.stack([beam.damping, beam.loss]), wanted, (_SLIPS, _STIFFNESS, _LOSS))
+    below = np.minimum(row.astype(int), len(_SLIPS) - 2)
+    ends = [beam.curves(ratio, below + step) for step in (0, 1)]
+    share = row - below
     return tuple(low + share * (high - low) for low, high in zip(*ends, strict=True))

@@ -138,7 +138,11 @@ KIND = FileKind(
 
 
 def load(path: str | Path) -> JointFile:
-    """Read ``joint.toml``, or the folder that holds it.
+    """Read ``joint.toml``; a former name of a key is read, with a warning.
+
+    Parameters
+    ----------
+    path : the file, or the folder that holds it.
 
     Raises
     ------

@@ -127,14 +127,26 @@ def _one(measure: Measure, low: float, high: float, strict: bool) -> Decision:
 
 def value(given: Line, at: float) -> Measure:
     """The value of a line at a point of its grid."""
-    place = np.flatnonzero(np.isclose(given.axis, at, rtol=1e-6, atol=0))
-    if not len(place):
+    rows = np.flatnonzero(np.isclose(given.axis, at, rtol=1e-6, atol=0))
+    if not len(rows):
         return missing(f"a measured point at {at:g} N")
-    return estimate(float(given.values[place[0]]), float(given.std[place[0]]))
+    return estimate(float(given.values[rows[0]]), float(given.std[rows[0]]))
 
 
 def estimate(value: float, std: float) -> Measure:
-    """A value with a standard deviation; one that is not known counts as zero."""
+    """A value with the two-sided interval at ``LEVEL`` of a normal distribution.
+
+    Parameters
+    ----------
+    value : the value, in any unit.
+    std : its standard deviation in the same unit; one that is not known (NaN, infinite) counts as zero.
+
+    Examples
+    --------
+    >>> measure = estimate(10.0, 1.0)
+    >>> round(measure.lower, 2), round(measure.upper, 2)
+    (8.04, 11.96)
+    """
     half = _factor(1) * (std if np.isfinite(std) else 0.0)
     return Measure(float(value), float(value - half), float(value + half))
 
@@ -272,9 +284,9 @@ def settled(given: Line) -> Measure:
     off = np.abs(given.values - last) > SETTLED * (float(given.values.max()) - last) + doubt
     if not off.any():
         return missing("a line that changes")
-    place = int(np.flatnonzero(off)[-1])
-    begins = float(given.axis[place + 1])
-    return Measure(begins, float(given.axis[place]), begins if place + 2 < len(given.axis) else np.inf)
+    last_off = int(np.flatnonzero(off)[-1])
+    begins = float(given.axis[last_off + 1])
+    return Measure(begins, float(given.axis[last_off]), begins if last_off + 2 < len(given.axis) else np.inf)
 
 
 def spread(given: Line) -> Measure:

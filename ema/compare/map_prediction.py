@@ -96,10 +96,10 @@ def predict_map(
     elsewhere, resonant, said = _elsewhere(problem, values, levels, forces)
     shape, quantiles = (len(levels), len(forces)), np.full((3, 2, resonant.size), np.nan)
     if resonant.any():
-        found = _conditional(measured, _unmeasured(elsewhere, values, resonant, measured.origin))
+        conditional = _conditional(measured, _unmeasured(elsewhere, values, resonant, measured.origin))
         shift = np.concatenate([said[0][resonant], said[1][resonant] + common])
         for row, share in zip(quantiles, (0.025, 0.5, 0.975), strict=True):
-            row[:, resonant] = (shift + found.quantile(share)).reshape(2, -1)
+            row[:, resonant] = (shift + conditional.quantile(share)).reshape(2, -1)
     low, value, high = np.exp(quantiles).reshape(3, 2, *shape)
     name = update.model.name or "model"
     holes = int(np.sum(~resonant))

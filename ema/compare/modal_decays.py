@@ -191,8 +191,8 @@ def _shapes(
     waves = np.exp(np.outer(np.arange(signals.shape[-1]) / rate, poles))
     solved = signals @ np.linalg.pinv(np.hstack([waves.real, -waves.imag])).T
     count = len(poles)
-    found = solved[..., :count] + 1j * solved[..., count:]
-    shapes = np.array([np.linalg.svd(found[:, :, mode], full_matrices=False)[2][0] for mode in range(count)])
+    amplitudes = solved[..., :count] + 1j * solved[..., count:]
+    shapes = np.array([np.linalg.svd(amplitudes[:, :, mode], full_matrices=False)[2][0] for mode in range(count)])
     return np.asarray(shapes / shapes[np.arange(count), np.argmax(np.abs(shapes), axis=1)][:, None])
 
 

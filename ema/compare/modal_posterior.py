@@ -306,12 +306,12 @@ class Conditional:
                 loss = self._loss(
                     index, law[:, 1], np.einsum("dli,di->dl", self.posterior.design[0][some][:, 1, :k], b)
                 )
-                told = law + loss[:, None] * np.einsum("dctl,dcl->dct", line[..., :k], known)
-                good &= (told > 0).all(axis=(1, 2))
+                conditional = law + loss[:, None] * np.einsum("dctl,dcl->dct", line[..., :k], known)
+                good &= (conditional > 0).all(axis=(1, 2))
                 new = np.einsum("dctl,dcl->dct", line[..., k:], white[:, :, k:])
                 # a loss stays positive
-                eta = told[:, 1] * np.exp(np.clip(new[:, 1], -_LARGEST, _LARGEST))
-                law = np.stack([told[:, 0] + loss * new[:, 0], eta], axis=1)
+                eta = conditional[:, 1] * np.exp(np.clip(new[:, 1], -_LARGEST, _LARGEST))
+                law = np.stack([conditional[:, 0] + loss * new[:, 0], eta], axis=1)
                 good &= (law > 0).all(axis=(1, 2))
             out = np.concatenate([out, law[good]])
             if len(out) >= count:

@@ -384,8 +384,8 @@ class ProfileLikelihood:
         information = data.sensitivity.T @ weighted + np.eye(len(offset)) / data.prior_std**2
         gradient = weighted.T @ residuals - (offset - data.prior_mean) / data.prior_std**2
         step = np.linalg.solve(information, gradient)
-        held = np.linalg.solve(information, combination)
-        step -= held * (combination @ step) / (combination @ held)
+        along = np.linalg.solve(information, combination)
+        step -= along * (combination @ step) / (combination @ along)
         if np.sqrt(step @ information @ step) < 0.1:
             return here - least
         return min(here, self.chi_square(offset + step)[0]) - least

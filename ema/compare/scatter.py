@@ -419,10 +419,10 @@ def _change(
         return f"{name} shows no significant change in any of {modes}."
     change = values[:, 1] - values[:, 0]
     counts = {"higher": int(np.sum(differs & (change > 0))), "lower": int(np.sum(differs & (change < 0)))}
-    told = " and ".join(f"{word} in {number}" for word, number in counts.items() if number)
+    counted = " and ".join(f"{word} in {number}" for word, number in counts.items() if number)
     best = int(np.argmax(np.where(differs, np.abs(change) / np.maximum(half, 1e-300), -1.0)))
     return (
-        f"{name} is significantly {told} of {modes}; most clearly at {found.frequency[best, 0]:.4g} Hz: "
+        f"{name} is significantly {counted} of {modes}; most clearly at {found.frequency[best, 0]:.4g} Hz: "
         f"{values[best, 0]:.5g} to {values[best, 1]:.5g} {unit}, {change[best]:+.2g} ± {half[best]:.2g} {unit} (95 %)."
     )
 

@@ -100,8 +100,8 @@ def slip_onset(
         return Onset(limits[0], limits[1], Band(np.array(0.0), np.array(np.nan), np.array(np.inf)))
     first, last = np.flatnonzero(inside)[[0, -1]]
     ends = np.append(grid, a[-1])
-    found = Band(np.array(ends[max(first - 1, 0)]), np.array(ends[best]), np.array(ends[last + 1]))
-    return Onset(limits[0], limits[1], found)
+    at = Band(np.array(ends[max(first - 1, 0)]), np.array(ends[best]), np.array(ends[last + 1]))
+    return Onset(limits[0], limits[1], at)
 
 
 def _best(

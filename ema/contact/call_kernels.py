@@ -28,8 +28,6 @@ _TABLES, _STATES = types.Tuple((_TABLE, nb.float64[:, :, ::1])), types.UniTuple(
 INCREMENT = nb.void(nb.int64[::1], nb.float64, _TABLES, _TABLE, _STATES)
 """What every law is compiled for: ``law(group, rate, tables, exchange, states)``, with its parameters and the curves in
 ``tables``, and the states before and after."""
-OWN_LAW = nb.float64(*[nb.float64] * 8)
-"""A law of the user's own, for one contact."""
 
 
 def address(law: Any) -> int:

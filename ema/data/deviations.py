@@ -20,9 +20,9 @@ class Deviations(Container):
 
     Parameters
     ----------
-    values : complex array of shape (blow, freq, out, in)
+    values : complex array of shape (impact, freq, out, in)
         Deviations in SI; 0 where an FRF has fewer impacts.
-    blows : integer array of shape (blow, out, in)
+    blows : integer array of shape (impact, out, in)
         Number of the impact; equal numbers in several FRFs are one and the same impact, -1 is none.
 
     Examples

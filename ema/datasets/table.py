@@ -135,8 +135,8 @@ def _joint() -> tuple[float, float]:
         pole = _modes(float(np.exp(logs[0])), float(np.exp(logs[1])), beam=True)[0][len(SUSPENSION)]
         return np.array([(pole - target).real, (pole - target).imag])
 
-    found = root(miss, np.log([2e7, 2e3]), tol=1e-12)
-    stiffness, damping = np.exp(found.x)
+    solution = root(miss, np.log([2e7, 2e3]), tol=1e-12)
+    stiffness, damping = np.exp(solution.x)
     return float(stiffness), float(damping)
 
 

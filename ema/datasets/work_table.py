@@ -77,7 +77,7 @@ CENTRE = Setting(
     0.5,
     background=0.00133,
 )
-"""Table 1 of the paper. The friction coefficient belongs to impacts of 1 kN: only their ratio can be told."""
+"""Table 1 of the paper. The friction coefficient belongs to impacts of 1 kN: only their ratio can be determined."""
 
 ABSORBER = Setting(
     "work table, sliding beam",

@@ -103,12 +103,12 @@ def generate(setting: table.Setting, modes: tuple[int, ...], chirps: bool) -> Ca
         listed = plan(modes)
         for number, condition in enumerate(listed):
             advance(progress, "measuring the virtual table", number, len(listed))
-            held = _model(setting, condition)
-            store.save(folder / f"{condition.run}.h5", _stepped(held, condition, seed=100 + number))
+            model = _model(setting, condition)
+            store.save(folder / f"{condition.run}.h5", _stepped(model, condition, seed=100 + number))
         if chirps:
-            held = table.with_beam(setting, CHIRP_FORCE)
+            model = table.with_beam(setting, CHIRP_FORCE)
             for place, (period, count) in enumerate(CHIRPS):
-                store.save(folder / f"chirp_{period:.0f}s.h5", _chirp(held, period, count, 10 + place))
+                store.save(folder / f"chirp_{period:.0f}s.h5", _chirp(model, period, count, 10 + place))
         write_rings(folder / "rings.csv", listed, pressed, seed=7)
         return (
             f'setting = "{setting.name}"\nbeam_mass = {setting.mass:.4f}  # kg\n'

@@ -48,10 +48,10 @@ def noise_decay(signals: Float[np.ndarray, "out sample"], begin: int, rate: floa
 
 def about_applied_window(decays: Iterable[tuple[float, float]], where: str) -> list[Finding]:
     """A finding where the noise of nearly all records falls."""
-    found = np.array(list(decays))
-    if len(found) < 3 or np.quantile(found[:, 0], _COMMON) > FALLEN:
+    falls = np.array(list(decays))
+    if len(falls) < 3 or np.quantile(falls[:, 0], _COMMON) > FALLEN:
         return []
-    fallen, decay = float(np.median(found[:, 0])), float(np.median(found[:, 1]))
+    fallen, decay = float(np.median(falls[:, 0])), float(np.median(falls[:, 1]))
     return [
         Finding(
             "error",

@@ -41,9 +41,27 @@ def ring_down(
     blocks: Sequence[tuple[Float[np.ndarray, "out _"], Float[np.ndarray, "out"], Float[np.ndarray, "out"]]],
     sampling_rate: float,
 ) -> RingDown:
-    """From blocks that begin at the trigger, with the mean and the rms noise of each response before it.
+    """How much of the response is left at the end of the blocks: the median over the blocks, of the response with most.
 
-    The largest ratio over the responses, the median over the blocks; noise is taken off in power.
+    Parameters
+    ----------
+    blocks : of each block that begins at the trigger the signals (out, sample), and mean and rms noise (out,) of each
+        response before the impact, in its unit; noise is taken off in power. At least one block.
+    sampling_rate : Hz.
+
+    Returns
+    -------
+    Ratio of the rms in the last to that in the first of ``PARTS`` parts, and the decay rate [1/s] between their
+    middles; a response that is no larger than its noise counts as 0.
+
+    Examples
+    --------
+    Two seconds of a decay with 1/s: the middles of the first and last part are 1.9 s apart.
+
+    >>> time = np.arange(2000) / 1000
+    >>> left = ring_down([(np.exp(-time)[None, :], np.zeros(1), np.zeros(1))], sampling_rate=1000)
+    >>> round(left.left_over, 3), round(float(left.structural), 3), round(left.needed, 2)
+    (0.15, 1.0, 1.79)
     """
     ratios = []
     part = 1

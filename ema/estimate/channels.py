@@ -22,7 +22,19 @@ class Layout:
 
 
 def describe(run: Run, recording: Recording | None = None) -> str:
-    """``run beam_1kN, take_07``: how messages call a place."""
+    """Name of a run, and of a record in it, for messages.
+
+    Parameters
+    ----------
+    run : the run.
+    recording : one of its records; one without a name adds nothing.
+
+    Examples
+    --------
+    >>> from ema.data import Condition
+    >>> describe(Run("beam_1kN", Condition(), ()))
+    'run beam_1kN'
+    """
     return f"run {run.id}" + (f", {recording.name}" if recording is not None and recording.name else "")
 
 

@@ -62,10 +62,10 @@ def _of_vibration(run: Run) -> tuple[Finding, ...]:
         layout = channels.layout(record, channels.describe(run, record))
         first = first or record.channels
         for row in (*layout.references, *layout.responses):
-            found = overloaded(record, row)
-            if found is not None:
+            overload = overloaded(record, row)
+            if overload is not None:
                 count[row] = count.get(row, 0) + 1
-                worst[row] = max(worst.get(row, (-1.0, 0.0, "")), (*found, record.name))
+                worst[row] = max(worst.get(row, (-1.0, 0.0, "")), (*overload, record.name))
     return tuple(
         _finding(first[row], share, level, count[row], f"{channels.describe(run)}, {name}".rstrip(", "))
         for row, (share, level, name) in sorted(worst.items())

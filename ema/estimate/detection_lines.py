@@ -154,8 +154,8 @@ def distortion_finding(read: NonlinearDistortion, where: str) -> Finding:
     'nonlinear-distortion'
     """
     pairs = (("odd", read.odd), ("even", read.even))
-    told = " and ".join(f"{100 * size:.2g} % at {name} lines" for name, size in pairs if np.isfinite(size))
-    text = f"where the excitation leaves lines out the structure answers with {told} of the response beside them"
+    sizes = " and ".join(f"{100 * size:.2g} % at {name} lines" for name, size in pairs if np.isfinite(size))
+    text = f"where the excitation leaves lines out the structure answers with {sizes} of the response beside them"
     largest = max((size for _, size in pairs if np.isfinite(size)), default=0.0)
     if read.verdict == "not linear":
         return Finding(

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
+from typing import NamedTuple
 
 import numpy as np
 import scipy.fft
@@ -18,7 +19,7 @@ from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
-from ema.estimate.single_blows import SingleBlows
+from ema.estimate.single_impacts import SingleImpacts
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
 from ema.estimate.windows import exponential_window, force_window
@@ -54,6 +55,16 @@ class Options:
     window_force: bool = True
     keep: tuple[str, ...] = ()
     reject: tuple[str, ...] = ()
+
+
+class _Blocks(NamedTuple):
+    """How blocks are cut from the records: samples of a block, how many of them lie before the impact at most, and the
+    decay rate [1/s] of the exponential window (0 for none).
+    """
+
+    length: int
+    before: int
+    decay: float
 
 
 @dataclass
@@ -218,8 +229,9 @@ def hammer_test(
             advice="all of them are excluded by the settings or the campaign",
         )
     sums: dict[_Key, Sums] = {}
-    single, effects = SingleBlows(), list[LevelEffect]()
-    for key, parts, effect in _transformed(run, takes, judged, length, before, added, options, progress):
+    single, effects = SingleImpacts(), list[LevelEffect]()
+    blocks = _Blocks(length, before, added)
+    for key, parts, effect in _transformed(run, takes, judged, blocks, options, progress):
         sums[key] = reduce(add, parts, sums[key]) if key in sums else reduce(add, parts)
         single.keep(key, parts)
         effects += [effect] if effect is not None else []
@@ -235,7 +247,7 @@ def hammer_test(
         *hammer_findings.about_levels(effects, level_bins(gallery), where),
         *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
     ]
-    return _assemble(run, takes[0], sums, single, length, added, options, findings), gallery
+    return _assemble(run, takes[0], sums, single, blocks, options, findings), gallery
 
 
 def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tuple[list[Judged], list[Finding]]:
@@ -376,14 +388,7 @@ def _noise_decays(takes: _Takes, judged: list[Judged], rate: float) -> Iterator[
 
 
 def _transformed(
-    run: Run,
-    takes: _Takes,
-    judged: list[Judged],
-    length: int,
-    before: int,
-    decay: float,
-    options: Options,
-    progress: Progress,
+    run: Run, takes: _Takes, judged: list[Judged], blocks: _Blocks, options: Options, progress: Progress
 ) -> Iterator[tuple[_Key, list[Sums], LevelEffect | None]]:
     """Sums of spectra of the impacts of each record, under (force DOF, response DOFs)."""
     for place in range(len(takes.records)):
@@ -391,7 +396,7 @@ def _transformed(
         if accepted:
             record = takes[place]
             layout = channels.layout(record, channels.describe(run, record))
-            spectra = [_spectra(record, layout, one, length, before, decay, options.window_force) for one in accepted]
+            spectra = [_spectra(record, layout, one, blocks, options.window_force) for one in accepted]
             peaks = np.array([abs(one.pulse.peak) for one in accepted])
             effect = level_effect(spectra, peaks)
             parts = [single_input.summed(force, response) for force, response in spectra]
@@ -400,9 +405,10 @@ def _transformed(
 
 
 def _spectra(
-    record: Recording, layout: channels.Layout, one: Judged, length: int, before: int, decay: float, windowed: bool
+    record: Recording, layout: channels.Layout, one: Judged, blocks: _Blocks, windowed: bool
 ) -> tuple[Complex[np.ndarray, "freq"], Complex[np.ndarray, "out freq"]]:
     """Fourier transforms of force and responses of an impact; zeros follow where its room is shorter than the block."""
+    length, before, decay = blocks
     start = one.start - min(one.before, before)
     room = min(length, impact_choice.room_of(one, before))
     pulse = _pulse(record.signals[layout.references[0]], one, start, room, windowed)
@@ -447,13 +453,13 @@ def _assemble(
     run: Run,
     first: Recording,
     sums: dict[_Key, Sums],
-    single: SingleBlows,
-    length: int,
-    decay: float,
+    single: SingleImpacts,
+    blocks: _Blocks,
     options: Options,
     findings: list[Finding],
 ) -> FrfSet:
     """The FRF set of all sums."""
+    length, _, decay = blocks
     sums = _without_overlap(sums)
     inputs = tuple(dict.fromkeys(force for force, _ in sums))
     outputs = tuple(dict.fromkeys(dof for _, dofs in sums for dof in dofs))

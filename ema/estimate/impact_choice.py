@@ -97,7 +97,17 @@ def chosen(judged: Sequence[Judged], keep: Sequence[str] = (), reject: Sequence[
 
 
 def names(one: Judged) -> set[str]:
-    """What ``keep`` and ``reject`` may call an impact: all, its reasons, its record or point, and its number in it."""
+    """What ``keep`` and ``reject`` may call an impact.
+
+    Parameters
+    ----------
+    one : the impact; its record or its DOF may be unknown (an empty text).
+
+    Returns
+    -------
+    ``"all"``, the codes of its reasons, its record and its DOF, and these with its number in the record
+    (``"take_07#2"``).
+    """
     places = {one.record, str(one.dof)} - {""}
     return {"all", *(reason.code for reason in one.reasons), *places, *(f"{place}#{one.index}" for place in places)}
 

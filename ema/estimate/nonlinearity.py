@@ -14,7 +14,7 @@ NONLINEAR = 0.05
 INVALID = 0.3
 """Homogeneity index above which a linear fit has no meaning."""
 NEITHER = 0.02
-"""Change of the peak over a doubling of the force below which no side is told."""
+"""Change of the peak over a doubling of the force below which it counts as neither rising nor falling."""
 _BANDWIDTHS = 10.0
 """Half-power bandwidths on either side of the peak that are compared."""
 _SIGNIFICANT = 3.0

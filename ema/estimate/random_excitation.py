@@ -14,7 +14,7 @@ from ema.errors import InputError
 from ema.estimate import channels, clipping, hammer_findings, local_model, spectra, stated_excitation, windows
 from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
-from ema.estimate.single_blows import MOST
+from ema.estimate.single_impacts import MOST
 from ema.estimate.spectra import Estimator, Spectra
 from ema.progress import Progress, advance, silent
 

@@ -12,7 +12,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Channel, Finding, Run
 from ema.estimate import channels as channel_roles
-from ema.estimate.single_blows import KEPT
+from ema.estimate.single_impacts import KEPT
 
 LEVEL = 0.2
 """Difference of a channel's level between records, against the other channels, above which it is named.

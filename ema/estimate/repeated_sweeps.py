@@ -45,7 +45,19 @@ class Repeats:
 
 
 def repeats(sums: Sums, spectra: SpectraSums, keep: slice) -> Repeats | None:
-    """FRFs of repeated sweeps whose force has noise in the lines ``keep``; ``None`` where H1 is as good."""
+    """FRFs of repeated sweeps with the force of the other records as reference.
+
+    Parameters
+    ----------
+    sums : sums of powers and cross spectra over the records.
+    spectra : sums of the spectra themselves over the same records, which begin at the same phase of the sweep.
+    keep : lines of the band that is kept; only there is judged whether the sweeps repeat and whether noise matters.
+
+    Returns
+    -------
+    FRFs and variance on all lines; ``None`` where H1 is as good: a single record, sweeps that do not repeat (share of
+    common power below ``REPEATS``), or less noise in the force than ``MATTERS`` at every peak.
+    """
     count = sums.averages
     if count < 2:
         return None

@@ -50,9 +50,27 @@ def frf(spectra: Spectra, estimator: Estimator = "H1") -> Complex[np.ndarray, "f
     responses and is refused; Hv divides H1 by the square root of the multiple coherence, which is the same thing
     for one input.
 
+    Parameters
+    ----------
+    spectra : averaged spectra; the FRFs have the unit of output over input.
+    estimator : ``"H1"``, ``"H2"`` or ``"Hv"``.
+
+    Returns
+    -------
+    FRFs (freq, out, in); 0 on lines where the coherence is 0 (``H2``, ``Hv``).
+
     Raises
     ------
     InputError : the inputs cannot be told apart; H2 with several inputs; an unknown estimator.
+
+    Examples
+    --------
+    As much noise as signal in the force: H1 is half of the FRF, H2 all of it, Hv between them.
+
+    >>> ones = np.ones((1, 1, 1), complex)
+    >>> spectra = Spectra(inputs=2 * ones, cross=ones, outputs=np.ones((1, 1)), averages=100)
+    >>> [round(float(frf(spectra, estimator)[0, 0, 0].real), 3) for estimator in ("H1", "H2", "Hv")]
+    [0.5, 1.0, 0.707]
     """
     if estimator not in ("H1", "H2", "Hv"):
         raise InputError("unknown estimator", got=repr(estimator), expected="H1, H2 or Hv")
@@ -75,13 +93,6 @@ def multiple_coherence(
     explained = np.einsum("foi,foi->fo", h1, spectra.cross.conj()).real
     ratio = np.divide(explained, spectra.outputs, out=np.zeros_like(explained), where=spectra.outputs > 0)
     return np.clip(ratio, 0.0, 1.0)
-
-
-def ordinary_coherence(spectra: Spectra) -> Float[np.ndarray, "freq out in"]:
-    """``|S_yu|^2 / (S_yy S_uu)`` of every response with every input."""
-    power = spectra.outputs[:, :, None] * input_power(spectra)[:, None, :]
-    shared = np.abs(spectra.cross) ** 2
-    return np.clip(np.divide(shared, power, out=np.zeros_like(shared), where=power > 0), 0.0, 1.0)
 
 
 def input_coherence(spectra: Spectra) -> Float[np.ndarray, "freq in in"]:

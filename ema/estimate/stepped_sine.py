@@ -364,13 +364,7 @@ def _joined(
 ) -> tuple[FrfSet, Steps]:
     """All steps in the order of their frequencies; those at one frequency averaged over the force."""
     where = channels.describe(run)
-    steps = sorted(steps, key=lambda step: step.frequency)
-    groups: list[list[Step]] = []
-    for step in steps:
-        if groups and abs(step.frequency / groups[-1][0].frequency - 1) < 1e-5:
-            groups[-1].append(step)
-        else:
-            groups.append([step])
+    groups = _by_frequency(steps)
     frequencies = np.array([np.mean([step.frequency for step in group]) for group in groups])
     values, variance, force, responses = [], [], [], []
     apart = (0.0, 0.0)
@@ -395,6 +389,44 @@ def _joined(
     # the mean of steps that differ is no gain
     gains = () if apart[0] > LEVEL else gain_changes.about_gains(frequencies, np.array(values), names, where)
     findings = [*clipping.about_records(run), *gains, *mixed, *hammer_findings.about_units(unit, where)]
+    findings += _about_steps(apart, unsteady, where)
+    moved = np.array([np.max([step.moved for step in group], axis=0) for group in groups])
+    # a response beats about its steady amplitude: what a line is off shows at its neighbours too
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(moved, ((2, 2), (0, 0)), mode="edge"), 5, axis=0)
+    spread_with_start = np.array(variance) + around.max(axis=2) ** 2
+    frfs = FrfSet(
+        frequencies=frequencies,
+        values=np.array(values)[:, :, None],
+        outputs=layout.outputs,
+        inputs=layout.inputs,
+        quantity=quantity,
+        unit=unit,
+        variance=spread_with_start[:, :, None],
+        estimator="sine fit",
+        condition=run.condition,
+        name=run.id,
+        findings=tuple(findings),
+        provenance=Provenance(steps=("estimate.stepped",)),
+    )
+    return frfs, Steps(frequencies, np.array(force), np.array(responses))
+
+
+def _by_frequency(steps: list[Step]) -> list[list[Step]]:
+    """Steps in the order of their frequencies, those at one frequency together."""
+    groups: list[list[Step]] = []
+    for step in sorted(steps, key=lambda step: step.frequency):
+        if groups and abs(step.frequency / groups[-1][0].frequency - 1) < 1e-5:
+            groups[-1].append(step)
+        else:
+            groups.append([step])
+    return groups
+
+
+def _about_steps(apart: tuple[float, float], unsteady: float, where: str) -> list[Finding]:
+    """Findings on steps of one frequency that differ (by how much, at which frequency in Hz) and on steps that had not
+    settled (relative change within a record).
+    """
+    findings = []
     if apart[0] > LEVEL:
         findings.append(
             Finding(
@@ -421,22 +453,4 @@ def _joined(
                 "Wait longer before recording, or discard the start of the records.",
             )
         )
-    moved = np.array([np.max([step.moved for step in group], axis=0) for group in groups])
-    # a response beats about its steady amplitude: what a line is off shows at its neighbours too
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(moved, ((2, 2), (0, 0)), mode="edge"), 5, axis=0)
-    spread_with_start = np.array(variance) + around.max(axis=2) ** 2
-    frfs = FrfSet(
-        frequencies=frequencies,
-        values=np.array(values)[:, :, None],
-        outputs=layout.outputs,
-        inputs=layout.inputs,
-        quantity=quantity,
-        unit=unit,
-        variance=spread_with_start[:, :, None],
-        estimator="sine fit",
-        condition=run.condition,
-        name=run.id,
-        findings=tuple(findings),
-        provenance=Provenance(steps=("estimate.stepped",)),
-    )
-    return frfs, Steps(frequencies, np.array(force), np.array(responses))
+    return findings

@@ -1,12 +1,12 @@
 """FRFs of swept-sine takes."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from operator import add
 
 import numpy as np
 import scipy.fft
-from jaxtyping import Float, Int
+from jaxtyping import Complex, Float, Int
 
 from ema.data import Finding, FrfSet, Provenance, Run
 from ema.dof import Dof
@@ -28,6 +28,26 @@ The forces of unequal parts of a sweep differ by 1.4; where the force settles or
 
 EXCITED = 0.01
 """Part of the median force power in the swept band below which a line was not excited (-20 dB)."""
+
+
+@dataclass
+class _Sweeps:
+    """Sums over the sweeps under each force DOF: powers and cross spectra, and the spectra themselves; and what is kept
+    of single records to compare them.
+    """
+
+    sums: dict[Dof, Sums] = field(default_factory=dict)
+    spectra: dict[Dof, SpectraSums] = field(default_factory=dict)
+    single: dict[Dof, SingleBlocks] = field(default_factory=dict)
+
+    def add(self, force: Dof, lines: Complex[np.ndarray, "channel freq"], record: str) -> None:
+        """One sweep: its spectra, the force first."""
+        part, whole = single_input.summed(lines[0], lines[1:]), SpectraSums(lines[0], lines[1:])
+        self.sums[force] = self.sums[force] + part if force in self.sums else part
+        self.spectra[force] = self.spectra[force] + whole if force in self.spectra else whole
+        weight = np.broadcast_to(part.force, part.cross.shape)
+        frfs = part.cross * single_input.reciprocal(part.force)
+        self.single.setdefault(force, SingleBlocks()).keep(record, frfs.T[:, :, None], weight.T[:, :, None])
 
 
 def sweep(
@@ -89,9 +109,7 @@ def sweep(
     periodic = bool(np.isfinite(period))
     if periodic:
         length = _period(run, period)
-    sums: dict[Dof, Sums] = {}
-    spectra: dict[Dof, SpectraSums] = {}
-    single: dict[Dof, SingleBlocks] = {}
+    sweeps = _Sweeps()
     first, layout = None, None
     drift, left = Drift(), 0.0
     for place, record in enumerate(records):
@@ -109,29 +127,20 @@ def sweep(
             signals = record.signals[[*this.references, *this.responses], begin : begin + length]
             signals = signals - signals.mean(axis=1, keepdims=True)
             left = max(left, 0.0 if periodic else _left_over(signals[1:]))
-            lines = scipy.fft.rfft(signals, axis=1)
-            part = single_input.summed(lines[0], lines[1:])
-            force = this.inputs[0]
-            sums[force] = sums[force] + part if force in sums else part
-            whole = SpectraSums(lines[0], lines[1:])
-            spectra[force] = spectra[force] + whole if force in spectra else whole
-            weight = np.broadcast_to(part.force, part.cross.shape)
-            single.setdefault(force, SingleBlocks()).keep(
-                record.name, (part.cross * single_input.reciprocal(part.force)).T[:, :, None], weight.T[:, :, None]
-            )
+            sweeps.add(this.inputs[0], scipy.fft.rfft(signals, axis=1), record.name)
         advance(progress, "transforming sweeps", place + 1, len(records))
     assert first is not None
     assert layout is not None
     frequencies = scipy.fft.rfftfreq(length, 1 / first.sampling_rate)
-    total = reduce(add, sums.values())
+    total = reduce(add, sweeps.sums.values())
     keep = _lines(frequencies, total, band, channels.describe(run))
-    frfs = _frfs(run, sums, layout.outputs, frequencies[keep], keep, estimator, left)
+    frfs = _frfs(run, sweeps.sums, layout.outputs, frequencies[keep], keep, estimator, left)
     if estimator == "H1":
-        frfs = _without_force_noise(run, frfs, sums, spectra, keep)
+        frfs = _without_force_noise(run, frfs, sweeps, keep)
     where = channels.describe(run)
     differing = [
         finding
-        for blocks in single.values()
+        for blocks in sweeps.single.values()
         for finding in about_records(blocks, first.channels, layout.responses, where)
     ]
     other = () if periodic else stated_excitation.about_repeats(run, *frequencies[keep][[0, -1]])
@@ -146,14 +155,12 @@ def sweep(
     return _excited(run, frfs, np.arange(len(frequencies))[keep], total) if periodic else frfs
 
 
-def _without_force_noise(
-    run: Run, frfs: FrfSet, sums: dict[Dof, Sums], spectra: dict[Dof, SpectraSums], keep: slice
-) -> FrfSet:
+def _without_force_noise(run: Run, frfs: FrfSet, sweeps: _Sweeps, keep: slice) -> FrfSet:
     """FRFs of sweeps that repeat, without the bias by noise of their force where it has one."""
     assert frfs.variance is not None
     values, variance, findings = frfs.values.copy(), frfs.variance.copy(), list(frfs.findings)
     for column, force in enumerate(frfs.inputs):
-        repeated = repeated_sweeps.repeats(sums[force], spectra[force], keep)
+        repeated = repeated_sweeps.repeats(sweeps.sums[force], sweeps.spectra[force], keep)
         if repeated is None:
             continue
         values[:, :, column] = repeated.values[:, keep].T
@@ -309,31 +316,7 @@ def _frfs(
     parts = [single_input.estimate(part, estimator) for part in sums.values()]
     values, coherence, variance = (np.stack(list(each))[:, :, keep].transpose(2, 1, 0) for each in zip(*parts))
     averages = [float(part.averages) for part in sums.values()]
-    findings = list(hammer_findings.about_units(unit, where))
-    if left > hammer_findings.SWEEP_LEFT_OVER:
-        findings.append(
-            Finding(
-                "warning",
-                "leakage",
-                where,
-                f"the response at the end of the record still has {100 * left:.0f} % of its rms.",
-                left,
-                hammer_findings.SWEEP_LEFT_OVER,
-                "Record on until the structure is at rest.",
-            )
-        )
-    if min(averages) < 2:
-        findings.append(
-            Finding(
-                "warning",
-                "one-average",
-                where,
-                "one sweep only: the coherence is 1 by definition.",
-                1.0,
-                2.0,
-                "Repeat the sweep.",
-            )
-        )
+    findings = [*hammer_findings.about_units(unit, where), *_about_sweeps(left, min(averages), where)]
     return FrfSet(
         frequencies=frequencies,
         values=values,
@@ -350,3 +333,33 @@ def _frfs(
         findings=tuple(findings),
         provenance=Provenance(steps=("estimate.sweep",), options=(("estimator", estimator),)),
     )
+
+
+def _about_sweeps(left: float, averages: float, where: str) -> list[Finding]:
+    """Findings on a response that had not died away (rms at the end over that of the record) and on a single sweep."""
+    findings = []
+    if left > hammer_findings.SWEEP_LEFT_OVER:
+        findings.append(
+            Finding(
+                "warning",
+                "leakage",
+                where,
+                f"the response at the end of the record still has {100 * left:.0f} % of its rms.",
+                left,
+                hammer_findings.SWEEP_LEFT_OVER,
+                "Record on until the structure is at rest.",
+            )
+        )
+    if averages < 2:
+        findings.append(
+            Finding(
+                "warning",
+                "one-average",
+                where,
+                "one sweep only: the coherence is 1 by definition.",
+                1.0,
+                2.0,
+                "Repeat the sweep.",
+            )
+        )
+    return findings

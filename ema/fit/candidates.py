@@ -21,11 +21,21 @@ class Candidates:
     persistence: Float[np.ndarray, "cluster"]
 
     def keep(self, rows: Bool[np.ndarray, "cluster"]) -> "Candidates":
-        """Some of the clusters."""
+        """Some of the clusters, in their order.
+
+        Parameters
+        ----------
+        rows : which.
+        """
         return Candidates(self.poles[rows], self.participation[:, rows], self.persistence[rows])
 
     def joined(self, other: "Candidates") -> "Candidates":
-        """Both, without those of ``other`` that lie within their decay rate of one of these."""
+        """Both, without those of ``other`` that lie within half a decay rate (the larger of both) of one of these.
+
+        Parameters
+        ----------
+        other : clusters behind these, of the same references.
+        """
         distance = np.abs(other.poles[:, None] - self.poles[None, :])
         reach = np.maximum(np.abs(other.poles.real)[:, None], np.abs(self.poles.real)[None, :])
         new = other.keep(~np.any(distance < 0.5 * reach, axis=1))

@@ -19,7 +19,8 @@ CHANCE = 1e-4
 TURN = 0.25 * np.pi
 """Angle at the highest mode beyond which a turn may as well be one by half a turn more."""
 FEWEST = 3
-"""Modes from which on a delay can be distinguished from complex modes."""
+"""Modes from which on a delay can be distinguished from complex modes: two modes leave one phase of each channel to
+judge its scatter by."""
 
 
 @dataclass(frozen=True)

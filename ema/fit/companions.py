@@ -8,11 +8,13 @@ from ema.data import Finding, ModalModel
 from ema.shapes import auto_mac, modal_phase_collinearity
 
 _LIKE = 0.4
-"""MAC from which on the shapes of overlapping modes count as alike."""
+"""MAC from which on the shapes of overlapping modes count as alike. The parts of one resonance share a shape with other
+weights over the points: halved, its unit tests pass, doubled, the parts of a slipping joint are missed."""
 _COLLINEAR = 0.8
-"""Modal phase collinearity below which a shape is no real mode's."""
+"""Modal phase collinearity (1 for a real shape, Pappa et al. 1993) below which a shape is no real mode's."""
 _FEWEST = 6
-"""DOFs from which on like shapes say something."""
+"""DOFs from which on like shapes say something: of two random real shapes over six, 13 % have a MAC of `_LIKE`, over
+three, 37 % (beta distribution)."""
 
 
 def companions(model: ModalModel) -> tuple[Finding, ...]:

@@ -29,25 +29,31 @@ from ema.fit.scaling import scale_to_unit_modal_mass
 from ema.progress import Progress, advance, silent
 
 HEAVIEST = 0.25
-"""Damping ratio from which on a pole is no mode's but computational."""
+"""Damping ratio from which on a pole is no mode's but computational: above the largest of an accepted mode
+(`SelectionPolicy.heaviest`), so that no mode of the fit lacks a partner for this reason. Its unit tests pass at
+half."""
 _SKIP = 4
-"""Samples at the start of the impulse responses that are left out: the error by the ends of the band lives there."""
+"""Samples at the start of the impulse responses that are left out: the error by the ends of the band lives there. With
+2 its unit tests pass; with 8 two opinions on clean data no longer agree."""
 _ORDER = 60
 """Model order that is tried first; it is doubled while its smallest singular value stands clear of the noise."""
 _HIGHEST = 240
-"""Model order beyond which it is not doubled."""
+"""Model order beyond which it is not doubled: a bound on the work."""
 _COHERENT = 0.8
 """Extended modal amplitude coherence (Pappa, Elliott and Schenk 1993) below which a pole is noise."""
 _SUPPORT = 0.5
-"""Share of the lower orders, five between half and all of the order, in which a pole has to come back."""
+"""Share of the lower orders, five between half and all of the order, in which a pole has to come back: three of five.
+Its unit tests pass where two are enough, and where all five are wanted."""
 _CLEAR = 3.0
-"""Smallest singular value over that of noise above which the order is raised."""
+"""Smallest singular value over that of noise above which the order is raised. Its unit tests pass at 1.5 and at 6."""
 _UNSURE = 0.2
-"""Standard deviation over decay rate beyond which a pole is noise."""
+"""Standard deviation over decay rate beyond which a pole is noise: five of them to zero damping. Its unit tests pass at
+half and at twice the value."""
 _ALIKE = 0.8
-"""MAC of the shape in the realisation and of the residue in the FRFs."""
+"""MAC of the shape in the realisation and of the residue in the FRFs, below which they are not of one mode: of two
+random real shapes over six DOFs 0.7 % reach it (beta distribution)."""
 _PASSES = 6
-"""Passes over the residual at most."""
+"""Passes over the residual at most: a bound on the work. Its unit tests pass with 3 or 12."""
 _SETTLED = 1e-5
 """Relative progress of the cost by a pass below which it is the last one."""
 _MEMORY = 20000

@@ -22,11 +22,16 @@ from ema.fit.noise import NoiseLevel
 from ema.fit.range_finder import DIRECTIONS, Range, growing
 
 EDGE = 2.0
-"""Fixed poles of the residual terms lie at the band edges divided and multiplied by this."""
+"""Fixed poles of the residual terms lie at the band edges divided and multiplied by this.
+
+They stand for all that is farther away; what lies nearer is found as poles outside the band. At 1.5 and at 3 the modes
+of 14 random systems stay the same, and values move by up to 0.9 and 0.1 of their stated standard deviations.
+"""
 FIXED = complex(-0.05, 1.0)
 """These poles, over their angular frequency."""
 FEWEST = 24
-"""Directions of outputs that are always kept in the search: more cost next to nothing against the functions."""
+"""Directions of outputs that are always kept in the search: more cost next to nothing against the functions. With 12
+values of 14 random systems move by 0.4 standard deviations at most, with 48 not at all."""
 NARROWEST = 0.3
 """Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping."""
 SPIKE = 0.01
@@ -59,7 +64,11 @@ Its residue is then uncertain by 10,000 times what noise does to a single one. B
 determined, and it stands still.
 """
 DOUBT = 2.0
-"""Standard deviations above the mean of what noise gives to as many unknowns, within which these are left out."""
+"""Standard deviations above the mean of what noise gives to as many unknowns, within which these are left out: one in
+44 is kept by chance (normal approximation of chi-square), and what is left out gains too little to be told from noise.
+
+At 1 and at 4 the modes of 14 random systems stay the same, and values move by up to one stated standard deviation.
+"""
 FARTHEST = 0.7
 """Step of a pole, over its decay rate or its distance from the lines, beyond which the linearisation says nothing."""
 SLOWEST = 0.1

@@ -64,8 +64,23 @@ def realise(data: Responses, order: int, passes: int = 2) -> Realisation:
 
     Parameters
     ----------
-    order : highest model order.
+    data : impulse responses, and the size of their Hankel matrix in lags.
+    order : highest model order; lowered to the size and the numerical rank (1e-13) of the matrix.
     passes : power iterations of the random probing; they sharpen singular vectors near the noise.
+
+    Returns
+    -------
+    State matrix, singular values and vectors; the result is the same at every call (the probing has a fixed seed).
+
+    Examples
+    --------
+    Two decaying exponentials are a model of order 2, whatever order is asked for.
+
+    >>> decay = np.array([0.9, 0.8 + 0.3j])
+    >>> response = np.sum(decay ** np.arange(40)[:, None], axis=1)[:, None, None]
+    >>> state = realise(Responses(response, skip=0, rows=16, columns=16), order=6).state
+    >>> print(np.round(sorted(np.linalg.eigvals(state), key=abs), 6) + 0.0)
+    [0.8+0.3j 0.9+0.j ]
     """
     hankel = Hankel(data)
     _, outputs, references = data.h.shape

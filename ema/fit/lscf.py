@@ -25,7 +25,8 @@ from ema.fit.noise import NoiseLevel
 from ema.fit.range_finder import DIRECTIONS, growing
 
 CIRCLE = 1.2
-"""Length of the circle over the length of the band."""
+"""Length of the circle over the length of the band: the empty part keeps the ends of the band apart, which else were
+neighbours on the circle. At 1.08 and 1.32 no value of 14 random systems moves by 1e-5 standard deviations."""
 
 _NEGLIGIBLE = 1e-6
 """Weight of the whole circle in the equations, over that of the noise of the FRFs.

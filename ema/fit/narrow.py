@@ -16,7 +16,7 @@ _PROMINENT = 4.0
 fitted there. It only saves time: what a mode has to explain corresponds to more in a single FRF, and to as much in a
 few hundred."""
 _MOST = 16
-"""Places that are tried in one turn."""
+"""Places that are tried in one turn, the most prominent first: a bound on the work."""
 _AROUND = 4
 """Widths on each side of such a place whose lines are fitted."""
 _BESIDE = 3.0

@@ -15,7 +15,9 @@ Estimates from n averages scatter by 1 / sqrt(n) and more: ten thousand averages
 """
 
 _FLOOR = 1e-9
-"""Smallest noise, relative to the rms of an FRF, that the weights distinguish."""
+"""Smallest noise, relative to the rms of an FRF, that the weights distinguish: about a hundredth of the last digit of
+24 bits, so that FRFs from any converter have more and computed ones do not divide by zero. Modes of random systems do
+not depend on it."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,8 @@ def pooled(
 
 
 _POOLED = 25
-"""Lines over which measured variances are pooled."""
+"""Lines over which measured variances are pooled: one from n averages has 2 (n - 1) degrees of freedom, so that of
+three averages 25 lines give the variance to 14 %."""
 
 
 def measured(frfs: FrfSet) -> Float[np.ndarray, "freq out in"] | None:

@@ -13,7 +13,8 @@ from ema.errors import InputError
 from ema.fit.peaks import find_peak, pole_of, receptance, without_decay
 
 _SCATTER = 0.1
-"""Relative scatter of the damping over pairs of lines from which on the circle is not that of one linear mode."""
+"""Relative scatter of the damping over pairs of lines from which on the circle is not that of one linear mode. Its unit
+tests pass at half; at twice, noise that the tests add is no longer named."""
 
 
 def circle_fit(frfs: FrfSet, near: float, output: int = 0, input_: int = 0, bandwidths: float = 1.5) -> SingleMode:

@@ -14,7 +14,8 @@ _PLACES = (np.arange(9) - 4) / 4.5
 _WIDTHS = np.array([0.5, 1.0, 2.0])
 """Trial poles of a hidden mode: places over the reach of a mode, and decay rates over that of the mode."""
 _NEAR = 7
-"""Modes whose typical energy is that expected of a hidden one."""
+"""Modes whose typical energy is that expected of a hidden one: the median of seven is that of its neighbours, whatever
+three of them are. With 3 and with 14 the modes of 14 random systems stay the same."""
 
 
 def another_mode(

@@ -46,12 +46,14 @@ Under independent noise whatever passes `CHANCE` is larger; FRFs of a local mode
 SPREAD = 3.0
 """The same for a spread of poles, whose error is known better."""
 LEANS = 2.0
-"""Imaginary over real part of the factor from which on the frequency depends on the amplitude."""
+"""Imaginary over real part of the factor from which on the frequency depends on the amplitude: it decides between
+`leaning` and `feedback`, not whether the peak is named."""
 LOSS = 1.0
 """Spread of the poles over the part that is not causal from which on the damping depends on the amplitude: a slipping
 joint has about 4, noise in the force 0.4 at most."""
 FEWEST = 12
-"""Lines around a mode from which on the shape of its residual is examined."""
+"""Lines around a mode from which on the shape of its residual is examined: twice the six complex functions that are
+fitted to it."""
 AVERAGED = 0.5
 """Energy of third differences of the residuals of neighbouring lines between the peaks, over that of lines three apart,
 below which lines were averaged: 1 for independent lines, 0.2 for the mean of three, above 1 for windows."""

@@ -17,16 +17,18 @@ from ema.fit.prepare import prepare
 from ema.units import DERIVATIVE_ORDER
 
 FEWEST = 7
-"""Frequency lines below which there is no neighbourhood of a peak."""
+"""Frequency lines below which there is no neighbourhood of a peak: three on either side of its top."""
 
 _REACH = 0.05
 """Largest relative distance of a peak from the wanted frequency: damping of 20 % moves the top of a peak by 4 %."""
 
 _PROMINENCE = 1.0
-"""Height in dB of a peak over its surroundings, below which it is a wiggle."""
+"""Height in dB of a peak over its surroundings, below which it is a wiggle: 12 % in amplitude. Its unit tests pass at
+0.5 and at 2 dB."""
 
 _LEANING = 1.5
-"""Ratio of the two halves of the half-power bandwidth from which on a neighbour or a nonlinearity bends the peak."""
+"""Ratio of the two halves of the half-power bandwidth from which on a neighbour or a nonlinearity bends the peak.
+Receptances of one linear mode have 1.11 at a damping ratio of 10 % and 1.25 at 20 % (closed form)."""
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,9 @@ class SelectionPolicy:
     shape_scatter : variance of a shape over its energy beyond which a MAC of 0.8 with the true shape is not expected:
         the MAC is near 1 / (1 + scatter).
     confidence : probability that a mode is one, is nearest to itself and shows its own shape, below which it stays a
-        candidate. It is calibrated: of 3,067 modes accepted from 0.67 on (random systems of two seeds) 10 were false, and
-        10 is what their confidences add up to. Between 0.67 and 0.8 lie 4 of the false ones and 3 of 2,986 identifiable
-        modes; to 0.9 another false one and 12 identifiable ones.
+        candidate. It is calibrated: of 3,067 modes accepted from 0.67 on (two seeds of random systems) 10 were
+        false, and 10 is what their confidences add up to. Between 0.67 and 0.8 lie 4 of the false ones and 3 of
+        2,986 identifiable modes; to 0.9 another false one and 12 identifiable ones.
     alone : probability that a mode is not several that overlap, below which it stays a candidate.
     grouped : distance of two poles, in standard deviations of their difference, within which they are a group: their
         sum and the space of their shapes are determined, each for itself is not. Modes count as identifiable when the

@@ -19,14 +19,16 @@ _BEYOND = 3.0
 _AT_ONCE = 400_000
 """Values that are worked on at a time."""
 _ROUNDS = 5
-"""Optima at which the poles are judged again."""
+"""Optima at which the poles are judged again, at most: a bound on the work. With 2 the modes of 14 random systems stay
+the same."""
 _ITERATIONS, _CONVERGED, LOOSE = 25, 1e-13, 1e-4
 """Steps to the optimum at most, what they may still promise for each unknown in units of the noise (a millionth of a
 standard deviation), and the information that holds the unknowns in their place (`estimator.refine`)."""
 _UNKNOWN = 1e12
 """Variance over what the weights say of a value that the data do not determine: far beyond any prior."""
 _TRIED = 6
-"""Poles that are left out in turn, to see whether the others do without them."""
+"""Poles that are left out in turn, to see whether the others do without them: a bound on the work, the least determined
+first. With 3 and with 12 the modes of 14 random systems stay the same."""
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
 

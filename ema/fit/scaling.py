@@ -9,7 +9,7 @@ from ema.dof import match
 
 _DISAGREEMENT = 0.1
 """Largest relative difference of the modal masses by several drive points, weighted by their part in the shape, above
-which a finding names them."""
+which a finding names them. No value depends on it."""
 
 
 def scale_to_unit_modal_mass(model: ModalModel) -> ModalModel:

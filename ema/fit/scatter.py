@@ -15,7 +15,8 @@ _CHANCE = 5e-3
 _LARGEST_SHARE = 0.8
 """Share in the information of a pole that counts at most: the other outputs have to tell something to compare with."""
 _GROUPS = 16
-"""Groups of lines, each over the whole band."""
+"""Groups of lines, each over the whole band. Their scatter has as many degrees of freedom: with 8 stated standard
+deviations of 14 random systems change by up to 82 %, with 32 by up to 20 %, at the same values."""
 _LEVELS = 60
 """Levels of scatter that are tried, from a tenth of the smallest noise to all that is seen."""
 _PRIOR = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 64.0])

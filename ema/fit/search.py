@@ -15,10 +15,14 @@ from ema.fit.policy import POLICY, passes_for_mode
 from ema.fit.trials import DAMPING, apart, around, beside, gains_at, mode_gains, over_band, peaks, residue_gains
 
 MISFIT = 0.2
-"""Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told."""
+"""Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told.
+
+That of noise scatters by 1 / sqrt(2 n) for n values: of 200, 0.2 is four standard deviations. A window correlates
+noise too: where the variance of the FRFs is known, the residual must exceed it as well (`refinement`).
+"""
 
 _AT_ONCE = 6
-"""Modes added in one round."""
+"""Modes added in one round at most: with 3 and with 12 the modes of 14 random systems stay the same."""
 
 _WORTHWHILE = 0.1
 """Progress of a round, in units of what a mode has to gain, that is worth another one."""
@@ -30,23 +34,38 @@ noise (`MISFIT`): several at once stand for one mode until another one takes the
 one of 90 random systems. Of 550 searches in other systems two went beyond 1, with correlations of the residual of -0.02
 and -0.01; in a test whose resonances drift it was 0.70 there, and 0.66 after 77 poles more."""
 _FAILURES = 2
-"""Places where a mode seems to gain but replaces another one; after so many, the search ends."""
+"""Places where a mode seems to gain but replaces another one; after so many, the search ends. With 1 and with 4 the
+modes of 14 random systems stay the same."""
 
 _OUTSIDE = np.array([0.003, 0.01, 0.02, 0.04, 0.08, 0.16])
 """Distances from the edges of the band, over its width, at which resonances outside it are tried."""
 _CHANCE = 0.01
-"""Probability with which noise alone passes for a resonance outside the band, or for a weak one somewhere in it."""
+"""Probability with which noise alone passes for a resonance outside the band, or for a weak one somewhere in it. At
+half and at twice the value the modes of 14 random systems stay the same; values move by up to 0.8 standard
+deviations."""
 _TRIED = 200
 """Trial poles in one search: the best of so many explains by chance what a single one hardly ever does."""
 _WEAK = 6
-"""Weak resonances that are added in one search at most."""
+"""Weak resonances that are added in one search at most; each search (`modal._SEARCHES`) may add as many again."""
 _AGAIN = 24
 """Trial poles, the best on compressed data, that are judged again with the noise of every line of every FRF: what
 stands out there in a few FRFs that are small is hardly seen in the average."""
 
 
 def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int) -> Fit:
-    """Add modes that the residual still shows, the strongest first, as long as noise and misfit cannot explain them."""
+    """Add modes that the residual still shows, the strongest first, as long as noise and misfit cannot explain them.
+
+    Parameters
+    ----------
+    data : what is fitted, with its noise.
+    fit : fit to begin with.
+    band : lowest and highest frequency [Hz] of a trial pole.
+    rounds : modes that are added at most.
+
+    Returns
+    -------
+    The fit with the modes that were added, refined; ``fit`` itself where there was none.
+    """
     references, outputs = data.references, data.outputs
     freedom = 2 * outputs * references
     limit = passes_for_mode(freedom, len(data.s))

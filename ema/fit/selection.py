@@ -25,9 +25,11 @@ from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prun
 _ROUNDS = 100
 """Poles that are taken out one after the other at most: a bound on the work."""
 _SPREAD = 2.0
-"""Factor by which a misfit may raise or lower the noise of a bin."""
+"""Factor by which a misfit may raise or lower the noise of a bin: only where the residual is a misfit (`MISFIT`). At 1
+and at 4 the modes of 14 random systems stay the same."""
 _TELLING = 6
-"""Outputs from which on equal shapes say that two poles are one mode."""
+"""Outputs from which on equal shapes say that two poles are one mode: of two random real shapes over six, 0.1 % have
+the MAC of 0.9 that is asked for, over three, 5 % (beta distribution)."""
 _LINES = 2.0
 """Half-power bandwidth in frequency lines below which a mode has to show as a peak."""
 _DISPLACED = 0.2

@@ -40,7 +40,8 @@ CHANCE = 1e-3
 SAME = 0.9
 """MAC of the participation of a mode in one set-up with that in all of them, from which on it is the same mode."""
 AGREEMENT = 0.002
-"""Width of the agreement by which the common shift of two set-ups is comparison: that of modes which share it."""
+"""Relative difference (one width of a Gaussian weight) within which modes agree on a common shift of two set-ups; modes
+of the aligned FRFs within it take over the scatter between the set-ups."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,19 @@ def split(frfs: FrfSet) -> tuple[FrfSet, ...]:
 
 
 def compare(parts: Sequence[PartFit]) -> Comparison | None:
-    """Match the modes of set-ups and test whether they agree; ``None`` where no mode shows in two of them."""
+    """Match the modes of set-ups and test whether they agree.
+
+    The test is chi-squared on the natural logarithms of the frequencies, weighted with their standard deviations; a
+    mode that a set-up does not show is taken to have moved there as the others did.
+
+    Parameters
+    ----------
+    parts : fit of each set-up, at least two.
+
+    Returns
+    -------
+    Means, spread and shifts of the modes that at least two set-ups show, by frequency; ``None`` where there is none.
+    """
     rows = _matched(parts)
     rows = rows[np.count_nonzero(rows >= 0, axis=1) > 1]
     if not len(rows):

@@ -16,7 +16,9 @@ from ema.fit.peaks import FEWEST, Peak, find_peak, half_power, pole_of, receptan
 from ema.units import DERIVATIVE_ORDER
 
 _MISFIT = 0.05
-"""Residual above which a linear mode does not describe the peak."""
+"""Residual, as norm over the norm of the FRFs around the peak, above which a linear mode does not describe it: noise 26
+dB below the peak, or as much misfit. It only decides whether a finding names it; its unit tests pass at half and at
+twice."""
 
 _SETTLED = 1e-9
 """Step of the pole, in half bandwidths, that no longer matters: smaller ones are rounding, at which the cost no longer

@@ -13,7 +13,8 @@ from ema.fit.prepare import Prepared, prepare
 from ema.progress import Progress, advance, silent
 
 TOLERANCES = (0.01, 0.05, 0.02)
-"""Relative change of frequency and damping, and 1 - MAC of the participation vector, that still count as stable."""
+"""Relative change of frequency and damping, and 1 - MAC of the participation vector, that still count as stable: the
+usual ones of stabilisation diagrams. They make the letters of the diagram; no mode is selected by them."""
 
 
 def stabilise(

@@ -13,7 +13,9 @@ from ema.fit.single import local_fit
 from ema.progress import Progress, advance, silent
 
 _SAME = 0.1
-"""Relative difference up to which measured levels, or normal forces, count as one nominal value."""
+"""Relative difference up to which measured levels, or normal forces, count as one nominal value, where no nominal
+values are given. Its unit tests pass at 5 % and at 20 %; steps of less than that need ``force_levels`` and
+``normal_forces``."""
 
 
 def track(

@@ -14,9 +14,11 @@ from ema.fit.policy import POLICY
 DAMPING = np.array([0.001, 0.005, 0.02, 0.06])
 """Damping ratios of trial poles over the band."""
 _ADAPT = 6
-"""Modes whose poles and participation adapt to a trial pole: those whose peaks overlap most with it."""
+"""Modes whose poles and participation adapt to a trial pole: those whose peaks overlap most with it. With 3 and with 12
+the modes of 14 random systems stay the same."""
 _RIDGE = 1e-9
-"""Part of the information of a residue that is added to what is left of it when everything else adapts."""
+"""Part of the information of a residue that is added to what is left of it when everything else adapts: what rounding
+leaves there, as in `estimator.ROUNDING`. At half and at twice the value no mode of 14 random systems moves."""
 _ROW_VALUES = 4_000_000
 """Values of normal equations that are worked on at a time."""
 

@@ -10,9 +10,25 @@ from ema.errors import InputError
 def read(thing: Any, names: Sequence[str], what: str, advice: str = "") -> list[Any]:
     """Return attributes (or items of a mapping) of an object.
 
+    Parameters
+    ----------
+    thing : the object or the mapping.
+    names : attributes or keys that it must have.
+    what : what ``thing`` should be, with its article, for the message: ``"a modal analysis of pyFBS"``.
+    advice : next step for the message.
+
+    Returns
+    -------
+    Their values, in the order of ``names``.
+
     Raises
     ------
-    InputError : one of them is missing or not filled in.
+    InputError : one of them is missing or not filled in (None).
+
+    Examples
+    --------
+    >>> read({"freq": [10.0], "damping": 0.01}, ["damping", "freq"], "a table of poles")
+    [0.01, [10.0]]
     """
     values = [thing.get(name) if isinstance(thing, dict) else getattr(thing, name, None) for name in names]
     missing = [name for name, value in zip(names, values, strict=True) if value is None]

@@ -1,4 +1,4 @@
-"""What a placed beam will do at chosen conditions, with 95 % bands, told before it is bolted on."""
+"""What a placed beam will do at chosen conditions, with 95 % bands, predicted before it is installed."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -35,10 +35,17 @@ class Draw(NamedTuple):
 Beside = Callable[[Draw], Float[np.ndarray, "reading"]]
 """What else is to be computed of a draw."""
 ENOUGH = 0.8
-"""Share of the draws that have to have a steady state for a band to be told."""
+"""Share of the draws that must have a steady state for a band to be given."""
 _HARMONICS = 0.05
 """Change of a damping ratio by the upper harmonics from which on it is named."""
-_NEAR = 0.05
+_MODE_TOLERANCE = 0.1
+"""Largest relative distance between the median frequency of a map and that of a target mode without the beam.
+
+The beam moves a mode by some per cent; of several target modes within reach the nearest one counts. Half of it would
+refuse maps of modes that the beam moves by more than 5 %.
+"""
+_SAME_CONDITION = 0.05
+"""Largest relative difference between a force of a map and one of the forecast that count as the same condition."""
 _SHIFT = 0.02
 """By what share of its frequency a draw may leave the band in which the nominal resonance is looked for."""
 
@@ -145,18 +152,18 @@ def forecast_and_draws(
     if not 0 <= place < len(candidates):
         raise InputError("no such place", where="forecast", got=place, expected=f"0 to {len(candidates) - 1}")
     here = only(candidates, [place])
-    asked = task._replace(
+    at_conditions = task._replace(
         force_levels=np.asarray(force_levels, dtype=np.float64), normal_forces=np.asarray(normal_forces, np.float64)
     )
     rng = np.random.default_rng(seed)
-    nominal = question(asked, predicted(asked, here), 0, method == "measured")
+    nominal = question(at_conditions, predicted(at_conditions, here), 0, method == "measured")
     ((_, whole),) = verify_all([nominal], executor)
-    spread_out = np.repeat((shares(nominal) < MAJORITY)[:, None], len(asked.force_levels), axis=1)
+    spread_out = np.repeat((shares(nominal) < MAJORITY)[:, None], len(at_conditions.force_levels), axis=1)
     middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
     rough = fundamental(nominal)
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
     spread, opened, taken, read = _draws(
-        asked, here, nominal, harmonics, draws=draws, rng=rng, progress=progress, beside=beside
+        at_conditions, here, nominal, harmonics, draws=draws, rng=rng, progress=progress, beside=beside
     )
     parted = np.mean(opened, axis=0) > 1 - ENOUGH
     middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
@@ -174,8 +181,8 @@ def forecast_and_draws(
         tuple(mode + 1 for mode in task.modes),
         np.abs(bare) / (2 * np.pi),
         -bare.real / np.abs(bare),
-        asked.force_levels,
-        asked.normal_forces,
+        at_conditions.force_levels,
+        at_conditions.normal_forces,
         middle[:, 0],
         low[:, 0],
         high[:, 0],
@@ -229,9 +236,9 @@ def answered(
     case: Question, harmonics: Float[np.ndarray, "mode 2 level force"], rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "mode 2 level force"], Bool[np.ndarray, "mode level force"]]:
     """Frequency and damping ratio of one draw, its upper harmonics drawn too, and where its joints part."""
-    found = fundamental(case)
-    opened = found[:, 2] >= 1
-    values = np.where((opened & (case.pressure is not None))[:, None], np.nan, found[:, :2])
+    motion = fundamental(case)
+    opened = motion[:, 2] >= 1
+    values = np.where((opened & (case.pressure is not None))[:, None], np.nan, motion[:, :2])
     return values * np.exp(harmonics * rng.standard_normal((len(values), 2, 1, 1))), opened
 
 
@@ -340,14 +347,14 @@ def _uneven(asked: Question, scatter: float, rng: np.random.Generator) -> Questi
     return asked._replace(model=replace(asked.model, joints=tuple(joints)))
 
 
-def check(told: Forecast, charts: Sequence[ModalMap]) -> ForecastCheck:
+def check(forecast: Forecast, maps: Sequence[ModalMap]) -> ForecastCheck:
     """Compare a forecast with measured maps; each map belongs to the mode whose frequency without the beam is nearest.
 
     Parameters
     ----------
-    told : Forecast
-        The forecast.
-    charts : sequence of ModalMap
+    forecast : Forecast
+        Predicted frequency [Hz] and damping ratio (mode, level, force).
+    maps : sequence of ModalMap
         Measured maps, one per mode.
 
     Returns
@@ -367,35 +374,37 @@ def check(told: Forecast, charts: Sequence[ModalMap]) -> ForecastCheck:
     >>> comparison.inside, comparison.values
     (12, 12)
     """
-    measured = np.full((2, *told.damping.shape), np.nan)
+    measured = np.full((2, *forecast.damping.shape), np.nan)
     used: dict[int, str] = {}
-    for chart in charts:
-        where = chart.name or "map"
-        middle = float(np.nanmedian(chart.frequency))
-        mode = int(np.argmin(np.abs(told.bare_frequencies - middle)))
-        if abs(told.bare_frequencies[mode] / middle - 1) > 2 * _NEAR:
+    for measured_map in maps:
+        where = measured_map.name or "map"
+        frequency = float(np.nanmedian(measured_map.frequency))
+        mode = int(np.argmin(np.abs(forecast.bare_frequencies - frequency)))
+        if abs(forecast.bare_frequencies[mode] / frequency - 1) > _MODE_TOLERANCE:
             raise InputError(
-                "the map is about no mode of the forecast",
+                "the map belongs to none of the forecast's target modes",
                 where=where,
-                got=f"{middle:.1f} Hz",
-                expected=", ".join(f"{one:.1f} Hz" for one in told.bare_frequencies),
+                got=f"median frequency {frequency:.1f} Hz",
+                expected=f"within {_MODE_TOLERANCE:.0%} of "
+                + ", ".join(f"{f:.1f} Hz" for f in forecast.bare_frequencies),
+                advice="leave this map out, or add its mode to the target modes of the placement",
             )
         if mode in used:
             raise InputError("two maps of one mode", where=where, got=used[mode], expected="one map per mode")
         used[mode] = where
-        levels = _rows(told.force_levels, chart.force_levels)
-        forces = _rows(told.normal_forces, chart.normal_forces)
+        levels = _rows(forecast.force_levels, measured_map.force_levels)
+        forces = _rows(forecast.normal_forces, measured_map.normal_forces)
         pairs = [(i, j, a, b) for i, a in enumerate(levels) for j, b in enumerate(forces) if a >= 0 and b >= 0]
         if not pairs:
             raise InputError(
                 "the map holds none of the conditions of the forecast",
                 where=where,
-                got=f"F_E {chart.force_levels.tolist()} N, F_N {chart.normal_forces.tolist()} N",
-                expected=f"F_E {told.force_levels.tolist()} N, F_N {told.normal_forces.tolist()} N",
+                got=f"F_E {measured_map.force_levels.tolist()} N, F_N {measured_map.normal_forces.tolist()} N",
+                expected=f"F_E {forecast.force_levels.tolist()} N, F_N {forecast.normal_forces.tolist()} N",
             )
         for i, j, a, b in pairs:
-            measured[:, mode, i, j] = chart.frequency[a, b], chart.damping[a, b]
-    return ForecastCheck(told, measured[0], measured[1], tuple(used[mode] for mode in sorted(used)))
+            measured[:, mode, i, j] = measured_map.frequency[a, b], measured_map.damping[a, b]
+    return ForecastCheck(forecast, measured[0], measured[1], tuple(used[mode] for mode in sorted(used)))
 
 
 def _rows(wanted: np.ndarray, known: np.ndarray) -> list[int]:
@@ -403,5 +412,5 @@ def _rows(wanted: np.ndarray, known: np.ndarray) -> list[int]:
     result = []
     for value in wanted:
         row = int(np.argmin(np.abs(known - value)))
-        result.append(row if abs(known[row] - value) <= _NEAR * value else -1)
+        result.append(row if abs(known[row] - value) <= _SAME_CONDITION * value else -1)
     return result

@@ -87,8 +87,8 @@ def grid(
             centres.append(points[good])
             turned.append(np.full(good.sum(), angle))
             kinds.append(np.full(good.sum(), kind))
-    found = Candidates(np.concatenate(centres), np.concatenate(turned), np.concatenate(kinds), tuple(catalogue))
-    if not len(found):
+    candidates = Candidates(np.concatenate(centres), np.concatenate(turned), np.concatenate(kinds), tuple(catalogue))
+    if not len(candidates):
         sides = surface.extent[:, 1] - surface.extent[:, 0]
         lengths = ", ".join(f"{beam.length:.3g} m" for beam in catalogue)
         raise InputError(
@@ -98,7 +98,7 @@ def grid(
             expected=f"beams that fit on {sides[0]:.3g} m x {sides[1]:.3g} m beside what is kept out",
             advice="shorter beams, smaller keep-out areas, or a finer step",
         )
-    return found
+    return candidates
 
 
 def _inside(points: Float[np.ndarray, "p 2"], corners: Float[np.ndarray, "corner 2"]) -> Bool[np.ndarray, "p"]:

@@ -97,8 +97,8 @@ def control_study(
     chosen = task.modes[0] if mode is None else mode
     frequency = float(np.abs(task.bare.poles[chosen]) / (2 * np.pi))
     # the energy of a structure that sways on its suspension says nothing about the joints
-    held = without_suspension(task)
-    model = model_at(held.bare, held.surface, candidates, place, task.joint, normal_force)
+    elastic = without_suspension(task)
+    model = model_at(elastic.bare, elastic.surface, candidates, place, task.joint, normal_force)
     forces = [factor * normal_force for factor in FACTORS]
     lines = ring_downs(model, load, task.at, frequency, normal_forces=forces, lag=lag, progress=progress)
     levels, steady, scheduled = _steady(task, candidates, place, objective or Objective())
@@ -124,21 +124,21 @@ def _verdict(lines: Sequence[ControlLine], levels: np.ndarray, steady: np.ndarra
     best = min(lines[1:], key=lambda line: line.energy)
     gain = 1 - best.energy / lines[0].energy
     if gain > 0.1:
-        told = (
+        statement = (
             f"After a release, a normal force {best.law} (up to {best.force:.3g} N) removes the vibration energy with "
             f"{gain:.0%} less of its integral over time than the best constant force of {lines[0].force:.3g} N"
         )
     else:
-        told = (
+        statement = (
             f"After a release, no controlled force removes the energy by more than 10 % sooner than the best constant "
             f"one of {lines[0].force:.3g} N"
         )
     if np.isfinite(best.to_two):
-        waited = f"{1e3 * lines[0].to_two:.3g} ms" if np.isfinite(lines[0].to_two) else "longer than the run"
-        told += f"; to 2 % of the amplitude it takes {1e3 * best.to_two:.3g} ms instead of {waited}"
+        constant = f"{1e3 * lines[0].to_two:.3g} ms" if np.isfinite(lines[0].to_two) else "longer than the run"
+        statement += f"; to 2 % of the amplitude it takes {1e3 * best.to_two:.3g} ms instead of {constant}"
     mean, least = np.nanmean(scheduled) / np.nanmean(steady) - 1, np.nanmin(scheduled) / np.nanmin(steady) - 1
     return (
-        f"{told}. In steady vibration at {levels.min():.3g} to {levels.max():.3g} N, a normal force set for each level "
-        f"changes the mean damping by {100 * mean:+.0f} % and the least by {100 * least:+.0f} % against one force for "
-        "all levels."
+        f"{statement}. In steady vibration at {levels.min():.3g} to {levels.max():.3g} N, a normal force set for "
+        f"each level changes the mean damping by {100 * mean:+.0f} % and the least by {100 * least:+.0f} % against one "
+        "force for all levels."
     )

@@ -80,7 +80,7 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
     """Modes that become two resonances, and joints that never slide, for one of the ranked places of ``prediction``."""
     coupled = _Coupled.at(task, prediction.candidates, candidate, float(prediction.normal_forces[force]))
     where = f"rank {candidate + 1}"
-    found = []
+    findings = []
     for m, mode in enumerate(prediction.modes):
         omega = float(np.abs(task.bare.poles[mode]))
         for stuck in (True, False):
@@ -95,10 +95,10 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
                 )
                 advice = "Two peaks or an absorber effect: check with all modes together."
                 value = float(shares[second])
-                found.append(Finding("warning", "second-resonance", where, message, value, SECOND, advice))
+                findings.append(Finding("warning", "second-resonance", where, message, value, SECOND, advice))
                 break
         if np.all(prediction.slip[candidate, m, :, force] < 1):
-            found.append(
+            findings.append(
                 Finding(
                     "info",
                     "no-slip",
@@ -109,24 +109,24 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
                     "The damping comes from the contact's loss factors alone; press less.",
                 )
             )
-    return tuple(found)
+    return tuple(findings)
 
 
 def about_points(task: Task) -> tuple[Finding, ...]:
-    """Whether every target mode has enough points per half wave, told by its curvature energy."""
+    """Whether every target mode has enough points per half wave, judged by its curvature energy."""
     surface = task.surface
     sides = surface.extent[:, 1] - surface.extent[:, 0]
     spacing = np.sqrt(sides.prod() / len(surface.points))
     grid = np.stack([p.ravel() for p in np.meshgrid(*(np.linspace(a, b, 15) for a, b in surface.extent))], axis=1)
     value, slope = surface.values(grid), [surface.values(grid, 1, angle) for angle in (0.0, np.pi / 2)]
-    found = []
+    findings = []
     for mode in task.modes:
         height = np.sqrt(np.mean(value[:, mode] ** 2))
         steepest = np.sqrt(max(float(np.mean(part[:, mode] ** 2)) for part in slope))
         half_wave = np.pi * height / max(steepest, 1e-300)
         points = float(half_wave / spacing)
         if points < POINTS_PER_HALF_WAVE:
-            found.append(
+            findings.append(
                 Finding(
                     "warning",
                     "few-points",
@@ -137,7 +137,7 @@ def about_points(task: Task) -> tuple[Finding, ...]:
                     "Measure a finer grid: slopes and curvatures of this mode are uncertain.",
                 )
             )
-    return tuple(found)
+    return tuple(findings)
 
 
 def about_holes(prediction: Prediction) -> tuple[Finding, ...]:

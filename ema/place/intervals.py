@@ -139,5 +139,5 @@ def beams_drawn(candidates: Candidates, rng: np.random.Generator) -> Candidates:
 
 
 def _rows(task: Task, dof: Dof | str) -> list[int]:
-    found = match([Dof.parse(dof)], task.bare.dofs)
-    return [found[0][1]] if found else []
+    matches = match([Dof.parse(dof)], task.bare.dofs)
+    return [matches[0][1]] if matches else []

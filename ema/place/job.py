@@ -10,7 +10,7 @@ import numpy as np
 from ema.data import Finding, Geometry, ModalModel, Provenance
 from ema.data.comparison import Verdict
 from ema.data.forecast import Forecast
-from ema.data.placement import Candidates, Placement, Ranking
+from ema.data.placement import Candidates, ControlStudy, Place, Placement, Ranking
 from ema.data.trials import Trials
 from ema.errors import InputError
 from ema.place.bands import forecast
@@ -40,13 +40,17 @@ def place(
     resume: bool = False,
     progress: Progress = silent,
 ) -> Placement:
-    """Answer a recipe for a structure of which ``bare`` are the modes without the beam.
+    """Answer a recipe for a structure of which the modes without the beam are known.
 
     Parameters
     ----------
+    recipe : beam, candidates, target modes, objective and forces.
+    bare : mass-normalised modes without the beam, at the points of ``geometry``.
+    geometry : points at which the beam may stand, in m.
     verdict : of the joint model against a measurement, where there is one.
     anyway : place with a model that does not agree; the placement then carries a warning for the first line.
     executor, folder, resume : see ``ema.place.search``.
+    progress : called after each step with what it is.
 
     Raises
     ------
@@ -54,41 +58,9 @@ def place(
         ``ema.place.search`` raises.
     """
     where = bare.name or "bare structure"
-    if verdict is not None and not verdict.agrees and not anyway:
-        raise InputError(
-            "the joint model does not agree with the measurement",
-            where=where,
-            got=" ".join(verdict.sentences),
-            expected="a model that agrees",
-            advice="update the model, or place with --anyway",
-        )
-    if bare.condition.joints:
-        names = ", ".join(joint.joint for joint in bare.condition.joints)
-        raise InputError(
-            "these modes were measured with a friction beam",
-            where=where,
-            got=f"joints {names}",
-            expected="the structure without the beam",
-            advice="choose the bare run",
-        )
-    measured = len(bare.poles)
-    bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
-    modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
-    if len(set(modes)) < len(modes):
-        raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
-    surface = with_body_uncertainty(smooth(bare, geometry), len(bare.poles) - measured, recipe.mass is not None)
-    task = Task(
-        bare,
-        surface,
-        recipe.bolted_joint(),
-        recipe.at,
-        np.array(recipe.force),
-        np.unique(recipe.normal_force),
-        modes,
-        recipe.output,
-        in_plane=recipe.in_plane,
-    )
-    effort, wanted = recipe.search, recipe.wanted()
+    _refuse_unsuitable(bare, None if anyway else verdict, where)
+    task, hung = _task(recipe, bare, geometry, where)
+    surface, effort, wanted = task.surface, recipe.search, recipe.wanted()
     candidates = grid(
         surface, recipe.catalogue(), effort.step, np.radians(effort.angles).tolist(), recipe.keep_out(), effort.margin
     )
@@ -112,20 +84,8 @@ def place(
             got=" ".join(one.message for one in ranking.findings if one.code in _UNSUITABLE),
             advice="press more, excite less, or take another beam",
         )
-    study = None
-    if recipe.control is not None:
-        best = ranking.best
-        study = control_study(
-            task,
-            candidates,
-            best.candidate,
-            best.normal_force,
-            recipe.control.load,
-            lag=recipe.control.lag,
-            objective=wanted,
-            progress=progress,
-        )
-    told, tests, beyond = _told(recipe, task, candidates, ranking, executor, progress)
+    study = _control(recipe, task, candidates, ranking.best, progress)
+    predicted, tests, beyond = _forecast(recipe, task, candidates, ranking, executor, progress)
     return Placement(
         recipe.title or f"Friction beam on {where}",
         ranking,
@@ -139,12 +99,73 @@ def place(
         (*ranking.findings, *recipe.former_names, *hung, *beyond, *_about_verdict(verdict)),
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
         geometry,
-        told,
+        predicted,
         tests,
     )
 
 
-def _told(
+def _refuse_unsuitable(bare: ModalModel, verdict: Verdict | None, where: str) -> None:
+    """Refuse a joint model that does not agree with its measurement, and modes that were measured with a beam."""
+    if verdict is not None and not verdict.agrees:
+        raise InputError(
+            "the joint model does not agree with the measurement",
+            where=where,
+            got=" ".join(verdict.sentences),
+            expected="a model that agrees",
+            advice="update the model, or place with --anyway",
+        )
+    if bare.condition.joints:
+        names = ", ".join(joint.joint for joint in bare.condition.joints)
+        raise InputError(
+            "these modes were measured with a friction beam",
+            where=where,
+            got=f"joints {names}",
+            expected="the structure without the beam",
+            advice="choose the bare run",
+        )
+
+
+def _task(recipe: PlaceRecipe, bare: ModalModel, geometry: Geometry, where: str) -> tuple[Task, tuple[Finding, ...]]:
+    """Target modes, surface and forces of the recipe, with the rigid-body modes of a structure that hangs freely."""
+    measured = len(bare.poles)
+    bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
+    modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
+    if len(set(modes)) < len(modes):
+        raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
+    surface = with_body_uncertainty(smooth(bare, geometry), len(bare.poles) - measured, recipe.mass is not None)
+    task = Task(
+        bare,
+        surface,
+        recipe.bolted_joint(),
+        recipe.at,
+        np.array(recipe.force),
+        np.unique(recipe.normal_force),
+        modes,
+        recipe.output,
+        in_plane=recipe.in_plane,
+    )
+    return task, tuple(hung)
+
+
+def _control(
+    recipe: PlaceRecipe, task: Task, candidates: Candidates, best: Place, progress: Progress
+) -> ControlStudy | None:
+    """What a controlled normal force would bring at the best place, where the recipe asks for it."""
+    if recipe.control is None:
+        return None
+    return control_study(
+        task,
+        candidates,
+        best.candidate,
+        best.normal_force,
+        recipe.control.load,
+        lag=recipe.control.lag,
+        objective=recipe.wanted(),
+        progress=progress,
+    )
+
+
+def _forecast(
     recipe: PlaceRecipe,
     task: Task,
     candidates: Candidates,
@@ -153,16 +174,16 @@ def _told(
     progress: Progress,
 ) -> tuple[Forecast | None, Trials | None, tuple[Finding, ...]]:
     """The forecast that the recipe asks for, if any, with its tests, and what is to be known about the modes behind."""
-    asked = recipe.forecast
-    if asked is None:
+    table = recipe.forecast
+    if table is None:
         return None, None, ()
     bare, surface, beyond = task.bare, task.surface, tuple[Finding, ...]()
-    if asked.above == "plate":
+    if table.above == "plate":
         bare, surface, beyond = with_plate(bare, surface)
-    task = task._replace(bare=bare, surface=surface, scale_std=0.5 * asked.calibration_std)
-    best, levels, forces = ranking.best.candidate, asked.force or recipe.force, asked.normal_force
+    task = task._replace(bare=bare, surface=surface, scale_std=0.5 * table.calibration_std)
+    best, levels, forces = ranking.best.candidate, table.force or recipe.force, table.normal_force
     if recipe.trials is None:
-        effort = (asked.draws, asked.seed, asked.method, executor, progress)
+        effort = (table.draws, table.seed, table.method, executor, progress)
         return forecast(task, candidates, best, levels, forces, *effort), None, beyond
     spots = [Spot(one.candidate, max(levels), one.normal_force) for one in ranking.places[1 : 1 + recipe.trials.places]]
     candidates, done = _done(recipe.trials, candidates, best, levels=levels, forces=forces)
@@ -174,14 +195,14 @@ def _told(
         forces,
         others=[*(spot for spot, _ in done if spot is not None), *spots],
         costs=recipe.trials.costs(),
-        draws=asked.draws,
-        seed=asked.seed,
-        method=asked.method,
+        draws=table.draws,
+        seed=table.seed,
+        method=table.method,
         executor=executor,
         progress=progress,
     )
-    for _, table in done:
-        tests = _after(tests, table)
+    for _, one in done:
+        tests = _after(tests, one)
     return tests.forecast, tests, beyond
 
 
@@ -263,7 +284,7 @@ def _about_verdict(verdict: Verdict | None) -> tuple[Finding, ...]:
             "info",
             "not-compared",
             "joint",
-            "the joint model was not held against a measurement.",
+            "the joint model was not compared with a measurement.",
             None,
             None,
             "Compare it with a measured map, and name the result as agreement.",

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from ema.data import BeamModel, Damping, Joint, Matrices, ModalModel
-from ema.data.placement import BoltedJoint, Candidates
+from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.dof import Dof
-from ema.place.flexibility import flexibility
+from ema.place.flexibility import Flexibility, flexibility
 from ema.place.predictor import ELEMENTS, beam_matrices
 from ema.shapes import Surface, mass_of
 
@@ -75,47 +75,91 @@ def model_at(
     """
     beam = candidates.catalogue[int(candidates.beams[place])]
     points, angle = candidates.joints(place), float(candidates.angles[place])
+    # bolts press a round patch; where its length is not given, the beam touches with its whole width
+    above = flexibility(bare, surface, points, angle, joint.contact_length or beam.width)
+    host = _host(bare, surface, points, angle, above, flexibility_factor)
+    mass = mass_of(bare, surface) if in_plane == "free" else None
+    if mass is not None:
+        host = _swaying(host, mass)
+    inertia, stiffness, *_ = beam_matrices(beam)
+    count = len(inertia) // 3
+    beam_dofs = tuple(Dof(node, direction, PART) for node in range(count) for direction in ("+X", "+Z", "-RY"))
+    return BeamModel(
+        host,
+        Matrices(inertia, stiffness, beam_dofs),
+        _joints(beam, joint, normal_force),
+        Damping(),
+        name=f"place {place}",
+        pair_spacing=None,
+        beam_loss=beam.loss,
+    )
+
+
+def _host(
+    bare: ModalModel,
+    surface: Surface,
+    points: Float[np.ndarray, "joint 2"],
+    angle: float,
+    above: Flexibility | None,
+    flexibility_factor: float,
+) -> ModalModel:
+    """The measured modes with their deflection and slope at the joints, and modes of the flexibility ``above`` them."""
     deflection, slope = surface.values(points), surface.values(points, 1, angle)
     rows, dofs = [np.real(bare.shapes)], list(bare.dofs)
-    for number in range(beam.joints):
+    for number in range(len(points)):
         node = FIRST_NODE + number
         rows += [np.zeros((1, len(bare.poles))), deflection[number : number + 1], slope[number : number + 1]]
         dofs += [Dof(node, "+X"), Dof(node, "+Z"), Dof(node, "-RY")]
     shapes, poles = np.concatenate(rows).astype(complex), bare.poles
-    # bolts press a round patch; where its length is not told, the beam touches with its whole width
-    above = flexibility(bare, surface, points, angle, joint.contact_length or beam.width)
     if above is not None:
         # one mode for each joint and motion, of the flexibility phi^2/omega^2
         amplitudes = np.sqrt(flexibility_factor * np.stack([above.deflection, above.slope])).T * above.frequency
-        extra = np.zeros((len(dofs), 2 * beam.joints), complex)
-        for number in range(beam.joints):
+        extra = np.zeros((len(dofs), 2 * len(points)), complex)
+        for number in range(len(points)):
             for motion in range(2):
                 extra[len(bare.dofs) + 3 * number + 1 + motion, 2 * number + motion] = amplitudes[number, motion]
         shapes = np.hstack([shapes, extra])
         ratio = np.median(-bare.poles.real / np.abs(bare.poles))
-        poles = np.append(poles, np.full(2 * beam.joints, above.frequency * (-ratio + 1j * np.sqrt(1 - ratio**2))))
-    mass = mass_of(bare, surface) if in_plane == "free" else None
-    if mass is not None:
-        # translation along the beam, of unit modal mass; on the suspension, as the lowest mode normal to the surface
-        sway = np.array([dof.node >= FIRST_NODE and dof.axis == "X" for dof in dofs]) / np.sqrt(mass)
-        shapes = np.column_stack([shapes, sway.astype(complex)])
-        poles = np.append(poles, bare.poles[np.argmin(np.abs(bare.poles))])
-    host = ModalModel(
+        poles = np.append(poles, np.full(2 * len(points), above.frequency * (-ratio + 1j * np.sqrt(1 - ratio**2))))
+    return _modal_host(bare, poles, shapes, tuple(dofs))
+
+
+def _swaying(host: ModalModel, mass: float) -> ModalModel:
+    """The host with its translation along the beam, of unit modal mass; on the suspension, as the lowest mode normal to
+    the surface.
+    """
+    sway = np.array([dof.node >= FIRST_NODE and dof.axis == "X" for dof in host.dofs]) / np.sqrt(mass)
+    lowest = host.poles[np.argmin(np.abs(host.poles))]
+    return _modal_host(
+        host, np.append(host.poles, lowest), np.column_stack([host.shapes, sway.astype(complex)]), host.dofs
+    )
+
+
+def _modal_host(
+    bare: ModalModel,
+    poles: Complex[np.ndarray, "mode"],
+    shapes: Complex[np.ndarray, "dof mode"],
+    dofs: tuple[Dof, ...],
+) -> ModalModel:
+    return ModalModel(
         poles,
         shapes,
-        tuple(dofs),
+        dofs,
         shapes / (2j * poles.imag),
-        tuple(dofs),
+        dofs,
         scaling="unit modal mass",
         condition=bare.condition,
         name=bare.name,
     )
-    inertia, stiffness, *_ = beam_matrices(beam)
-    count = len(inertia) // 3
-    beam_dofs = tuple(Dof(node, direction, PART) for node in range(count) for direction in ("+X", "+Z", "-RY"))
+
+
+def _joints(
+    beam: FrictionBeam, joint: BoltedJoint, normal_force: float | Sequence[float] | Float[np.ndarray, "joint"]
+) -> tuple[Joint, ...]:
+    """The joints from the nodes of the host to those of the beam, with F_N [N] of every joint, or of each."""
     first = 1 if beam.overhang > 0 else 0
     forces = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), (beam.joints,))
-    joints = tuple(
+    return tuple(
         Joint(
             f"J{number + 1}",
             ((FIRST_NODE + number, first + number * ELEMENTS),),
@@ -129,13 +173,4 @@ def model_at(
             contact_length=joint.contact_length,
         )
         for number, force in enumerate(forces)
-    )
-    return BeamModel(
-        host,
-        Matrices(inertia, stiffness, beam_dofs),
-        joints,
-        Damping(),
-        name=f"place {place}",
-        pair_spacing=None,
-        beam_loss=beam.loss,
     )

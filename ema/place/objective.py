@@ -137,11 +137,11 @@ def recommended_forces(prediction: Prediction, objective: Objective, candidate: 
     >>> recommended_forces(ranking().prediction, Objective(), candidate=0).round(0)
     array([403., 400.])
     """
-    one = of_rows(prediction, [candidate])
+    chosen = of_rows(prediction, [candidate])
     forces = np.log(prediction.normal_forces)
     result = np.full(len(prediction.force_levels), np.nan)
     for row in range(len(result)):
-        values = scores(at_level(one, row), objective)[0]
+        values = scores(at_level(chosen, row), objective)[0]
         top = int(values.argmax())
         if not np.isfinite(values[top]):
             continue

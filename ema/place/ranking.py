@@ -177,11 +177,11 @@ def search(
 
 def _about_range(task: Task, places: tuple[Place, ...]) -> tuple[Finding, ...]:
     """Whether the best place wants the smallest or the largest normal force that was asked for."""
-    asked = np.sort(task.normal_forces)
-    if not places or len(asked) < 2 or places[0].normal_force not in (asked[0], asked[-1]):
+    tried = np.sort(task.normal_forces)
+    if not places or len(tried) < 2 or places[0].normal_force not in (tried[0], tried[-1]):
         return ()
     best = places[0].normal_force
-    end, beyond = ("smallest", "smaller") if best == asked[0] else ("largest", "larger")
+    end, beyond = ("smallest", "smaller") if best == tried[0] else ("largest", "larger")
     return (
         Finding(
             "warning",

@@ -225,7 +225,7 @@ class PlaceRecipe(Table):
         return self
 
     def bolted_joint(self) -> BoltedJoint:
-        """The joint as a noun."""
+        """The joint as a container."""
         table = self.joint
         return BoltedJoint(
             law_of(table.law),
@@ -248,7 +248,7 @@ class PlaceRecipe(Table):
         )
 
     def catalogue(self) -> tuple[FrictionBeam, ...]:
-        """The beams as nouns."""
+        """The beams as containers."""
         return tuple(
             FrictionBeam(
                 one.spacing,
@@ -272,7 +272,7 @@ class PlaceRecipe(Table):
         return tuple(np.array(area, dtype=np.float64) for area in self.search.keep_out)
 
     def wanted(self) -> Objective:
-        """The objective as a noun."""
+        """The objective as a container."""
         table = self.objective
         weights = None if table.mode_weights is None else tuple(table.mode_weights)
         return Objective(table.aim, table.over_levels, weights, table.robust)
@@ -302,7 +302,11 @@ KIND = FileKind(
 
 
 def load(path: Path) -> PlaceRecipe:
-    """Read a recipe.
+    """Read a placement recipe.
+
+    Parameters
+    ----------
+    path : the TOML file; paths in it are relative to its folder.
 
     Raises
     ------

@@ -87,13 +87,13 @@ def distribute(
     start = np.zeros(joints - 1)
     equal = least(start)
     simplex = np.vstack([start, *(0.7 * row for row in np.eye(joints - 1))])
-    found = minimize(
+    optimum = minimize(
         lambda logits: -least(logits),
         start,
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "maxfev": evaluations, "xatol": 0.02, "fatol": 1e-3 * equal},
     )
-    return Distribution(total * _shares(found.x), max(float(-found.fun), equal), equal)
+    return Distribution(total * _shares(optimum.x), max(float(-optimum.fun), equal), equal)
 
 
 def _shares(logits: Float[np.ndarray, "free"]) -> Float[np.ndarray, "joint"]:
@@ -107,8 +107,8 @@ def _band(task: Task, candidates: Candidates, place: int, mode: int, force: floa
     """Where the mode may go: the predicted frequencies from a tenth to ten times the normal force, a little wider."""
     from ema.place.task import only
 
-    asked = task._replace(modes=(mode,), normal_forces=force * np.geomspace(0.1, 10, 7))
-    frequency = predicted(asked, only(candidates, [place])).frequency
+    wide = task._replace(modes=(mode,), normal_forces=force * np.geomspace(0.1, 10, 7))
+    frequency = predicted(wide, only(candidates, [place])).frequency
     return 0.96 * float(np.nanmin(frequency)), 1.04 * float(np.nanmax(frequency))
 
 
@@ -117,5 +117,5 @@ def _least_damping(
 ) -> float:
     from ema.simulate import resonances
 
-    found = resonances(model.with_normal_force(forces.tolist()), task.force_levels, task.at, task.at, band, _TOLERANCE)
-    return min(one.damping for one in found)
+    peaks = resonances(model.with_normal_force(forces.tolist()), task.force_levels, task.at, task.at, band, _TOLERANCE)
+    return min(peak.damping for peak in peaks)

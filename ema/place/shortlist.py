@@ -74,8 +74,8 @@ def answer(question: Question) -> Float[np.ndarray, "mode 4 level force"]:
     strange = np.isfinite(rough) & ~(np.abs(result[:, 0] / rough - 1) <= _REACH[0])
     for row, number, column in np.argwhere(strange):
         model = question.model.with_normal_force(float(forces[column]))
-        found = _near(question, model, float(levels[number]), float(rough[row, number, column]))
-        result[row, :3, number, column] = found
+        peak = _near(question, model, float(levels[number]), float(rough[row, number, column]))
+        result[row, :3, number, column] = peak
     result[:, 3] = pulling[:, 2]
     if question.pressure is not None:
         whole = fundamental(question._replace(pressure=None)) if question.fitted else pulling
@@ -113,10 +113,10 @@ def _near(question: Question, model: BeamModel, level: float, frequency: float) 
     for reach in _REACH:
         band = frequency * (1 - reach), frequency * (1 + reach)
         force = np.array([model.joints[0].normal_force])
-        one = question._replace(model=model, force_levels=np.array([level]), normal_forces=force)
-        found = _largest(one, band)[:, 0, 0]
-        if np.isfinite(found[0]):
-            return float(found[0]), float(found[1]), float(found[2])
+        single = question._replace(model=model, force_levels=np.array([level]), normal_forces=force)
+        peak = _largest(single, band)[:, 0, 0]
+        if np.isfinite(peak[0]):
+            return float(peak[0]), float(peak[1]), float(peak[2])
     return np.nan, np.nan, np.nan
 
 
@@ -243,9 +243,10 @@ def question(task: Task, prediction: Prediction, row: int, fitted: bool = False)
     """The model of one place, and for every mode the band of its predicted frequencies, a little wider."""
     bands = []
     for m, bare in enumerate(prediction.bare_frequencies):
-        found = prediction.frequency[row, m]
-        found = found[np.isfinite(found)] if np.isfinite(found).any() else np.array([0.9 * bare, 1.1 * bare])
-        bands.append((float((1 - _WIDER) * found.min()), float((1 + _WIDER) * found.max())))
+        frequencies = prediction.frequency[row, m]
+        known = frequencies[np.isfinite(frequencies)]
+        low, high = (known.min(), known.max()) if len(known) else (0.9 * bare, 1.1 * bare)
+        bands.append((float((1 - _WIDER) * low), float((1 + _WIDER) * high)))
     pressed = float(prediction.normal_forces[0])
     model = model_at(task.bare, task.surface, prediction.candidates, row, task.joint, pressed, in_plane=task.in_plane)
     return Question(
@@ -385,5 +386,5 @@ class KeptPlaces:
 
     def _former(self, question: str) -> list[Path]:
         """Files of the answer by other code."""
-        found = self.folder.glob(f"{question}*.npy")
-        return [path for path in found if path.name != self.name(question)]
+        answers = self.folder.glob(f"{question}*.npy")
+        return [path for path in answers if path.name != self.name(question)]

@@ -1,18 +1,18 @@
 """A plate of a model file as if it had been measured: its bare modes, its points, and the question its file asks."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 import acquisition
 from acquisition import model_file
-from ema import store
 from ema.data import Geometry, Matrices, ModalModel, poles_from
 from ema.data.comparison import Verdict
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.recipe import PlaceRecipe
+from ema.store.reading import containers
 
 MODES = 16
 """Elastic modes of the bare structure that are kept."""
@@ -25,8 +25,8 @@ def bare_of_model(path: Path) -> tuple[ModalModel, Geometry]:
     ------
     InputError : the structure is no plate, whose points are known.
     """
-    told, model = model_file.load(path), acquisition.open_model(path)
-    x, y = _plate(told, path)
+    file, model = model_file.load(path), acquisition.open_model(path)
+    x, y = _plate(file, path)
     assert isinstance(model.host, Matrices)
     from scipy.linalg import eigh
 
@@ -37,7 +37,7 @@ def bare_of_model(path: Path) -> tuple[ModalModel, Geometry]:
     shapes = vectors[rows][:, kept].astype(complex)
     poles = poles_from(np.sqrt(squares[kept]) / (2 * np.pi), np.full(len(kept), model.damping.ratio or 1e-4))
     bare = ModalModel(
-        poles, shapes, dofs, shapes / (2j * poles.imag), dofs, scaling="unit modal mass", name=told.model.name
+        poles, shapes, dofs, shapes / (2j * poles.imag), dofs, scaling="unit modal mass", name=file.model.name
     )
     nodes = np.arange(len(x))
     return bare, Geometry(nodes, np.stack([x, y, np.zeros(len(x))], axis=1))
@@ -51,9 +51,9 @@ def _elastic(squares: np.ndarray) -> np.ndarray:
     return np.arange(first, len(squares))
 
 
-def _plate(told: model_file.ModelFile, path: Path) -> tuple[np.ndarray, np.ndarray]:
+def _plate(file: model_file.ModelFile, path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates of the nodes of the plate, node i * (ny + 1) + j at (x_i, y_j)."""
-    structure = told.structure
+    structure = file.structure
     if structure.kind != "plate" or structure.length is None or structure.width is None:
         raise InputError(
             "no points are known of this structure",
@@ -81,15 +81,15 @@ def verdict_of(recipe: PlaceRecipe, origin: Path) -> Verdict | None:
     if not recipe.agreement:
         return None
     path = origin / recipe.agreement
-    held = store.load(path)
-    for noun in [held, *(held.values() if isinstance(held, Mapping) else [])]:
-        found = noun if isinstance(noun, Verdict) else getattr(noun, "verdict", None)
-        if isinstance(found, Verdict):
-            return found
+    results = containers(path)
+    for result in results:
+        verdict = result if isinstance(result, Verdict) else getattr(result, "verdict", None)
+        if isinstance(verdict, Verdict):
+            return verdict
     raise InputError(
         "the file holds no verdict",
         where=str(path),
-        got=type(held).__name__,
+        got=", ".join(type(result).__name__ for result in results) or "nothing",
         expected="a comparison of the joint model with a measurement",
     )
 
@@ -102,34 +102,34 @@ def recipe_of_model(path: Path) -> PlaceRecipe:
     InputError : it has no map, no uniform beam, or its joints are not alike.
     """
     where = model_file.locate(path)
-    told = model_file.load(where)
-    x, y = _plate(told, where)
-    beam, chart, joint = told.beam, told.map, told.joints[0]
-    if beam is None or beam.length is None or beam.width is None or beam.height is None or chart is None:
+    file = model_file.load(where)
+    x, y = _plate(file, where)
+    beam, map_table, joint = file.beam, file.map, file.joints[0]
+    if beam is None or beam.length is None or beam.width is None or beam.height is None or map_table is None:
         raise InputError(
             "the model says too little for a placement",
             where=str(where),
             expected="a uniform [beam] and a [map] with force levels, normal forces and a band",
             advice="add them, or give a recipe with --recipe",
         )
-    nodes = [(one.pairs[0] if one.pairs else [(one.host_nodes or [0])[0]])[0] for one in told.joints]
+    nodes = [(one.pairs[0] if one.pairs else [(one.host_nodes or [0])[0]])[0] for one in file.joints]
     spread = float(np.hypot(*(np.ptp(axis[nodes]) for axis in (x, y))))
-    law = joint.law or told.law
-    assert law is not None and told.structure.height is not None
-    height = joint.half_heights[0] if joint.half_heights is not None else told.structure.height / 2
+    law = joint.law or file.law
+    assert law is not None and file.structure.height is not None
+    height = joint.half_heights[0] if joint.half_heights is not None else file.structure.height / 2
     mass = _hung_mass(where)
     return PlaceRecipe.model_validate(
         {
-            "title": f"{told.model.name}: placement",
+            "title": f"{file.model.name}: placement",
             "mass": None if mass is None else f"{mass!r} kg",
-            "near": [f"{_nearest(where, chart.band)!r} Hz"],
-            "at": Dof(chart.at.node, "+Z"),
-            "force": _texts(chart.force, "N"),
-            "normal_force": _texts([force for force in chart.normal_force if force > 0], "N"),
+            "near": [f"{_nearest(where, map_table.band)!r} Hz"],
+            "at": Dof(map_table.at.node, "+Z"),
+            "force": _texts(map_table.force, "N"),
+            "normal_force": _texts([force for force in map_table.normal_force if force > 0], "N"),
             "beams": [
                 {
                     "name": beam.part or "beam",
-                    "joints": len(told.joints),
+                    "joints": len(file.joints),
                     "spacing": f"{spread!r} m",
                     "width": f"{beam.width!r} m",
                     "height": f"{beam.height!r} m",

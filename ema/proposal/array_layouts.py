@@ -65,9 +65,9 @@ def described(error: UndescribedError) -> Described:
     numbers = {name: np.squeeze(value) for name, value in pool.items() if value.dtype.kind in "iufc" and value.size}
     metadata = dict(error.arrays.metadata)
     for find in (_levels, _frfs, _records):
-        found = find(numbers, metadata, error)
-        if found.kind:
-            return found
+        description = find(numbers, metadata, error)
+        if description.kind:
+            return description
     if positions := _positions(numbers):
         return Described("positions", positions=positions, evidence="coordinates by the names of the columns")
     if any(_SHAPE.search(name) for name in numbers) or any(value.ndim == 3 for value in numbers.values()):
@@ -91,10 +91,10 @@ def _levels(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], erro
     """Stepped sines: numbered groups with frequency, force, response and phase of one length."""
     groups: dict[str, dict[str, str]] = {}
     for name in numbers:
-        found = re.match(r"^(?P<group>.*?)[./]\d+[./](?P<column>[A-Za-z]\w*)$", name)
-        if found:
-            stated = groups.setdefault(found["group"], {})
-            stated.setdefault(found["column"].lower(), re.sub(r"([./])\d+([./][A-Za-z]\w*)$", r"\1*\2", name))
+        match = re.match(r"^(?P<group>.*?)[./]\d+[./](?P<column>[A-Za-z]\w*)$", name)
+        if match:
+            stated = groups.setdefault(match["group"], {})
+            stated.setdefault(match["column"].lower(), re.sub(r"([./])\d+([./][A-Za-z]\w*)$", r"\1*\2", name))
     levels: dict[str, dict[str, str]] = {}
     for group, columns in groups.items():
         response = next((name for name in _RESPONSES if name in columns), "")
@@ -211,7 +211,7 @@ def _stated_unit(metadata: Mapping[str, str]) -> str:
 
 def _positions(numbers: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str, str]]:
     """Triples of columns such as ``xHammer, yHammer, zHammer`` by what they have in common."""
-    found: dict[str, tuple[str, str, str]] = {}
+    triples: dict[str, tuple[str, str, str]] = {}
     for name in numbers:
         rest = re.match(r"^[xX][ _]?(.*)$", name)
         if rest is None:
@@ -219,5 +219,5 @@ def _positions(numbers: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str, s
         axes = "xyz" if name[0] == "x" else "XYZ"
         names = (name, axes[1] + name[1:], axes[2] + name[1:])
         if all(one in numbers and numbers[one].shape == numbers[name].shape for one in names):
-            found[rest[1]] = names
-    return found
+            triples[rest[1]] = names
+    return triples

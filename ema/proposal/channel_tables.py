@@ -105,10 +105,10 @@ def _named_force(judged: list[Judged], answers: Answers, path: str) -> list[Judg
         return judged
     if not answer.isdigit() or not 1 <= int(answer) <= len(judged):
         raise InputError("no such channel", where="force", got=answer, expected=f"1 to {len(judged)}, or none")
-    place = int(answer) - 1
-    one = judged[place]
+    index = int(answer) - 1
+    force = judged[index]
     judged = list(judged)
-    judged[place] = Judged(one.name, "reference", "force", one.unit, one.dof, "answered", True)
+    judged[index] = Judged(force.name, "reference", "force", force.unit, force.dof, "answered", True)
     return judged
 
 
@@ -129,15 +129,15 @@ def _units(judged: Sequence[Judged], answers: Answers, path: str) -> list[dict[s
             )
         )
         given = _distributed(answer, lacking, [judged[k].role for k in lacking], path)
-    found: list[dict[str, Any]] = []
+    keys: list[dict[str, Any]] = []
     for index, one in enumerate(judged):
         if index in given:
-            found.append(_unit_keys(given[index], one))
+            keys.append(_unit_keys(given[index], one))
         elif one.unit == UNSTATED:
-            found.append(({"quantity": one.quantity} if one.quantity != "unstated" else {}) | {"unit": UNSTATED})
+            keys.append(({"quantity": one.quantity} if one.quantity != "unstated" else {}) | {"unit": UNSTATED})
         else:
-            found.append({})
-    return found
+            keys.append({})
+    return keys
 
 
 def _listed(judged: Sequence[Judged], lacking: Sequence[int], role: str) -> str:
@@ -298,7 +298,7 @@ def _from_names(facts: Sequence[FileFacts], series: Series, channels: list[dict[
     """DOFs by channel name that the names of the files state."""
     responses = [channel for channel in channels if channel["role"] == "response"]
     forces = [channel for channel in channels if channel["role"] == "reference"]
-    found: list[dict[str, str]] = []
+    by_file: list[dict[str, str]] = []
     for name in series.names:
         stated = series.dofs(name)
         dofs: dict[str, str] = {}
@@ -308,8 +308,8 @@ def _from_names(facts: Sequence[FileFacts], series: Series, channels: list[dict[
         mover = responses if len(responses) == 1 else forces
         if "point" in stated and len(mover) == 1:
             dofs[mover[0]["name"]] = str(stated["point"])
-        found.append(dofs)
+        by_file.append(dofs)
     for channel in (*responses, *forces):
-        if any(channel["name"] in dofs for dofs in found):
+        if any(channel["name"] in dofs for dofs in by_file):
             channel.pop("dof", None)
-    return found
+    return by_file

@@ -13,6 +13,7 @@ from ema.errors import EmaError, InputError
 from ema.progress import Progress, advance, silent
 from ema.proposal.array_layouts import described
 from ema.proposal.roles import JudgedRecord, judge
+from ema.store.reading import containers
 from ema.units import UNSTATED
 
 _PASSED_OVER = (
@@ -189,9 +190,7 @@ def _of_contents(
 
 def _stored(path: Path) -> acquisition.Contents:
     """What a file of ours holds."""
-    held = store.load(path)
-    several = held.values() if isinstance(held, Mapping) else held if hasattr(held, "__len__") else [held]
-    things = list(several)
+    things = containers(path)
     geometry = next((one for one in things if isinstance(one, Geometry)), None)
     return acquisition.Contents(
         recordings=tuple(one for one in things if isinstance(one, Recording)),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ema.dof import Dof
+from ema.file_names import natural
 
 _DIRECTION = r"R?[XYZxyz][+-]|[+-]?R?[XYZxyz](?![A-Za-z])"
 _NUMBER = re.compile(
@@ -163,11 +164,6 @@ def series_of(paths: Sequence[str]) -> tuple[Series, ...]:
         name = taken_apart(path)
         groups.setdefault((name.series, len(name.numbers)), []).append(name)
     return tuple(Series(tuple(names), _counts(names)) for names in groups.values())
-
-
-def natural(text: str) -> list[tuple[int, str]]:
-    """Sort key by which ``p2`` comes before ``p10``."""
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", text)]
 
 
 def _counts(names: Sequence[FileName]) -> tuple[str, ...]:

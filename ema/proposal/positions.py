@@ -62,8 +62,8 @@ def _coincident(geometry: Geometry, where: str) -> tuple[Finding, ...]:
     _, first, counts = np.unique(rounded, axis=0, return_index=True, return_counts=True)
     if not (counts > 1).any():
         return ()
-    place = first[counts > 1][0]
-    same = geometry.nodes[(rounded == rounded[place]).all(axis=1)]
+    doubled_row = first[counts > 1][0]
+    same = geometry.nodes[(rounded == rounded[doubled_row]).all(axis=1)]
     nodes = " and ".join(str(int(node)) for node in same[:3])
     message = f"{int((counts - 1).sum())} nodes lie where another one does, first {nodes}."
     doubled = float((counts - 1).sum())

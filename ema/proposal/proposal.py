@@ -197,14 +197,14 @@ def _directions(run: "_Run", role: str) -> set[Dof]:
     if not run.channels:
         sides = [one.outputs if role == "response" else one.inputs for one in run.frfs]
         return {dof for side in sides for dof in side}
-    found: set[str] = set()
+    texts: set[str] = set()
     for channel in run.channels:
         text = channel.get("dof", "")
         if channel["role"] == role and text and "{column}" not in text:
-            found |= {text.replace("{point}", str(point)) for point in run.points or (0,)}
+            texts |= {text.replace("{point}", str(point)) for point in run.points or (0,)}
     stated = {channel["name"] for channel in run.channels if channel["role"] == role}
-    found |= {text for dofs in run.dofs for name, text in dofs.items() if name in stated}
-    return {Dof.parse(text) for text in found}
+    texts |= {text for dofs in run.dofs for name, text in dofs.items() if name in stated}
+    return {Dof.parse(text) for text in texts}
 
 
 def _summary(run: Mapping[str, Any], channels: list[dict[str, Any]]) -> str:
@@ -250,8 +250,8 @@ def _groups(facts: list[FileFacts]) -> list[_Group]:
         by_signature.setdefault(_signature(one), {})[one.path] = one
     groups = []
     for members in by_signature.values():
-        found = [_Group(one, tuple(members[name.path] for name in one.names)) for one in series_of(list(members))]
-        groups += _joined(found, list(members))
+        series = [_Group(one, tuple(members[name.path] for name in one.names)) for one in series_of(list(members))]
+        groups += _joined(series, list(members))
     return sorted(groups, key=lambda group: natural(group.facts[0].path))
 
 
@@ -350,9 +350,9 @@ def _run(group: _Group, counts: str, answers: Answers, findings: list[Finding], 
                 findings.append(Finding("warning", code, one.path, f"{sentence}."))
     points: tuple[int, ...] = ()
     if counts == "points":
-        place = next((k for k, word in enumerate(group.series.counts) if word == "point"), None)
-        place = group.series.varies.index(True) if place is None else place
-        points = tuple(dict.fromkeys(name.numbers[place] for name in group.series.names))
+        column = next((k for k, word in enumerate(group.series.counts) if word == "point"), None)
+        column = group.series.varies.index(True) if column is None else column
+        points = tuple(dict.fromkeys(name.numbers[column] for name in group.series.names))
     return _Run(run, channels, comments, points, tuple(dofs), first.frfs)
 
 

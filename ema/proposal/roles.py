@@ -169,13 +169,13 @@ def _dof(channel: Channel) -> Dof | None:
     """The DOF of the file, or one that the name of the channel states, such as ``acc 12:+Z`` or ``P12Z+``."""
     if channel.dof is not None:
         return channel.dof
-    found = re.search(r"(?<![\d.])(\d+)\s*[:_ ]?\s*([+-]?R?[XYZ]|R?[XYZ][+-])(?![A-Za-z])", channel.name, re.I)
-    if found is None:
+    match = re.search(r"(?<![\d.])(\d+)\s*[:_ ]?\s*([+-]?R?[XYZ]|R?[XYZ][+-])(?![A-Za-z])", channel.name, re.I)
+    if match is None:
         return None
-    direction = found[2].upper()
+    direction = match[2].upper()
     sign = "-" if "-" in direction else "+"
     try:
-        return Dof(int(found[1]), sign + direction.strip("+-"))
+        return Dof(int(match[1]), sign + direction.strip("+-"))
     except EmaError:
         return None
 

@@ -35,7 +35,13 @@ Group = tuple[list[str], list[Block]]
 
 
 def document_of(content: Any, book: Book) -> Document:
-    """The report of a study, a placement, or results of comparisons and simulations, one or several by name.
+    """The report of a study, a placement, or results of comparisons and simulations.
+
+    Parameters
+    ----------
+    content : a ``StudyResult``, a ``Placement``, another result, or a mapping of results by name; of a mapping with a
+        single study or placement the report is the study's or the placement's.
+    book : language, pictures and tables of the report.
 
     Raises
     ------

@@ -40,6 +40,24 @@ def _sentence(decay: Decay, number: int) -> str:
 
 def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
     """Frequency and damping over the amplitude, and a table of the phases."""
+    blocks: list[Block] = []
+    for start in range(0, len(decays), _TOGETHER):
+        shown = decays[start : start + _TOGETHER]
+        names = [_named(decay, number) for number, decay in enumerate(shown, start + 1)]
+        blocks.append(
+            book.picture(
+                show.ring_down(shown, names),
+                f"Ring-down of {', '.join(names)}: amplitude over time, frequency and damping over amplitude.",
+                "Amplitude over time, and frequency and damping over the amplitude; what lies within a "
+                "period of the knee "
+                "is left out.",
+            )
+        )
+    return [*blocks, _phase_table(decays, book), _curve_table(decays, book)]
+
+
+def _phase_table(decays: Sequence[Decay], book: Book) -> Block:
+    """One row for each phase of each ring-down."""
     rows: list[tuple[Cell, ...]] = [
         (
             _named(decay, number),
@@ -55,19 +73,6 @@ def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
         for number, decay in enumerate(decays, 1)
         for phase in phases(decay)
     ]
-    blocks: list[Block] = []
-    for start in range(0, len(decays), _TOGETHER):
-        shown = decays[start : start + _TOGETHER]
-        names = [_named(decay, number) for number, decay in enumerate(shown, start + 1)]
-        blocks.append(
-            book.picture(
-                show.ring_down(shown, names),
-                f"Ring-down of {', '.join(names)}: amplitude over time, frequency and damping over amplitude.",
-                "Amplitude over time, and frequency and damping over the amplitude; what lies within a "
-                "period of the knee "
-                "is left out.",
-            )
-        )
     columns = (
         "Ring-down",
         "Phase",
@@ -79,30 +84,29 @@ def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
         "Exponential over straight",
         "Knee [s]",
     )
-    blocks.append(
-        book.table(
-            "ring_downs",
-            "Phases of the ring-downs, medians over each; the misfit of an exponential envelope over that of "
-            "a straight line is above 1 where friction makes the decay, below 1 where viscous damping does.",
-            columns,
-            rows,
-        )
+    return book.table(
+        "ring_downs",
+        "Phases of the ring-downs, medians over each; the misfit of an exponential envelope over that of "
+        "a straight line is above 1 where friction makes the decay, below 1 where viscous damping does.",
+        columns,
+        rows,
     )
+
+
+def _curve_table(decays: Sequence[Decay], book: Book) -> Block:
+    """Frequency and damping over the amplitude, point by point; only a file, not shown in the report."""
     curves: list[tuple[Cell, ...]] = [
         (_named(decay, number), *(plain(float(value), 6) for value in point))
         for number, decay in enumerate(decays, 1)
         for point in _curve(decay)
     ]
-    blocks.append(
-        book.table(
-            "ring_down_curves",
-            "Frequency and damping over the amplitude, in the unit of the signal.",
-            ("Ring-down", "Time [s]", "Amplitude", "f [Hz]", "ζ [%]"),
-            curves,
-            0,
-        )
+    return book.table(
+        "ring_down_curves",
+        "Frequency and damping over the amplitude, in the unit of the signal.",
+        ("Ring-down", "Time [s]", "Amplitude", "f [Hz]", "ζ [%]"),
+        curves,
+        0,
     )
-    return blocks
 
 
 def _curve(decay: Decay, most: int = 500) -> np.ndarray:

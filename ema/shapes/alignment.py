@@ -283,9 +283,9 @@ def _placed(points: Float[np.ndarray, "node 3"], nodes: Float[np.ndarray, "n 3"]
     placements: list[_Placement] = []
     for index in sorted({0, *order.tolist()}):
         begun = starts[index]
-        found = _shaken(points, tree, _closest(points, tree, begun.rotation, begun.translation, _FINE), spacing)
-        if all(_differ(found, other, points, spacing) for other in placements):
-            placements.append(_Placement(scale, found.rotation, found.translation, found.rms))
+        placement = _shaken(points, tree, _closest(points, tree, begun.rotation, begun.translation, _FINE), spacing)
+        if all(_differ(placement, other, points, spacing) for other in placements):
+            placements.append(_Placement(scale, placement.rotation, placement.translation, placement.rms))
     return sorted(placements, key=lambda one: one.rms)
 
 

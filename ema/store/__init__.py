@@ -1,8 +1,8 @@
 """The file format of the project (HDF5): every data type is saved and loaded, in blocks larger than memory.
 
-``save(path, noun)`` and ``load(path)`` are all that most callers need. ``Writer`` and ``blocks`` write and read records
-that are larger than memory, ``describe`` tells what a file holds without reading signals, ``replacing`` writes any file
-atomically.
+``save(path, container)`` and ``load(path)`` are all that most callers need. ``Writer`` and ``blocks`` write and read
+records that are larger than memory, ``describe`` says what a file holds without reading signals, ``replacing`` writes
+any file atomically.
 """
 
 from ema.lazy import attach

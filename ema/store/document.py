@@ -1,4 +1,4 @@
-"""Nouns as plain trees of text and numbers, with their arrays set aside; knows nothing of HDF5."""
+"""Containers as plain trees of text and numbers, with their arrays set aside; knows nothing of HDF5."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,10 +15,10 @@ from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.store.meaning import Meaning, meaning
 
-NOUNS: dict[str, type] = {
-    name: noun
-    for name, noun in (("Dof", Dof), *((name, getattr(data, name)) for name in data.__all__))
-    if is_dataclass(noun) and isinstance(noun, type)
+CONTAINERS: dict[str, type] = {
+    name: container
+    for name, container in (("Dof", Dof), *((name, getattr(data, name)) for name in data.__all__))
+    if is_dataclass(container) and isinstance(container, type)
 }
 """What a file may hold; nothing else is ever built from one."""
 
@@ -42,7 +42,7 @@ def encode(value: Any, parts: Parts, path: str = "", what: Meaning | None = None
 
     Raises
     ------
-    InputError : ``value`` holds something that is no noun, array, number, text or tuple of them.
+    InputError : ``value`` holds something that is no container, array, number, text or tuple of them.
     """
     match value:
         case None | bool() | int() | str():
@@ -65,7 +65,7 @@ def encode(value: Any, parts: Parts, path: str = "", what: Meaning | None = None
             if value and all(isinstance(item, _LATE) for item in value):
                 return _set_aside(value, parts, path)
             return [encode(item, parts, _below(path, str(place))) for place, item in enumerate(value)]
-    if is_dataclass(value) and NOUNS.get(type(value).__name__) is type(value):
+    if is_dataclass(value) and CONTAINERS.get(type(value).__name__) is type(value):
         tree: dict[str, Any] = {"$noun": type(value).__name__}
         for member in fields(value):
             if member.init:
@@ -73,7 +73,10 @@ def encode(value: Any, parts: Parts, path: str = "", what: Meaning | None = None
                 tree[member.name] = encode(getattr(value, member.name), parts, _below(path, member.name), about)
         return tree
     raise InputError(
-        "cannot be stored", where=path, got=type(value).__name__, expected="one of the nouns: " + ", ".join(NOUNS)
+        "cannot be stored",
+        where=path,
+        got=type(value).__name__,
+        expected="one of " + ", ".join(CONTAINERS),
     )
 
 
@@ -97,7 +100,7 @@ def decode(
 
     Raises
     ------
-    InputError : the tree names an unknown noun or field, or its values do not make one.
+    InputError : the tree names an unknown container or field, or its values do not make one.
     """
     match tree:
         case None | bool() | int() | float() | str():
@@ -123,10 +126,10 @@ def decode(
 
 
 def _build(name: str, members: dict[str, Any]) -> Any:
-    noun = NOUNS.get(name)
-    if noun is None:
-        raise InputError("holds an unknown noun", got=name, expected="one of " + ", ".join(NOUNS))
-    known = {member.name for member in fields(noun) if member.init}
+    container = CONTAINERS.get(name)
+    if container is None:
+        raise InputError("holds an unknown container", got=name, expected="one of " + ", ".join(CONTAINERS))
+    known = {member.name for member in fields(container) if member.init}
     strange = sorted(set(members) - known)
     if strange:
         raise InputError(
@@ -135,7 +138,7 @@ def _build(name: str, members: dict[str, Any]) -> Any:
             advice="it was written by a newer friction-ema: update with pip install -U friction-ema",
         )
     try:
-        return noun(**members)
+        return container(**members)
     except EmaError:
         raise
     except Exception as error:  # whatever a damaged file makes a constructor raise, the caller gets one sentence

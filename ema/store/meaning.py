@@ -20,8 +20,8 @@ _FIXED: dict[tuple[str, str], Meaning] = {
     ("FrfSet", "frequencies"): Meaning("frequency", "Hz", "frequency lines"),
     ("FrfSet", "coherence"): Meaning("coherence", "1", "coherence (freq, out, in)"),
     ("FrfSet", "averages"): Meaning("count", "1", "averages behind each FRF (out, in)"),
-    ("Deviations", "values"): Meaning("deviation", "", "of the average by single blows (blow, freq, out, in)"),
-    ("Deviations", "blows"): Meaning("number", "1", "numbers of the blows (blow, out, in)"),
+    ("Deviations", "values"): Meaning("deviation", "", "of the average by single impacts (impact, freq, out, in)"),
+    ("Deviations", "blows"): Meaning("number", "1", "numbers of the impacts (impact, out, in)"),
     ("PoleTable", "poles"): _POLES,
     ("PoleTable", "values"): Meaning("pole", "rad/s", "poles read with the low-bias constraint"),
     ("PoleTable", "order"): Meaning("count", "1", "model order"),
@@ -37,7 +37,7 @@ _FIXED: dict[tuple[str, str], Meaning] = {
     ("Geometry", "axes"): Meaning("direction", "1", "local axes (node, axis, component)"),
     ("JointForce", "trace"): Meaning("force", "N", "normal force of the joint"),
     ("JointForce", "trace_times"): Meaning("time", "s", "time from the start of the run"),
-    ("Hit", "pulse"): Meaning("force", "N", "force around the blow"),
+    ("Hit", "pulse"): Meaning("force", "N", "force around the impact"),
     ("HitGallery", "frequencies"): Meaning("frequency", "Hz", "frequency lines"),
     ("HitGallery", "force_spectrum"): Meaning("energy spectral density", "N^2 s^2", "force autospectrum"),
     ("ModalMap", "force_levels"): Meaning("force", "N", "nominal excitation force"),
@@ -58,17 +58,17 @@ _FIXED: dict[tuple[str, str], Meaning] = {
 }
 
 
-def meaning(noun: Any, field: str) -> Meaning:
+def meaning(container: Any, field: str) -> Meaning:
     """What the array in ``field`` of ``noun`` means; empty where nothing is known."""
-    match type(noun).__name__, field:
+    match type(container).__name__, field:
         case "FrfSet", "values":
-            return Meaning(noun.quantity, noun.unit, "frequency response functions (freq, out, in)")
+            return Meaning(container.quantity, container.unit, "frequency response functions (freq, out, in)")
         case "FrfSet", "variance":
-            return Meaning("variance", f"({noun.unit})^2", "variance of the complex FRF (freq, out, in)")
+            return Meaning("variance", f"({container.unit})^2", "variance of the complex FRF (freq, out, in)")
         case "Recording", "signals":
             return Meaning(
-                tuple(channel.quantity for channel in noun.channels),
-                tuple(channel.unit if channel.unit else SI_UNIT[channel.quantity] for channel in noun.channels),
+                tuple(channel.quantity for channel in container.channels),
+                tuple(channel.unit if channel.unit else SI_UNIT[channel.quantity] for channel in container.channels),
                 "time signals (channel, sample)",
             )
         case name, _:

@@ -1,4 +1,4 @@
-"""Read nouns from a file; nothing in a file is ever executed, and no file but the named one is touched."""
+"""Read containers from a file; nothing in a file is ever executed, and no file but the named one is touched."""
 
 import contextlib
 import json
@@ -116,8 +116,21 @@ def load(path: str | Path) -> Any:
     return StoredMapping({name: _maker(path, f"{ITEMS}/{place}", state) for place, name in enumerate(names)})
 
 
+def containers(path: str | Path) -> list[Any]:
+    """All containers of a file in their order, whether it holds one, a sequence, or a mapping by name.
+
+    Raises
+    ------
+    InputError : what `load` raises.
+    """
+    content = load(path)
+    if isinstance(content, StoredMapping):
+        return list(content.values())
+    return list(content) if isinstance(content, Lazy) else [content]
+
+
 class StoredMapping(Mapping[str, Any]):
-    """The nouns of a file by name; each is read when asked for, and not kept."""
+    """The containers of a file by name; each is read when asked for, and not kept."""
 
     def __init__(self, makers: dict[str, Any]) -> None:
         self._makers = makers
@@ -343,11 +356,11 @@ def _check_sequences(file: h5py.File, group: str, tree: Any) -> None:
 
 def _header(file: h5py.File, group: str, name: str) -> Header:
     tree = _tree(file, group)
-    noun = str(tree.get("$noun"))
-    if noun != "Recording":
-        return Header(name, noun)
+    kind = str(tree.get("$noun"))
+    if kind != "Recording":
+        return Header(name, kind)
     record, samples = _without_samples(file, group)
-    return Header(name, noun, record, samples)
+    return Header(name, kind, record, samples)
 
 
 def _without_samples(file: h5py.File, group: str) -> tuple[Recording, int]:
@@ -371,7 +384,7 @@ def _tree(file: h5py.File, group: str) -> dict[str, Any]:
     """The document of an item under today's names."""
     tree = json.loads(_document(file, f"{group}/{DOCUMENT}"))
     if not isinstance(tree, dict):
-        raise InputError("holds a document that is no noun")
+        raise InputError("holds a document that is no container")
     return migrated(tree, int(file.attrs["schema_version"]))
 
 
@@ -407,11 +420,11 @@ def _check_pieces(signals: h5py.Dataset, checksum: int | None, samples: int) -> 
     """
     if checksum is None:
         return
-    found = 0
+    computed = 0
     for channel in range(signals.shape[0]):
         for start in range(0, signals.shape[1], samples):
-            found = zlib.crc32(signals[channel, start : start + samples], found)
-    if found != checksum:
+            computed = zlib.crc32(signals[channel, start : start + samples], computed)
+    if computed != checksum:
         raise InputError("an array does not match its checksum", got="signals", advice=_DAMAGED)
 
 

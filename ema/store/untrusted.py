@@ -101,6 +101,12 @@ def refuse_link(link: Any, path: str) -> None:
 def check(dataset: h5py.Dataset, path: str, filters: frozenset[int] = BUILT_IN_FILTERS) -> None:
     """Refuse an array that lies outside its file, needs foreign code, or was never written in full.
 
+    Parameters
+    ----------
+    dataset : the array; a virtual one is followed to its sources in the same file.
+    path : name of the file and of the array, for the message.
+    filters : numbers of the HDF5 filters that may have packed it; by default those that come with HDF5.
+
     Raises
     ------
     InputError : external storage, values from another file, an unknown filter, or values that are not there.

@@ -1,4 +1,4 @@
-"""Write nouns to a file."""
+"""Write containers to a file."""
 
 import contextlib
 import json
@@ -72,12 +72,12 @@ def save(path: str | Path, content: Any, exclusive: bool = False, *, compression
     """
     if isinstance(content, Mapping):
         with Writer(path, kind="mapping", exclusive=exclusive, compression=compression) as writer:
-            for name, noun in content.items():
-                writer.add(noun, str(name))
+            for name, container in content.items():
+                writer.add(container, str(name))
     elif isinstance(content, (list, tuple, Lazy)):
         with Writer(path, kind="sequence", exclusive=exclusive, compression=compression) as writer:
-            for noun in content:
-                writer.add(noun)
+            for container in content:
+                writer.add(container)
     else:
         with Writer(path, kind="noun", exclusive=exclusive, compression=compression) as writer:
             writer.add(content)
@@ -163,12 +163,12 @@ class Writer(AbstractContextManager["Writer"]):
         if unfinished:
             raise unfinished[0].missing()
 
-    def add(self, noun: Any, name: str = "") -> None:
+    def add(self, container: Any, name: str = "") -> None:
         """Write one item; its arrays may be dropped by the caller afterwards.
 
         Parameters
         ----------
-        noun : object
+        container : object
             Any data type of ``ema.data``.
         name : str, optional
             Name of the item in a mapping.
@@ -187,7 +187,7 @@ class Writer(AbstractContextManager["Writer"]):
         >>> with tempfile.TemporaryDirectory() as folder, Writer(f"{folder}/modes.h5", kind="noun") as writer:
         ...     writer.add(modal_model())
         """
-        self._new_item(noun, name)
+        self._new_item(container, name)
 
     @overload
     def begin(self, header: Recording, name: str = "") -> "BlockWriter": ...
@@ -252,12 +252,12 @@ class Writer(AbstractContextManager["Writer"]):
             raise InputError("the header of a record in blocks has samples", got=header.signals.shape[1], expected=0)
         return BlockWriter(self, self._new_item(header, name, growing=True)["signals"])
 
-    def _new_item(self, noun: Any, name: str, growing: bool = False) -> h5py.Group:
+    def _new_item(self, container: Any, name: str, growing: bool = False) -> h5py.Group:
         if self.kind == "mapping" and name in self._names:
-            raise InputError("two nouns of one name", where=str(self.path), got=name)
+            raise InputError("two containers of one name", where=str(self.path), got=name)
         with deferred():
             group = self._file.create_group(f"{ITEMS}/{len(self._names)}")
-            _write(group, noun, self.compression, growing=growing)
+            _write(group, container, self.compression, growing=growing)
         self._names.append(name)
         self.check()
         return group
@@ -378,15 +378,15 @@ def _few(dofs: Sequence[Dof]) -> str:
     return " ".join(map(str, dofs))
 
 
-def _write(group: h5py.Group, noun: Any, compression: str, *, growing: bool = False) -> None:
+def _write(group: h5py.Group, container: Any, compression: str, *, growing: bool = False) -> None:
     parts = Parts()
-    tree = encode(noun, parts)
+    tree = encode(container, parts)
     if not isinstance(tree, dict) or "$noun" not in tree:
-        raise InputError("cannot be stored", got=type(noun).__name__, expected="a noun of ema.data")
+        raise InputError("cannot be stored", got=type(container).__name__, expected="a container of ema.data")
     for path, (array, what) in parts.arrays.items():
-        in_blocks = growing and isinstance(noun, FrfSet) and path in _IN_BLOCKS
+        in_blocks = growing and isinstance(container, FrfSet) and path in _IN_BLOCKS
         if in_blocks or isinstance(array, Window):
-            outputs = len(noun.outputs) if in_blocks else array.shape[1]
+            outputs = len(container.outputs) if in_blocks else array.shape[1]
             parts.nodes[path]["in_blocks"] = True
             _write_in_blocks(group, path, array, what, outputs)
             continue
@@ -394,7 +394,7 @@ def _write(group: h5py.Group, noun: Any, compression: str, *, growing: bool = Fa
         grows = growing and path == "signals"
         if not grows:  # a record that grows has a sum in each of its chunks
             parts.nodes[path]["crc32"] = zlib.crc32(stored.data)
-        chunks = (1, _SIGNAL_CHUNK) if isinstance(noun, Recording) and path == "signals" else None
+        chunks = (1, _SIGNAL_CHUNK) if isinstance(container, Recording) and path == "signals" else None
         _write_array(group, path, stored, what, {"chunks": chunks, "growing": grows, "compression": compression})
     _write_text(group, DOCUMENT, json.dumps(tree, allow_nan=False, ensure_ascii=False))
     for path, items in parts.sequences.items():

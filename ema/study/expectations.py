@@ -9,7 +9,16 @@ from ema.study.recipe import ExpectTable
 
 
 def check(tables: list[ExpectTable], runs: tuple[RunResult, ...]) -> tuple[Expectation, ...]:
-    """Compare every expectation with the results.
+    """Compare every expectation of a recipe with the results.
+
+    Parameters
+    ----------
+    tables : tables ``[[expect]]``, each about one run: frequencies, other values, findings.
+    runs : results of the study.
+
+    Returns
+    -------
+    One entry for each value or finding that was expected, met or not, in the order of the tables.
 
     Raises
     ------

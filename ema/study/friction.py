@@ -47,6 +47,16 @@ _SAME = 0.1
 def ring_downs(campaign: Campaign, tables: Sequence[RingDownTable]) -> tuple[Decay, ...]:
     """The ring-down of every record of the runs named.
 
+    Parameters
+    ----------
+    campaign : campaign that holds the runs.
+    tables : tables of the recipe, each with a run, the band [Hz] of the mode, and optionally a channel, start and end
+        [s].
+
+    Returns
+    -------
+    One for each record, in the order of the tables, named by run and record.
+
     Raises
     ------
     InputError : no such run, a run without records, or what ``ema.estimate.ring_down`` refuses.
@@ -110,7 +120,7 @@ def with_stated(
     modes: Sequence[AmplitudeDependentMode], statements: Sequence[StatementTable]
 ) -> tuple[AmplitudeDependentMode, ...]:
     """Modes of ring-downs with the amplitudes to which belong the numbers that a publication states of their runs."""
-    found = []
+    result = []
     for mode in modes:
         own = [
             one
@@ -118,8 +128,8 @@ def with_stated(
             if one.sentence and one.near is not None and mode.name.startswith(f"{one.run}, ") and not one.other
         ]
         near = [one for one in own if _nearest(modes, one) is mode]
-        found.append(replace(mode, findings=(*mode.findings, *(said for one in near for said in _stated(mode, one)))))
-    return tuple(found)
+        result.append(replace(mode, findings=(*mode.findings, *(said for one in near for said in _stated(mode, one)))))
+    return tuple(result)
 
 
 def _nearest(modes: Sequence[AmplitudeDependentMode], statement: StatementTable) -> AmplitudeDependentMode | None:

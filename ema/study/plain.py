@@ -179,7 +179,25 @@ def points(result: MapResult) -> list[dict[str, float]]:
 
 
 def modes(model: ModalModel, collinearity: "np.ndarray | None" = None) -> list[dict[str, Any]]:
-    """One entry per mode: frequency Hz, damping ratio as a fraction, standard deviations where known, MPC."""
+    """One entry per mode, as what JSON can hold.
+
+    Parameters
+    ----------
+    model : the modes.
+    collinearity : modal phase collinearity (mode,), between 0 and 1.
+
+    Returns
+    -------
+    For each mode ``natural_frequency`` in Hz and ``damping_ratio`` as a fraction; their standard deviations, the
+    confidence and the collinearity where they are known. A number that is not finite is None.
+
+    Examples
+    --------
+    >>> from ema.examples import modal_model
+    >>> first = modes(modal_model())[0]
+    >>> first["damping_ratio"] < 0.1 < first["natural_frequency"]
+    True
+    """
     rows = []
     for mode, (frequency, damping) in enumerate(zip(model.natural_frequencies, model.damping_ratios, strict=True)):
         row: dict[str, Any] = {"natural_frequency": float(frequency), "damping_ratio": float(damping)}
@@ -291,7 +309,17 @@ def amplitude_lines(mode: AmplitudeDependentMode | AmplitudePrediction) -> list[
 
 
 def map_prediction(predicted: MapPrediction) -> dict[str, Any]:
-    """A prediction at forces as what JSON can hold: SI and fractions, bounds of the 95 % bands; null for a hole."""
+    """A prediction at forces, as what JSON can hold.
+
+    Parameters
+    ----------
+    predicted : frequency [Hz] and damping ratio at pairs of force level and normal force.
+
+    Returns
+    -------
+    ``method``, ``points`` with F_E and F_N in N and the bounds of the 95 % bands (fractions; None where there is no
+    resonance), ``statement`` and ``findings``.
+    """
     return {
         "method": predicted.method,
         "points": [

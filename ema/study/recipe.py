@@ -294,6 +294,10 @@ _MARKS = ("tuple[", "list[", _FILE, _TABLE)
 def load(path: Path) -> Recipe:
     """Read a recipe.
 
+    Parameters
+    ----------
+    path : the TOML file; paths in it are relative to its folder.
+
     Raises
     ------
     InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.

@@ -67,7 +67,7 @@ def run_result(
     campaign = _campaign(measured)
     beside = [campaign[name] for name in others]
     result = chain.analyse(campaign[run], estimate, fit, others=beside)
-    return replace(result, run=_without_signals(result.run))
+    return replace(result, run=without_signals(result.run))
 
 
 def map_point(measured: Measured, run: str, table: MapTable, estimate: EstimateTable) -> mapping.Point:
@@ -136,5 +136,6 @@ def _campaign(measured: Measured) -> Campaign:
     return opened(Path(measured.path), salvage=measured.salvage)
 
 
-def _without_signals(run: Run) -> Run:
+def without_signals(run: Run) -> Run:
+    """The run with its condition and findings alone."""
     return replace(run, recordings=(), frfs=(), levels=())

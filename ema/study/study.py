@@ -432,7 +432,7 @@ class Study:
 
     def _keep(self, run: Run, result: RunResult, made: Provenance) -> RunResult:
         """Write the result of a run beside those that are finished."""
-        store.save(self._kept_run(run), {"made": made, "result": replace(result, run=_without_signals(run))})
+        store.save(self._kept_run(run), {"made": made, "result": replace(result, run=remote.without_signals(run))})
         return replace(result, run=run)
 
     def _kept_run(self, run: Run) -> Path:
@@ -569,8 +569,8 @@ class Study:
 
 def light(result: StudyResult) -> StudyResult:
     """The result without the signals that it was computed from: those stay where they are."""
-    runs = tuple(replace(one, run=_without_signals(one.run)) for one in result.runs)
-    campaign = replace(result.campaign, runs=tuple(_without_signals(run) for run in result.campaign.runs))
+    runs = tuple(replace(one, run=remote.without_signals(one.run)) for one in result.runs)
+    campaign = replace(result.campaign, runs=tuple(remote.without_signals(run) for run in result.campaign.runs))
     return replace(result, runs=runs, campaign=campaign)
 
 
@@ -595,10 +595,6 @@ def make_folder(folder: Path) -> None:
             got=error.strerror,
             advice="choose another one with --output",
         ) from error
-
-
-def _without_signals(run: Run) -> Run:
-    return replace(run, recordings=(), frfs=(), levels=())
 
 
 @contextmanager

@@ -18,16 +18,16 @@ NOT_CONTAINED = (
     "The intervals of a fit hold the noise of its FRFs as the scatter over lines shows it, and where a misfit limits the "
     "fit, that of the lines at the peaks. Those of frequencies and damping ratios also hold, where it is more than chance "
     "explains (the basis of the uncertainty then names it):",
-    "- noise that the FRFs share, as those of one blow share the noise of its force: what the residuals of all FRFs on a "
+    "- noise that the FRFs share, as those of one impact share the noise of its force: what the residuals of all FRFs on a "
     "line do to a pole together (sandwich variance over groups of lines);\n"
     "- what changes from one FRF to the next, as under a roving hammer (jackknife over the outputs);\n"
-    "- what changes from blow to blow, or from block to block of a random test: the estimators keep the deviation of each "
+    "- what changes from impact to impact, or from block to block of a random test: the estimators keep the deviation of each "
     "from the average (of more than eight, of eight groups), and the fit says what each does to a pole (jackknife over the "
-    "blows). A resonance that wanders makes the average look damped more; that is in the interval of the damping ratio.",
+    "impacts). A resonance that wanders makes the average look damped more; that is in the interval of the damping ratio.",
     "All intervals, those of shapes and residues too, are as wide as if every residual term had been fitted. Terms that "
     "noise explains are left out of the values, which have smaller errors without them; but that they are nothing is a "
     "guess by the same data, and wide modes and modes at the ends of the band resemble them.",
-    "From a few points or blows this is told badly. All modes tell the level together, what was seen of each is weighed "
+    "From a few points or impacts this is known badly. All modes determine the level together, what was seen of each is weighed "
     "with it, and Student's t widens what exceeds the noise. Welch averages and sweeps keep no deviations. The intervals "
     "of shapes and residues hold the noise over lines alone, as if each FRF had noise of its own.",
     "They do not hold what all FRFs of one test share while each stays clean:",
@@ -265,7 +265,7 @@ def listed(section: dict) -> str:
         for one in own["numbers"]
     ]
     text = (
-        "The recipes in `reports/`, told the band and nothing else, against the values and tolerances that go with the "
+        "The recipes in `reports/`, with the band given and nothing else, against the values and tolerances that go with the "
         "data."
     )
     head = ["measurement", "what", "listed", "tolerance", "found", ""]
@@ -300,10 +300,10 @@ def halves(section: dict) -> str:
         "seed",
     ]
     text = (
-        "Two halves of one real measurement, each fitted by itself, told nothing. *Within*: the difference is less than "
+        "Two halves of one real measurement, each fitted by itself, fully automatic. *Within*: the difference is less than "
         "1.96 s with s = sqrt(s1² + s2²) of the two stated standard deviations; for intervals that hold all scatter it "
         "would be 95 %, and the median difference 0.67 s. The halves of the first rest on four or five points, those of the "
-        "second on two or three blows, those of the third on four blocks: such scatter is told badly, and Student's t "
+        "second on two or three impacts, those of the third on four blocks: such scatter is known badly, and Student's t "
         "makes intervals of it that are on the wide side more often than not."
     )
     return "\n\n".join(["## Real measurements, halves against each other", text, table(head, lines), measured(section)])
@@ -313,7 +313,7 @@ def peers(section: dict) -> str:
     """Peers on the same draws."""
     parts = [
         "## Peers on the same data: 80 outputs x 2 references x 1601 lines, 20 modes, orders to 60",
-        "Systems without an automatic selection are told the true frequencies and give the stable pole nearest to each. The "
+        "Systems without an automatic selection are given the true frequencies and give the stable pole nearest to each. The "
         "shapes of the peers are computed from their poles by one and the same least-squares fit, with the true poles "
         "outside the band. Medians over the seeds; a number in each column that counts modes is one seed.",
     ]
@@ -344,7 +344,7 @@ def peers(section: dict) -> str:
             )
         head = [
             "system",
-            "told",
+            "given",
             "found of 20",
             "false",
             "ζ error, median [%]",

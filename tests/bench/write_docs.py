@@ -163,7 +163,7 @@ def accuracy(row: dict) -> str:
         )
     head = [
         "system",
-        "told",
+        "given",
         "found",
         "identifiable",
         "false",

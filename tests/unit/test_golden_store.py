@@ -170,7 +170,7 @@ def test_files_with_renamed_classes_and_fields_are_read_described_and_read_in_bl
     path = tmp_path / "a.h5"
     store.save(path, record())
     monkeypatch.setattr(migrations, "MIGRATIONS", INVENTED)
-    with pytest.raises(InputError, match=r"unknown noun; got Sensor|Recording holds fields"):
+    with pytest.raises(InputError, match=r"unknown container; got Sensor|Recording holds fields"):
         store.load(path)
     monkeypatch.setattr(migrations, "MIGRATIONS", (*INVENTED, BACK))
     present = store.load(path)

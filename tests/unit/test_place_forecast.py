@@ -149,7 +149,7 @@ def test_bad_input_is_told(task, told):
     with pytest.raises(InputError, match="no such place; got 7"):
         place.forecast(task, SPOT, 7, LEVELS, FORCES)
     good = chart(told.damping[0], told.frequency[0])
-    with pytest.raises(InputError, match="no mode of the forecast"):
+    with pytest.raises(InputError, match="none of the forecast's target modes"):
         place.check(told, [chart(told.damping[0], 3 * told.frequency[0])])
     with pytest.raises(InputError, match="two maps of one mode"):
         place.check(told, [good, good])

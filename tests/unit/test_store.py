@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from ema import data, store
+from ema.cli.browsing import maps_of
 from ema.data import (
     Campaign,
     Channel,
@@ -40,7 +41,9 @@ from ema.data import (
 )
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
-from ema.store.document import NOUNS
+from ema.examples import modal_map
+from ema.store.document import CONTAINERS
+from ema.store.reading import containers
 
 GOLDEN = Path(__file__).parent / "golden" / "store_v1.h5"
 MOMENT = datetime(2026, 11, 21, 10, 15, 0, 250000, tzinfo=UTC)
@@ -209,7 +212,7 @@ def assert_same(found: object, expected: object, path: str = "") -> None:
 def test_every_noun_is_registered() -> None:
     nouns = {name for name in data.__all__ if isinstance(getattr(data, name), type)}
     nouns = {name for name in nouns if dataclasses.is_dataclass(getattr(data, name))}
-    assert nouns <= set(NOUNS)
+    assert nouns <= set(CONTAINERS)
 
 
 @pytest.mark.parametrize("name", sorted(everything()))
@@ -395,10 +398,10 @@ def _rewrite(path: Path, change: dict[str, object]) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"$noun": "Popen"}, "unknown noun; got Popen"),
+        ({"$noun": "Popen"}, "unknown container; got Popen"),
         ({"colour": "red"}, "fields that this version does not know; got colour"),
         ({"start": {"$pickle": "x"}}, "does not know"),
-        ({"sampling_rate": {"$noun": "Lazy"}}, "unknown noun; got Lazy"),
+        ({"sampling_rate": {"$noun": "Lazy"}}, "unknown container; got Lazy"),
         ({"start": {"$time": "yesterday"}}, "cannot be read"),
         ({"signals": {"$array": "../../contents"}}, "link to somewhere else"),
         ({"signals": {"$array": "nowhere"}}, "link to somewhere else"),
@@ -492,3 +495,19 @@ def test_a_folder_that_is_absent_or_a_file_is_a_failure(tmp_path: Path) -> None:
     (tmp_path / "folder.h5").mkdir()
     with pytest.raises(FailureError, match="folder of this name"):
         store.save(tmp_path / "folder.h5", recording())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [modal_model(), [modal_model()] * 2, {"a": modal_model(), "b": modal_model()}],
+    ids=["one", "list", "names"],
+)
+def test_all_containers_of_a_file_are_read(tmp_path: Path, content: object) -> None:
+    store.save(tmp_path / "modes.h5", content)
+    poles = [one.poles.tolist() for one in containers(tmp_path / "modes.h5")]
+    assert poles == [modal_model().poles.tolist()] * (2 if isinstance(content, list | dict) else 1)
+
+
+def test_maps_that_were_saved_as_a_list_are_maps_of_the_file(tmp_path: Path) -> None:
+    store.save(tmp_path / "maps.h5", [modal_map(), modal_map()])
+    assert [one.name for one in maps_of(tmp_path / "maps.h5")] == [modal_map().name] * 2

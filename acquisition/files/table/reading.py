@@ -55,7 +55,13 @@ def _name(path: Path, number: int, count: int) -> str:
 
 
 def merge(parts: list[Contents]) -> Contents:
-    """The contents of several segments in one."""
+    """The contents of several segments in one.
+
+    Parameters
+    ----------
+    parts : contents in the order of the file; the geometry is that of the first that has one, what is said twice stands
+        once in metadata and units.
+    """
     return Contents(
         recordings=tuple(r for part in parts for r in part.recordings),
         frfs=tuple(f for part in parts for f in part.frfs),

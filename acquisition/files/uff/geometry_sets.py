@@ -229,7 +229,15 @@ def elements2412(parts: Parts, lines: list[bytes]) -> None:
 def assemble(parts: Parts, where: str, length_unit: float | None = None) -> Geometry | None:
     """The geometry, in m where the unit of length is stated; what it lacks is added to the findings of ``parts``.
 
-    ``length_unit`` in m overrules that of the file.
+    Parameters
+    ----------
+    parts : nodes, coordinate systems, lines and units that were gathered from the data sets.
+    where : name of the file, for findings.
+    length_unit : unit of length in m that overrules that of the file.
+
+    Returns
+    -------
+    None where the file has no nodes.
     """
     if not parts.nodes:
         return None

@@ -120,6 +120,11 @@ def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) ->
 def fetch(file: ByteFile, entry: Entry) -> Function:
     """The values of one function, with a problem where they are not those that its header announces.
 
+    Parameters
+    ----------
+    file : the opened file.
+    entry : where the data set lies, with its header.
+
     Raises
     ------
     ValueError : something in the values is no number.

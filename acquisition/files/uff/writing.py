@@ -45,11 +45,14 @@ def write(path: Path, nouns: Sequence[Any], binary: bool = False, created: datet
 
     Parameters
     ----------
+    path : the file; an older one is replaced when the new one is complete.
+    nouns : containers, nested in lists or not, in the order in which they are written.
     binary : functions as data set 58b; text is understood by more systems, and keeps 13 digits.
+    created : date of the header; by default now.
 
     Raises
     ------
-    InputError : a noun of another kind, or values that are NaN or infinite.
+    InputError : a container of another kind, or values that are NaN or infinite.
     FailureError : the folder is read-only or the disk is full; an older file stays intact.
     """
     flat = list(_flat(nouns))

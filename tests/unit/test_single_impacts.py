@@ -9,7 +9,7 @@ from acquisition.setups import Part, merge
 from ema import store, synthesis
 from ema.data import Deviations
 from ema.dof import Dof
-from ema.estimate.single_blows import MOST, SingleBlows
+from ema.estimate.single_impacts import MOST, SingleImpacts
 from ema.estimate.single_input import estimate, over_h1, summed
 from tests.unit.fit_rig import frfs, model
 
@@ -25,7 +25,7 @@ def blows(count, rng, lines=4000):
 
 
 def kept(parts, estimator="H1"):
-    singles, key = SingleBlows(), (FORCE, DOFS)
+    singles, key = SingleImpacts(), (FORCE, DOFS)
     singles.keep(key, parts)
     total = parts[0]
     for part in parts[1:]:

@@ -23,7 +23,7 @@ Key = tuple[Dof, tuple[Dof, ...]]
 
 
 @dataclass
-class SingleBlows:
+class SingleImpacts:
     """Sums of the single impacts of a test, as long as they are small."""
 
     sums: dict[Key, list[Sums]] = field(default_factory=dict)
@@ -65,7 +65,7 @@ class SingleBlows:
         if self.size > KEPT or most < 2:
             return None
         changes = np.zeros((most, *values.shape), np.complex64)
-        blows = np.full((most, *values.shape[:2]), -1)
+        numbers = np.full((most, *values.shape[:2]), -1)
         for number, (column, rows, part, slot) in enumerate(places):
             inverse = reciprocal(np.stack([total[inputs[column], outputs[row]] for row in rows]))
             share = np.minimum(part.force * inverse, 1 - 1e-9)
@@ -73,11 +73,11 @@ class SingleBlows:
             # d = a (H_i - H) / sqrt(1 - a) with the share a = |F_i|^2 / sum |F|^2 and a H_i = Y_i F_i* / sum |F|^2
             change = (cross - values[column, rows] * part.force) * (inverse / np.sqrt(1 - share))
             changes[slot, column, rows] = change
-            blows[slot, column, rows] = number
+            numbers[slot, column, rows] = number
         # A single impact is its own average: it has nothing to deviate from.
         alone = counts < 2
-        changes[:, alone], blows[:, alone] = 0, -1
-        return Deviations(changes.transpose(0, 3, 2, 1), blows.transpose(0, 2, 1))
+        changes[:, alone], numbers[:, alone] = 0, -1
+        return Deviations(changes.transpose(0, 3, 2, 1), numbers.transpose(0, 2, 1))
 
 
 def _few(parts: Sequence[Sums]) -> list[Sums]:
