@@ -26,8 +26,10 @@ from ema.simulate.transient import Problem, _State, prepare, sampled_normal_forc
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
 """Residual over the size of the amplitudes, the same where only places are sought, and how much larger than the first
 it may stay where no step lowers it; unknowns above which steps are found by GMRES."""
-QUADRATURE = 1e-6
+QUADRATURE, _SPARE = 1e-6, 256.0
 FINEST = 32
+"""Error of losses and forces over a period up to which more nodes are of no use, how far below it half of them do (rules
+of order 7 and 8 gain 2^7 to 2^8 by twice the nodes), and the largest factor on their number."""
 _YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 14
 """Compliance over that of a contact from which on the coarse inverse holds a shape, how many of them, and at how many
 harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
@@ -512,6 +514,8 @@ class Condensed:
                 if blur > QUADRATURE and self.fine < finest:
                     self.fine, start, coarser = 2 * self.fine, amplitudes, found
                     continue
+                if _SPARE * blur <= QUADRATURE:
+                    self.fine = max(1, self.fine // 2)
             coarser = None
             before, point = point, _Point(omega, amplitudes, forces, lost, 1.0)
             start = amplitudes
