@@ -28,8 +28,8 @@ _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
 it may stay where no step lowers it; unknowns above which steps are found by GMRES."""
 QUADRATURE, _SPARE = 1e-6, 256.0
 FINEST = 32
-"""Error of losses and forces over a period up to which more nodes are of no use, how far below it half of them do (rules
-of order 7 and 8 gain 2^7 to 2^8 by twice the nodes), and the largest factor on their number."""
+"""Error of losses and forces over a period up to which more nodes are of no use, how far below it half of them do
+(rules of order 7 and 8 gain 2^7 to 2^8 by twice the nodes), and the largest factor on their number."""
 _YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 14
 """Compliance over that of a contact from which on the coarse inverse holds a shape, how many of them, and at how many
 harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
@@ -51,6 +51,9 @@ _ALONG_THE_ARC, _FINE_START, _STUCK = 0.95, 4, 1e6
 on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried. Slip
 forces, over those that the stuck motion asks for, at which every law is stuck: one that yields in proportion to the
 force deviates there by the rounding of places that are sought roughly."""
+_SLIDING, _RISE, _SHORTEST_RISE = 1e-3, 10.0, 1.003
+"""Slip forces over those of the model, and over what the sliding motion asks for, at which it begins; the largest and
+the smallest factor on them in a step."""
 _ASIDE, _SHORTEST = (0.003, -0.003, 0.01, -0.01, 0.03), 0.05
 """Where a steady state is looked for beside a frequency that shows none, relative, and the share of the way back below
 which no step is tried. Half a bandwidth of lightly damped modes is 0.003 and more."""
@@ -370,6 +373,35 @@ class Condensed:
         return self.limits
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
+        """From the stuck state; where that path ends, as stiff contacts let go all at once, from free sliding."""
+        found = self._lowered(omega, gains)
+        return self._from_sliding(omega, gains) if found is None else found
+
+    def _from_sliding(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
+        """From the motion without friction: slip forces are raised to their size in steps that adapt."""
+        at, start = self.excited, np.zeros((len(self.limits), 2 * gains.shape[1]))
+        drive = self.drive(omega, at + 1)[:, 2 * at :] @ [1, -1j]
+        free = np.eye(len(drive)) - (gains[0, at] + 1j * gains[1, at]) * self.stiffness
+        motion = np.linalg.lstsq(free, drive, rcond=None)[0]
+        start[:, 2 * at], start[:, 2 * at + 1] = motion.real, -motion.imag
+        slipping = self.limits > 0
+        reach = (self.stiffness * np.abs(motion))[slipping] / self.limits[slipping]
+        level = min(_SLIDING, _SLIDING * float(reach.min(initial=np.inf)))
+        wanted, ratio, reached = level, _RISE, None
+        while self.left >= 0:
+            found = self._newton(omega, start, gains, wanted)
+            if found is not None:
+                if wanted == 1.0:
+                    return found
+                start, reached, ratio = found[1], wanted, min(ratio**1.5, _RISE)
+            else:
+                ratio = np.sqrt(ratio)
+                if reached is None or ratio < _SHORTEST_RISE:
+                    return None
+            wanted = min(reached * ratio, 1.0)
+        return None
+
+    def _lowered(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt.
 
         Smooth laws yield below their slip forces too: these are first raised to where the stuck state is a start.
