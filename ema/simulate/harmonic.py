@@ -9,7 +9,7 @@ matters.
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.checks import positive
 from ema.simulate.factors import Factors
+from ema.simulate.reduction import with_armature
 from ema.simulate.transient import Problem, _State, prepare, sampled_normal_forces
 
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
@@ -745,8 +746,11 @@ def condense(
     tolerance: float,
     modes: int | None = None,
     normal_forces: Float[np.ndarray, "joint phase"] | None = None,
+    armature: tuple[float, float] | None = None,
 ) -> Condensed:
     """A model seen from its contacts, ready for harmonic balance.
+
+    ``armature``: a mass in kg and a damper in N s/m that move with the driven DOF, between it and the force.
 
     Raises
     ------
@@ -757,6 +761,8 @@ def condense(
     positive(model.name, force=force, tolerance=tolerance)
     driven = Dof.parse(at)
     problem = prepare(model, outputs, modes, [driven], plane=True, normal=normal_forces is None)
+    if armature is not None:
+        problem = replace(problem, base=with_armature(problem.system, problem.base, driven, armature, modes))
     if normal_forces is None and problem.laws.couplings is None:
         return Condensed(problem, driven, force, tolerance)
     pressing = None

@@ -1,7 +1,7 @@
 """Modes of the structure with stuck joints, and how the contacts and forces see them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -118,6 +118,19 @@ def modal_base(
     rounding = _NO_COUPLING * (np.sqrt(np.outer(decay, decay)) + 1e-3 * decay.max())
     whole = damping if np.any(np.abs(damping - np.diag(decay)) > rounding) else None
     return ModalBase(frequencies, decay, slip, shapes, seen > _UNCOUPLED * seen.max(), whole)
+
+
+def with_armature(
+    system: System, base: ModalBase, at: Dof, armature: tuple[float, float], modes: int | None
+) -> ModalBase:
+    """Modes of a structure that carries a mass in kg and a damper in N s/m at a DOF; its own damping stays."""
+    mass, damper = armature
+    row = system.row(at)
+    loaded = modal_base(replace(system, mass=system.mass + mass * np.outer(row, row)), modes=modes, loads=[at])
+    own = np.diag(base.decay) if base.damping is None else base.damping
+    seen, moved = base.shapes.T @ system.mass @ loaded.shapes, row @ loaded.shapes
+    damping = seen.T @ own @ seen + damper * np.outer(moved, moved)
+    return replace(loaded, decay=np.diag(damping).copy(), damping=damping)
 
 
 def _damped(frequencies: Float[np.ndarray, "mode"], own: Float[np.ndarray, "mode"]) -> Float[np.ndarray, "mode"]:

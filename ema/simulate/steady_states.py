@@ -151,7 +151,7 @@ def frf(
         points.append(point)
     response = _response(condensed, np.asarray(frequencies), points)
     findings = *response.findings, *_ended(condensed, ended), *_instability(condensed, unstable)
-    findings = *findings, *_jumped(response.name, jumps)
+    findings = *findings, *jumped(response.name, jumps)
     return condensed.completed(replace(response, findings=findings), points)
 
 
@@ -190,7 +190,7 @@ def _ended(condensed: Condensed, searches: list[tuple[float, int, _Point | None]
     ]
 
 
-def _jumped(where: str, jumps: list[tuple[float, float]]) -> list[Finding]:
+def jumped(where: str, jumps: list[tuple[float, float]]) -> list[Finding]:
     """A finding where neighbouring steady states lie on different branches: pairs of frequencies in Hz."""
     if not jumps:
         return []
