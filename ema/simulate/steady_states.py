@@ -14,6 +14,7 @@ from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import positive
 from ema.simulate.harmonic import BUDGET, Branch, Condensed, _Point, condense
+from ema.simulate.turning_points import hidden_turns
 from ema.simulate.verification import verified
 
 _NAMED = 5
@@ -133,6 +134,7 @@ def frf(
     unstable: list[float] = []
     ended: list[tuple[float, int, _Point | None]] = []
     jumps: list[tuple[float, float]] = []
+    folds: list[tuple[float, float, list[float]]] = []
     branch, before = Branch(condensed.tolerance), None
     for number, frequency in enumerate(frequencies):
         advance(progress, "frequencies", number, len(frequencies))
@@ -141,8 +143,12 @@ def frf(
         if condensed.left < 0:
             ended.append((float(frequency), chosen.budget - condensed.left, point))
         if point is not None:
-            if before is not None and not condensed.joins(point, before):
-                jumps.append((before.omega / (2 * np.pi), float(frequency)))
+            if before is not None and before.omega != point.omega:
+                pair = before.omega / (2 * np.pi), float(frequency)
+                if not condensed.joins(point, before):
+                    jumps.append(pair)
+                elif turned := hidden_turns(condensed, before, point):
+                    folds.append((*pair, turned))
             before = point
         if chosen.verify and point is not None:
             seen = verified(condensed, point)
@@ -151,7 +157,7 @@ def frf(
         points.append(point)
     response = _response(condensed, np.asarray(frequencies), points)
     findings = *response.findings, *_ended(condensed, ended), *_instability(condensed, unstable)
-    findings = *findings, *jumped(response.name, jumps)
+    findings = *findings, *jumped(response.name, jumps), *_folded(response.name, folds)
     return condensed.completed(replace(response, findings=findings), points)
 
 
@@ -205,6 +211,28 @@ def jumped(where: str, jumps: list[tuple[float, float]]) -> list[Finding]:
             jumps[0][0],
             None,
             "Sweep up and down (ema.simulate.frf_up_and_down) to see both.",
+        )
+    ]
+
+
+def _folded(where: str, folds: list[tuple[float, float, list[float]]]) -> list[Finding]:
+    """A finding where the curve turns back between two lines: both in Hz, and where it turns."""
+    if not folds:
+        return []
+    named = "; ".join(
+        f"between {min(pair):.5g} and {max(pair):.5g} Hz, at " + " and ".join(f"{turn:.5g}" for turn in sorted(turned))
+        for *pair, turned in folds[:_NAMED]
+    )
+    more = f", and between {2 * (len(folds) - _NAMED)} more lines" if len(folds) > _NAMED else ""
+    return [
+        Finding(
+            "warning",
+            "fold-between-lines",
+            where,
+            f"the curve of steady states turns back {named} Hz{more}: there are several states there.",
+            min(folds[0][2]),
+            None,
+            "Compute lines between these, upward and downward (ema.simulate.frf_up_and_down).",
         )
     ]
 

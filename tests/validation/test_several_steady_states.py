@@ -249,3 +249,31 @@ def test_records_of_a_stepped_sine_stay_on_a_branch_as_long_as_it_goes(shaker, l
 def test_a_settling_time_does_not_pass_over_a_shaker():
     with pytest.raises(InputError, match="leave out settle"):
         SteppedSine(Dof(1, "+X"), 4.0, (120.0,), settle=1.0, shaker=Shaker(2.0))
+
+
+@pytest.mark.parametrize(
+    ("force", "lines", "folded"),
+    [
+        (1.0, (136.0, 139.0), True),
+        (1.0, (120.0, 135.5), False),
+        (2.2, (108.0, 138.0), True),
+        (3.7, (105.0, 136.0), True),
+    ],
+)
+def test_a_fold_that_lies_between_two_lines_is_named(force, lines, folded):
+    """Both lines have one state. Within the named frequencies DOP853 stays on two, outside of them it does not."""
+    model = oscillator(ELASTIC(1.0, K))
+    coarse = frf(model, np.array(lines), force, "1:+X", ["1:+X"])
+    named = [finding for finding in coarse.findings if finding.code == "fold-between-lines"]
+    assert len(named) == folded
+    if not folded:
+        return
+    begin, end = (float(word) for word in named[0].message.split(" at ")[1].split(" Hz")[0].split(" and "))
+    assert lines[0] < begin < end < lines[1]
+    inside = begin + (end - begin) * np.array([0.05, 0.95])
+    beyond = np.array([begin - 0.05 * (end - begin), end + 0.05 * (end - begin)])
+    for frequencies, several in ((inside, True), (beyond, False)):
+        grid = np.unique([*np.arange(lines[0], lines[1], (end - begin) / 10), *frequencies])
+        states = frf_up_and_down(model, grid, force, "1:+X", ["1:+X"])
+        up, down = ([settled(f, force, firsts(one)[list(grid).index(f)]) for f in frequencies] for one in states)
+        assert [abs(a / b - 1) > 0.05 for a, b in zip(up, down, strict=True)] == [several, several]
