@@ -149,8 +149,10 @@ class Condensed:
         """
         if highest is None:
             return
-        if highest < 1:
-            raise InputError("not a harmonic", where=self.problem.system.name, got=highest, expected="1 or more")
+        if not isinstance(highest, int | np.integer) or highest < 1:
+            raise InputError(
+                "not a harmonic", where=self.problem.system.name, got=highest, expected="a whole number, 1 or more"
+            )
         self.harmonics = int(np.searchsorted(self.orders(highest + 1), highest, side="right"))
 
     def basis(self, count: int) -> Float[np.ndarray, "2 sample size"]:
@@ -526,7 +528,8 @@ class Condensed:
         coarser: tuple[Any, ...] | None = None
         finest = FINEST
         while True:
-            all_gains = self.gains(omega, count + max(min(count, 6), count // 2))
+            # a number that is given is judged by many more: of few, the next one or two tell little
+            all_gains = self.gains(omega, count + max(6 if self.harmonics else min(count, 6), count // 2))
             gains = np.ascontiguousarray(all_gains[:, :count])
             if coarser is None or start is None:
                 found = self._reached(omega, start, gains)
@@ -684,6 +687,14 @@ class Condensed:
         damping = 0.5 * float(np.real(np.sum(np.conj(speed) * lossy)))
         return supplied, float(point.lost.sum()) * point.omega / (2 * np.pi), damping
 
+    def power_rounding(self, point: _Point) -> float:
+        """Power in W that cannot be told from none: where the residual ends, of what goes to and fro."""
+        speed = point.omega * self.orders(point.count)
+        moved = np.hypot(point.amplitudes[:, ::2], point.amplitudes[:, 1::2])
+        springs = 0.5 * float((self.stiffness[:, None] * moved**2 * speed).sum())
+        driven = 0.5 * point.omega * float(abs(self.modal(point)[self.excited] @ self.load))
+        return _CONVERGED * (springs + driven)
+
 
 def _yielding(
     seen: Float[np.ndarray, "2 order shape contact"], change: Float[np.ndarray, "row contact column"]
@@ -767,6 +778,6 @@ def condense(
         return Condensed(problem, driven, force, tolerance)
     pressing = None
     if normal_forces is not None:
-        phases = np.arange(np.asarray(normal_forces).shape[-1]) / np.asarray(normal_forces).shape[-1]
-        pressing = sampled_normal_forces(model, normal_forces, phases)
+        phases = max((1, *np.shape(normal_forces)[-1:]))
+        pressing = sampled_normal_forces(model, normal_forces, np.arange(phases) / phases)
     return JoinedCondensed(problem, driven, force, tolerance, pressing=pressing)

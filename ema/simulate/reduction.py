@@ -147,7 +147,7 @@ def _damped(frequencies: Float[np.ndarray, "mode"], own: Float[np.ndarray, "mode
 
 def _with_static_correction(system: System, matrix: np.ndarray, modes: int, loads: Sequence[Dof | str]) -> np.ndarray:
     """Lowest modes and the static deflections under contact and load forces, orthonormal in the mass matrix."""
-    _, low = eigh(matrix, system.mass, subset_by_index=(0, modes - 1))
+    low = eigh(matrix, system.mass, subset_by_index=(0, modes - 1))[1] if modes else np.zeros((len(matrix), 0))
     forces = np.vstack([system.contacts.slip, *[system.row(dof) for dof in loads]]).T
     shift = matrix + 1e-3 * np.trace(matrix) / np.trace(system.mass) * system.mass * 1e-6
     static = np.linalg.solve(shift, forces)

@@ -12,7 +12,7 @@ from ema.data import BeamModel, Finding, HarmonicResponse
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.checks import positive
+from ema.simulate.checks import is_number, positive
 from ema.simulate.harmonic import BUDGET, Branch, Condensed, _Point, condense
 from ema.simulate.turning_points import hidden_turns
 from ema.simulate.verification import verified
@@ -123,12 +123,13 @@ def frf(
     condensed = condense(model, force, at, outputs, chosen.tolerance, chosen.modes, normal_forces)
     condensed.budget = chosen.budget
     condensed.keep(chosen.harmonics)
-    if not len(frequencies) or not np.all(np.isfinite(frequencies)) or np.min(frequencies) <= 0:
+    frequencies = np.asarray(frequencies)
+    if frequencies.ndim != 1 or not frequencies.size or not all(is_number(one) and one > 0 for one in frequencies):
         raise InputError(
             "not frequencies of excitation",
             where=model.name,
-            got=f"{len(frequencies)} values",
-            expected="finite, above 0 Hz",
+            got=f"{frequencies.dtype} of shape {frequencies.shape}",
+            expected="a row of numbers, finite and above 0 Hz",
         )
     points: list[_Point | None] = []
     unstable: list[float] = []
@@ -260,14 +261,14 @@ def _response(condensed: Condensed, frequencies: np.ndarray, points: list[_Point
     count, contacts, rows = len(points), len(condensed.limits), condensed.rows
     values = np.full((count, len(rows), most), np.nan, complex)
     slips = np.full((count, contacts, most), np.nan, complex)
-    powers, error = np.full((count, 3), np.nan), np.full(count, np.nan)
+    powers, error, rounding = np.full((count, 3), np.nan), np.full(count, np.nan), np.zeros(count)
     for n, point in enumerate(points):
         if point is None:
             continue
         values[n], slips[n] = 0, 0
         values[n, :, : point.count] = condensed.outputs(point, rows)
         slips[n, :, : point.count] = point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2]
-        powers[n], error[n] = condensed.powers(point), point.error
+        powers[n], error[n], rounding[n] = condensed.powers(point), point.error, condensed.power_rounding(point)
     solved = np.isfinite(error)
     response = HarmonicResponse(
         frequencies,
@@ -285,11 +286,14 @@ def _response(condensed: Condensed, frequencies: np.ndarray, points: list[_Point
         (),
         condensed.problem.system.name,
     )
-    return replace(response, findings=(*condensed.problem.findings, *_judged(condensed, response)))
+    return replace(response, findings=(*condensed.problem.findings, *_judged(condensed, response, rounding)))
 
 
-def _judged(condensed: Condensed, response: HarmonicResponse) -> list[Finding]:
-    """Findings where there is no state, where its error is above the tolerance, and where the powers do not balance."""
+def _judged(condensed: Condensed, response: HarmonicResponse, rounding: Float[np.ndarray, "freq"]) -> list[Finding]:
+    """Findings where there is no state, where its error is above the tolerance, and where the powers do not balance.
+
+    ``rounding``: imbalance in W that is none.
+    """
     frequencies, error, solved = response.frequencies, response.error_estimate, response.converged
     where, findings = response.name, list[Finding]()
     if not solved.all():
@@ -318,14 +322,19 @@ def _judged(condensed: Condensed, response: HarmonicResponse) -> list[Finding]:
                 "Check it in time.",
             )
         )
-    if solved.any() and response.power_error > 1e-4:
+    lost = response.friction_power + response.damping_power
+    open_power = np.maximum(np.abs(response.input_power - lost) - rounding, 0.0)
+    imbalance = float(
+        np.max(open_power[solved] / np.maximum(np.abs(response.input_power[solved]), 1e-300), initial=0.0)
+    )
+    if imbalance > 1e-4:
         findings.append(
             Finding(
                 "warning",
                 "power-balance",
                 where,
-                f"the power balance is off by {response.power_error:.1e}.",
-                response.power_error,
+                f"the power balance is off by {imbalance:.1e}.",
+                imbalance,
                 1e-4,
                 "Lower the tolerance.",
             )
