@@ -214,7 +214,8 @@ def check_band(model: BeamModel, band: tuple[float, float]) -> tuple[float, floa
     InputError : it is empty, or not above 0 Hz.
     """
     if len(band) != 2 or not all(map(is_number, band)) or not 0 < band[0] < band[1]:
-        raise InputError("not a band", where=model.name, got=f"{band!r} Hz", expected="(low, high), 0 < low < high")
+        got = f"{band[0]} to {band[1]} Hz" if len(band) == 2 else repr(band)
+        raise InputError("not a band", where=model.name, got=got, expected="0 < low < high")
     return band
 
 

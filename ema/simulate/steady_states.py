@@ -128,8 +128,8 @@ def frf(
         raise InputError(
             "not frequencies of excitation",
             where=model.name,
-            got=f"{frequencies.dtype} of shape {frequencies.shape}",
-            expected="a row of numbers, finite and above 0 Hz",
+            got=f"{len(frequencies)} values" if frequencies.ndim == 1 else f"an array of shape {frequencies.shape}",
+            expected="finite, above 0 Hz, one after the other",
         )
     points: list[_Point | None] = []
     unstable: list[float] = []

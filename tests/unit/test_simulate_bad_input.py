@@ -42,6 +42,7 @@ from ema.simulate import (
     own_contact,
     plate_matrices,
     register_law,
+    resonance,
     resonances,
     stepped_sine,
     swept_sine,
