@@ -187,9 +187,8 @@ class Damping(Container):
     Parameters
     ----------
     ratio : float, default 0.0
-        Modal damping ratio of every mode of the structure with stuck joints. The springs of the contacts are without
-        damping: modes of which they hold more than half of the strain energy are damped less, down to the structure's
-        own share where they are rigid.
+        Modal damping ratio of every mode of the structure with stuck joints. It damps the sliding motion too, by more
+        the stiffer the contacts.
     mass_factor : float, default 0.0
         Factor [1/s] of the mass matrix in the damping matrix.
 

@@ -106,8 +106,7 @@ def modal_base(
         raise InputError(
             "not a background damping", where=system.name, got=settings, expected="0 <= ratio < 1, factor >= 0"
         )
-    own = np.einsum("ij,ik,kj->j", shapes, system.stiffness, shapes, optimize=True)
-    damping = np.diag(2 * settings.ratio * _damped(frequencies, own) + settings.mass_factor)
+    damping = np.diag(2 * settings.ratio * frequencies + settings.mass_factor)
     if system.decay is not None:
         damping += shapes.T @ ((system.decay * np.diag(system.mass))[:, None] * shapes)
     if system.loss is not None:
@@ -131,18 +130,6 @@ def with_armature(
     seen, moved = base.shapes.T @ system.mass @ loaded.shapes, row @ loaded.shapes
     damping = seen.T @ own @ seen + damper * np.outer(moved, moved)
     return replace(loaded, decay=np.diag(damping).copy(), damping=damping)
-
-
-def _damped(frequencies: Float[np.ndarray, "mode"], own: Float[np.ndarray, "mode"]) -> Float[np.ndarray, "mode"]:
-    """Angular frequencies to which a damping ratio applies; ``own``: squares that the structure alone would give.
-
-    Where the contact springs hold more than half of the strain energy, a mode is one of the contacts: their stiffness
-    is none of the structure's, and would damp it without bound when they slide. With the structure's share e of the
-    energy the frequency falls by sqrt(e + 2 e^2), from that of the mode at e = 1/2 to the structure's own.
-    """
-    squares = frequencies**2
-    share = np.divide(np.maximum(own, 0.0), squares, out=np.ones_like(squares), where=squares > 0)
-    return np.asarray(frequencies * np.sqrt(np.minimum(1.0, share + 2 * share**2)))
 
 
 def _with_static_correction(system: System, matrix: np.ndarray, modes: int, loads: Sequence[Dof | str]) -> np.ndarray:

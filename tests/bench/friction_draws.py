@@ -138,9 +138,7 @@ def draw(law: str, seed: int, lightest: float = 0.0) -> Draw:
     ratio = max(ratio, lightest)
     by_mass = bool(rng.integers(2))
     factor = 2 * ratio * np.sqrt(squares[0])
-    own = np.einsum("ij,ik,kj->j", shapes, elastic, shapes) / squares  # share of the structure without contact springs
-    rates = 2 * ratio * np.sqrt(squares * np.minimum(1.0, own + 2 * own**2))
-    damping = factor * mass if by_mass else mass @ shapes @ np.diag(rates) @ shapes.T @ mass
+    damping = factor * mass if by_mass else mass @ shapes @ np.diag(2 * ratio * np.sqrt(squares)) @ shapes.T @ mass
     out = int(rng.choice(np.flatnonzero(np.arange(size) != at)))
     names_of = _names(lower, "", 0) | _names(upper, "beam", split)
     model = BeamModel(

@@ -27,9 +27,7 @@ from ema.simulate.verification import verified
 
 F0, K, FC, RATIO = 100.0, 4e5, 30.0, 0.01
 SPRING = (2 * np.pi * F0) ** 2
-SHARE = SPRING / (SPRING + K)
-STUCK = np.sqrt((SPRING + K) * min(1.0, SHARE + 2 * SHARE**2))
-"""To which the damping ratio applies: a bit more than half of the energy of the stuck motion is the contact's."""
+STUCK = np.sqrt(SPRING + K)
 
 
 def tanh_of_the_sum(force, du, k, limit, p0, p1, p2, p3):
