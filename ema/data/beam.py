@@ -187,7 +187,8 @@ class Damping(Container):
     Parameters
     ----------
     ratio : float, default 0.0
-        Modal damping ratio of every mode of the structure with stuck joints.
+        Modal damping ratio of every mode of the structure with stuck joints. It damps the sliding motion too, by more
+        the stiffer the contacts.
     mass_factor : float, default 0.0
         Factor [1/s] of the mass matrix in the damping matrix.
 

@@ -17,7 +17,7 @@ from ema.compiled import compiled, inner, inner_with_arrays
 from ema.simulate.period_kernels import motion, waves
 
 _STAGES = 4
-_PANELS, _PER_TURN = 3, 1.5
+_PANELS, _PER_TURN = 3, 1.0
 """Panels of a quarter of a cycle at first, and further ones for every half turn of the highest order in it. They are
 where a refinement begins that is judged by its result."""
 _NARROWEST = 1e-8

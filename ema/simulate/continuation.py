@@ -109,7 +109,9 @@ def bordered_newton(
         if steps > _MOST_STEPS:
             return None
         step, change = _step(equations, (here, at), (forces, jacobian, slips), (rest, open_conditions))
-        trial, trial_at = here - step, at - change
+        # a matrix that is nearly singular asks for steps of any size in the further unknowns
+        length = 1.0 / max(1.0, float(np.abs(change / equations.scales).max()))
+        trial, trial_at = here - length * step, at - length * change
         if not equations.frequency(trial_at) > 0:
             return None
 
@@ -139,7 +141,8 @@ def _step(
     for column in columns:
         answer = condensed.newton_step(equations.frequency(at), gains, (jacobian, slips), column)
         pushed = condensed.kernels.linear_change(answer, jacobian, condensed.members, slips)
-        share = _NUDGE * np.linalg.norm(here) / max(float(np.linalg.norm(answer)), 1e-300)
+        length = float(np.linalg.norm(answer))
+        share = _NUDGE * np.linalg.norm(here) / length if length else 1.0
         nearby = equations.conditions(here + share * answer, forces + share * pushed, at)
         solved.append(answer)
         seen.append((nearby - conditions) / share)

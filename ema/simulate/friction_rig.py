@@ -6,18 +6,20 @@ more; force and response pass the same anti-alias filter of linear phase before 
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, Joint
+from ema.data import BeamModel, Finding, Joint
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.contact import growth
-from ema.simulate.harmonic import Branch, condense
-from ema.simulate.inputs import Shaker, SnapBack, SteppedSine
+from ema.simulate.harmonic import Branch, Condensed, _Point, condense
+from ema.simulate.inputs import SnapBack, SteppedSine
 from ema.simulate.reduction import modal_base
 from ema.simulate.rig import DERIVATIVES, Rig, anti_alias
+from ema.simulate.steady_states import jumped
 from ema.simulate.structure import assemble, pair_areas
 from ema.simulate.transient import respond, snapback
 
@@ -26,10 +28,6 @@ FINER = 2
 
 MARGIN = 256
 """Samples over which signals are led down to zero before and behind a record, so that filtering does not wrap round."""
-
-
-_ROUNDS, _COIL = 6, 2e-3
-"""Rounds in which the force on the structure is sought, and how near the force of the coil is to come."""
 
 
 @dataclass(frozen=True)
@@ -202,16 +200,18 @@ class FrictionRig(Rig):
     def _steady(self, number: int, rng: np.random.Generator) -> Float[np.ndarray, "channel sample"]:
         """A record of the steady state at one frequency."""
         assert isinstance(self.drive, SteppedSine)
-        force, orders, values = self._steady_states[number]
+        condensed, points = self._steady_states
+        rows_of = np.array([condensed.problem.base.row(condensed.problem.system, dof) for dof in self._outputs])
+        orders, values = condensed.orders(points[number].count), condensed.outputs(points[number], rows_of)
         frequency = self.drive.frequencies[number]
         times = np.arange(self.samples) / self.sampling_rate
         rates = 2j * np.pi * frequency * orders
         waves = np.exp(np.outer(rates, times))
         filtered = anti_alias(orders * frequency, self.sampling_rate)
-        pushed = np.where(orders == 1, force, 0.0) * filtered
+        pushed = np.where(orders == 1, self.drive.level, 0.0) * filtered
         if self.drive.shaker is not None:
-            moved = values[self._outputs.index(self.drive.point)]
-            pushed = pushed + self.drive.shaker.mount_mass * rates**2 * moved * filtered
+            moved, shaker = values[self._outputs.index(self.drive.point)], self.drive.shaker
+            pushed = pushed - (shaker.damping * rates + shaker.moving_mass * rates**2) * moved * filtered
         rows = [np.real(pushed @ waves)]
         for channel in self.responses:
             assert channel.dof is not None
@@ -223,40 +223,46 @@ class FrictionRig(Rig):
         return self._with_rings(np.array(rows), 1 + len(self.responses), rng)
 
     @cached_property
-    def _steady_states(self) -> list[tuple[float, np.ndarray, np.ndarray]]:
-        """For every frequency of a stepped sine the force in N, the orders, and the amplitudes (output, order)."""
+    def findings(self) -> tuple[Finding, ...]:
+        """Where neighbouring steps of a stepped sine are on different branches of steady states.
+
+        Every step goes on from the one before, in the order of the frequencies, as a test does. Where its branch ends,
+        the record jumps to another one.
+        """
+        if not isinstance(self.drive, SteppedSine) or self.drive.settle is not None:
+            return ()
+        condensed, points = self._steady_states
+        jumps = [
+            (before.omega / (2 * np.pi), point.omega / (2 * np.pi))
+            for before, point in pairwise(points)
+            if not condensed.joins(point, before)
+        ]
+        return tuple(jumped(self.name, jumps))
+
+    @cached_property
+    def _steady_states(self) -> tuple[Condensed, list[_Point]]:
+        """The structure with the shaker's armature, seen from its contacts, and its states at all frequencies."""
         drive = self.drive
         assert isinstance(drive, SteppedSine)
-        shaker = drive.shaker or Shaker()
-        outputs = self._outputs
-        condensed = condense(self.model, drive.level, drive.point, outputs, max(self.tolerance, 1e-4), self._modes)
-        rows = np.array([condensed.problem.base.row(condensed.problem.system, dof) for dof in outputs])
-        branch, states = Branch(condensed.tolerance), []
-        force = drive.level
+        armature, tolerance = None, max(self.tolerance, 1e-4)
+        if drive.shaker is not None:
+            armature = drive.shaker.moving_mass + drive.shaker.mount_mass, drive.shaker.damping
+        condensed = condense(
+            self.model, drive.level, drive.point, self._outputs, tolerance, self._modes, armature=armature
+        )
+        branch, points = Branch(condensed.tolerance), list[_Point]()
         for frequency in drive.frequencies:
-            taken, start = shaker.taken(frequency), branch.start(frequency)
-            for _ in range(_ROUNDS):
-                solved, held = force, condensed.at(force, condensed.limits)
-                point = held.solve(frequency, start)
-                if point is None:
-                    raise InputError(
-                        "no steady state was found",
-                        where=self.name,
-                        got=f"{frequency:g} Hz",
-                        advice="give settle, to find it in time",
-                    )
-                values, start = held.outputs(point, rows), point.amplitudes
-                if not taken:
-                    break
-                moved = values[outputs.index(drive.point), 0 if condensed.odd else 1]
-                coil = abs(force + taken * moved)
-                if abs(coil / drive.level - 1) < _COIL:
-                    break
-                force *= drive.level / coil
-            assert point is not None
+            point = condensed.solve(frequency, branch.start(frequency))
+            if point is None:
+                raise InputError(
+                    "no steady state was found",
+                    where=self.name,
+                    got=f"{frequency:g} Hz",
+                    advice="give settle, to find it in time",
+                )
             branch.add(point)
-            states.append((solved, condensed.orders(point.count), values))
-        return states
+            points.append(point)
+        return condensed, points
 
     @cached_property
     def _modes(self) -> int | None:

@@ -9,7 +9,7 @@ matters.
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,13 +21,16 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.checks import positive
 from ema.simulate.factors import Factors
+from ema.simulate.reduction import with_armature
 from ema.simulate.transient import Problem, _State, prepare, sampled_normal_forces
 
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
 """Residual over the size of the amplitudes, the same where only places are sought, and how much larger than the first
 it may stay where no step lowers it; unknowns above which steps are found by GMRES."""
-QUADRATURE = 1e-6
+QUADRATURE, _SPARE = 1e-6, 256.0
 FINEST = 32
+"""Error of losses and forces over a period up to which more nodes are of no use, how far below it half of them do
+(rules of order 7 and 8 gain 2^7 to 2^8 by twice the nodes), and the largest factor on their number."""
 _YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 14
 """Compliance over that of a contact from which on the coarse inverse holds a shape, how many of them, and at how many
 harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
@@ -49,6 +52,9 @@ _ALONG_THE_ARC, _FINE_START, _STUCK = 0.95, 4, 1e6
 on the nodes up to which it is sought with more of them: from 4 on steps were found at every place that was tried. Slip
 forces, over those that the stuck motion asks for, at which every law is stuck: one that yields in proportion to the
 force deviates there by the rounding of places that are sought roughly."""
+_SLIDING, _RISE, _SHORTEST_RISE = 1e-3, 10.0, 1.003
+"""Slip forces over those of the model, and over what the sliding motion asks for, at which it begins; the largest and
+the smallest factor on them in a step."""
 _ASIDE, _SHORTEST = (0.003, -0.003, 0.01, -0.01, 0.03), 0.05
 """Where a steady state is looked for beside a frequency that shows none, relative, and the share of the way back below
 which no step is tried. Half a bandwidth of lightly damped modes is 0.003 and more."""
@@ -143,8 +149,10 @@ class Condensed:
         """
         if highest is None:
             return
-        if highest < 1:
-            raise InputError("not a harmonic", where=self.problem.system.name, got=highest, expected="1 or more")
+        if not isinstance(highest, int | np.integer) or highest < 1:
+            raise InputError(
+                "not a harmonic", where=self.problem.system.name, got=highest, expected="a whole number, 1 or more"
+            )
         self.harmonics = int(np.searchsorted(self.orders(highest + 1), highest, side="right"))
 
     def basis(self, count: int) -> Float[np.ndarray, "2 sample size"]:
@@ -368,6 +376,35 @@ class Condensed:
         return self.limits
 
     def _cold_start(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
+        """From the stuck state; where that path ends, as stiff contacts let go all at once, from free sliding."""
+        found = self._lowered(omega, gains)
+        return self._from_sliding(omega, gains) if found is None else found
+
+    def _from_sliding(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
+        """From the motion without friction: slip forces are raised to their size in steps that adapt."""
+        at, start = self.excited, np.zeros((len(self.limits), 2 * gains.shape[1]))
+        drive = self.drive(omega, at + 1)[:, 2 * at :] @ [1, -1j]
+        free = np.eye(len(drive)) - (gains[0, at] + 1j * gains[1, at]) * self.stiffness
+        motion = np.linalg.lstsq(free, drive, rcond=None)[0]
+        start[:, 2 * at], start[:, 2 * at + 1] = motion.real, -motion.imag
+        slipping = self.limits > 0
+        reach = (self.stiffness * np.abs(motion))[slipping] / self.limits[slipping]
+        level = min(_SLIDING, _SLIDING * float(reach.min(initial=np.inf)))
+        wanted, ratio, reached = level, _RISE, None
+        while self.left >= 0:
+            found = self._newton(omega, start, gains, wanted)
+            if found is not None:
+                if wanted == 1.0:
+                    return found
+                start, reached, ratio = found[1], wanted, min(ratio**1.5, _RISE)
+            else:
+                ratio = np.sqrt(ratio)
+                if reached is None or ratio < _SHORTEST_RISE:
+                    return None
+            wanted = min(reached * ratio, 1.0)
+        return None
+
+    def _lowered(self, omega: float, gains: np.ndarray) -> tuple[Any, ...] | None:
         """From the stuck state: slip forces are lowered from where nothing slips, in steps that adapt.
 
         Smooth laws yield below their slip forces too: these are first raised to where the stuck state is a start.
@@ -491,7 +528,8 @@ class Condensed:
         coarser: tuple[Any, ...] | None = None
         finest = FINEST
         while True:
-            all_gains = self.gains(omega, count + max(min(count, 6), count // 2))
+            # a number that is given is judged by many more: of few, the next one or two tell little
+            all_gains = self.gains(omega, count + max(6 if self.harmonics else min(count, 6), count // 2))
             gains = np.ascontiguousarray(all_gains[:, :count])
             if coarser is None or start is None:
                 found = self._reached(omega, start, gains)
@@ -512,6 +550,8 @@ class Condensed:
                 if blur > QUADRATURE and self.fine < finest:
                     self.fine, start, coarser = 2 * self.fine, amplitudes, found
                     continue
+                if _SPARE * blur <= QUADRATURE:
+                    self.fine = max(1, self.fine // 2)
             coarser = None
             before, point = point, _Point(omega, amplitudes, forces, lost, 1.0)
             start = amplitudes
@@ -647,6 +687,14 @@ class Condensed:
         damping = 0.5 * float(np.real(np.sum(np.conj(speed) * lossy)))
         return supplied, float(point.lost.sum()) * point.omega / (2 * np.pi), damping
 
+    def power_rounding(self, point: _Point) -> float:
+        """Power in W that cannot be told from none: where the residual ends, of what goes to and fro."""
+        speed = point.omega * self.orders(point.count)
+        moved = np.hypot(point.amplitudes[:, ::2], point.amplitudes[:, 1::2])
+        springs = 0.5 * float((self.stiffness[:, None] * moved**2 * speed).sum())
+        driven = 0.5 * point.omega * float(abs(self.modal(point)[self.excited] @ self.load))
+        return _CONVERGED * (springs + driven)
+
 
 def _yielding(
     seen: Float[np.ndarray, "2 order shape contact"], change: Float[np.ndarray, "row contact column"]
@@ -709,8 +757,11 @@ def condense(
     tolerance: float,
     modes: int | None = None,
     normal_forces: Float[np.ndarray, "joint phase"] | None = None,
+    armature: tuple[float, float] | None = None,
 ) -> Condensed:
     """A model seen from its contacts, ready for harmonic balance.
+
+    ``armature``: a mass in kg and a damper in N s/m that move with the driven DOF, between it and the force.
 
     Raises
     ------
@@ -721,10 +772,12 @@ def condense(
     positive(model.name, force=force, tolerance=tolerance)
     driven = Dof.parse(at)
     problem = prepare(model, outputs, modes, [driven], plane=True, normal=normal_forces is None)
+    if armature is not None:
+        problem = replace(problem, base=with_armature(problem.system, problem.base, driven, armature, modes))
     if normal_forces is None and problem.laws.couplings is None:
         return Condensed(problem, driven, force, tolerance)
     pressing = None
     if normal_forces is not None:
-        phases = np.arange(np.asarray(normal_forces).shape[-1]) / np.asarray(normal_forces).shape[-1]
-        pressing = sampled_normal_forces(model, normal_forces, phases)
+        phases = max((1, *np.shape(normal_forces)[-1:]))
+        pressing = sampled_normal_forces(model, normal_forces, np.arange(phases) / phases)
     return JoinedCondensed(problem, driven, force, tolerance, pressing=pressing)

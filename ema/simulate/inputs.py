@@ -622,6 +622,14 @@ class SteppedSine:
         for frequency in self.frequencies:
             positive("stepped sine", frequency=frequency)
         not_negative("stepped sine", settle=0.0 if self.settle is None else self.settle)
+        if self.settle is not None and self.shaker is not None:
+            raise InputError(
+                "a settling time with a shaker",
+                where="stepped sine",
+                got=f"settle = {self.settle:g} s",
+                expected="the force on the structure itself in time",
+                advice="leave out settle: steady states take the shaker with them",
+            )
 
     @property
     def takes(self) -> int:

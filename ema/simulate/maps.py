@@ -13,7 +13,7 @@ from ema.data import BeamModel, Finding, ModalMap, NormalContact, Provenance
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.checks import positive
+from ema.simulate.checks import is_number, positive
 from ema.simulate.harmonic import Branch, Condensed, _Point, condense, with_harmonics
 
 HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
@@ -213,8 +213,9 @@ def check_band(model: BeamModel, band: tuple[float, float]) -> tuple[float, floa
     ------
     InputError : it is empty, or not above 0 Hz.
     """
-    if not 0 < band[0] < band[1]:
-        raise InputError("not a band", where=model.name, got=f"{band[0]} to {band[1]} Hz", expected="0 < low < high")
+    if len(band) != 2 or not all(map(is_number, band)) or not 0 < band[0] < band[1]:
+        got = f"{band[0]} to {band[1]} Hz" if len(band) == 2 else repr(band)
+        raise InputError("not a band", where=model.name, got=got, expected="0 < low < high")
     return band
 
 

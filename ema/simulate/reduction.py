@@ -1,7 +1,7 @@
 """Modes of the structure with stuck joints, and how the contacts and forces see them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -119,9 +119,22 @@ def modal_base(
     return ModalBase(frequencies, decay, slip, shapes, seen > _UNCOUPLED * seen.max(), whole)
 
 
+def with_armature(
+    system: System, base: ModalBase, at: Dof, armature: tuple[float, float], modes: int | None
+) -> ModalBase:
+    """Modes of a structure that carries a mass in kg and a damper in N s/m at a DOF; its own damping stays."""
+    mass, damper = armature
+    row = system.row(at)
+    loaded = modal_base(replace(system, mass=system.mass + mass * np.outer(row, row)), modes=modes, loads=[at])
+    own = np.diag(base.decay) if base.damping is None else base.damping
+    seen, moved = base.shapes.T @ system.mass @ loaded.shapes, row @ loaded.shapes
+    damping = seen.T @ own @ seen + damper * np.outer(moved, moved)
+    return replace(loaded, decay=np.diag(damping).copy(), damping=damping)
+
+
 def _with_static_correction(system: System, matrix: np.ndarray, modes: int, loads: Sequence[Dof | str]) -> np.ndarray:
     """Lowest modes and the static deflections under contact and load forces, orthonormal in the mass matrix."""
-    _, low = eigh(matrix, system.mass, subset_by_index=(0, modes - 1))
+    low = eigh(matrix, system.mass, subset_by_index=(0, modes - 1))[1] if modes else np.zeros((len(matrix), 0))
     forces = np.vstack([system.contacts.slip, *[system.row(dof) for dof in loads]]).T
     shift = matrix + 1e-3 * np.trace(matrix) / np.trace(system.mass) * system.mass * 1e-6
     static = np.linalg.solve(shift, forces)

@@ -12,8 +12,9 @@ from ema.data import BeamModel, Finding, HarmonicResponse
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.checks import positive
+from ema.simulate.checks import is_number, positive
 from ema.simulate.harmonic import BUDGET, Branch, Condensed, _Point, condense
+from ema.simulate.turning_points import hidden_turns
 from ema.simulate.verification import verified
 
 _NAMED = 5
@@ -122,17 +123,19 @@ def frf(
     condensed = condense(model, force, at, outputs, chosen.tolerance, chosen.modes, normal_forces)
     condensed.budget = chosen.budget
     condensed.keep(chosen.harmonics)
-    if not len(frequencies) or not np.all(np.isfinite(frequencies)) or np.min(frequencies) <= 0:
+    frequencies = np.asarray(frequencies)
+    if frequencies.ndim != 1 or not frequencies.size or not all(is_number(one) and one > 0 for one in frequencies):
         raise InputError(
             "not frequencies of excitation",
             where=model.name,
-            got=f"{len(frequencies)} values",
-            expected="finite, above 0 Hz",
+            got=f"{len(frequencies)} values" if frequencies.ndim == 1 else f"an array of shape {frequencies.shape}",
+            expected="finite, above 0 Hz, one after the other",
         )
     points: list[_Point | None] = []
     unstable: list[float] = []
     ended: list[tuple[float, int, _Point | None]] = []
     jumps: list[tuple[float, float]] = []
+    folds: list[tuple[float, float, list[float]]] = []
     branch, before = Branch(condensed.tolerance), None
     for number, frequency in enumerate(frequencies):
         advance(progress, "frequencies", number, len(frequencies))
@@ -141,8 +144,12 @@ def frf(
         if condensed.left < 0:
             ended.append((float(frequency), chosen.budget - condensed.left, point))
         if point is not None:
-            if before is not None and not condensed.joins(point, before):
-                jumps.append((before.omega / (2 * np.pi), float(frequency)))
+            if before is not None and before.omega != point.omega:
+                pair = before.omega / (2 * np.pi), float(frequency)
+                if not condensed.joins(point, before):
+                    jumps.append(pair)
+                elif turned := hidden_turns(condensed, before, point):
+                    folds.append((*pair, turned))
             before = point
         if chosen.verify and point is not None:
             seen = verified(condensed, point)
@@ -151,7 +158,7 @@ def frf(
         points.append(point)
     response = _response(condensed, np.asarray(frequencies), points)
     findings = *response.findings, *_ended(condensed, ended), *_instability(condensed, unstable)
-    findings = *findings, *_jumped(response.name, jumps)
+    findings = *findings, *jumped(response.name, jumps), *_folded(response.name, folds)
     return condensed.completed(replace(response, findings=findings), points)
 
 
@@ -190,7 +197,7 @@ def _ended(condensed: Condensed, searches: list[tuple[float, int, _Point | None]
     ]
 
 
-def _jumped(where: str, jumps: list[tuple[float, float]]) -> list[Finding]:
+def jumped(where: str, jumps: list[tuple[float, float]]) -> list[Finding]:
     """A finding where neighbouring steady states lie on different branches: pairs of frequencies in Hz."""
     if not jumps:
         return []
@@ -205,6 +212,28 @@ def _jumped(where: str, jumps: list[tuple[float, float]]) -> list[Finding]:
             jumps[0][0],
             None,
             "Sweep up and down (ema.simulate.frf_up_and_down) to see both.",
+        )
+    ]
+
+
+def _folded(where: str, folds: list[tuple[float, float, list[float]]]) -> list[Finding]:
+    """A finding where the curve turns back between two lines: both in Hz, and where it turns."""
+    if not folds:
+        return []
+    named = "; ".join(
+        f"between {min(pair):.5g} and {max(pair):.5g} Hz, at " + " and ".join(f"{turn:.5g}" for turn in sorted(turned))
+        for *pair, turned in folds[:_NAMED]
+    )
+    more = f", and between {2 * (len(folds) - _NAMED)} more lines" if len(folds) > _NAMED else ""
+    return [
+        Finding(
+            "warning",
+            "fold-between-lines",
+            where,
+            f"the curve of steady states turns back {named} Hz{more}: there are several states there.",
+            min(folds[0][2]),
+            None,
+            "Compute lines between these, upward and downward (ema.simulate.frf_up_and_down).",
         )
     ]
 
@@ -232,14 +261,14 @@ def _response(condensed: Condensed, frequencies: np.ndarray, points: list[_Point
     count, contacts, rows = len(points), len(condensed.limits), condensed.rows
     values = np.full((count, len(rows), most), np.nan, complex)
     slips = np.full((count, contacts, most), np.nan, complex)
-    powers, error = np.full((count, 3), np.nan), np.full(count, np.nan)
+    powers, error, rounding = np.full((count, 3), np.nan), np.full(count, np.nan), np.zeros(count)
     for n, point in enumerate(points):
         if point is None:
             continue
         values[n], slips[n] = 0, 0
         values[n, :, : point.count] = condensed.outputs(point, rows)
         slips[n, :, : point.count] = point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2]
-        powers[n], error[n] = condensed.powers(point), point.error
+        powers[n], error[n], rounding[n] = condensed.powers(point), point.error, condensed.power_rounding(point)
     solved = np.isfinite(error)
     response = HarmonicResponse(
         frequencies,
@@ -257,11 +286,14 @@ def _response(condensed: Condensed, frequencies: np.ndarray, points: list[_Point
         (),
         condensed.problem.system.name,
     )
-    return replace(response, findings=(*condensed.problem.findings, *_judged(condensed, response)))
+    return replace(response, findings=(*condensed.problem.findings, *_judged(condensed, response, rounding)))
 
 
-def _judged(condensed: Condensed, response: HarmonicResponse) -> list[Finding]:
-    """Findings where there is no state, where its error is above the tolerance, and where the powers do not balance."""
+def _judged(condensed: Condensed, response: HarmonicResponse, rounding: Float[np.ndarray, "freq"]) -> list[Finding]:
+    """Findings where there is no state, where its error is above the tolerance, and where the powers do not balance.
+
+    ``rounding``: imbalance in W that is none.
+    """
     frequencies, error, solved = response.frequencies, response.error_estimate, response.converged
     where, findings = response.name, list[Finding]()
     if not solved.all():
@@ -290,14 +322,19 @@ def _judged(condensed: Condensed, response: HarmonicResponse) -> list[Finding]:
                 "Check it in time.",
             )
         )
-    if solved.any() and response.power_error > 1e-4:
+    lost = response.friction_power + response.damping_power
+    open_power = np.maximum(np.abs(response.input_power - lost) - rounding, 0.0)
+    imbalance = float(
+        np.max(open_power[solved] / np.maximum(np.abs(response.input_power[solved]), 1e-300), initial=0.0)
+    )
+    if imbalance > 1e-4:
         findings.append(
             Finding(
                 "warning",
                 "power-balance",
                 where,
-                f"the power balance is off by {response.power_error:.1e}.",
-                response.power_error,
+                f"the power balance is off by {imbalance:.1e}.",
+                imbalance,
                 1e-4,
                 "Lower the tolerance.",
             )

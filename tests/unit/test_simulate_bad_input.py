@@ -3,6 +3,9 @@
 The time solvers have theirs in ``test_time_solver_inputs``, files of models in ``test_model_file``.
 """
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -222,3 +225,42 @@ def test_bad_input_is_one_sentence(name):
 def test_frequencies_in_any_order_are_answered_in_that_order():
     there, back = (lines(*f).values[:, 0, 0] for f in ((15.0, 16.5, 18.0), (18.0, 15.0, 16.5)))
     np.testing.assert_allclose(back, there[[2, 0, 1]], rtol=2e-2)
+
+
+_OF_ANOTHER_KIND = """
+import numpy as np
+from ema.errors import InputError
+from ema.simulate import HarmonicBalance, Masing, double_beam, frf, resonance
+model, tip, line = double_beam(Masing(0.3, 1e9), 60.0, elements=1), "beam 2:1:+Z", np.array([17.0])
+for call in (
+    lambda: frf(model, 17.0, 1.0, tip, [tip]),
+    lambda: frf(model, np.full((2, 2), 17.0), 1.0, tip, [tip]),
+    lambda: frf(model, np.array(["17 Hz"]), 1.0, tip, [tip]),
+    lambda: frf(model, np.array([17.0 + 1j]), 1.0, tip, [tip]),
+    lambda: frf(model, line, 1.0, tip, [tip], HarmonicBalance(harmonics=2.5)),
+    lambda: frf(model, line, 1.0, tip, [tip], normal_forces=np.zeros((1, 0))),
+    lambda: frf(model, line, 1.0, tip, [tip], normal_forces=5.0),
+    lambda: resonance(model, 1.0, tip, tip, "10-50"),
+    lambda: resonance(model, 1.0, tip, tip, (10.0,)),
+):
+    try:
+        call()
+    except InputError as error:
+        print(error)
+"""
+
+
+def test_inputs_of_another_kind_to_steady_states():
+    """In a process of its own: the types that the test run checks would be refused before."""
+    done = subprocess.run([sys.executable, "-W", "error", "-c", _OF_ANOTHER_KIND], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 9 and all("expected" in line for line in done.stdout.splitlines())
+
+
+def test_static_corrections_alone_carry_a_slow_motion():
+    """No mode kept, at a tenth of the first natural frequency: the response of all modes."""
+    model, tip = double_beam(Masing(0.3, 1e9), 60.0, elements=2), "beam 2:2:+Z"
+    few, all_modes = (
+        frf(model, np.array([1.6]), 20.0, tip, [tip], HarmonicBalance(modes=kept)).values[0, 0, 0] for kept in (0, None)
+    )
+    assert few == pytest.approx(all_modes, rel=1e-3)

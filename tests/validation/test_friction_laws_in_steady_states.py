@@ -235,3 +235,29 @@ def test_power_balance_of_every_law(law, force):
     assert found.converged.all()
     assert found.power_error <= 1e-4
     assert np.all(found.friction_power >= 0) and found.friction_power.max() > 0.1 * found.input_power.min()
+
+
+@pytest.mark.parametrize(
+    "law", [Masing(0.3, 1e9), Dahl(0.3, 1e9), RegularisedMasing(0.3, 1e9, 8.0), Valanis(0.3, 1e9, 0.9)]
+)
+@pytest.mark.parametrize("force", [3e-10, 7e5])
+def test_powers_that_rounding_makes_are_no_imbalance(law, force):
+    """Friction so small beside what goes to and fro that it is below the residual: nothing is off that could be on."""
+    tip = "beam 2:1:+Z"
+    response = frf(double_beam(law, 13.0, elements=1), np.array([11.0, 15.0]), force, tip, [tip])
+    assert response.converged.all()
+    assert not [finding for finding in response.findings if finding.code == "power-balance"]
+
+
+@pytest.mark.parametrize("draw", range(12))
+def test_the_error_of_a_given_number_of_harmonics(draw):
+    """Against a solution of a tolerance of 0.001: orders 1 and 3 had been judged by the next ones alone."""
+    rng = np.random.default_rng([29, draw])
+    law = [Masing, Dahl, Iwan][draw % 3](0.3, 10 ** rng.uniform(8.5, 9.5))
+    model = double_beam(law, 100.0, elements=2, damping=Damping(ratio=10 ** rng.uniform(-3, -1.7)))
+    tip, line, force = "beam 2:2:+Z", np.array([rng.uniform(8.0, 40.0)]), 30.0 * 10 ** rng.uniform(-2.0, -0.8)
+    best = frf(model, line, force, tip, [tip], HarmonicBalance(1e-3))
+    for highest in (1, 3, 7):
+        few = frf(model, line, force, tip, [tip], HarmonicBalance(harmonics=highest))
+        away = abs(few.values[0, 0, 0] / best.values[0, 0, 0] - 1)
+        assert away <= 1e-12 + few.error_estimate[0] + best.error_estimate[0]

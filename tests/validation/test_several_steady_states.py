@@ -8,10 +8,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ema.data import BeamModel, Damping, Joint, Matrices
+from ema.data import BeamModel, Channel, Damping, Joint, Matrices
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate import Masing, damping_map, frf, frf_up_and_down, register_law, resonance
+from ema.simulate import (
+    FrictionRig,
+    Masing,
+    Shaker,
+    SteppedSine,
+    damping_map,
+    frf,
+    frf_up_and_down,
+    register_law,
+    resonance,
+)
 from ema.simulate.harmonic import condense, with_harmonics
 from ema.simulate.verification import verified
 
@@ -39,13 +49,16 @@ def oscillator(law):
     return BeamModel(host, wall, (joint,), Damping(ratio=RATIO), "oscillator")
 
 
-def settled(frequency, force, first):
-    """Amplitude of the first harmonic after 200 periods from the state of one of complex amplitude ``first``."""
+def settled(frequency, force, first, mass=0.0, damper=0.0):
+    """Amplitude of the first harmonic after 200 periods from the state of one of complex amplitude ``first``.
+
+    ``mass`` and ``damper`` move with the oscillator.
+    """
     omega, period = 2 * np.pi * frequency, 1 / frequency
 
     def motion(t, y):
-        rest = SPRING * y[0] + FC * np.tanh(K * y[0] / FC) + 2 * RATIO * STUCK * y[1]
-        return [y[1], force * np.cos(omega * t) - rest]
+        rest = SPRING * y[0] + FC * np.tanh(K * y[0] / FC) + (2 * RATIO * STUCK + damper) * y[1]
+        return [y[1], (force * np.cos(omega * t) - rest) / (1 + mass)]
 
     times = period * (200 + np.arange(64) / 64)
     path = solve_ivp(
@@ -208,3 +221,57 @@ def test_a_damping_map_follows_the_curve_round_its_fold():
     wanted = [largest_by_describing_function(level)[0] for level in levels]
     np.testing.assert_allclose(found.frequency[:, 0], wanted, rtol=5e-3)
     np.testing.assert_allclose(found.damping[:, 0], RATIO * STUCK / (2 * np.pi * np.array(wanted)), rtol=0.02)
+
+
+@pytest.mark.parametrize("upward", [True, False])
+@pytest.mark.parametrize(
+    ("shaker", "level", "fold"), [(None, 4.0, 131.0), (Shaker(2.2, 0.04, 0.013), 4.3, 127.0)], ids=["bare", "shaker"]
+)
+def test_records_of_a_stepped_sine_stay_on_a_branch_as_long_as_it_goes(shaker, level, fold, upward):
+    """Every record is where DOP853 stays that begins on it, with the armature of the shaker on the mass and its coil
+    keeping the force; the rig names the jump of an upward sweep, and no other."""
+    frequencies = np.arange(118.0, 138.0)[:: 1 if upward else -1]
+    drive = SteppedSine(Dof(1, "+X"), level, tuple(frequencies), 1.0, shaker=shaker)
+    rig = FrictionRig(oscillator(ELASTIC(1.0, K)), drive, (Channel("x", Dof(1, "+X"), "displacement"),), 2000.0)
+    records, mount = list(rig.takes()), 0.0 if shaker is None else shaker.mount_mass
+    mass, damper = (0.0, 0.0) if shaker is None else (shaker.moving_mass, shaker.damping)
+    for frequency, record in list(zip(frequencies, records, strict=True))[::4]:
+        rates = 2j * np.pi * frequency
+        force, x = 2 / 2000 * record.signals @ np.exp(-rates * np.arange(2000) / 2000)
+        assert abs(x) == pytest.approx(settled(frequency, level, x, mass + mount, damper), rel=2e-3)
+        assert force + (damper * rates + mass * rates**2) * x == pytest.approx(level, rel=1e-6)
+    jumps = [finding for finding in rig.findings if finding.code == "branch-jump"]
+    assert [finding.value for finding in jumps] == ([fold] if upward else [])
+
+
+def test_a_settling_time_does_not_pass_over_a_shaker():
+    with pytest.raises(InputError, match="leave out settle"):
+        SteppedSine(Dof(1, "+X"), 4.0, (120.0,), settle=1.0, shaker=Shaker(2.0))
+
+
+@pytest.mark.parametrize(
+    ("force", "lines", "folded"),
+    [
+        (1.0, (136.0, 139.0), True),
+        (1.0, (120.0, 135.5), False),
+        (2.2, (108.0, 138.0), True),
+        (3.7, (105.0, 136.0), True),
+    ],
+)
+def test_a_fold_that_lies_between_two_lines_is_named(force, lines, folded):
+    """Both lines have one state. Within the named frequencies DOP853 stays on two, outside of them it does not."""
+    model = oscillator(ELASTIC(1.0, K))
+    coarse = frf(model, np.array(lines), force, "1:+X", ["1:+X"])
+    named = [finding for finding in coarse.findings if finding.code == "fold-between-lines"]
+    assert len(named) == folded
+    if not folded:
+        return
+    begin, end = (float(word) for word in named[0].message.split(" at ")[1].split(" Hz")[0].split(" and "))
+    assert lines[0] < begin < end < lines[1]
+    inside = begin + (end - begin) * np.array([0.05, 0.95])
+    beyond = np.array([begin - 0.05 * (end - begin), end + 0.05 * (end - begin)])
+    for frequencies, several in ((inside, True), (beyond, False)):
+        grid = np.unique([*np.arange(lines[0], lines[1], (end - begin) / 10), *frequencies])
+        states = frf_up_and_down(model, grid, force, "1:+X", ["1:+X"])
+        up, down = ([settled(f, force, firsts(one)[list(grid).index(f)]) for f in frequencies] for one in states)
+        assert [abs(a / b - 1) > 0.05 for a, b in zip(up, down, strict=True)] == [several, several]

@@ -20,8 +20,8 @@ from ema.simulate import (
     frf,
     resonance,
 )
-from ema.simulate.continuation import lowered_slip_forces
-from ema.simulate.harmonic import condense
+from ema.simulate.continuation import Plane, SlipForces, bordered_newton, lowered_slip_forces
+from ema.simulate.harmonic import QUADRATURE, condense
 
 TIP = "beam 2:20:+Z"
 LAWS = [
@@ -110,3 +110,40 @@ def test_slip_forces_are_lowered_along_the_arc():
     assert np.linalg.norm(motion - reference[1]) < 0.1 * np.linalg.norm(reference[1])
     again = system._newton(omega, motion, gains)
     np.testing.assert_allclose(again[1], reference[1], atol=1e-6 * np.linalg.norm(reference[1]))
+
+
+@pytest.mark.parametrize("draw", range(3))
+def test_no_more_nodes_than_a_steady_state_asks_for(draw):
+    """A search that takes more nodes on its way gives them back: with half of them forces would err by 1e-6 or more.
+
+    Forces of 64 harmonics cost 16 times as much with the nodes that the hardest step on the way had taken.
+    """
+    rng = np.random.default_rng([2611, draw])
+    law = LuGre(0.3, 1e9, 0.0, 0.0, float(rng.uniform(1.3, 1.6)), float(10 ** rng.uniform(-4.2, -3.5)))
+    tip = "beam 2:2:+Z"
+    system = condense(double_beam(law, 60.0, elements=2), 2.0, tip, [tip], 5e-3, None)
+    point = system.solve(float(rng.uniform(16.0, 16.4)))
+    assert point is not None and point.error <= 0.02
+
+    def forces(fine):
+        return system.contact_forces(point.amplitudes, point.omega, fine, derive=False)[0]
+
+    best = forces(32)
+    errors = [np.linalg.norm(forces(fine) - best) / np.linalg.norm(best) for fine in (1, 2, 4)]
+    assert system.fine == 1 or errors[system.fine.bit_length() - 2] > QUADRATURE / 10
+    assert errors[system.fine.bit_length() - 1] < QUADRATURE
+
+
+@pytest.mark.parametrize(("raised", "share"), [(0.0, 1.5), (6.0, 1.5), (9.0, 1.5), (9.0, 5.0)])
+def test_a_step_along_a_curve_stays_where_numbers_are(raised, share):
+    """Stuck contacts hardly feel their slip forces: Newton's step in their logarithm is of any size, and is cut."""
+    law, tip = LuGre(0.3, 1e9, 0.0, 0.0, 1.45, 1.3e-4), "beam 2:2:+Z"
+    system = condense(double_beam(law, 43.0, elements=2), 0.012, tip, [tip], 5e-3, None)
+    omega = 2 * np.pi * 16.9
+    gains = system.gains(omega, 3)
+    start = system.drive(omega, 3)
+    size = float(np.linalg.norm(start))
+    direction = np.append(start.ravel() / size, 0.0)
+    path = SlipForces(system, omega, gains, Plane(share * direction, direction, size))
+    with np.errstate(all="raise", under="ignore"):
+        assert bordered_newton(path, start, np.array([raised])) is None

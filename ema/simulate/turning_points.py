@@ -1,0 +1,139 @@
+"""Where the curve of steady states over frequency turns back between two frequencies at which they were computed.
+
+A whole fold may lie between two lines: from either line Newton's method then reaches the other one. The slopes of the
+curve at both of them do not explain how far they are apart, and the curve is followed along its arc (Keller 1977).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ema.simulate.continuation import Plane, bordered_newton
+from ema.simulate.harmonic import EVALUATION, Condensed, _Point, with_harmonics
+
+_UNEXPLAINED = 0.4
+"""Distance of two states less what the mean of the slopes at both makes of it, over the largest of the three, from
+which on the curve between them is followed. At a cusp, where a fold begins, it is 2/3; where a grid is fine, near 0."""
+_NUDGE, _SHARE = 1e-6, 0.1
+"""Relative change of the frequency for the slope; the share of the budget of a line that following takes at most."""
+_MOST_HARMONICS = 9
+"""Of those with which the curve is followed: what bends it is in the low ones."""
+_FIRST, _LONGEST, _SHORTEST, _MOST_ARCS, _BEND = 0.02, 0.1, 1e-5, 400, 0.9
+"""Lengths of arcs over the size of the motion and the distance of the lines, their number, and the cosine of the angle
+between two of them below which the second is halved."""
+
+
+@dataclass(frozen=True)
+class ForcedCurve:
+    """Forced motion at a frequency that is the unknown: 0 at the first line, 1 at the second, ``band`` rad/s."""
+
+    condensed: Condensed
+    band: tuple[float, float]
+    plane: Plane
+
+    @property
+    def scales(self) -> Float[np.ndarray, "unknown"]:
+        """1: the distance of the lines."""
+        return np.ones(1)
+
+    def frequency(self, unknowns: np.ndarray) -> float:
+        """Angular frequency in rad/s."""
+        return float(self.band[0] + unknowns[0] * (self.band[1] - self.band[0]))
+
+    def contact_forces(self, amplitudes: np.ndarray, unknowns: np.ndarray) -> tuple[np.ndarray, ...]:
+        """As ``Condensed.contact_forces``; counts against the budget."""
+        self.condensed.left -= amplitudes.size + EVALUATION
+        return self.condensed.contact_forces(amplitudes, self.frequency(unknowns), self.condensed.fine)
+
+    def moves_forces(self, index: int) -> bool:
+        """Whether a law depends on velocities."""
+        return bool(self.condensed.rates.any())
+
+    def gains(self, unknowns: np.ndarray, count: int) -> Float[np.ndarray, "2 harmonic contact contact"]:
+        """Receptances of the contacts."""
+        return self.condensed.gains(self.frequency(unknowns), count)
+
+    def rest(
+        self, amplitudes: np.ndarray, forces: np.ndarray, unknowns: np.ndarray
+    ) -> Float[np.ndarray, "contact size"]:
+        """U - U_drive + Z G."""
+        count = amplitudes.shape[1] // 2
+        drive = self.condensed.drive(self.frequency(unknowns), count)
+        return np.asarray(self.condensed.kernels.residual(amplitudes, drive, self.gains(unknowns, count), forces))
+
+    def conditions(
+        self, amplitudes: np.ndarray, forces: np.ndarray, unknowns: np.ndarray
+    ) -> Float[np.ndarray, "unknown"]:
+        """Distance from the plane."""
+        return np.array([self.plane.tangent @ (self.plane.coordinates(amplitudes, unknowns) - self.plane.point)])
+
+
+def slope(condensed: Condensed, point: _Point) -> Float[np.ndarray, "contact size"]:
+    """Derivative of the amplitudes (contact, 2 H) by the angular frequency in m s."""
+    count, omega = point.count, point.omega
+    gains, nudged = condensed.gains(omega, count), omega * (1 + _NUDGE)
+    forces, jacobian, _, slips = condensed.contact_forces(point.amplitudes, omega, condensed.fine)
+    moved = forces
+    if condensed.rates.any():
+        moved = condensed.contact_forces(point.amplitudes, nudged, condensed.fine, derive=False)[0]
+    there, here = (
+        condensed.kernels.residual(point.amplitudes, condensed.drive(place, count), seen, pushed)
+        for place, seen, pushed in ((nudged, condensed.gains(nudged, count), moved), (omega, gains, forces))
+    )
+    return -condensed.newton_step(omega, gains, (jacobian, slips), (there - here) / (omega * _NUDGE))
+
+
+def explained(points: tuple[_Point, _Point], slopes: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether the slopes (contact, 2 H) at two solutions explain how far they are apart."""
+    size = min(point.amplitudes.shape[1] for point in points)
+    first, second = (point.amplitudes[:, :size] for point in points)
+    secant = (second - first) / (points[1].omega - points[0].omega)
+    ends = [slope[:, :size] for slope in slopes]
+    largest = max(float(np.linalg.norm(part)) for part in (secant, *ends))
+    return float(np.linalg.norm(secant - 0.5 * (ends[0] + ends[1]))) <= _UNEXPLAINED * largest
+
+
+def hidden_turns(condensed: Condensed, here: _Point, there: _Point) -> list[float]:
+    """Frequencies in Hz between two solutions at which the curve turns back; none where their slopes explain it."""
+    condensed.left = int(_SHARE * condensed.budget)
+    if explained((here, there), (slope(condensed, here), slope(condensed, there))):
+        return []
+    return turning_points(condensed, here, there) or []
+
+
+def turning_points(condensed: Condensed, here: _Point, there: _Point) -> list[float] | None:
+    """Frequencies in Hz at which the curve turns back on its way from one solution towards another.
+
+    ``None`` where it cannot be followed to the frequency of the other one, or back beyond its own.
+    """
+    count = min(max(here.count, there.count), _MOST_HARMONICS)
+    begun = condensed._again(here, condensed.gains(here.omega, count))
+    if begun is None:
+        return None
+    size = max(float(np.linalg.norm(point.amplitudes)) for point in (here, there))
+    band = here.omega, there.omega
+    shape = begun.amplitudes.shape
+    place = np.append(begun.amplitudes.ravel() / size, 0.0)
+    tangent = np.append(with_harmonics(slope(condensed, begun), count).ravel() * (band[1] - band[0]) / size, 1.0)
+    tangent /= np.linalg.norm(tangent)
+    step, shares, turned = _FIRST, [0.0], list[float]()
+    for _ in range(_MOST_ARCS):
+        ahead = place + step * tangent
+        curve = ForcedCurve(condensed, band, Plane(ahead, tangent, size))
+        found = bordered_newton(curve, ahead[:-1].reshape(shape) * size, ahead[-1:])
+        reached = None if found is None else curve.plane.coordinates(found.amplitudes, found.unknowns)
+        way = np.zeros_like(place) if reached is None else reached - place
+        if reached is None or way @ tangent < _BEND * np.linalg.norm(way):
+            step *= 0.5
+            if step < _SHORTEST or condensed.left < 0:
+                return None
+            continue
+        place, tangent = reached, way / np.linalg.norm(way)
+        shares.append(float(place[-1]))
+        if len(shares) > 2 and (shares[-1] - shares[-2]) * (shares[-2] - shares[-3]) < 0:
+            turned.append(curve.frequency(np.array(shares[-2:-1])) / (2 * np.pi))
+        if not 0.0 <= shares[-1] <= 1.0:
+            return turned
+        step = min(1.5 * step, _LONGEST * max(1.0, float(np.linalg.norm(place[:-1]))))
+    return None
