@@ -54,7 +54,8 @@ def updated(offered: Trials, number: int, readings: Sequence[float] | Float[np.n
     Raises
     ------
     InputError
-        If there is no such test, or the readings are not those of the test or not positive.
+        If there is no such test, the readings are not those of the test or not positive, or the forecast has too few
+        draws for them.
 
     Examples
     --------
@@ -70,6 +71,15 @@ def updated(offered: Trials, number: int, readings: Sequence[float] | Float[np.n
     wanted = _checked(trial, readings)
     known = np.isfinite(wanted)
     expected, wanted = np.log(trial.values[:, known]), np.log(wanted[known])
+    seen = int(np.isfinite(expected).all(axis=1).sum())
+    if seen <= FEWEST * len(wanted):
+        raise InputError(
+            "too few draws for these readings",
+            where=trial.title,
+            got=f"{seen} draws that read all of them",
+            expected=f"more than {FEWEST * len(wanted)}",
+            advice="forecast with more draws",
+        )
     widened, surprise = _surprise(expected, wanted, trial.std[known], discrepancy(trial, 0.0)[known])
     told, error = offered.forecast, _Errors(trial, len(expected), number)
 

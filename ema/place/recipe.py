@@ -215,6 +215,8 @@ class PlaceRecipe(Table):
         if self.trials is not None and self.forecast is None:
             raise ValueError("[trials] narrow a forecast; add [forecast] with the conditions that matter")
         for number, done in enumerate([] if self.trials is None else self.trials.done, 1):
+            if not any(one is not None for one in [*done.frequency, *done.damping]):
+                raise ValueError(f"trials.done {number}: says neither a frequency nor a damping ratio that was read")
             for name in ("frequency", "damping"):
                 given = getattr(done, name)
                 if len(given) not in (0, len(self.near)):

@@ -194,6 +194,21 @@ def test_wrong_readings_get_one_sentence(number, readings, words):
         place.updated(example(), number, readings)
 
 
+def test_few_draws_explain_nothing_and_say_so():
+    tests = example()
+    few = replace(
+        tests,
+        values=tests.values[:8],
+        trials=tuple(replace(trial, values=trial.values[:8]) for trial in tests.trials),
+    )
+    with pytest.raises(InputError, match=r"too few draws for these readings.*8 draws.*more than 8.*more draws"):
+        place.updated(few, 0, [40.0, 0.015])
+    nothing = replace(tests, trials=tuple(replace(trial, damping_width=np.nan) for trial in tests.trials))
+    assert proposal(nothing) == "No test on offer narrows the bands of the damping ratio."
+    with pytest.raises(InputError, match="no test tells anything"):
+        assert nothing.best
+
+
 def test_wrong_tests_get_one_sentence():
     tests = example()
     with pytest.raises(InputError, match="a cost and an uncertainty"):
@@ -261,6 +276,7 @@ def test_a_recipe_offers_tests_and_takes_what_they_read(tmp_path):
         ("[trials]\nplaces = 1\n", "trials.* narrow a forecast"),
         (EXTRA + '\n[[trials.done]]\nforce = "15 N"\nnormal_force = "120 N"\ndamping = [0.01, 0.02]\n', "2 values of damping"),
         (EXTRA + '\n[[trials.done]]\nforce = "15 N"\nnormal_force = "-1 N"\n', "normal_force"),
+        (EXTRA + '\n[[trials.done]]\nforce = "15 N"\nnormal_force = "120 N"\nfrequency = [nan]\n', "says neither a frequency"),
         (EXTRA + "loops = 3\n", "unknown key 'loops'"),
     ],
 )  # fmt: skip
