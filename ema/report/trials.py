@@ -15,7 +15,7 @@ def proposal(offered: Trials) -> str:
     best = offered.trials[offered.best]
     return (
         f"Next best test: {best.title} ({plain(best.hours, 3)} h); it is expected to narrow the bands of the damping "
-        f"ratio from ±{100 * offered.damping_width:.0f} to ±{100 * best.damping_width:.0f} % and those of the "
+        f"ratio from ±{100 * offered.damping_width:.1f} to ±{100 * best.damping_width:.1f} % and those of the "
         f"frequency from ±{100 * offered.frequency_width:.2f} to ±{100 * best.frequency_width:.2f} %."
     )
 

@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, eigh
 
+from ema.data import BoltedJoint, FrictionLaw, Trial
+from ema.examples import trials as example_trials
+from ema.place.trials import AMPLITUDES, loop_readings
+from tests.bench import blind_trials
 from tests.bench.blind_hosts import elements, hosts, prediction, score, truth
 
 
@@ -138,3 +142,34 @@ def test_scores_of_a_made_up_answer():
     rows = score.rows({"prediction": told | {"ranked": [[]]}, "truth": true, "bare": [0.01]})
     assert rows[:, 0].tolist() == [1, 1] and rows[:, 5].tolist() == [1, 0]
     assert rows[:, 8] == pytest.approx([0.004 / 0.02, (0.010 + 40 * 0.005) / 0.02])
+
+
+def test_loops_of_sliders_that_are_all_alike_are_those_of_one_masing_spring():
+    case = hosts.case(5, 0)
+    even = tuple(1 / truth.SLIDERS for _ in range(truth.SLIDERS))
+    alike = replace(case, joint=replace(case.joint, pressure=(even, even)))
+    joint = case.joint
+    law = FrictionLaw(
+        "masing",
+        joint.friction * joint.uneven[0][0] * joint.force_factor,
+        joint.tangential * joint.uneven[0][1],
+        stiffness_exponent=joint.exponent,
+        reference_force=joint.reference,
+    )
+    names = [f"{what} at {one:g} mu F_N/k_T" for what in ("stiffness [N/m]", "energy [J]") for one in AMPLITUDES]
+    trial = Trial("loop", tuple(names), np.ones((2, 8)), np.full(8, 0.05), 4.0, normal_force=130.0)
+    stated = case.sheet.tangential * (130 / case.sheet.reference) ** case.sheet.exponent
+    slips = np.array(AMPLITUDES) * case.sheet.friction * 130 / stated
+    expected = loop_readings(BoltedJoint(law, 1e8, 0.03), slips, 130.0)
+    assert blind_trials.Truth(alike, (1, 2), {}).loops(trial) == pytest.approx(expected.ravel(), rel=2e-3, abs=1e-9)
+
+
+def test_a_reading_is_scored_against_the_truth_of_other_conditions_alone():
+    tests = example_trials()
+    told = tests.forecast
+    true = np.stack([told.frequency, 1.1 * told.damping], axis=1)
+    rows = np.array(blind_trials.scored(tests, true, [0.01], (0, 0)))
+    assert len(rows) == 2 * (told.damping.size - 1)
+    assert rows[:, 2].all() and rows[rows[:, 0] == 1, 3] == pytest.approx(0.5 * np.log(1.2 / 0.8))
+    outside = np.array(blind_trials.scored(tests, 1.3 * true, [0.01], None))
+    assert not outside[:, 2].any() and len(outside) == 2 * told.damping.size

@@ -224,7 +224,7 @@ def test_the_report_says_what_its_table_says(offered: Trials):
     best = offered.trials[offered.best]
     assert text.text == proposal(offered) and best.title in text.text
     assert table.rows[0][0] == best.title and len(table.rows) == len(offered.trials)
-    assert f"±{100 * best.damping_width:.0f} %" in text.text
+    assert f"±{100 * best.damping_width:.1f} %" in text.text and table.rows[0][3] == f"{100 * best.damping_width:.1f}"
 
 
 EXTRA = """
