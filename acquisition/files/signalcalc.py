@@ -69,9 +69,10 @@ def _reconciled(segment: table.Segment, others: list[table.Segment], layout: Lay
     ------
     InputError : there are some, and salvage was not asked for.
     """
-    number = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
+    number = re.compile(r"\s*[-+]?\.?\d")
     last = segment.header[-1] if segment.header else ""
-    if any(number.fullmatch(cell) for cell in last.split("\t")):
+    # the last line of a header holds units; a row whose numbers are damaged still begins like one
+    if any(number.match(cell) for cell in last.split("\t")):
         what, line, side = "a row that holds no numbers", segment.line - 1, "behind"
     elif others:
         what, line, side = "rows of another number of cells inside the table", others[0].line, "in front of"

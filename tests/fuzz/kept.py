@@ -76,6 +76,8 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "mark-became-j.txt": lambda one: "a complex number in a column of real ones" in one.refusal,
     # the first number of the first row is none: the row was taken for a line of the header
     "first-row-damaged.txt": lambda one: "a row that holds no numbers" in one.refusal,
+    # a zero byte within it, and a blank in place of the second tab
+    "first-row-in-noise.txt": lambda one: "a row that holds no numbers" in one.refusal,
     # a cell behind the last tab of a row: all rows from there on were lost
     "row-of-four-cells.txt": lambda one: "another number of cells" in one.refusal,
     # geometry and modes: the title of a trace line lost, so that its nodes were taken for it
