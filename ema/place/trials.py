@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from ema.data.placement import BoltedJoint, Candidates
 from ema.data.trials import Trial, Trials
+from ema.errors import InputError
 from ema.place.bands import ENOUGH, Draw, Method, answered, forecast_and_draws, mounted
 from ema.place.conditioning import promised
 from ema.place.describing import SIZE, START, STEP, secant_table
@@ -20,6 +21,8 @@ from ema.progress import Progress, silent
 
 AMPLITUDES = (0.5, 1.0, 2.0, 5.0)
 """Amplitudes of slip at which loops of one joint are read, in units of mu F_N / k_T: from microslip to full sliding."""
+_ROUNDING = 1e-9
+"""Share of the measured extent that is none."""
 QUANTITIES = ("f [Hz]", "zeta [-]")
 
 
@@ -134,7 +137,7 @@ def next_tests(
     Raises
     ------
     InputError
-        As :func:`forecast`.
+        As :func:`forecast`; if there is no such other place, or its joints lie beyond the measured points.
 
     Examples
     --------
@@ -243,7 +246,19 @@ class _There(NamedTuple):
 
 
 def _spot(task: Task, candidates: Candidates, other: Spot, method: Method, executor: Executor | None) -> _There:
+    if not 0 <= other.place < len(candidates):
+        raise InputError("no such place", where="tests", got=other.place, expected=f"0 to {len(candidates) - 1}")
     here = only(candidates, [other.place])
+    low, high = task.surface.extent.T
+    if np.any(here.joints(0) < low - _ROUNDING * (high - low)) or np.any(
+        here.joints(0) > high + _ROUNDING * (high - low)
+    ):
+        raise InputError(
+            "a joint of the beam lies beyond the measured points",
+            where=f"test at ({here.centres[0, 0]:g}, {here.centres[0, 1]:g}) m",
+            got=f"joints at {np.round(here.joints(0), 4).tolist()} m",
+            expected=f"{low[0]:.4g} to {high[0]:.4g} m and {low[1]:.4g} to {high[1]:.4g} m",
+        )
     asked = task._replace(force_levels=np.array([other.force_level]), normal_forces=np.array([other.normal_force]))
     nominal = question(asked, predicted(asked, here), 0, method == "measured")
     ((_, whole),) = verify_all([nominal], executor)

@@ -194,6 +194,14 @@ def test_wrong_readings_get_one_sentence(number, readings, words):
         place.updated(example(), number, readings)
 
 
+def test_tests_where_nothing_was_measured_are_refused(task: place.Task):
+    beyond = replace(SPOTS, centres=np.array([[0.3, 0.06], [0.85, 0.25]]))
+    with pytest.raises(InputError, match="beyond the measured points"):
+        place.next_tests(task, beyond, 0, [30.0], [120.0], others=[place.Spot(1, 30.0, 120.0)], draws=20)
+    with pytest.raises(InputError, match="no such place"):
+        place.next_tests(task, SPOTS, 0, [30.0], [120.0], others=[place.Spot(2, 30.0, 120.0)], draws=20)
+
+
 def test_few_draws_explain_nothing_and_say_so():
     tests = example()
     few = replace(
