@@ -1,6 +1,6 @@
 """The next best test: what tests of a placed beam, or of one joint, would read by every draw of a forecast."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any, Literal, NamedTuple
@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ema.data.forecast import Forecast
 from ema.data.placement import BoltedJoint, Candidates
 from ema.data.trials import Trial, Trials
 from ema.errors import InputError
@@ -172,29 +173,52 @@ def next_tests(
     told, values, read = forecast_and_draws(
         task, candidates, place, force_levels, forces, draws, seed, method, executor, progress, beside
     )
-    names = [f"mode {mode}: {what}" for mode in told.modes for what in QUANTITIES]
-    std = np.tile([costs.frequency_std, costs.damping_std], len(told.modes))
-    there, looped = np.split(np.array(read), [len(spots) * len(names)], axis=1)
-    offered = []
-    for i, j in np.ndindex(len(told.force_levels), len(told.normal_forces)):
-        block = values[:, :, :, i, j].reshape(len(values), -1)
-        level, force = float(told.force_levels[i]), float(told.normal_forces[j])
-        offered.append((block, told.centre, told.angle, level, force))
-    for other, spot, block in zip(others, spots, np.split(there, max(len(spots), 1), axis=1), strict=False):
-        x, y = spot.here.centres[0]
-        offered.append((block, (float(x), float(y)), float(spot.here.angles[0]), other.force_level, other.normal_force))
-    hours = costs.mounting + costs.condition
+    tried, looped = np.split(np.array(read), [2 * len(told.modes) * len(spots)], axis=1)
     tests = [
-        _trial("beam", names, block, std, hours, force_level=level, normal_force=force, centre=at, angle=angle)
-        for block, at, angle, level, force in offered
-    ]
-    names = [f"{what} at {one:g} mu F_N/k_T" for what in ("stiffness [N/m]", "energy [J]") for one in AMPLITUDES]
-    std = np.full(len(names), costs.loop_std)
-    tests += [
-        _trial("loop", names, block, std, costs.loop, normal_force=float(force))
-        for block, force in zip(np.split(looped, len(forces), axis=1), forces, strict=True)
+        *_of_beam(told, values, costs),
+        *_of_other_places(told, list(zip(others, spots, strict=True)), tried, costs),
+        *_of_loops(forces, looped, costs),
     ]
     return promised(Trials(told, values, tuple(test for test in tests if test is not None)))
+
+
+def _of_beam(
+    told: Forecast, values: Float[np.ndarray, "draw mode 2 level force"], costs: Costs
+) -> Iterator[Trial | None]:
+    """The beam at its place, under each condition of the forecast."""
+    for i, j in np.ndindex(values.shape[3:]):
+        level, force = float(told.force_levels[i]), float(told.normal_forces[j])
+        block = values[:, :, :, i, j].reshape(len(values), -1)
+        yield _mounted(told, block, costs, level=level, force=force, centre=told.centre, angle=told.angle)
+
+
+def _of_other_places(
+    told: Forecast, spots: Sequence[tuple[Spot, "_There"]], read: Float[np.ndarray, "draw reading"], costs: Costs
+) -> Iterator[Trial | None]:
+    """The beam at other places; ``read`` holds what is read at each, one after the other."""
+    for (other, there), block in zip(spots, np.split(read, max(len(spots), 1), axis=1), strict=False):
+        x, y = there.here.centres[0]
+        where = {"centre": (float(x), float(y)), "angle": float(there.here.angles[0])}
+        yield _mounted(told, block, costs, level=other.force_level, force=other.normal_force, **where)
+
+
+def _mounted(
+    told: Forecast, values: Float[np.ndarray, "draw reading"], costs: Costs, *, level: float, force: float, **where: Any
+) -> Trial | None:
+    names = [f"mode {mode}: {what}" for mode in told.modes for what in QUANTITIES]
+    std = np.tile([costs.frequency_std, costs.damping_std], len(told.modes))
+    hours = costs.mounting + costs.condition
+    return _trial("beam", names, values, std, hours, force_level=level, normal_force=force, **where)
+
+
+def _of_loops(
+    forces: Float[np.ndarray, "force"], read: Float[np.ndarray, "draw reading"], costs: Costs
+) -> Iterator[Trial | None]:
+    """Loops of one joint alone under each normal force."""
+    names = [f"{what} at {one:g} mu F_N/k_T" for what in ("stiffness [N/m]", "energy [J]") for one in AMPLITUDES]
+    std = np.full(len(names), costs.loop_std)
+    for force, block in zip(forces, np.split(read, len(forces), axis=1), strict=True):
+        yield _trial("loop", names, block, std, costs.loop, normal_force=float(force))
 
 
 def loop_readings(
