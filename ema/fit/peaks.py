@@ -213,7 +213,9 @@ def find_peak(
         )
     level = 10 * np.log10(np.maximum(power, np.finfo(float).tiny))
     peaks = find_peaks(level, prominence=_PROMINENCE)[0]
-    reach = max(_REACH * near, 3 * float(np.median(np.diff(frequencies))))
+    line = float(np.median(np.diff(frequencies)))
+    # a peak lies within half a line of its highest one
+    reach = max(_REACH * near + 0.5 * line, 3 * line)
     distance = np.abs(frequencies[peaks] - near)
     if not len(peaks) or distance.min() > reach:
         nearest = f"; the nearest is at {frequencies[peaks[np.argmin(distance)]]:.6g} Hz" if len(peaks) else ""

@@ -18,7 +18,7 @@ PARTS_AND_TEXTS = (
     "Band BeamModel BoltedJoint Candidate Candidates Channel ControlLine CuttingLimits Damping Deviations EnergyBalance Excitation "
     "Expectation Finding FrictionBeam FrictionLaw Hit Joint JointForce LawParameter LevelEffect Matrices "
     "ModalUncertainty ModeQuality NormalContact Place Prediction Provenance Repair Residuals SetUps SignalComparison "
-    "SingleMode Statement TakeIdentity VarianceComponents Verdict"
+    "SingleMode Statement TakeIdentity Trial Trials VarianceComponents Verdict"
 )
 """What is drawn as part of something larger, or holds words, settings and single numbers."""
 
