@@ -299,7 +299,7 @@ def test_a_peak_within_reach_is_found_though_its_highest_line_is_not(side: int, 
     highest = 1000 + 50.1 * side
     natural = highest - 0.45 * side * line
     frequencies = highest + line * np.arange(-60, 61)
-    response = 1 / (natural**2 - frequencies**2 + 2j * 0.006 * natural * frequencies)
+    response = 1 / (natural**2 - frequencies**2 + 2j * 0.002 * natural * frequencies)
     power = np.abs(response) ** 2
     assert power.argmax() == 60 and abs(natural - 1000) < 50
     assert find_peak(frequencies, power, 1000.0, "drawn").line == 60
