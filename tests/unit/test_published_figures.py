@@ -11,8 +11,6 @@ WITHOUT = {
 }
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
-    "accuracy, halves",
-    "accuracy, listed",
     "archive",
     "cold_starts",
     "hammer",
