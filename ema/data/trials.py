@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Trial(Container):
-    """One test that would tell more about a forecast: the beam bolted on for one condition, or loops of one joint.
+    """One test that would tell more about a forecast: the beam installed for one condition, or loops of one joint.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from ema.lazy import attach
 _HOMES = {
     "Costs": "ema.place.trials",
     "Objective": "ema.place.objective",
-    "Spot": "ema.place.trials",
+    "TrialCondition": "ema.place.trials",
     "Task": "ema.place.task",
     "check": "ema.place.bands",
     "control_study": "ema.place.control",

@@ -13,5 +13,5 @@ from ema.place.recommend import distribute as distribute
 from ema.place.shortlist import verify as verify
 from ema.place.task import Task as Task
 from ema.place.trials import Costs as Costs
-from ema.place.trials import Spot as Spot
+from ema.place.trials import TrialCondition as TrialCondition
 from ema.place.trials import next_tests as next_tests

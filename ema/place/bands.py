@@ -14,7 +14,7 @@ from ema.data.placement import Candidates
 from ema.errors import InputError
 from ema.place.budget import budget, inputs
 from ema.place.fundamental import MAJORITY, fundamental, shares
-from ema.place.intervals import beams_drawn, drawn
+from ema.place.intervals import beams_drawn, drawn, scattered
 from ema.place.lift_off import PRESSURE
 from ema.place.model import model_at
 from ema.place.shortlist import Question, question, verify_all
@@ -32,7 +32,7 @@ class Draw(NamedTuple):
     case: Question
 
 
-Beside = Callable[[Draw], Float[np.ndarray, "reading"]]
+ReadingsOfDraw = Callable[[Draw], Float[np.ndarray, "reading"]]
 """What else is to be computed of a draw."""
 ENOUGH = 0.8
 """Share of the draws that must have a steady state for a band to be given."""
@@ -50,7 +50,7 @@ _SHIFT = 0.02
 """By what share of its frequency a draw may leave the band in which the nominal resonance is looked for."""
 
 
-def _nothing(draw: Draw) -> Float[np.ndarray, "reading"]:
+def _no_readings(draw: Draw) -> Float[np.ndarray, "reading"]:
     return np.empty(0)
 
 
@@ -144,9 +144,9 @@ def forecast_and_draws(
     method: Method,
     executor: Executor | None = None,
     progress: Progress = silent,
-    beside: Beside = _nothing,
+    readings_of: ReadingsOfDraw = _no_readings,
 ) -> tuple[Forecast, Float[np.ndarray, "draw mode 2 level force"], list[Float[np.ndarray, "reading"]]]:
-    """The forecast, its draws (frequency in Hz and damping ratio), and what ``beside`` says of each of them."""
+    """The forecast, its draws (frequency in Hz and damping ratio), and what ``readings_of`` says of each of them."""
     if draws < 10:
         raise InputError("too few draws for a band", where=f"place {place}", got=draws, expected="10 or more")
     if not 0 <= place < len(candidates):
@@ -163,7 +163,7 @@ def forecast_and_draws(
     rough = fundamental(nominal)
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
     spread, opened, taken, read = _draws(
-        at_conditions, here, nominal, harmonics, draws=draws, rng=rng, progress=progress, beside=beside
+        at_conditions, here, nominal, harmonics, draws=draws, rng=rng, progress=progress, readings_of=readings_of
     )
     parted = np.mean(opened, axis=0) > 1 - ENOUGH
     middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
@@ -174,7 +174,7 @@ def forecast_and_draws(
         *_about_harmonics(harmonics[:, 1]),
     )
     bare = task.bare.poles[list(task.modes)]
-    told = Forecast(
+    prediction = Forecast(
         (float(here.centres[0, 0]), float(here.centres[0, 1])),
         float(here.angles[0]),
         here.catalogue[int(here.beams[0])].name,
@@ -197,7 +197,7 @@ def forecast_and_draws(
         findings,
         Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
     )
-    return told, middle * spread / rough[:, :2], read
+    return prediction, middle * spread / rough[:, :2], read
 
 
 def _draws(
@@ -209,30 +209,30 @@ def _draws(
     draws: int,
     rng: np.random.Generator,
     progress: Progress,
-    beside: Beside,
+    readings_of: ReadingsOfDraw,
 ) -> tuple[
     Float[np.ndarray, "draw mode 2 level force"],
     Bool[np.ndarray, "draw mode level force"],
     list[dict[str, Float[np.ndarray, "mode value"]]],
     list[Float[np.ndarray, "reading"]],
 ]:
-    """Frequencies and damping ratios of all draws, where their joints part, what was drawn, and what stands beside."""
+    """Frequencies and damping ratios of all draws, where their joints part, what was drawn, and the readings."""
     spread, opened, taken, read = [], [], [], []
     for number, one in enumerate(drawn(task, draws, rng)):
         beam = beams_drawn(here, rng)
-        case = mounted(nominal, one, beam, rng)
+        case = assembled(nominal, one, beam, rng)
         if case.pressure is not None:
             case = case._replace(pressure=rng.uniform(*PRESSURE))
-        values, parts = answered(case, harmonics, rng)
+        values, parts = resonances_of(case, harmonics, rng)
         spread.append(values)
         opened.append(parts)
         taken.append(inputs(one, case, beam))
-        read.append(beside(Draw(one, beam, case)))
+        read.append(readings_of(Draw(one, beam, case)))
         advance(progress, "bands of the forecast", number + 1, draws)
     return np.array(spread), np.array(opened), taken, read
 
 
-def answered(
+def resonances_of(
     case: Question, harmonics: Float[np.ndarray, "mode 2 level force"], rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "mode 2 level force"], Bool[np.ndarray, "mode level force"]]:
     """Frequency and damping ratio of one draw, its upper harmonics drawn too, and where its joints part."""
@@ -296,7 +296,7 @@ def _about_harmonics(damping: Float[np.ndarray, "mode level force"]) -> tuple[Fi
     return (Finding("warning", "upper-harmonics", "forecast", message, most, _HARMONICS, advice),)
 
 
-def mounted(nominal: Question, task: Task, candidates: Candidates, rng: np.random.Generator) -> Question:
+def assembled(nominal: Question, task: Task, candidates: Candidates, rng: np.random.Generator) -> Question:
     """The question of a draw, in the bands of the nominal one and what a draw may shift; every joint is drawn."""
     pressed = float(task.normal_forces[0])
     model = model_at(
@@ -334,16 +334,7 @@ def _uneven(asked: Question, scatter: float, rng: np.random.Generator) -> Questi
     """The question with mu and k_T of every joint drawn on their own."""
     if scatter == 0:
         return asked
-    joints = []
-    for joint in asked.model.joints:
-        mu, stiffness = np.exp(scatter * rng.standard_normal(2))
-        law = replace(
-            joint.law,
-            friction_coefficient=float(mu * joint.law.friction_coefficient),
-            contact_stiffness=float(stiffness * joint.law.contact_stiffness),
-            stiffness_cap=float(stiffness * joint.law.stiffness_cap),
-        )
-        joints.append(replace(joint, law=law))
+    joints = [replace(joint, law=scattered(joint.law, scatter, rng)) for joint in asked.model.joints]
     return asked._replace(model=replace(asked.model, joints=tuple(joints)))
 
 

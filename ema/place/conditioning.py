@@ -28,7 +28,7 @@ stiffnesses, of all energies, and of each on its own. There 90 and 93 % after a 
 91 % with half as much; most of what is missed has friction that falls with the speed."""
 
 
-def updated(offered: Trials, number: int, readings: Sequence[float] | Float[np.ndarray, "reading"]) -> Trials:
+def updated(tests: Trials, number: int, readings: Sequence[float] | Float[np.ndarray, "reading"]) -> Trials:
     """Return the forecast, and the tests that are left, once a test has been read.
 
     Every draw is moved by what its own reading, with an error drawn for it, lacks of the real one, times the slope of
@@ -39,7 +39,7 @@ def updated(offered: Trials, number: int, readings: Sequence[float] | Float[np.n
 
     Parameters
     ----------
-    offered : Trials
+    tests : Trials
         The forecast with its draws, and the tests.
     number : int
         Number of the test that was done.
@@ -65,40 +65,42 @@ def updated(offered: Trials, number: int, readings: Sequence[float] | Float[np.n
     >>> after.damping_width < before.damping_width, len(after.trials)
     (True, 1)
     """
-    if not 0 <= number < len(offered.trials):
-        raise InputError("no such test", where="test", got=number, expected=f"0 to {len(offered.trials) - 1}")
-    trial = offered.trials[number]
-    wanted = _checked(trial, readings)
-    known = np.isfinite(wanted)
-    expected, wanted = np.log(trial.values[:, known]), np.log(wanted[known])
+    if not 0 <= number < len(tests.trials):
+        raise InputError("no such test", where="test", got=number, expected=f"0 to {len(tests.trials) - 1}")
+    trial = tests.trials[number]
+    measured = _checked(trial, readings)
+    known = np.isfinite(measured)
+    expected, measured = np.log(trial.values[:, known]), np.log(measured[known])
     seen = int(np.isfinite(expected).all(axis=1).sum())
-    if seen <= FEWEST * len(wanted):
+    if seen <= FEWEST * len(measured):
         raise InputError(
             "too few draws for these readings",
             where=trial.title,
             got=f"{seen} draws that read all of them",
-            expected=f"more than {FEWEST * len(wanted)}",
+            expected=f"more than {FEWEST * len(measured)}",
             advice="forecast with more draws",
         )
-    widened, surprise = _surprise(expected, wanted, trial.std[known], discrepancy(trial, 0.0)[known])
-    told, error = offered.forecast, _Errors(trial, len(expected), number)
+    widened, unexpected = _unexpected(expected, measured, trial.std[known], discrepancy(trial, 0.0)[known])
+    forecast, error = tests.forecast, _Errors(trial, len(expected), number)
 
     def moved(logs: Float[np.ndarray, "draw value"], apart: float) -> Float[np.ndarray, "draw value"]:
-        return _moved(logs, expected + error(widened, apart)[:, known], wanted)
+        return _conditioned(logs, expected + error(widened, apart)[:, known], measured)
 
-    values = np.full(offered.values.shape, np.nan)
+    values = np.full(tests.values.shape, np.nan)
     for i, j in np.ndindex(values.shape[3:]):
-        apart = _apart(trial, float(told.force_levels[i]), float(told.normal_forces[j]))
-        flat = np.log(offered.values[..., i, j].reshape(len(values), -1))
+        apart = _distance(trial, float(forecast.force_levels[i]), float(forecast.normal_forces[j]))
+        flat = np.log(tests.values[..., i, j].reshape(len(values), -1))
         values[..., i, j] = np.exp(moved(flat, apart)).reshape(values.shape[:3])
     rest = tuple(
-        replace(other, values=np.exp(moved(np.log(other.values), _apart(trial, other.force_level, other.normal_force))))
-        for row, other in enumerate(offered.trials)
+        replace(
+            other, values=np.exp(moved(np.log(other.values), _distance(trial, other.force_level, other.normal_force)))
+        )
+        for row, other in enumerate(tests.trials)
         if row != number
     )
-    low, middle, high = _band(values, np.isfinite(told.damping_low))
+    low, middle, high = _band(values, np.isfinite(forecast.damping_low))
     forecast = replace(
-        told,
+        forecast,
         frequency=middle[:, 0],
         frequency_low=low[:, 0],
         frequency_high=high[:, 0],
@@ -108,41 +110,41 @@ def updated(offered: Trials, number: int, readings: Sequence[float] | Float[np.n
         sources=(),
         frequency_shares=None,
         damping_shares=None,
-        findings=(*told.findings, *surprise),
-        provenance=replace(told.provenance, steps=(*told.provenance.steps, f"place.updated: {trial.title}")),
+        findings=(*forecast.findings, *unexpected),
+        provenance=replace(forecast.provenance, steps=(*forecast.provenance.steps, f"place.updated: {trial.title}")),
     )
-    return promised(Trials(forecast, values, rest, (*offered.findings, *surprise)))
+    return with_expected_widths(Trials(forecast, values, tuple(rest), (*tests.findings, *unexpected)))
 
 
 def _band(
-    values: Float[np.ndarray, "draw mode 2 level force"], told: Bool[np.ndarray, "mode level force"]
+    values: Float[np.ndarray, "draw mode 2 level force"], forecast: Bool[np.ndarray, "mode level force"]
 ) -> Float[np.ndarray, "3 mode 2 level force"]:
-    """The 2.5, 50 and 97.5 % points of the draws; NaN where nothing was told, or too few draws have a value."""
-    known = told[:, None] & (np.mean(np.isfinite(values), axis=0) >= ENOUGH)
+    """The 2.5, 50 and 97.5 % points of the draws; NaN where nothing was forecast, or too few draws have a value."""
+    known = forecast[:, None] & (np.mean(np.isfinite(values), axis=0) >= ENOUGH)
     points = np.nanquantile(np.where(known, values, 1.0), [0.025, 0.5, 0.975], axis=0, method="weibull")
     return np.where(known, points, np.nan)
 
 
-def promised(offered: Trials) -> Trials:
+def with_expected_widths(tests: Trials) -> Trials:
     """The tests with the half widths that the bands will have after each: what a regression on it leaves of them."""
-    told = offered.forecast
+    forecast = tests.forecast
     halves = np.stack(
         [
-            0.5 * np.log(told.frequency_high / told.frequency_low),
-            0.5 * np.log(told.damping_high / told.damping_low),
+            0.5 * np.log(forecast.frequency_high / forecast.frequency_low),
+            0.5 * np.log(forecast.damping_high / forecast.damping_low),
         ],
         axis=1,
     )
-    tests = []
-    for number, trial in enumerate(offered.trials):
+    trials = []
+    for number, trial in enumerate(tests.trials):
         expected, error = np.log(trial.values), _Errors(trial, len(trial.values), number)
         left = np.full(halves.shape, np.nan)
         for m, q, i, j in np.argwhere(np.isfinite(halves)):
-            apart = _apart(trial, float(told.force_levels[i]), float(told.normal_forces[j]))
-            left[m, q, i, j] = _left(np.log(offered.values[:, m, q, i, j]), expected + error(1.0, apart))
+            apart = _distance(trial, float(forecast.force_levels[i]), float(forecast.normal_forces[j]))
+            left[m, q, i, j] = _unexplained(np.log(tests.values[:, m, q, i, j]), expected + error(1.0, apart))
         after = np.nanmean(halves * left, axis=(0, 2, 3)) if np.isfinite(left).any() else np.full(2, np.nan)
-        tests.append(replace(trial, frequency_width=float(after[0]), damping_width=float(after[1])))
-    return replace(offered, trials=tuple(tests))
+        trials.append(replace(trial, frequency_width=float(after[0]), damping_width=float(after[1])))
+    return replace(tests, trials=tuple(trials))
 
 
 def discrepancy(trial: Trial, apart: float) -> Float[np.ndarray, "reading factor"]:
@@ -166,7 +168,7 @@ def discrepancy(trial: Trial, apart: float) -> Float[np.ndarray, "reading factor
     return np.asarray(np.sqrt(apart) * common)
 
 
-def _apart(trial: Trial, force_level: float, normal_force: float) -> float:
+def _distance(trial: Trial, force_level: float, normal_force: float) -> float:
     """Sum of the logarithms of the ratios of F_E and of F_N."""
     if trial.kind == "loop" or not np.isfinite(force_level):
         return 1.0
@@ -187,15 +189,17 @@ class _Errors:
         return factor * self.trial.std * self.own + self.common @ discrepancy(self.trial, apart).T
 
 
-def _moved(
-    logs: Float[np.ndarray, "draw value"], read: Float[np.ndarray, "draw reading"], wanted: Float[np.ndarray, "reading"]
+def _conditioned(
+    logs: Float[np.ndarray, "draw value"],
+    read: Float[np.ndarray, "draw reading"],
+    measured: Float[np.ndarray, "reading"],
 ) -> Float[np.ndarray, "draw value"]:
-    """The values with what their readings lack of those wanted, times the slope of the regression on the readings."""
+    """The values with what their readings lack of those measured, times the slope of the regression on the readings."""
     result = np.full(logs.shape, np.nan)
     for column, values in enumerate(logs.T):
         rows = np.isfinite(values) & np.isfinite(read).all(axis=1)
         if rows.sum() > FEWEST * read.shape[1]:
-            result[rows, column] = values[rows] + (wanted - read[rows]) @ _slope(values[rows], read[rows])
+            result[rows, column] = values[rows] + (measured - read[rows]) @ _slope(values[rows], read[rows])
     return result
 
 
@@ -204,7 +208,7 @@ def _slope(values: Float[np.ndarray, "draw"], read: Float[np.ndarray, "draw read
     return np.asarray(np.linalg.lstsq(centred, values - values.mean(), rcond=None)[0])
 
 
-def _left(values: Float[np.ndarray, "draw"], read: Float[np.ndarray, "draw reading"]) -> float:
+def _unexplained(values: Float[np.ndarray, "draw"], read: Float[np.ndarray, "draw reading"]) -> float:
     """Share of the standard deviation of the values that a regression on the readings does not explain."""
     rows = np.isfinite(values) & np.isfinite(read).all(axis=1)
     freedom = int(rows.sum()) - 1 - read.shape[1]
@@ -215,16 +219,16 @@ def _left(values: Float[np.ndarray, "draw"], read: Float[np.ndarray, "draw readi
     return float(min(np.sqrt(rest @ rest / freedom / values.var(ddof=1)), 1.0))
 
 
-def _surprise(
+def _unexpected(
     expected: Float[np.ndarray, "draw reading"],
-    wanted: Float[np.ndarray, "reading"],
+    measured: Float[np.ndarray, "reading"],
     std: Float[np.ndarray, "reading"],
-    misled: Float[np.ndarray, "reading factor"],
+    loadings: Float[np.ndarray, "reading factor"],
 ) -> tuple[float, tuple[Finding, ...]]:
     """The factor on the uncertainty of the readings under which the draws expect them, and a finding if it is not 1."""
     seen = expected[np.isfinite(expected).all(axis=1)]
-    off, scatter = wanted - seen.mean(axis=0), np.atleast_2d(np.cov(seen.T)) + misled @ misled.T
-    limit = float(chi2.isf(RARE, len(wanted)))
+    off, scatter = measured - seen.mean(axis=0), np.atleast_2d(np.cov(seen.T)) + loadings @ loadings.T
+    limit = float(chi2.isf(RARE, len(measured)))
 
     def distance(factor: float) -> float:
         return float(off @ np.linalg.solve(scatter + np.diag((factor * std) ** 2), off))
@@ -247,20 +251,20 @@ def _surprise(
 
 
 def _checked(trial: Trial, readings: Sequence[float] | Float[np.ndarray, "reading"]) -> Float[np.ndarray, "reading"]:
-    wanted = np.asarray(readings, np.float64)
-    if wanted.shape != (len(trial.readings),):
+    measured = np.asarray(readings, np.float64)
+    if measured.shape != (len(trial.readings),):
         raise InputError(
             "not the readings of this test",
             where=trial.title,
-            got=f"{wanted.size} values",
+            got=f"{measured.size} values",
             expected=f"{len(trial.readings)}: {', '.join(trial.readings)}",
         )
-    if not np.isfinite(wanted).any() or np.any(wanted <= 0):
+    if not np.isfinite(measured).any() or np.any(measured <= 0):
         raise InputError(
             "readings are numbers above 0",
             where=trial.title,
-            got=wanted.tolist(),
+            got=measured.tolist(),
             expected=", ".join(trial.readings),
             advice="give NaN for what was not read",
         )
-    return wanted
+    return measured

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import ModalModel, poles_from
+from ema.data import FrictionLaw, ModalModel, poles_from
 from ema.data.placement import BoltedJoint, Candidates, Prediction
 from ema.dof import Dof, match
 from ema.place.flexibility import flexibility_std
@@ -113,13 +113,7 @@ def _joint(joint: BoltedJoint, rng: np.random.Generator) -> BoltedJoint:
         law = replace(
             law, name="iwan", parameters=(("chi", float(chi)), ("beta", float(beta)), ("springs", float(SPRINGS)))
         )
-    law = replace(
-        law,
-        friction_coefficient=float(law.friction_coefficient * mu),
-        contact_stiffness=float(law.contact_stiffness * tangential),
-        stiffness_cap=float(law.stiffness_cap * tangential),
-        stiffness_exponent=float(max(law.stiffness_exponent + exponent, 0.0)),
-    )
+    law = replace(scaled(law, mu, tangential), stiffness_exponent=float(max(law.stiffness_exponent + exponent, 0.0)))
     return replace(
         joint,
         law=law,
@@ -127,6 +121,22 @@ def _joint(joint: BoltedJoint, rng: np.random.Generator) -> BoltedJoint:
         contact_length=float(joint.contact_length * length),
         surface_height=float(max(joint.surface_height + height, 0.0)),
     )
+
+
+def scaled(law: FrictionLaw, friction: float, stiffness: float) -> FrictionLaw:
+    """The law with factors on mu and on k_T with its cap."""
+    return replace(
+        law,
+        friction_coefficient=float(law.friction_coefficient * friction),
+        contact_stiffness=float(law.contact_stiffness * stiffness),
+        stiffness_cap=float(law.stiffness_cap * stiffness),
+    )
+
+
+def scattered(law: FrictionLaw, scatter: float, rng: np.random.Generator) -> FrictionLaw:
+    """The law of another joint of the kind: mu and k_T differ from joint to joint."""
+    friction, stiffness = np.exp(scatter * rng.standard_normal(2))
+    return scaled(law, friction, stiffness)
 
 
 def beams_drawn(candidates: Candidates, rng: np.random.Generator) -> Candidates:

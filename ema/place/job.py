@@ -20,7 +20,7 @@ from ema.place.control import control_study
 from ema.place.ranking import search
 from ema.place.recipe import DoneTable, PlaceRecipe, TrialsTable
 from ema.place.task import Task
-from ema.place.trials import Spot, next_tests
+from ema.place.trials import TrialCondition, next_tests
 from ema.progress import Progress, silent
 from ema.shapes import smooth, with_body_uncertainty, with_plate, with_rigid_body
 
@@ -185,7 +185,8 @@ def _forecast(
     if recipe.trials is None:
         effort = (table.draws, table.seed, table.method, executor, progress)
         return forecast(task, candidates, best, levels, forces, *effort), None, beyond
-    spots = [Spot(one.candidate, max(levels), one.normal_force) for one in ranking.places[1 : 1 + recipe.trials.places]]
+    next_best = ranking.places[1 : 1 + recipe.trials.places]
+    others = [TrialCondition(one.candidate, max(levels), one.normal_force) for one in next_best]
     candidates, done = _done(recipe.trials, candidates, best, levels=levels, forces=forces)
     tests = next_tests(
         task,
@@ -193,7 +194,7 @@ def _forecast(
         best,
         levels,
         forces,
-        others=[*(spot for spot, _ in done if spot is not None), *spots],
+        others=[*(condition for condition, _ in done if condition is not None), *others],
         costs=recipe.trials.costs(),
         draws=table.draws,
         seed=table.seed,
@@ -208,9 +209,9 @@ def _forecast(
 
 def _done(
     table: TrialsTable, candidates: Candidates, best: int, *, levels: Sequence[float], forces: Sequence[float]
-) -> tuple[Candidates, list[tuple[Spot | None, DoneTable]]]:
+) -> tuple[Candidates, list[tuple[TrialCondition | None, DoneTable]]]:
     """Tests that have been done, and the candidates with their places; no spot under a condition of the forecast."""
-    result: list[tuple[Spot | None, DoneTable]] = []
+    result: list[tuple[TrialCondition | None, DoneTable]] = []
     for one in table.done:
         if one.centre is None and any(np.isclose(one.force, levels)) and any(np.isclose(one.normal_force, forces)):
             result.append((None, one))
@@ -223,7 +224,7 @@ def _done(
             angles=np.append(candidates.angles, angle),
             beams=np.append(candidates.beams, candidates.beams[best]),
         )
-        result.append((Spot(len(candidates) - 1, one.force, one.normal_force), one))
+        result.append((TrialCondition(len(candidates) - 1, one.force, one.normal_force), one))
     return candidates, result
 
 

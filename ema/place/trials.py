@@ -12,10 +12,12 @@ from ema.data.forecast import Forecast
 from ema.data.placement import BoltedJoint, Candidates
 from ema.data.trials import Trial, Trials
 from ema.errors import InputError
-from ema.place.bands import ENOUGH, Draw, Method, answered, forecast_and_draws, mounted
-from ema.place.conditioning import promised
+from ema.place.bands import ENOUGH, Draw, Method, assembled, forecast_and_draws, resonances_of
+from ema.place.conditioning import with_expected_widths
 from ema.place.describing import SIZE, START, STEP, secant_table
 from ema.place.fundamental import fundamental
+from ema.place.intervals import scattered
+from ema.place.predictor import contact_stiffness
 from ema.place.shortlist import Question, question, verify_all
 from ema.place.task import Task, only, predicted
 from ema.progress import Progress, silent
@@ -57,7 +59,7 @@ class Costs(NamedTuple):
     loop_std: float = 0.05
 
 
-class Spot(NamedTuple):
+class TrialCondition(NamedTuple):
     """Another place at which the beam can be tried, under one condition.
 
     Parameters
@@ -71,7 +73,7 @@ class Spot(NamedTuple):
 
     Examples
     --------
-    >>> Spot(3, force_level=30.0, normal_force=120.0).place
+    >>> TrialCondition(3, force_level=30.0, normal_force=120.0).place
     3
     """
 
@@ -87,7 +89,7 @@ def next_tests(
     force_levels: Sequence[float] | Float[np.ndarray, "level"],
     normal_forces: Sequence[float] | Float[np.ndarray, "force"],
     *,
-    others: Sequence[Spot] = (),
+    others: Sequence[TrialCondition] = (),
     costs: Costs | None = None,
     draws: int = 400,
     seed: int = 0,
@@ -100,7 +102,7 @@ def next_tests(
     Offered are the beam at its place under each condition of the forecast, the beam at other places, and loops of one
     joint alone under each normal force. Every draw of the forecast says what a test will read; how well readings
     explain the forecast over the draws says what they will leave of its bands (:func:`updated`). Joints differ from
-    assembly to assembly by the stated scatter; a beam that is tried at its own place stays bolted on. The forecast is
+    assembly to assembly by the stated scatter; a beam that is tried at its own place stays installed. The forecast is
     that of :func:`forecast`.
 
     Parameters
@@ -115,7 +117,7 @@ def next_tests(
         F_E [N].
     normal_forces : sequence of float or array of shape (force,)
         F_N per joint [N].
-    others : sequence of Spot, optional
+    others : sequence of TrialCondition, optional
         Other places where the beam can be tried, with their conditions.
     costs : Costs, optional
         What tests cost, and how well they read; the defaults of ``Costs`` by default.
@@ -157,67 +159,87 @@ def next_tests(
     """
     costs = Costs() if costs is None else costs
     forces = np.asarray(normal_forces, np.float64)
-    spots = [_spot(task, candidates, other, method, executor) for other in others]
+    places = [_other_place(task, candidates, other, method, executor) for other in others]
     slips = [_slips(task.joint, float(force)) for force in forces]
     rng = np.random.default_rng([seed, 1])
 
-    def beside(draw: Draw) -> Float[np.ndarray, "reading"]:
+    def readings_of(draw: Draw) -> Float[np.ndarray, "reading"]:
+        """What a draw reads at the other places, then in loops under each normal force."""
         factor = float(draw.task.normal_forces[0] / forces[0])
-        there = [_tried(spot, draw, factor, rng).ravel() for spot in spots]
-        looped = [
+        elsewhere = [_readings_there(other, draw, factor, rng).ravel() for other in places]
+        loops = [
             loop_readings(_specimen(draw.task, rng), slip, float(factor * force))
             for slip, force in zip(slips, forces, strict=True)
         ]
-        return np.concatenate([*there, *(one.ravel() for one in looped)])
+        return np.concatenate([*elsewhere, *(loop.ravel() for loop in loops)])
 
-    told, values, read = forecast_and_draws(
-        task, candidates, place, force_levels, forces, draws, seed, method, executor, progress, beside
+    prediction, values, readings = forecast_and_draws(
+        task, candidates, place, force_levels, forces, draws, seed, method, executor, progress, readings_of
     )
-    tried, looped = np.split(np.array(read), [2 * len(told.modes) * len(spots)], axis=1)
+    elsewhere, loops = np.split(np.array(readings), [2 * len(prediction.modes) * len(places)], axis=1)
     tests = [
-        *_of_beam(told, values, costs),
-        *_of_other_places(told, list(zip(others, spots, strict=True)), tried, costs),
-        *_of_loops(forces, looped, costs),
+        *_of_beam(prediction, values, costs),
+        *_of_other_places(prediction, list(zip(others, places, strict=True)), elsewhere, costs),
+        *_of_loops(forces, loops, costs),
     ]
-    return promised(Trials(told, values, tuple(test for test in tests if test is not None)))
+    return with_expected_widths(Trials(prediction, values, tuple(test for test in tests if test is not None)))
 
 
 def _of_beam(
-    told: Forecast, values: Float[np.ndarray, "draw mode 2 level force"], costs: Costs
+    prediction: Forecast, values: Float[np.ndarray, "draw mode 2 level force"], costs: Costs
 ) -> Iterator[Trial | None]:
     """The beam at its place, under each condition of the forecast."""
     for i, j in np.ndindex(values.shape[3:]):
-        level, force = float(told.force_levels[i]), float(told.normal_forces[j])
+        level, force = float(prediction.force_levels[i]), float(prediction.normal_forces[j])
         block = values[:, :, :, i, j].reshape(len(values), -1)
-        yield _mounted(told, block, costs, level=level, force=force, centre=told.centre, angle=told.angle)
+        yield _of_conditions(
+            prediction, block, costs, level=level, force=force, centre=prediction.centre, angle=prediction.angle
+        )
 
 
 def _of_other_places(
-    told: Forecast, spots: Sequence[tuple[Spot, "_There"]], read: Float[np.ndarray, "draw reading"], costs: Costs
+    prediction: Forecast,
+    places: Sequence[tuple[TrialCondition, "_OtherPlace"]],
+    readings: Float[np.ndarray, "draw reading"],
+    costs: Costs,
 ) -> Iterator[Trial | None]:
-    """The beam at other places; ``read`` holds what is read at each, one after the other."""
-    for (other, there), block in zip(spots, np.split(read, max(len(spots), 1), axis=1), strict=False):
-        x, y = there.here.centres[0]
-        where = {"centre": (float(x), float(y)), "angle": float(there.here.angles[0])}
-        yield _mounted(told, block, costs, level=other.force_level, force=other.normal_force, **where)
+    """The beam at other places; ``readings`` holds those at each, one after the other."""
+    blocks = np.split(readings, max(len(places), 1), axis=1)
+    for (condition, other), block in zip(places, blocks, strict=False):
+        x, y = other.candidates.centres[0]
+        yield _of_conditions(
+            prediction,
+            block,
+            costs,
+            level=condition.force_level,
+            force=condition.normal_force,
+            centre=(float(x), float(y)),
+            angle=float(other.candidates.angles[0]),
+        )
 
 
-def _mounted(
-    told: Forecast, values: Float[np.ndarray, "draw reading"], costs: Costs, *, level: float, force: float, **where: Any
+def _of_conditions(
+    prediction: Forecast,
+    values: Float[np.ndarray, "draw reading"],
+    costs: Costs,
+    *,
+    level: float,
+    force: float,
+    **where: Any,
 ) -> Trial | None:
-    names = [f"mode {mode}: {what}" for mode in told.modes for what in QUANTITIES]
-    std = np.tile([costs.frequency_std, costs.damping_std], len(told.modes))
+    names = [f"mode {mode}: {what}" for mode in prediction.modes for what in QUANTITIES]
+    std = np.tile([costs.frequency_std, costs.damping_std], len(prediction.modes))
     hours = costs.mounting + costs.condition
     return _trial("beam", names, values, std, hours, force_level=level, normal_force=force, **where)
 
 
 def _of_loops(
-    forces: Float[np.ndarray, "force"], read: Float[np.ndarray, "draw reading"], costs: Costs
+    forces: Float[np.ndarray, "force"], readings: Float[np.ndarray, "draw reading"], costs: Costs
 ) -> Iterator[Trial | None]:
     """Loops of one joint alone under each normal force."""
     names = [f"{what} at {one:g} mu F_N/k_T" for what in ("stiffness [N/m]", "energy [J]") for one in AMPLITUDES]
     std = np.full(len(names), costs.loop_std)
-    for force, block in zip(forces, np.split(read, len(forces), axis=1), strict=True):
+    for force, block in zip(forces, np.split(readings, len(forces), axis=1), strict=True):
         yield _trial("loop", names, block, std, costs.loop, normal_force=float(force))
 
 
@@ -226,76 +248,64 @@ def loop_readings(
 ) -> Float[np.ndarray, "2 amplitude"]:
     """Stiffness [N/m] of the first harmonic and energy [J] per cycle of one joint, at amplitudes of its slip [m]."""
     law = joint.law
-    stiffness, limit = _stiffness(joint, normal_force), law.friction_coefficient * normal_force
+    (stiffness,), limit = contact_stiffness(joint, np.array([normal_force])), law.friction_coefficient * normal_force
     table = secant_table(law.name, law.parameters)
     at, grid = (np.log(slips * stiffness / limit) - START) / STEP, np.arange(SIZE)
     elastic, lost = (stiffness * np.interp(at, grid, part) for part in (table.real, table.imag))
     return np.array([elastic, np.pi * slips**2 * lost])
 
 
-def _stiffness(joint: BoltedJoint, normal_force: float) -> float:
-    law = joint.law
-    ratio = (normal_force / law.reference_force) ** law.stiffness_exponent
-    return float(min(law.contact_stiffness * ratio, law.stiffness_cap))
-
-
 def _slips(joint: BoltedJoint, normal_force: float) -> Float[np.ndarray, "amplitude"]:
     """Amplitudes [m] at which loops of the joint are read."""
     limit = joint.law.friction_coefficient * normal_force
-    return np.array(AMPLITUDES) * limit / _stiffness(joint, normal_force)
+    return np.array(AMPLITUDES) * limit / contact_stiffness(joint, np.array([normal_force]))
 
 
 def _specimen(task: Task, rng: np.random.Generator) -> BoltedJoint:
-    """Another joint of the kind: mu and k_T differ from joint to joint."""
-    mu, tangential = np.exp(task.joint.scatter * rng.standard_normal(2))
-    law = task.joint.law
-    return replace(
-        task.joint,
-        law=replace(
-            law,
-            friction_coefficient=float(mu * law.friction_coefficient),
-            contact_stiffness=float(tangential * law.contact_stiffness),
-            stiffness_cap=float(tangential * law.stiffness_cap),
-        ),
-    )
+    """Another joint of the kind, for the rig."""
+    return replace(task.joint, law=scattered(task.joint.law, task.joint.scatter, rng))
 
 
-class _There(NamedTuple):
+class _OtherPlace(NamedTuple):
     """The beam at another place: the question, its answer, and that by the fundamental alone."""
 
-    here: Candidates
+    candidates: Candidates
     nominal: Question
     middle: Float[np.ndarray, "mode 2 1 1"]
     rough: Float[np.ndarray, "mode 2 1 1"]
 
 
-def _spot(task: Task, candidates: Candidates, other: Spot, method: Method, executor: Executor | None) -> _There:
+def _other_place(
+    task: Task, candidates: Candidates, other: TrialCondition, method: Method, executor: Executor | None
+) -> _OtherPlace:
     if not 0 <= other.place < len(candidates):
         raise InputError("no such place", where="tests", got=other.place, expected=f"0 to {len(candidates) - 1}")
-    here = only(candidates, [other.place])
-    low, high = task.surface.extent.T
-    if np.any(here.joints(0) < low - _ROUNDING * (high - low)) or np.any(
-        here.joints(0) > high + _ROUNDING * (high - low)
-    ):
+    only_one = only(candidates, [other.place])
+    joints, (low, high) = only_one.joints(0), task.surface.extent.T
+    share = (joints - low) / (high - low)
+    if share.min() < -_ROUNDING or share.max() > 1 + _ROUNDING:
         raise InputError(
             "a joint of the beam lies beyond the measured points",
-            where=f"test at ({here.centres[0, 0]:g}, {here.centres[0, 1]:g}) m",
-            got=f"joints at {np.round(here.joints(0), 4).tolist()} m",
+            where=f"test at ({only_one.centres[0, 0]:g}, {only_one.centres[0, 1]:g}) m",
+            got=f"joints at {np.round(joints, 4).tolist()} m",
             expected=f"{low[0]:.4g} to {high[0]:.4g} m and {low[1]:.4g} to {high[1]:.4g} m",
         )
-    asked = task._replace(force_levels=np.array([other.force_level]), normal_forces=np.array([other.normal_force]))
-    nominal = question(asked, predicted(asked, here), 0, method == "measured")
+    levels, forces = np.array([other.force_level]), np.array([other.normal_force])
+    there = task._replace(force_levels=levels, normal_forces=forces)
+    nominal = question(there, predicted(there, only_one), 0, method == "measured")
     ((_, whole),) = verify_all([nominal], executor)
-    return _There(here, nominal, whole[:, :2], fundamental(nominal)[:, :2])
+    return _OtherPlace(only_one, nominal, whole[:, :2], fundamental(nominal)[:, :2])
 
 
-def _tried(spot: _There, draw: Draw, factor: float, rng: np.random.Generator) -> Float[np.ndarray, "mode 2"]:
+def _readings_there(
+    other: _OtherPlace, draw: Draw, factor: float, rng: np.random.Generator
+) -> Float[np.ndarray, "mode 2"]:
     """What a draw reads at another place: a new assembly of the same kind of joints."""
-    beam = replace(spot.here, catalogue=draw.beam.catalogue)
-    sample = draw.task._replace(normal_forces=factor * spot.nominal.normal_forces)
-    case = mounted(spot.nominal, sample, beam, rng)._replace(pressure=draw.case.pressure)
-    values, _ = answered(case, np.nan_to_num(np.abs(np.log(spot.middle / spot.rough))), rng)
-    return np.asarray((spot.middle * values / spot.rough)[..., 0, 0])
+    beam = replace(other.candidates, catalogue=draw.beam.catalogue)
+    sample = draw.task._replace(normal_forces=factor * other.nominal.normal_forces)
+    case = assembled(other.nominal, sample, beam, rng)._replace(pressure=draw.case.pressure)
+    values, _ = resonances_of(case, np.nan_to_num(np.abs(np.log(other.middle / other.rough))), rng)
+    return np.asarray((other.middle * values / other.rough)[..., 0, 0])
 
 
 def _trial(
@@ -308,8 +318,8 @@ def _trial(
 ) -> Trial | None:
     """A test with the readings that most draws have; ``None`` where there are none."""
     with np.errstate(invalid="ignore"):
-        there = np.mean(np.isfinite(values) & (values > 0), axis=0) >= ENOUGH
-    if not there.any():
+        read = np.mean(np.isfinite(values) & (values > 0), axis=0) >= ENOUGH
+    if not read.any():
         return None
-    chosen = tuple(name for name, one in zip(names, there, strict=True) if one)
-    return Trial(kind, chosen, np.where(values > 0, values, np.nan)[:, there], std[there], hours, **about)
+    chosen = tuple(np.array(names)[read].tolist())
+    return Trial(kind, chosen, np.where(values > 0, values, np.nan)[:, read], std[read], hours, **about)

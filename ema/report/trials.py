@@ -32,7 +32,7 @@ def trial_blocks(offered: Trials, book: Book) -> list[Block]:
             "trials",
             f"Tests and what they are expected to leave of the bands, now ±{100 * offered.frequency_width:.2f} % of "
             f"the frequency and ±{100 * offered.damping_width:.1f} % of the damping ratio (half widths, mean over "
-            "modes and conditions). A beam at its recommended place stays bolted on; elsewhere it is another assembly.",
+            "modes and conditions). A beam at its recommended place stays installed; elsewhere it is another assembly.",
             ["Test", "Hours", "f after [± %]", "ζ after [± %]", "Narrower [%]", "Per hour [%]"],
             rows,
         ),

@@ -34,7 +34,7 @@ def task() -> place.Task:
 
 @pytest.fixture(scope="module")
 def offered(task: place.Task) -> Trials:
-    others = [place.Spot(1, 30.0, 120.0)]
+    others = [place.TrialCondition(1, 30.0, 120.0)]
     return place.next_tests(task, SPOTS, 0, LEVELS, FORCES, others=others, draws=240, seed=3, method="frozen")
 
 
@@ -197,9 +197,9 @@ def test_wrong_readings_get_one_sentence(number, readings, words):
 def test_tests_where_nothing_was_measured_are_refused(task: place.Task):
     beyond = replace(SPOTS, centres=np.array([[0.3, 0.06], [0.85, 0.25]]))
     with pytest.raises(InputError, match="beyond the measured points"):
-        place.next_tests(task, beyond, 0, [30.0], [120.0], others=[place.Spot(1, 30.0, 120.0)], draws=20)
+        place.next_tests(task, beyond, 0, [30.0], [120.0], others=[place.TrialCondition(1, 30.0, 120.0)], draws=20)
     with pytest.raises(InputError, match="no such place"):
-        place.next_tests(task, SPOTS, 0, [30.0], [120.0], others=[place.Spot(2, 30.0, 120.0)], draws=20)
+        place.next_tests(task, SPOTS, 0, [30.0], [120.0], others=[place.TrialCondition(2, 30.0, 120.0)], draws=20)
 
 
 def test_few_draws_explain_nothing_and_say_so():
