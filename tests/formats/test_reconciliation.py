@@ -693,6 +693,20 @@ def test_a_row_that_goes_on_behind_a_table_without_titles(tmp_path: Path) -> Non
     refused(tmp_path / "a.csv", "a row of the table stands behind its end", time="column 0")
 
 
+@pytest.mark.parametrize("damaged", [1, 2, 3])
+@pytest.mark.parametrize("merged", [False, True])
+def test_a_last_row_behind_rows_without_numbers_goes_on(tmp_path: Path, *, damaged: int, merged: bool) -> None:
+    *lines, last = titled()
+    rows = lines[-damaged:]
+    if merged:  # the end of a row is lost, and with it the row behind
+        rows = [f"{row}{lines[-damaged - 1]}" for row in rows]
+        damaged *= 2
+    kept = lines[: len(lines) - damaged]
+    broken = ["".join("x" if k % 3 else sign for k, sign in enumerate(row)) for row in rows]
+    (tmp_path / "a.csv").write_text("\n".join([*kept, *broken, last]))
+    refused(tmp_path / "a.csv", "a row of the table stands behind its end")
+
+
 def test_a_column_with_a_title_and_nothing_else_is_named(tmp_path: Path) -> None:
     lines = titled("t [s],a,b,c,")
     (tmp_path / "a.csv").write_text("\n".join([lines[0], *(f"{line},," for line in lines[1:])]))

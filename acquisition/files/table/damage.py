@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -109,7 +108,7 @@ def without_single_rows(segments: list[Segment], layout: Layout, where: str) -> 
         notes: list[Finding] = []
         for row in alone:
             same = not row.labels and row.values.shape[1] == segment.values.shape[1] > 1
-            if same and _continues(row.values[0, 0], segment.values[:, 0]):
+            if same and _continues(row, segment):
                 what = "a row of the table stands in front of its titles"
                 place = f"{where}, line {row.line}"
                 notes += differs(what, where=place, layout=layout, recovered="the rows behind them are read")
@@ -121,7 +120,7 @@ def without_single_rows(segments: list[Segment], layout: Layout, where: str) -> 
         last = kept[-1]
         same = not row.labels and row.values.shape[1] == last.values.shape[1] > 1
         notes = [_beside(row, where, "behind")]
-        if same and _continues(row.values[0, 0], last.values[:, 0]):
+        if same and _continues(row, last):
             what, recovered = "a row of the table stands behind its end", "the rows in front of it are read"
             notes = list(differs(what, where=f"{where}, line {row.line}", layout=layout, recovered=recovered))
         kept[-1] = replace(last, notes=(*last.notes, *notes))
@@ -136,8 +135,12 @@ def _beside(row: Segment, where: str, side: str) -> Finding:
     )
 
 
-def _continues(number: complex, axis: Any) -> bool:
-    """Whether a number is the one in front of an even axis or the one behind it."""
+def _continues(row: Segment, table: Segment) -> bool:
+    """Whether a row goes on an even axis, in front of it or behind, as far as the lines between have room for.
+
+    A line that lost its end holds two rows.
+    """
+    number, axis = row.values[0, 0], table.values[:, 0]
     steps = np.diff(axis)
     if (
         len(steps) < 2
@@ -146,8 +149,9 @@ def _continues(number: complex, axis: Any) -> bool:
         or np.ptp(steps.real) > 0.5 * abs(steps.mean())
     ):
         return False
-    ends = (axis[0] - steps.mean(), axis[-1] + steps.mean())
-    return bool(min(abs(number - end) for end in ends) < 0.25 * abs(steps.mean()))
+    between = max(table.line - row.line - 1, row.line - table.line - len(axis), 0)
+    beyond = ((axis[0] - number) / steps.mean(), (number - axis[-1]) / steps.mean())
+    return any(abs(far - min(max(round(far.real), 1), 2 * between + 1)) < 0.25 for far in beyond)
 
 
 def _titled(segment: Segment) -> bool:
