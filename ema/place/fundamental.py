@@ -4,7 +4,7 @@ It errs like every balance of one harmonic, by about the same share in the nomin
 relative to the nominal case of the same kind and moved to what all harmonics give for that one.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -104,12 +104,36 @@ def shares(question: Question) -> Float[np.ndarray, "mode force"]:
     result = np.empty((len(question.targets), len(question.normal_forces)))
     for column, force in enumerate(question.normal_forces):
         model = question.model.with_normal_force(float(force))
-        squares, _, _, rows, _, springs, flexibility, _ = _structure(model, question.at, question.at)
-        sliding = np.diag(squares) + springs.T @ (springs / flexibility.real[:, None])
-        sticking = sliding + rows.T @ (rows * _contact(model)[0][:, None])
-        parts = np.stack([np.linalg.eigh(one)[1][list(question.targets)] for one in (sliding, sticking)])
+        parts = np.stack(
+            [linear(model, question.at, sticking=sticking).shapes[list(question.targets)] for sticking in (False, True)]
+        )
         result[:, column] = np.min(np.max(parts**2, axis=2), axis=0)
     return result
+
+
+class Linear(NamedTuple):
+    """Natural frequencies [Hz] and damping ratios (mode,) with joints that only slide or only stick, and the shapes
+    (bare mode, mode) in the mass-normalised modes of host and beam, those of the host first."""
+
+    frequencies: Float[np.ndarray, "mode"]
+    damping_ratios: Float[np.ndarray, "mode"]
+    shapes: Float[np.ndarray, "bare mode"]
+
+
+def linear(model: BeamModel, at: Dof, *, sticking: bool) -> Linear:
+    """The modes of a host with its beam where no joint slides, or every joint slides without friction.
+
+    Damping is that of each bare mode weighted by its energy.
+    """
+    squares, decay, losses, rows, _, springs, flexibility, _ = _structure(model, at, at)
+    total = np.diag(squares) + springs.T @ (springs / flexibility.real[:, None])
+    if sticking:
+        total = total + rows.T @ (rows * _contact(model)[0][:, None])
+    values, shapes = np.linalg.eigh(total)
+    omega = np.sqrt(np.maximum(values, 0))
+    safe = np.maximum(omega, np.finfo(float).tiny)
+    damping = decay @ shapes**2 / (2 * safe) + (losses * squares) @ shapes**2 / (2 * safe**2)
+    return Linear(omega / (2 * np.pi), damping, shapes)
 
 
 def _structure(model: BeamModel, at: Dof, output: Dof) -> tuple[np.ndarray, ...]:

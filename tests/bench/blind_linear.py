@@ -23,8 +23,8 @@ import numpy as np
 from ema import place
 from ema.data import Geometry
 from ema.errors import InputError
-from ema.place.bands import _asked, _uneven
-from ema.place.fundamental import _contact, _structure
+from ema.place.bands import assembled
+from ema.place.fundamental import linear
 from ema.place.intervals import beams_drawn, drawn
 from ema.place.shortlist import Question, question
 from ema.place.task import Task, only, predicted
@@ -52,16 +52,9 @@ class Row(NamedTuple):
 def limit_of(asked: Question, mode: int, stuck: bool) -> tuple[float, float]:
     """Frequency in Hz and damping ratio of the mode that moves the bare one most, by the predictor's matrices."""
     model = asked.model.with_normal_force(float(asked.normal_forces[0]))
-    squares, decay, losses, rows, _, springs, flexibility, _ = _structure(model, asked.at, asked.at)
-    total = np.diag(squares) + springs.T @ (springs / flexibility.real[:, None])
-    if stuck:
-        total = total + rows.T @ (rows * _contact(model)[0][:, None])
-    values, shapes = np.linalg.eigh(total)
-    found = int(np.argmax(np.abs(shapes[mode])))
-    omega, energy = np.sqrt(values[found]), shapes[:, found] ** 2
-    return float(omega / (2 * np.pi)), float(
-        decay @ energy / (2 * omega) + (losses * squares) @ energy / (2 * omega**2)
-    )
+    found = linear(model, asked.at, sticking=stuck)
+    row = int(np.argmax(np.abs(found.shapes[mode])))
+    return float(found.frequencies[row]), float(found.damping_ratios[row])
 
 
 def true_limit(parts: truth.Parts, mode: int, stuck: bool) -> tuple[float, float]:
@@ -94,10 +87,7 @@ def rows_of(seed: int, number: int) -> Iterator[Row]:
     levels = hosts.LEVELS[:1]
     task = Task(bare, surface, recipe.bolted_joint(), recipe.at, levels, np.array([FORCE]), modes, scale_std=scale)
     nominal = question(task, predicted(task, here), 0)
-    draws = [
-        _uneven(_asked(nominal, one, beams_drawn(here, rng)), task.joint.scatter, rng)
-        for one in drawn(task, DRAWS, rng)
-    ]
+    draws = [assembled(nominal, one, beams_drawn(here, rng), rng) for one in drawn(task, DRAWS, rng)]
     spot = (*map(float, here.centres[0]), float(here.angles[0]))
     for mode, true_mode in zip(modes, case.modes, strict=True):
         drive = measured.points[measured.drive]
