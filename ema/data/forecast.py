@@ -39,11 +39,11 @@ class Forecast(Container):
     normal_forces : array of shape (force,)
         F_N per joint [N].
     frequency : array of shape (mode, level, force)
-        Predicted frequencies [Hz].
+        Predicted frequencies [Hz]: nominal ones, or medians of the draws where the form of the law is open.
     frequency_low, frequency_high : array of shape (mode, level, force)
         Bounds of their 95 % bands [Hz].
     damping : array of shape (mode, level, force)
-        Predicted damping ratios [-].
+        Predicted damping ratios [-], likewise.
     damping_low, damping_high : array of shape (mode, level, force)
         Bounds of their 95 % bands [-].
     draws : int

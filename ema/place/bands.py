@@ -68,7 +68,8 @@ def forecast(
 ) -> Forecast:
     """Predict frequency and damping of the target modes with the beam at one location, with 95 % bands.
 
-    The values are those of the full model with all modes and all harmonics. Every draw of what is uncertain (smoothed
+    The values are those of the full model with all modes and all harmonics; where the form of the law is open, they are
+    the medians of the draws, for no law is the nominal one. Every draw of what is uncertain (smoothed
     shapes, shape at the exciter, all that ``BoltedJoint`` and ``FrictionBeam`` state an uncertainty of, scatter from
     joint to joint, the form of the law where it is open) is computed with all modes and the first harmonic of the
     friction; the bands are the 2.5 and 97.5 % quantiles of the draws over the nominal case of the same kind. What the
@@ -167,7 +168,7 @@ def forecast_and_draws(
     )
     parted = np.mean(opened, axis=0) > 1 - ENOUGH
     middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
-    low, high = _band(middle, spread / rough[:, :2])
+    low, values, high = _band(middle, spread / rough[:, :2], named=task.joint.form == "given")
     sources, of_sources = budget(taken, spread / rough[:, :2], harmonics)
     findings = (
         *_about_holes(np.isfinite(low[:, 1]), spread_out, parted, np.isfinite(middle[:, 1])),
@@ -183,10 +184,10 @@ def forecast_and_draws(
         -bare.real / np.abs(bare),
         at_conditions.force_levels,
         at_conditions.normal_forces,
-        middle[:, 0],
+        values[:, 0],
         low[:, 0],
         high[:, 0],
-        middle[:, 1],
+        values[:, 1],
         low[:, 1],
         high[:, 1],
         draws,
@@ -315,19 +316,25 @@ def assembled(nominal: Question, task: Task, candidates: Candidates, rng: np.ran
 
 
 def _band(
-    middle: Float[np.ndarray, "mode 2 level force"], ratios: Float[np.ndarray, "draw mode 2 level force"]
-) -> tuple[Float[np.ndarray, "mode 2 level force"], Float[np.ndarray, "mode 2 level force"]]:
-    """Between the quantiles of the draws around the nominal values; NaN where too few draws have a value.
+    middle: Float[np.ndarray, "mode 2 level force"],
+    ratios: Float[np.ndarray, "draw mode 2 level force"],
+    *,
+    named: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The 2.5 % quantiles of the draws, the values, and the 97.5 % quantiles (mode, 2, level, force).
 
     The quantile at p is the order statistic p (n + 1), which another draw exceeds with probability 1 - p; with fewer
-    than 39 draws the band is their range, which holds (n - 1)/(n + 1) of all.
+    than 39 draws the band is their range, which holds (n - 1)/(n + 1) of all. Where the law is ``named`` the value is
+    the nominal case, ``middle``, and the band holds it; where the form is open no law is the nominal one, and the value
+    is the median of the draws. Without a band there is only the nominal value; too few draws have no band: NaN.
     """
     known = (np.mean(np.isfinite(ratios), axis=0) >= ENOUGH) & np.isfinite(middle)
-    ratios = np.where(known, ratios, 1.0)
-    low, high = np.nanquantile(ratios, [0.025, 0.975], axis=0, method="weibull")
-    # at the ridge of the damping every change lowers it
-    low, high = np.minimum(low, 1.0), np.maximum(high, 1.0)
-    return np.where(known, middle * low, np.nan), np.where(known, middle * high, np.nan)
+    points = np.nanquantile(np.where(known, ratios, 1.0), [0.025, 0.5, 0.975], axis=0, method="weibull")
+    if named:
+        # at the ridge of the damping every change lowers it
+        points = np.stack([np.minimum(points[0], 1.0), np.ones_like(middle), np.maximum(points[2], 1.0)])
+    low, value, high = np.where(known, middle * points, np.nan)
+    return low, np.where(known, value, middle), high
 
 
 def _uneven(asked: Question, scatter: float, rng: np.random.Generator) -> Question:

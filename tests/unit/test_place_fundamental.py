@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 from ema import place, shapes
 from ema.data import FrictionLaw, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
+from ema.place.bands import forecast_and_draws
 from ema.place.fundamental import fundamental
 from ema.place.intervals import beams_drawn, drawn
 from ema.place.predictor import beam_matrices
@@ -206,3 +207,30 @@ def test_a_ranking_takes_no_condition_in_which_a_joint_parts_that_cannot_pull(ta
     assert [one.code for one in checked.findings] == ["joint-parts"]
     pulls = asked._replace(joint=replace(asked.joint, normal_contact="linear"))
     assert np.isfinite(place.verify(pulls, predicted(pulls, SPOT), [0]).damping).all()
+
+
+def test_where_the_form_of_the_law_is_open_the_median_of_the_draws_is_the_value(task):
+    """It errs least of all values by the forecast's own distribution; the law in the sheet is one of many there.
+
+    A joint whose friction begins with microslip, drawn from that distribution, is the truth: harmonic balance of all
+    modes with its Iwan law.
+    """
+    law = FrictionLaw("masing", 0.2, 2e8)
+    joint = replace(STUCK, law=law, friction_std=0.05, stiffness_std=0.05, form="open")
+    levels, forces = np.array([4.0, 20.0]), np.array([40.0, 120.0])
+    asked = task._replace(joint=joint, modes=(0,), force_levels=levels, normal_forces=forces)
+    told, draws, _ = forecast_and_draws(asked, SPOT, 0, levels, forces, draws=60, seed=3, method="frozen")
+    sheet = asked._replace(joint=replace(joint, form="given"))
+    named = place.forecast(sheet, SPOT, 0, levels, forces, draws=60, seed=3, method="frozen")
+    np.testing.assert_allclose(told.damping, np.median(draws[:, :, 1], axis=0), rtol=1e-12)
+    np.testing.assert_allclose(told.frequency, np.median(draws[:, :, 0], axis=0), rtol=1e-12)
+    assert np.all((told.damping_low < told.damping) & (told.damping < told.damping_high))
+    errors = np.zeros((2, 2))
+    for one in drawn(asked, 12, np.random.default_rng(17)):
+        truth = answer(question(one, predicted(one, SPOT), 0))
+        for row, stated in enumerate((told, named)):
+            errors[row] += [
+                np.mean(np.abs(stated.frequency / truth[:, 0] - 1)),
+                np.mean(np.abs(stated.damping / truth[:, 1] - 1)),
+            ]
+    assert np.all(errors[0] < errors[1]), errors
