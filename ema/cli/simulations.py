@@ -10,7 +10,7 @@ from jaxtyping import Float
 from acquisition.model_file import ControlTable, FrfTable, LoopTable, MapTable, SnapbackTable
 from ema import show, simulate
 from ema.cli.simulation_job import Job
-from ema.data import BeamModel, CuttingLimits, Decay, HarmonicResponse, Joint, Loop, ModalMap, Response
+from ema.data import BeamModel, CuttingLimits, Decay, Finding, HarmonicResponse, Joint, Loop, ModalMap, Response
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.estimate import ring_down
@@ -313,7 +313,7 @@ def control(
     progress: Progress,
 ) -> Job:
     """Ring-downs under three laws of the normal force, and chatter and surface with one force or one for each level."""
-    from ema.simulate.control_gain import without_sway
+    from ema.simulate.control_gain import release_statement, without_sway
     from ema.simulate.maps import check_band
 
     band = check_band(model, (table.band[0], table.band[1]))
@@ -340,7 +340,7 @@ def control(
     ]
     contents: dict[str, Any] = {f"ring-down {line.law}": line for line in lines}
     if not levels:
-        return Job(contents, {"control": show.tool_point(lines)}, rows)
+        return Job(contents, {"control": show.tool_point(lines)}, rows, statement=f"{release_statement(lines)}.")
     limits = simulate.cutting_limits(
         model, table.at, levels, forces, band, specific_force=table.specific_force, progress=progress
     )
@@ -349,9 +349,36 @@ def control(
         {"control": show.tool_point(lines, limits)},
         rows,
         more={"tool": _rows_of_tool(limits)},
-        statement=f"Tool point {table.at}, {_said_of_tool(limits)} at a specific cutting force of "
-        f"{table.specific_force / 1e6:g} N/mm2.{_ends_of_range(limits)}",
+        findings=_limited_elsewhere(model.with_normal_force(forces[-1]), table, limits, band),
+        statement=f"{release_statement(lines)}. Tool point {table.at}, {_said_of_tool(limits)} at a specific "
+        f"cutting force of {table.specific_force / 1e6:g} N/mm2. Assumed: force and chip thickness along {table.at}, "
+        f"one edge, the worst spindle speed, and the resonance within {band[0]:g} to {band[1]:g} Hz alone."
+        f"{_ends_of_range(limits)}",
     )
+
+
+def _limited_elsewhere(
+    stuck: BeamModel, table: ControlTable, limits: CuttingLimits, band: tuple[float, float]
+) -> list[Finding]:
+    """Whether a resonance outside the band limits the cut more than the one inside with one force for each level."""
+    from ema.simulate.control_gain import sticking_limit
+
+    depth, frequency = sticking_limit(stuck, table.at, band[0], table.specific_force)
+    inside = float(limits.depth.max(axis=1).min())
+    if band[0] <= frequency <= band[1] or depth >= inside:
+        return []
+    return [
+        Finding(
+            "warning",
+            "cut-limited-elsewhere",
+            f"{stuck.name}, {table.at}",
+            f"With sticking joints the resonance below {frequency:.4g} Hz, outside the band, lets chatter begin at "
+            f"{1e3 * depth:.3g} mm of depth of cut; the one inside allows {1e3 * inside:.3g} mm under control.",
+            1e3 * depth,
+            1e3 * inside,
+            "Damp that one first, or read the depths as those of the resonance in the band alone.",
+        )
+    ]
 
 
 def _rows_of_tool(limits: CuttingLimits) -> list[dict[str, Any]]:

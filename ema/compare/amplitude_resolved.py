@@ -1,4 +1,4 @@
-"""Amplitude-resolved hammer modal analysis: frequency and damping of each mode over its amplitude, from ring-downs.
+"""Amplitude-resolved hammer modal analysis: frequency, damping and shape of modes over amplitude, from ring-downs.
 
 Every impact of a hammer test on a structure with a friction joint rings through a range of amplitudes. Its modal
 coordinates (:mod:`ema.compare.modal_decays`) are pooled over impacts and points at stated amplitudes. A joint that
@@ -9,7 +9,7 @@ weakest, and what still changes with the time since the impact, at one amplitude
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from ema.compare.modal_decays import HOP, ModalDecays, modal_decays
 from ema.compare.modal_mass import Mass, modal_mass
@@ -95,7 +95,8 @@ def ring_down_modes(run: Run, band: tuple[float, float], progress: Progress = si
     -------
     tuple of RingDownMode
         One for each mode of the late decay in the band, lowest first, that enough impacts show; empty where no decay is
-        long enough. Amplitudes are those at the response at which the mode is largest.
+        long enough. Shapes are those at the responses, each read by itself. Amplitudes are those at the response at
+        which the mode is largest.
 
     Raises
     ------
@@ -143,7 +144,7 @@ def ring_down_modes(run: Run, band: tuple[float, float], progress: Progress = si
 @dataclass(frozen=True)
 class _Pool:
     """Windows of one mode: amplitude, frequency [Hz], damping ratio, time [s], number of the impact, and squared
-    displacement of all other modes over that of the mode; ``width`` s of a window."""
+    displacement of all other modes over that of the mode; shape at the responses (window, out), 1 at the reference."""
 
     amplitude: Float[np.ndarray, "window"]
     frequency: Float[np.ndarray, "window"]
@@ -151,6 +152,7 @@ class _Pool:
     time: Float[np.ndarray, "window"]
     impact: Int[np.ndarray, "window"]
     others: Float[np.ndarray, "window"]
+    shape: Complex[np.ndarray, "window out"]
 
     def at(self, rows: Int[np.ndarray, "chosen"] | Bool[np.ndarray, "window"]) -> "_Pool":
         """The windows in ``rows``."""
@@ -160,7 +162,7 @@ class _Pool:
 @dataclass(frozen=True)
 class _Level:
     """Frequency and damping at an amplitude: values, std, half of the 95 % intervals, slopes over ln amplitude; squared
-    displacement of other modes, and time of the first window [s]."""
+    displacement of other modes, and time of the first window [s]; the windows that the values rest on, and all."""
 
     amplitude: float
     value: Float[np.ndarray, "2"]
@@ -169,6 +171,8 @@ class _Level:
     slope: Float[np.ndarray, "2"]
     others: float
     first: float
+    pure: _Pool
+    near: _Pool
 
 
 def _pool(decays: ModalDecays, mode: int) -> _Pool:
@@ -183,7 +187,10 @@ def _pool(decays: ModalDecays, mode: int) -> _Pool:
     usable &= (np.abs(frequency / late - 1) < _HEAVIEST) & (np.abs(damping) < _HEAVIEST)
     times = np.broadcast_to(decays.times[1:], usable.shape)
     impacts = np.broadcast_to(np.arange(len(size))[:, None], usable.shape)
-    values = (size[:, :, mode], frequency, damping, times, impacts, others)
+    at = decays.channels[:, 1:, mode]
+    reference = at[:, :, decays.reference[mode]]
+    shapes = at / np.where(reference == 0, np.inf, reference)[:, :, None]
+    values = (size[:, :, mode], frequency, damping, times, impacts, others, shapes)
     return _Pool(*(one[usable] for one in values))
 
 
@@ -210,6 +217,7 @@ def _mode(decays: ModalDecays, mode: int, kind: str, low: float) -> RingDownMode
     bands = [Band(one - reach, one, one + reach, 0.95, CONTAINS) for one, reach in zip(value, half, strict=True)]
     start = np.abs(decays.amplitudes[:, 0, mode])
     mass = modal_mass(decays, mode, (amplitude, value[0], value[1]), onset, kind)
+    shapes, reaches = (np.array(part).T for part in zip(*(_shape(one) for one in read), strict=True))
     resolved = AmplitudeDependentMode(
         amplitude=amplitude,
         frequency=bands[0],
@@ -217,6 +225,9 @@ def _mode(decays: ModalDecays, mode: int, kind: str, low: float) -> RingDownMode
         quantity=kind,  # type: ignore[arg-type]
         modal_mass=mass.value,
         provenance=Provenance(steps=("ring_down_modes",)),
+        dofs=decays.outputs,
+        shape=shapes,
+        shape_half=reaches,
     )
     return RingDownMode(resolved, onset, (float(start.min()), float(np.median(start)), float(start.max())), mass)
 
@@ -239,21 +250,46 @@ def _level(pool: _Pool, amplitude: float) -> _Level | None:
     pure = near.at(order[: max(int(PURE * len(order)), enough)])
     if np.ptp(pure.time) == 0:
         return None
-    read = [_read(pure, near, amplitude, name) for name in ("frequency", "damping")]
+    read = [
+        _read((pure, pure.frequency), (near, near.frequency), amplitude),
+        _read((pure, pure.damping), (near, near.damping), amplitude),
+    ]
     value, std, half, slope = (np.array(column) for column in zip(*read, strict=True))
-    return _Level(amplitude, value, std, half, slope, float(np.median(pure.others)), float(pure.time.min()))
+    others, first = float(np.median(pure.others)), float(pure.time.min())
+    return _Level(amplitude, value, std, half, slope, others, first, pure, near)
 
 
-def _read(pure: _Pool, near: _Pool, amplitude: float, name: str) -> tuple[float, float, float, float]:
+def _shape(level: _Level) -> tuple[Complex[np.ndarray, "out"], Float[np.ndarray, "out"]]:
+    """Shape at an amplitude, and half widths of the 95 % intervals of real and imaginary part."""
+    pure, near = level.pure, level.near
+    value, half = np.empty(pure.shape.shape[1], complex), np.empty(pure.shape.shape[1])
+    for out in range(len(value)):
+        real, imaginary = (
+            _read((pure, one), (near, other), level.amplitude)
+            for one, other in (
+                (pure.shape[:, out].real, near.shape[:, out].real),
+                (pure.shape[:, out].imag, near.shape[:, out].imag),
+            )
+        )
+        value[out], half[out] = real[0] + 1j * imaginary[0], max(real[2], imaginary[2])
+    return value, half
+
+
+def _read(
+    pure_values: tuple[_Pool, Float[np.ndarray, "pure"]],
+    near_values: tuple[_Pool, Float[np.ndarray, "near"]],
+    amplitude: float,
+) -> tuple[float, float, float, float]:
     """Value, its standard deviation, half width of the 95 % interval, and slope over the logarithm of the amplitude."""
     from scipy.stats import t as student
 
-    y, log = getattr(pure, name), np.log(pure.amplitude / amplitude)
+    (pure, y), (near, every) = pure_values, near_values
+    log = np.log(pure.amplitude / amplitude)
     x = np.column_stack([np.ones(len(y)), log])
     value, covariance = clustered(x, y, pure.impact)
     scatter = 2 * 1.4826 * float(np.median(np.abs(y - x @ value - np.median(y - x @ value))))
     everything = np.column_stack([np.ones(len(near.impact)), np.log(near.amplitude / amplitude)])
-    mixed = float(value[0] - clustered(everything, getattr(near, name), near.impact)[0][0])
+    mixed = float(value[0] - clustered(everything, every, near.impact)[0][0])
     # what an impact leaves in modes above the band falls with time; the mode at one amplitude does not know the time
     middle = float(np.median(pure.time))
     timed, of_timed = clustered(np.column_stack([x, middle / pure.time]), y, pure.impact)

@@ -187,7 +187,7 @@ that grows with the root of the normal force it changes the joint by 1.5 %, a th
 
 
 def other_levels(run: Run, runs: Sequence[Run]) -> tuple[Run, ...]:
-    """Hammer tests that may be judged together with ``run``: the same joints and normal forces, nothing loosened.
+    """Tests of its kind that may be judged together with ``run``: the same joints and normal forces, nothing loosened.
 
     Nothing was loosened between runs of one ``assembly``; without that label two runs may be two structures.
     """
@@ -195,7 +195,7 @@ def other_levels(run: Run, runs: Sequence[Run]) -> tuple[Run, ...]:
 
 
 def _same_condition(one: Run, other: Run) -> bool:
-    if any(run.kind != "hammer" or not len(run.recordings) or run.frfs for run in (one, other)):
+    if one.kind != other.kind or any(not len(run.recordings) or run.frfs for run in (one, other)):
         return False
     mine, theirs = one.condition.joints, other.condition.joints
     if one.assembly != other.assembly or [joint.joint for joint in mine] != [joint.joint for joint in theirs]:

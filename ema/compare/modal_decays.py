@@ -59,6 +59,8 @@ class ModalDecays:
         Poles [rad/s] in the middle of the windows.
     deviation : array of shape (mode,)
         Standard deviation of the amplitudes by noise.
+    channels : complex array of shape (impact, window, mode, out)
+        Amplitude of each mode at each response, in its unit, without a shape assumed; phases as in ``amplitudes``.
     inputs, outputs : tuple of Dof
         DOF of each impact, and of each response.
     forces : complex array of shape (impact, mode)
@@ -79,6 +81,7 @@ class ModalDecays:
     amplitudes: Complex[np.ndarray, "impact window mode"]
     local: Complex[np.ndarray, "impact window mode"]
     deviation: Float[np.ndarray, "mode"]
+    channels: Complex[np.ndarray, "impact window mode out"]
     inputs: tuple[Dof, ...]
     outputs: tuple[Dof, ...]
     forces: Complex[np.ndarray, "impact mode"]
@@ -137,7 +140,7 @@ def modal_decays(run: Run, band: tuple[float, float], progress: Progress = silen
     signals = np.array([block.decay[:, :length] for block in blocks])
     starts = np.arange(0, length - width, max(int(HOP * width), 1))
     fitted = _Windows(signals / late.noise[:, None], poles, shapes / late.noise, starts, width, rate)
-    amplitudes, local, deviation = fitted.solved()
+    amplitudes, local, deviation, channels = fitted.solved()
     gap = float(np.median([(block.ring - block.impact.start) / original for block in blocks]))
     return ModalDecays(
         poles,
@@ -147,6 +150,7 @@ def modal_decays(run: Run, band: tuple[float, float], progress: Progress = silen
         amplitudes,
         local,
         deviation,
+        channels * late.noise,
         tuple(block.impact.dof for block in blocks),
         blocks[0].outputs,
         np.array([_force(block, poles, original) for block in blocks]),
@@ -213,8 +217,10 @@ class _Windows:
         Complex[np.ndarray, "impact window mode"],
         Complex[np.ndarray, "impact window mode"],
         Float[np.ndarray, "mode"],
+        Complex[np.ndarray, "impact window mode out"],
     ]:
-        """Amplitudes and poles in the middle of all windows, and the std of the amplitudes, by Gauss and Newton."""
+        """Amplitudes and poles in the middle of all windows, and the std of the amplitudes, by Gauss and Newton; then
+        the amplitudes at every response by itself, with these poles."""
         impacts, outs = self.signals.shape[:2]
         count, windows = len(self.poles), len(self.starts)
         view = np.lib.stride_tricks.sliding_window_view(self.signals, self.width, axis=2)[:, :, self.starts]
@@ -231,8 +237,39 @@ class _Windows:
                 deviation = spread if first == 0 else deviation
             if turn + 1 < ROUNDS:
                 bend = self._bend(local.reshape(impacts, windows, count)).reshape(-1, count)
+        channels = np.empty((len(data), count, outs), complex)
+        for first in range(0, len(data), size):
+            part = slice(first, first + size)
+            channels[part] = self._by_channel(data[part], local[part], bend[part])
         shape = (impacts, windows, count)
-        return values.reshape(shape), local.reshape(shape), deviation
+        return values.reshape(shape), local.reshape(shape), deviation, channels.reshape(*shape, outs)
+
+    def _waves(
+        self, local: Complex[np.ndarray, "batch mode"], bend: Complex[np.ndarray, "batch mode"]
+    ) -> Complex[np.ndarray, "batch time mode"]:
+        """exp(p t + p' t^2 / 2) about the middle of each window."""
+        times = self._times
+        phase = local[:, None] * times[:, None] + 0.5 * bend[:, None] * times[:, None] ** 2
+        return np.asarray(np.exp(np.clip(phase.real, -_MOST, _MOST) + 1j * phase.imag))
+
+    @property
+    def _times(self) -> Float[np.ndarray, "time"]:
+        return (np.arange(self.width) - (self.width - 1) / 2) / self.rate
+
+    def _by_channel(
+        self,
+        data: Float[np.ndarray, "batch row"],
+        local: Complex[np.ndarray, "batch mode"],
+        bend: Complex[np.ndarray, "batch mode"],
+    ) -> Complex[np.ndarray, "batch mode out"]:
+        """Least squares for the modes' amplitudes at every response, the poles given."""
+        count, waves = local.shape[1], self._waves(local, bend)
+        basis = np.concatenate([waves.real, -waves.imag], axis=2)
+        turned = basis.transpose(0, 2, 1)
+        normal = turned @ basis
+        normal += _REGULAR * np.trace(normal, axis1=1, axis2=2)[:, None, None] / (2 * count) * np.eye(2 * count)
+        solved = np.linalg.solve(normal, turned @ data.reshape(len(data), self.width, -1))
+        return np.asarray(solved[:, :count] + 1j * solved[:, count:])
 
     def _step(
         self,
@@ -244,9 +281,8 @@ class _Windows:
 
         y = Re sum phi (c + c' t) exp(p t + p' t^2 / 2): least squares for c and c', then p -> p + c' / c.
         """
-        count, times = local.shape[1], (np.arange(self.width) - (self.width - 1) / 2) / self.rate
-        phase = local[:, None] * times[:, None] + 0.5 * bend[:, None] * times[:, None] ** 2
-        waves = np.exp(np.clip(phase.real, -_MOST, _MOST) + 1j * phase.imag)[:, :, None] * self.shapes.T
+        count, times = local.shape[1], self._times
+        waves = self._waves(local, bend)[:, :, None] * self.shapes.T
         columns = np.concatenate([waves, waves * (times / times[-1])[:, None, None]], axis=3)
         columns = columns.reshape(len(data), -1, 2 * count)
         basis = np.concatenate([columns.real, -columns.imag], axis=2)

@@ -148,6 +148,12 @@ class AmplitudeDependentMode(Container):
         What a reader of the values has to know.
     provenance : Provenance, optional
         Inputs, versions and options behind the mode.
+    dofs : tuple of Dof, optional
+        DOFs of the shape: those of the responses.
+    shape : complex array of shape (dof, level), optional
+        Shape at each amplitude, 1 at the response to which the amplitudes belong.
+    shape_half : array of shape (dof, level), optional
+        Half widths of the 95 % intervals of real and imaginary part of ``shape``, the larger of both.
 
     Raises
     ------
@@ -179,9 +185,12 @@ class AmplitudeDependentMode(Container):
     name: str = ""
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     provenance: Provenance = field(default=Provenance(), compare=False)
+    dofs: tuple[Dof, ...] = ()
+    shape: Complex[np.ndarray, "dof level"] | None = None
+    shape_half: Float[np.ndarray, "dof level"] | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, amplitude=np.float64, force=np.float64)
+        freeze(self, amplitude=np.float64, force=np.float64, shape=np.complex128, shape_half=np.float64)
         check_axes(self)
         if not len(self.amplitude) == len(self.frequency.value) == len(self.damping.value):
             raise InputError("amplitudes, frequencies and damping ratios of unequal number", where=self.name)
@@ -218,7 +227,30 @@ class AmplitudeDependentMode(Container):
             frequency=cut(self.frequency),
             damping=cut(self.damping),
             force=None if self.force is None else self.force[:count],
+            shape=None if self.shape is None else self.shape[:, :count],
+            shape_half=None if self.shape_half is None else self.shape_half[:, :count],
         )
+
+    def mac(self) -> Float[np.ndarray, "level"]:
+        """Return the MAC of the shape at each amplitude with that at the lowest one.
+
+        Returns
+        -------
+        array of shape (level,)
+            MAC; NaN without shapes.
+
+        Examples
+        --------
+        >>> band = Band(low=[0.01, 0.01], value=[0.01, 0.01], high=[0.01, 0.01])
+        >>> frequency = Band(low=[40.0, 39.0], value=[40.0, 39.0], high=[40.0, 39.0])
+        >>> dofs = (Dof(1, "+Z"), Dof(2, "+Z"))
+        >>> AmplitudeDependentMode([1.0, 2.0], frequency, band, dofs=dofs, shape=[[1, 1], [1, 0.5]]).mac()
+        array([1. , 0.9])
+        """
+        if self.shape is None:
+            return np.full(len(self.amplitude), np.nan)
+        size = np.sum(np.abs(self.shape) ** 2, axis=0)
+        return np.asarray(np.abs(self.shape[:, 0].conj() @ self.shape) ** 2 / (size[0] * size))
 
 
 @dataclass(frozen=True, repr=False)

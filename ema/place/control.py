@@ -11,7 +11,7 @@ from ema.place.model import model_at
 from ema.place.objective import Objective, at_level, scores
 from ema.place.task import Task, only, predicted, without_suspension
 from ema.progress import Progress, silent
-from ema.simulate.control_gain import ring_downs
+from ema.simulate.control_gain import release_statement, ring_downs
 
 FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Forces that are tried, over the given one."""
@@ -121,24 +121,9 @@ def _steady(
 
 
 def _verdict(lines: Sequence[ControlLine], levels: np.ndarray, steady: np.ndarray, scheduled: np.ndarray) -> str:
-    best = min(lines[1:], key=lambda line: line.energy)
-    gain = 1 - best.energy / lines[0].energy
-    if gain > 0.1:
-        statement = (
-            f"After a release, a normal force {best.law} (up to {best.force:.3g} N) removes the vibration energy with "
-            f"{gain:.0%} less of its integral over time than the best constant force of {lines[0].force:.3g} N"
-        )
-    else:
-        statement = (
-            f"After a release, no controlled force removes the energy by more than 10 % sooner than the best constant "
-            f"one of {lines[0].force:.3g} N"
-        )
-    if np.isfinite(best.to_two):
-        constant = f"{1e3 * lines[0].to_two:.3g} ms" if np.isfinite(lines[0].to_two) else "longer than the run"
-        statement += f"; to 2 % of the amplitude it takes {1e3 * best.to_two:.3g} ms instead of {constant}"
     mean, least = np.nanmean(scheduled) / np.nanmean(steady) - 1, np.nanmin(scheduled) / np.nanmin(steady) - 1
     return (
-        f"{statement}. In steady vibration at {levels.min():.3g} to {levels.max():.3g} N, a normal force set for "
-        f"each level changes the mean damping by {100 * mean:+.0f} % and the least by {100 * least:+.0f} % against one "
-        "force for all levels."
+        f"{release_statement(lines)}. In steady vibration at {levels.min():.3g} to {levels.max():.3g} N, a normal "
+        f"force set for each level changes the mean damping by {100 * mean:+.0f} % and the least by {100 * least:+.0f} "
+        "% against one force for all levels."
     )

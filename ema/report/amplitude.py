@@ -39,6 +39,7 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list
     if ringing:
         blocks += [_limits(ringing, book), *_pictures(ringing, book)]
         blocks.append(_levels(ringing, book, "ring_down_modes", "Levels read from the ring-downs", shown=0))
+        blocks += _shapes(ringing, book)
     if stepped:
         names = ", ".join(mode.name for mode in stepped)
         alt = f"Frequency and damping over the amplitude: {names}."
@@ -117,6 +118,42 @@ def _at(mode: AmplitudeDependentMode, behind: Finding) -> str:
     log, levels = np.log(level), np.log(mode.amplitude)
     frequency, damping = (float(np.interp(log, levels, band.value)) for band in (mode.frequency, mode.damping))
     return f"{frequency:.2f} Hz and {100 * damping:.3f} % at {level:.3g} {unit}"
+
+
+def _shapes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
+    """Pictures and a table of the shapes at the responses over the amplitude, where there are any."""
+    shaped = [mode for mode in modes if mode.shape is not None and len(mode.dofs) > 1]
+    blocks: list[Block] = [
+        book.picture(
+            show.amplitude_shapes(mode),
+            f"Shape of {mode.name} over the amplitude.",
+            f"Shape of {mode.name} at the responses over the amplitude, 1 at the response to which the amplitudes "
+            f"belong; 95 % intervals contain {mode.damping.contains}.",
+        )
+        for mode in shaped
+        if _said(mode, "slip-onset")
+    ]
+    if not shaped:
+        return blocks
+    rows: list[tuple[Cell, ...]] = [
+        (
+            mode.name,
+            plain(float(amplitude), 4),
+            str(dof),
+            fixed(float(shape[row, level].real), 4),
+            fixed(float(shape[row, level].imag), 4),
+            fixed(float(half[row, level]), 4),
+            fixed(float(mac), 4),
+        )
+        for mode in shaped
+        for shape, half in [(np.asarray(mode.shape), np.asarray(mode.shape_half))]
+        for level, (amplitude, mac) in enumerate(zip(mode.amplitude, mode.mac(), strict=True))
+        for row, dof in enumerate(mode.dofs)
+    ]
+    columns = ("Mode", "Amplitude", "DOF", "Re", "Im", "± (95 %)", "MAC with the lowest")
+    caption = "Shapes at the responses over the amplitude, 1 at the response to which the amplitudes belong."
+    blocks.append(book.table("ring_down_shapes", caption, columns, rows, 0))
+    return blocks
 
 
 def _levels(

@@ -56,14 +56,18 @@ def run_sentence(run: RunResult) -> str:
 
 
 def _level_text(run: RunResult) -> str:
-    """What the impacts say about linearity, as the end of a sentence; empty where it was not asked."""
+    """What the test says about linearity, as the end of a sentence; empty where it was not asked."""
     codes = {finding.code for finding in run.findings}
     if "slip-then-ring" in codes:
         kept = "those of the decay after the joint sticks again" if len(run.modes.poles) else "withheld"
         return f"; the structure is not linear at this level of impacts, the modes are {kept}{_equivalent_text(run)}"
+    if codes & {"nonlinear-distortion", "amplitude-dependence", "not-homogeneous"}:
+        return "; the structure is not linear at this level"
+    if "leaning-peak" in codes:
+        return "; a peak leans, as where a mode follows its amplitude: repeat at half the level"
     if "linearity-not-testable" in codes:
         return "; whether it is linear is not testable: repeat at half the level"
-    return "; no sign of a nonlinear structure between its impacts" if "level-tested" in codes else ""
+    return "; no sign of a nonlinear structure at its levels" if "level-tested" in codes else ""
 
 
 def _equivalent_text(run: RunResult) -> str:

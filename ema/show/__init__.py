@@ -4,6 +4,7 @@ from ema.lazy import attach
 
 _HOMES = {
     "amplitude_modes": "ema.show.amplitude",
+    "amplitude_shapes": "ema.show.amplitude",
     "animate": "ema.show.animation",
     "coherence": "ema.show.frf",
     "complexity": "ema.show.polar",

@@ -1,4 +1,5 @@
 from ema.show.amplitude import amplitude_modes as amplitude_modes
+from ema.show.amplitude import amplitude_shapes as amplitude_shapes
 from ema.show.amplitude import nonlinear_mode as nonlinear_mode
 from ema.show.amplitude import stepped_levels as stepped_levels
 from ema.show.animation import animate as animate

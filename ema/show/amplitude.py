@@ -97,6 +97,51 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     return figure
 
 
+@styled
+def amplitude_shapes(mode: AmplitudeDependentMode) -> Figure:
+    """Draw the shape of a mode at its responses over the amplitude, with 95 % intervals.
+
+    Parameters
+    ----------
+    mode : AmplitudeDependentMode
+        A mode with shapes; real parts are drawn above imaginary parts.
+
+    Returns
+    -------
+    Figure
+        The figure, with a note in it where the mode has no shapes.
+
+    Examples
+    --------
+    >>> from ema.data import AmplitudeDependentMode, Band
+    >>> from ema.dof import Dof
+    >>> band = Band(low=[0.009, 0.011], value=[0.010, 0.012], high=[0.011, 0.013])
+    >>> frequency = Band(low=[39.9, 39.7], value=[40.0, 39.8], high=[40.1, 39.9])
+    >>> dofs = (Dof(1, "+Z"), Dof(2, "+Z"))
+    >>> shape, half = [[1, 1], [0.5, 0.4j]], [[0, 0], [0.01, 0.01]]
+    >>> mode = AmplitudeDependentMode([1.0, 5.0], frequency, band, dofs=dofs, shape=shape, shape_half=half)
+    >>> len(amplitude_shapes(mode).axes)
+    2
+    """
+    figure = new_figure(4.2)
+    if mode.shape is None:
+        empty_note(figure.subplots(), "no shape over the amplitude")
+        return figure
+    half = np.zeros(mode.shape.shape) if mode.shape_half is None else mode.shape_half
+    real, imaginary = figure.subplots(2, 1, sharex=True)
+    for row, dof in enumerate(mode.dofs):
+        colour, _, marker = SERIES[row % len(SERIES)]
+        for axes, values in ((real, mode.shape[row].real), (imaginary, mode.shape[row].imag)):
+            axes.errorbar(mode.amplitude, values, half[row], color=colour, fmt=marker, ms=4, lw=0.9, label=str(dof))
+    real.set_ylabel("Real part")
+    imaginary.set_ylabel("Imaginary part")
+    imaginary.set_xlabel(f"Amplitude of the {mode.quantity} [{SI_UNIT[mode.quantity].replace('^2', '²')}]")
+    if mode.amplitude[-1] > _DECADE * mode.amplitude[0]:
+        imaginary.set_xscale("log")
+    real.legend(fontsize="small")
+    return figure
+
+
 def _mark_stated(mode: AmplitudeDependentMode, frequency: Axes, damping: Axes, colour: str) -> None:
     """What a publication states of a mode, as a level, and the amplitudes at which the curve crosses it by more than
     its intervals."""

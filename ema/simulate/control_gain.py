@@ -18,16 +18,22 @@ from ema.simulate.control import (
     constant,
     controlled_snapback,
 )
+from ema.simulate.reduction import modal_base
 from ema.simulate.steady_states import frf
+from ema.simulate.structure import assemble
 
 PERIODS = 60.0
 """Length of a ring-down in periods of the mode."""
 SAMPLES_PER_PERIOD = 16
+WORTH = 0.1
+"""Share of the energy integral of the best constant force that control has to save to be said to bring something."""
 _STEPS_PER_PERIOD = 320
 _SWAY = 0.1
 """Frequency of a mode over that of the mode in question below which it is a sway on the suspension."""
 _REFINED = 11
 """Lines over two steps of the grid, about the one with the least real part."""
+_BEYOND = 4
+"""Half-power half-widths above a mode up to which its least real part is sought: of a mode alone it is at one."""
 
 
 def without_sway(model: BeamModel, frequency: float) -> BeamModel:
@@ -133,6 +139,43 @@ def ring_downs(
     return tuple(lines)
 
 
+def release_statement(lines: Sequence[ControlLine]) -> str:
+    """Say in one sentence what the best controlled normal force leaves after a release, over the best constant one.
+
+    Parameters
+    ----------
+    lines : sequence of ControlLine
+        As :func:`ring_downs` returns them, the constant force first.
+
+    Returns
+    -------
+    str
+        The sentence, without its full stop.
+
+    Examples
+    --------
+    >>> line = ControlLine("constant", 50.0, 0.02, 0.1, 0.2, np.zeros(1), np.ones(1))
+    >>> release_statement([line, replace(line, law="released at turning points", energy=0.01)])[:60]
+    'After a release, a normal force released at turning points ('
+    """
+    best = min(lines[1:], key=lambda line: line.energy)
+    gain = 1 - best.energy / lines[0].energy
+    if gain > WORTH:
+        statement = (
+            f"After a release, a normal force {best.law} (up to {best.force:.3g} N) removes the vibration energy with "
+            f"{gain:.0%} less of its integral over time than the best constant force of {lines[0].force:.3g} N"
+        )
+    else:
+        statement = (
+            f"After a release, no controlled force removes the energy by more than {WORTH:.0%} sooner than the best "
+            f"constant one of {lines[0].force:.3g} N"
+        )
+    if np.isfinite(best.to_two):
+        constant = f"{1e3 * lines[0].to_two:.3g} ms" if np.isfinite(lines[0].to_two) else "longer than the run"
+        statement += f"; to 2 % of the amplitude it takes {1e3 * best.to_two:.3g} ms instead of {constant}"
+    return statement
+
+
 @dataclass(frozen=True)
 class _Release:
     """A snap-back test: a static load [N] at a DOF is let go, while an actuator sets the normal force.
@@ -224,7 +267,7 @@ def cutting_limits(
     Raises
     ------
     InputError
-        If a force, the specific force or the band is not positive.
+        If a force, the specific force or the band is not positive, or the receptance is most negative at an end of it.
 
     References
     ----------
@@ -252,11 +295,74 @@ def cutting_limits(
             step = lines[1] - lines[0]
             near = [np.linspace(lines[k] - step, lines[k] + step, _REFINED) for k in (top, least)]
             highest, lowest = (_receptance(pressed, fine, float(level), at) for fine in near)
+            if least in (0, len(lines) - 1):
+                raise InputError(
+                    "the receptance is most negative at an end of the band",
+                    where=f"{model.name}, F_E {level:g} N, F_N {force:g} N",
+                    got=f"{lines[least]:.4g} Hz",
+                    expected="a resonance that limits the cut, inside the band",
+                    advice="move or widen the band; below a resonance the one before it may limit the cut",
+                )
             real = float(lowest.real.min())
             amplitude[row, column] = level * float(np.abs(highest).max())
             depth[row, column] = -1 / (2 * specific_force * real) if real < 0 else np.inf
             frequency[row, column] = near[1][int(lowest.real.argmin())]
     return CuttingLimits(np.array(force_levels), np.array(normal_forces), depth, amplitude, frequency)
+
+
+def sticking_limit(
+    model: BeamModel, at: Dof | str, frequency: float, specific_force: float = 2e9
+) -> tuple[float, float]:
+    """Compute the depth of cut at which chatter begins with sticking joints, whatever resonance it is of.
+
+    Chatter below a tenth of ``frequency``, in the sway of a freely hung structure, is left out.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The structure.
+    at : Dof or str
+        Tool point and direction of the cutting force.
+    frequency : float
+        Frequency [Hz] of the resonance in question.
+    specific_force : float, default 2e9
+        Cutting force over the area of the chip, K_s [Pa].
+
+    Returns
+    -------
+    tuple of (float, float)
+        Depth [m], -1 / (2 K_s min Re G) over all modes, and the frequency [Hz] of the chatter.
+
+    Raises
+    ------
+    InputError
+        If the frequency or the specific force is not positive.
+
+    Examples
+    --------
+    >>> from ema.examples import beam_model
+    >>> depth, frequency = sticking_limit(beam_model(), "1:+X", 65.0)
+    >>> depth > 0
+    True
+    """
+    positive(model.name, frequency=frequency, specific_force=specific_force)
+    system = assemble(model)
+    base = modal_base(system)
+    row, damping = base.row(system, at), np.diag(base.decay) if base.damping is None else base.damping
+    seen = (base.frequencies > 2 * np.pi * _SWAY * frequency) & (np.abs(row) > 0)
+    # Re G of one mode is least at 1 + zeta times its frequency
+    near = np.linspace(0.0, _BEYOND, _BEYOND * _REFINED)
+    omega = np.sort((base.frequencies[seen, None] + np.outer(0.5 * base.decay[seen], near)).ravel())
+    real = np.array([_modal_receptance(base.frequencies, damping, row, one).real for one in omega])
+    least = int(real.argmin())
+    depth = -1 / (2 * specific_force * real[least]) if real[least] < 0 else np.inf
+    return float(depth), float(omega[least] / (2 * np.pi))
+
+
+def _modal_receptance(frequencies: np.ndarray, damping: np.ndarray, row: np.ndarray, omega: float) -> complex:
+    """Drive-point receptance [m/N] at ``omega`` rad/s of mass-normalised modes that damping may couple."""
+    matrix = np.diag(frequencies**2 - omega**2) + 1j * omega * damping
+    return complex(row @ np.linalg.solve(matrix, row))
 
 
 def _lines(band: tuple[float, float]) -> int:

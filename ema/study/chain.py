@@ -26,7 +26,7 @@ def analyse(
 ) -> RunResult:
     """Estimate the FRFs of ``run``, fit its modes and judge both.
 
-    ``others`` are runs of the same campaign: hammer tests at other levels help to tell whether the structure is linear.
+    ``others`` are runs of the same campaign: tests at other levels help to tell whether the structure is linear.
 
     Raises
     ------
@@ -50,7 +50,9 @@ def analyse(
         as_recorded(modes, alive), alive.frequencies, alive.quantity, outputs=alive.outputs, inputs=alive.inputs
     )
     reconstruction = replace(reconstruction, name=f"{run.id}, synthesis", unit=alive.unit)
-    level = () if tested is None else (level_finding(tested, f"run {run.id}"),)
+    level = _shaken(run, others, estimate, (inside, modes), progress)
+    if tested is not None:
+        level = (level_finding(tested, f"run {run.id}"),)
     findings = unique(level + run.findings + frfs.findings + modes.findings + quality(inside, modes, hits))
     return RunResult(
         run=run,
@@ -98,6 +100,32 @@ def _tested(run: Run, others: Sequence[Run], band: tuple[float, float], progress
     if run.kind != "hammer" or not run.recordings or run.frfs:
         return None
     return linearity_beside(run, other_levels(run, others), band, progress)
+
+
+def _shaken(
+    run: Run,
+    others: Sequence[Run],
+    estimate: EstimateTable,
+    made: tuple[FrfSet, ModalModel],
+    progress: Progress,
+) -> tuple[Finding, ...]:
+    """Whether the structure is linear at the level of a shaker test; nothing for what else was measured."""
+    from ema.compare.linearity import other_levels
+    from ema.compare.shaker_linearity import SHAKEN, shaker_linearity
+
+    if run.kind not in SHAKEN:
+        return ()
+    beside = []
+    for other in other_levels(run, others):
+        try:
+            beside.append((other, frfs_of(other, estimate, progress)[0].band(*_ends(made[0]))))
+        except InputError:  # that run is refused, with its reason, where it is analysed
+            continue
+    return shaker_linearity(run, *made, beside)
+
+
+def _ends(frfs: FrfSet) -> tuple[float, float]:
+    return float(frfs.frequencies[0]), float(frfs.frequencies[-1])
 
 
 def _of_the_decay(

@@ -262,17 +262,29 @@ def amplitude_mode(mode: AmplitudeDependentMode) -> dict[str, Any]:
         "quantity": mode.quantity,
         "control": mode.control,
         "modal_mass": number(mode.modal_mass),
+        "dofs": [str(dof) for dof in mode.dofs],
         "points": [
             {
                 "amplitude": float(amplitude),
                 "frequency": [float(value) for value in frequency],
                 "damping": [float(value) for value in damping],
+                **_shape_at(mode, level),
             }
-            for amplitude, frequency, damping in zip(
-                mode.amplitude, rows(mode.frequency), rows(mode.damping), strict=True
+            for level, (amplitude, frequency, damping) in enumerate(
+                zip(mode.amplitude, rows(mode.frequency), rows(mode.damping), strict=True)
             )
         ],
         "findings": [finding(one) for one in mode.findings],
+    }
+
+
+def _shape_at(mode: AmplitudeDependentMode, level: int) -> dict[str, Any]:
+    """Real and imaginary part of the shape at an amplitude, and half widths of their intervals."""
+    if mode.shape is None or mode.shape_half is None:
+        return {}
+    return {
+        "shape": [[float(value.real), float(value.imag)] for value in mode.shape[:, level]],
+        "shape_half": [float(value) for value in mode.shape_half[:, level]],
     }
 
 

@@ -72,14 +72,16 @@ class Structure:
         return float(np.sqrt(square.real) / (2 * np.pi)), float(0.5 * square.imag / square.real), vector
 
     def curve(self, number: int, row: int) -> np.ndarray:
-        """Amplitude of the acceleration at sensor ``row``, frequency and damping ratio of a mode, (3, level)."""
+        """Amplitude of the acceleration at sensor ``row``, frequency and damping ratio of a mode, real and imaginary
+        parts of its shape at the sensors, 1 at ``row``: (3 + 2 sensors, level)."""
         levels = np.geomspace(0.05 * self.joint.limits.min(), 300 * self.joint.limits.max(), 400)
         table = []
         for slip in levels:
             frequency, damping, vector = self.mode(number, float(slip))
             q = slip / max(abs(self.at_joint @ vector), 1e-300)
-            moved = q * abs(self.shapes[self.sensors[row]] @ vector)
-            table.append((moved * (2 * np.pi * frequency) ** 2, frequency, damping))
+            at = self.shapes[self.sensors] @ vector
+            moved, shape = q * abs(at[row]), at / at[row]
+            table.append((moved * (2 * np.pi * frequency) ** 2, frequency, damping, *shape.real, *shape.imag))
         return np.array(table).T
 
 
@@ -186,8 +188,9 @@ def measured(rng: np.random.Generator, drawn: Structure) -> Run:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one mode: whether the truth is inside at every amplitude, relative errors of the limits of small amplitudes, whether
-    their intervals and that of the onset hold."""
+    """Of one mode: whether the truth is inside at every amplitude (of the shape: at every response and amplitude, without
+    the reference), relative errors of the limits of small amplitudes, whether their intervals and that of the onset hold,
+    and MAC of the shapes with the true ones at the same amplitudes and with the true one of small amplitudes."""
 
     law: str
     frequency: np.ndarray
@@ -196,6 +199,18 @@ class Outcome:
     limits: tuple[bool, bool]
     onset: bool
     seen: bool
+    shape: np.ndarray
+    mac: np.ndarray
+    stuck_mac: np.ndarray
+
+
+def _mac(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """MAC of each column."""
+    return (
+        np.abs(np.sum(one.conj() * other, axis=0)) ** 2
+        / np.sum(np.abs(one) ** 2, axis=0)
+        / np.sum(np.abs(other) ** 2, axis=0)
+    )
 
 
 def judged(drawn: Structure, found: RingDownMode) -> Outcome:
@@ -210,6 +225,11 @@ def judged(drawn: Structure, found: RingDownMode) -> Outcome:
     for band, values in ((found.mode.frequency, curve[1]), (found.mode.damping, curve[2])):
         true = np.interp(log, np.log(curve[0]), values)
         inside.append((band.low <= true) & (true <= band.high))
+    parts = np.array([np.interp(log, np.log(curve[0]), one) for one in curve[3:]])
+    true = parts[:SENSORS] + 1j * parts[SENSORS:]
+    off = np.delete(found.mode.shape - true, row, axis=0)
+    reach = np.delete(found.mode.shape_half, row, axis=0)
+    stuck_shape = np.repeat((curve[3 : 3 + SENSORS, :1] + 1j * curve[3 + SENSORS :, :1]), len(log), axis=1)
     small = (found.onset.frequency, found.onset.damping)
     onset = found.onset.amplitude
     first = drawn.joint.limits.min() / abs(drawn.at_joint[number]) * abs(drawn.shapes[drawn.sensors[row], number])
@@ -222,6 +242,9 @@ def judged(drawn: Structure, found: RingDownMode) -> Outcome:
         tuple(bool(one.low <= true <= one.high) for one, true in zip(small, stuck, strict=True)),
         bool(onset.low <= first <= onset.high),
         found.onset.seen,
+        np.concatenate([np.abs(off.real) <= reach, np.abs(off.imag) <= reach]),
+        _mac(found.mode.shape, true),
+        _mac(true, stuck_shape),
     )
 
 
@@ -237,7 +260,7 @@ def summary(found: list[Outcome]) -> str:
     """Coverage by law."""
     lines = [
         f"{'':8s}{'modes':>7s}{'points':>8s}{'f inside':>10s}{'zeta':>8s}{'f(0)':>8s}{'zeta(0)':>9s}{'onset':>8s}{'seen':>6s}"
-        f"{'|df| Hz/Hz':>12s}{'|dzeta|':>9s}"
+        f"{'|df| Hz/Hz':>12s}{'|dzeta|':>9s}{'shape':>8s}{'least MAC':>11s}{'of stuck':>10s}"
     ]
     for law in ("masing", "iwan", "all"):
         some = [one for one in found if law in (one.law, "all")]
@@ -248,6 +271,8 @@ def summary(found: list[Outcome]) -> str:
                 f"{law:8s}{len(some):7d}{len(points[0]):8d}{points[0].mean():10.1%}{points[1].mean():8.1%}"
                 f"{limits[:, 0].mean():8.0%}{limits[:, 1].mean():9.0%}{np.mean([one.onset for one in some]):8.0%}"
                 f"{sum(one.seen for one in some):6d}{np.median(errors[:, 0]):12.1e}{np.median(errors[:, 1]):9.3f}"
+                f"{np.concatenate([one.shape.ravel() for one in some]).mean():8.1%}"
+                f"{min(one.mac.min() for one in some):11.5f}{min(one.stuck_mac.min() for one in some):10.5f}"
             )
     return "\n".join(lines)
 
@@ -264,7 +289,8 @@ def main() -> None:
             print(
                 f"{number:4d}  {one.law:8s} {len(one.frequency):3d} points, f {one.frequency.mean():5.0%}, zeta "
                 f"{one.damping.mean():5.0%}, limits {one.errors[0]:+.1e} {one.errors[1]:+.3f} {one.limits}, onset "
-                f"{one.onset} {'seen' if one.seen else ''}",
+                f"{one.onset} {'seen' if one.seen else ''}, shape {one.shape.mean():5.0%}, MAC {one.mac.min():.5f}, of "
+                f"stuck {one.stuck_mac.min():.5f}",
                 flush=True,
             )
     print(summary(found))

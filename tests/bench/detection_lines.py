@@ -61,16 +61,18 @@ def multisine(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return force / force.std(), lines
 
 
-def responses(made: Tables, force: np.ndarray, level: float) -> np.ndarray:
-    """Displacement of the sensors (table, sensor, sample) in the periods that are kept."""
+def responses(
+    made: Tables, force: np.ndarray, level: float, *, settle: int = SETTLE, periods: int = KEPT
+) -> np.ndarray:
+    """Displacement of the sensors (table, sensor, sample) in ``periods`` that are kept behind ``settle`` others."""
     poles = made.omega * (-made.zeta + 1j * np.sqrt(1 - made.zeta**2))
     step = np.exp(poles / RATE)
     # q'' + 2 zeta omega q' + omega^2 q = f is z' = pole z + f / (2 j Im pole), q = 2 Re z, with f held over a step
     gain = (step - 1) / poles / (2j * poles.imag)
     z = np.zeros(poles.shape, complex)
     pull, last, before = np.zeros((3, len(poles)))
-    kept = np.empty((len(poles), made.sensors.shape[1], KEPT * len(force)))
-    for number in range((SETTLE + KEPT) * len(force)):
+    kept = np.empty((len(poles), made.sensors.shape[1], periods * len(force)))
+    for number in range((settle + periods) * len(force)):
         acting = level * force[number % len(force)] * made.drive - pull[:, None] * made.joint
         z = step * z + gain * acting
         q = 2 * z.real
@@ -79,8 +81,8 @@ def responses(made: Tables, force: np.ndarray, level: float) -> np.ndarray:
         middle, last = 1.5 * at - 0.5 * last, at
         pull = np.clip(pull + made.stiffness * (middle - before), -made.limit, made.limit)
         before = middle
-        if number >= SETTLE * len(force):
-            kept[:, :, number - SETTLE * len(force)] = np.einsum("tsm,tm->ts", made.sensors, q)
+        if number >= settle * len(force):
+            kept[:, :, number - settle * len(force)] = np.einsum("tsm,tm->ts", made.sensors, q)
     return kept
 
 
