@@ -145,3 +145,18 @@ def test_a_force_that_repeats_is_not_judged_by_its_scatter():
     force = np.tile(reverse_path.random_force(rng, 8), 10)
     motion = detection_lines.responses(made, force, 1.0, settle=0, periods=1)[0]
     assert amplitude_dependence(reverse_path.run_of(rng, force, motion), *reverse_path.stuck_modes(made, 0)) == ()
+
+
+@pytest.mark.parametrize("kind", ["bursts", "ramp"])
+def test_a_level_that_is_not_steady_is_no_friction(kind):
+    """Linear structures, some with modes that the force hardly reaches: between the bursts, and at the beginning of the
+    ramp, the noise of the channels hides what the force does."""
+    rng = np.random.default_rng(102)
+    made = detection_lines.tables(rng, 30)
+    made.limit[:] = np.inf
+    force = reverse_path.random_force(rng, 60)
+    time = np.arange(len(force)) / RATE
+    force *= time % 4 < 2 if kind == "bursts" else np.linspace(0.2, 2, len(force))
+    for number, motion in enumerate(detection_lines.responses(made, force, 1.0, settle=0, periods=1)):
+        read = amplitude_dependence(reverse_path.run_of(rng, force, motion), *reverse_path.stuck_modes(made, number))
+        assert amplitude_finding(read, "table") is None
