@@ -237,7 +237,9 @@ class FrfSet(Container):
         if not self.in_file:
             return self
         coherence, variance = (None if one is None else np.asarray(one) for one in (self.coherence, self.variance))
-        return replace(self, values=np.asarray(self.values), coherence=coherence, variance=variance)
+        deviations = None if self.deviations is None else self.deviations.in_memory()
+        values = np.asarray(self.values)
+        return replace(self, values=values, coherence=coherence, variance=variance, deviations=deviations)
 
     def lines(self, keep: "np.ndarray | slice") -> "FrfSet":
         """Return the set on a subset of its frequency lines.

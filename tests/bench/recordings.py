@@ -113,9 +113,9 @@ def resident(process: int) -> int:
     return total
 
 
-def analysed(campaign: Path, output: Path, more: Sequence[str] = ()) -> dict[str, Any]:
-    """What ``ema run`` of a campaign takes: processor time, wall clock, and resident memory over time."""
-    command = [sys.executable, "-m", "ema", "run", str(campaign), "--output", str(output), *more]
+def analysed(recipe: Path, output: Path, more: Sequence[str] = ()) -> dict[str, Any]:
+    """What ``ema run`` takes: processor time, wall clock, and resident memory over time."""
+    command = [sys.executable, "-m", "ema", "run", str(recipe), "--output", str(output), *more]
     begin, memory = time.perf_counter(), []
     with (output.parent / "ema.log").open("wb") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log)
@@ -155,6 +155,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--channels", type=int, default=64)
     parser.add_argument("--samples", type=int, default=1_000_000)
+    parser.add_argument("--block", type=int, default=4096, help="samples of a block")
     parser.add_argument("--jobs", type=int, default=1, help="processes of `ema run`")
     parser.add_argument("--keep", action="store_true", help="keep campaign and results")
     parser.add_argument("--publish", action="store_true", help=f"store the figures in {RESULT.name}")
@@ -165,12 +166,15 @@ def main() -> None:
             generate(campaign, given.runs, given.channels, given.samples)
         size = sum(path.stat().st_size for path in (campaign / "raw").iterdir())
         output.mkdir(parents=True, exist_ok=True)
-        found = analysed(campaign, output, ("--jobs", str(given.jobs)) if given.jobs > 1 else ())
-        found |= {"data_bytes": size, **compared(output / "campaign.h5")}
+        recipe = given.folder / "study.toml"
+        recipe.write_text(f'campaign = "campaign"\n\n[estimate]\nblock = {given.block}\n', encoding="utf-8")
+        found = analysed(recipe, output, ("--jobs", str(given.jobs)))
+        found |= {"data_bytes": size, **compared(output / "study.h5")}
     finally:
         if not given.keep:
             shutil.rmtree(given.folder, ignore_errors=True)
-    shape = {"runs": given.runs, "channels": given.channels, "samples": given.samples, "jobs": given.jobs}
+    shape = {"runs": given.runs, "channels": given.channels, "samples": given.samples, "block": given.block}
+    shape["jobs"] = given.jobs
     print(json.dumps(shape | {key: value for key, value in found.items() if key != "memory"}), flush=True)
     if given.publish:
         known = json.loads(RESULT.read_text())["rows"] if RESULT.exists() else {}
