@@ -428,7 +428,7 @@ def _write_array(group: h5py.Group, path: str, array: np.ndarray, what: Meaning,
 
 
 def _write_in_blocks(group: h5py.Group, path: str, array: np.ndarray | Window, what: Meaning, outputs: int) -> None:
-    """Values (..., freq, out, in) that are larger than memory: room for all outputs; of a window, the values as well."""
+    """Values (..., freq, out, in) larger than memory: room for all outputs; of a window, the values as well."""
     *before, lines, _, inputs = array.shape
     sizes = (*(1 for _ in before), *map(min, (lines, outputs, inputs), _FRF_CHUNK))
     chunks = tuple(max(size, 1) for size in sizes)

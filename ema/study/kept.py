@@ -14,7 +14,7 @@ from ema.errors import EmaError
 from ema.progress import Progress, note
 
 IN_FILE = 16 * 2**20
-"""Bytes of the FRFs of a run from which on they stay in the file of the finished run and are read when used: the runs of
+"""Bytes of the FRFs of a run from which on they stay in the file of the finished run and are read when used: runs of
 a campaign, which are all there at its end, may be many."""
 
 _SHOWN = 3

@@ -1,6 +1,8 @@
 """Records larger than memory: signals that stay in their file give the FRFs of those in memory."""
 
 import pickle
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -160,3 +162,25 @@ def test_a_campaign_scales_signals_that_stay_in_their_file(tmp_path: Path, monke
     assert isinstance(there.signals, StoredSignals) and isinstance(whole.signals, np.ndarray)
     np.testing.assert_allclose(np.asarray(there.signals), whole.signals, rtol=1e-14)
     np.testing.assert_allclose(there.signal("a2"), 9.80665 * record.signals[2], rtol=1e-14)
+
+
+PEAK = """
+import resource, sys
+import acquisition, scipy.fft, scipy.ndimage
+from ema.estimate import shaker
+for folder in sys.argv[1:]:
+    shaker(acquisition.open_campaign(folder).runs[0], method="welch", block=4096)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="resource is of POSIX")
+def test_frfs_of_a_large_record_take_a_part_of_its_memory(tmp_path: Path):
+    """24 channels x 600 000 samples are 115 MB; the whole of them at once, several times over, had been 0.6 GB."""
+    bench.generate(tmp_path / "small", 1, 24, 20_000)
+    bench.generate(tmp_path / "large", 1, 24, 600_000)
+    peaks = []
+    for names in (("small",), ("small", "large")):
+        command = [sys.executable, "-c", PEAK, *(str(tmp_path / name) for name in names)]
+        peaks.append(int(subprocess.run(command, capture_output=True, text=True, check=True).stdout))
+    assert peaks[1] - peaks[0] < 80e6, peaks
