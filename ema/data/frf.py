@@ -105,6 +105,12 @@ class FrfSet(Container):
     set_ups: SetUps | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.values, Window):  # values computed from those of a set in a file
+            for name in ("coherence", "variance"):
+                if isinstance(getattr(self, name), Window):
+                    object.__setattr__(self, name, np.asarray(getattr(self, name)))
+            if self.deviations is not None and isinstance(self.deviations.values, Window):
+                object.__setattr__(self, "deviations", self.deviations.in_memory())
         freeze(
             self,
             frequencies=np.float64,

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from ema.data.window import Stored, runs
+from ema.data.window import Arithmetic, Stored, runs
 from ema.errors import InputError
 
 
-class StoredSignals:
+class StoredSignals(Arithmetic):
     """Signals (channel, sample) in a file, in the units of their channels; an index gives values, as of an array.
 
     It holds the name of a file and no open handle, so that it can be sent to another process.

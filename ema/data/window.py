@@ -6,6 +6,7 @@ from itertools import product
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ema.errors import InputError
 
@@ -30,7 +31,15 @@ class Stored(Protocol):
         """The values of a box with steps of 1."""
 
 
-class Window:
+class Arithmetic(NDArrayOperatorsMixin):
+    """Operators and functions of numpy on an array that stays in its file: on its values, read now."""
+
+    def __array_ufunc__(self, function: np.ufunc, method: str, *operands: Any, **options: Any) -> Any:
+        values = [np.asarray(one) if isinstance(one, Arithmetic) else one for one in operands]
+        return getattr(function, method)(*values, **options)
+
+
+class Window(Arithmetic):
     """A part of an array in a file. Slices, masks and positions give a smaller window, ``numpy.asarray`` its values; so
     does an index that leaves one value along an axis.
 

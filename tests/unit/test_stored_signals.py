@@ -104,6 +104,7 @@ def test_an_index_gives_what_it_gives_of_an_array(tmp_path: Path):
     ):  # fmt: skip
         np.testing.assert_array_equal(signals[index], values[index])
     np.testing.assert_array_equal(np.asarray(signals), values)
+    np.testing.assert_array_equal(3 * signals - values, 3 * values - values)
     np.testing.assert_array_equal([row[17] for row in signals], values[:, 17])
     assert (signals.shape, signals.nbytes, len(signals), signals.dtype) == (
         values.shape,
