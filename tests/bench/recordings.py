@@ -156,6 +156,7 @@ def main() -> None:
     parser.add_argument("--channels", type=int, default=64)
     parser.add_argument("--samples", type=int, default=1_000_000)
     parser.add_argument("--block", type=int, default=4096, help="samples of a block")
+    parser.add_argument("--method", default="local", help="local or welch")
     parser.add_argument("--jobs", type=int, default=1, help="processes of `ema run`")
     parser.add_argument("--keep", action="store_true", help="keep campaign and results")
     parser.add_argument("--publish", action="store_true", help=f"store the figures in {RESULT.name}")
@@ -167,19 +168,23 @@ def main() -> None:
         size = sum(path.stat().st_size for path in (campaign / "raw").iterdir())
         output.mkdir(parents=True, exist_ok=True)
         recipe = given.folder / "study.toml"
-        recipe.write_text(f'campaign = "campaign"\n\n[estimate]\nblock = {given.block}\n', encoding="utf-8")
+        recipe.write_text(
+            f'campaign = "campaign"\n\n[estimate]\nmethod = "{given.method}"\nblock = {given.block}\n', encoding="utf-8"
+        )
         found = analysed(recipe, output, ("--jobs", str(given.jobs)))
         found |= {"data_bytes": size, **compared(output / "study.h5")}
     finally:
         if not given.keep:
             shutil.rmtree(given.folder, ignore_errors=True)
     shape = {"runs": given.runs, "channels": given.channels, "samples": given.samples, "block": given.block}
-    shape["jobs"] = given.jobs
+    shape |= {"method": given.method, "jobs": given.jobs}
     print(json.dumps(shape | {key: value for key, value in found.items() if key != "memory"}), flush=True)
     if given.publish:
         known = json.loads(RESULT.read_text())["rows"] if RESULT.exists() else {}
         stamped = shape | found | provenance.stamp("tests.bench.recordings")
-        RESULT.write_text(json.dumps({"rows": known | {f"{given.runs} runs": stamped}}, indent=1) + "\n")
+        RESULT.write_text(
+            json.dumps({"rows": known | {f"{given.runs} runs, {given.method}": stamped}}, indent=1) + "\n"
+        )
 
 
 if __name__ == "__main__":
