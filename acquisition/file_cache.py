@@ -10,10 +10,14 @@ from acquisition.contents import Contents
 from acquisition.units import Unit
 from ema import store
 from ema.data import Finding, FrfSet, Geometry, Recording
-from ema.store.reading import containers
+from ema.store.reading import containers, record_of
 
 _KEPT = 256 * 2**20
 """Bytes of read files that stay in memory, so that opening and then using a campaign reads them once."""
+
+
+IN_FILE = 64 * 2**20
+"""Bytes from which on the signals of a record in a file of ours stay there and are read piece by piece."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ class Files:
         """
         if self._is_stored(path):
             return tuple(
-                Take(header.record, header.samples, _reader_of(path, header.name, place))
+                Take(header.record, header.samples, _reader_of(path, place))
                 for place, header in enumerate(store.describe(path))
                 if header.record is not None
             )
@@ -90,14 +94,10 @@ class Files:
         )
 
 
-def _reader_of(path: Path, name: str, index: int) -> Callable[[], Recording]:
+def _reader_of(path: Path, index: int) -> Callable[[], Recording]:
     def read() -> Recording:
         """The record, read anew from its file."""
-        content = store.load(path)
-        if isinstance(content, Recording):
-            return content
-        recording: Recording = content[name] if name else content[index]
-        return recording
+        return record_of(path, index, IN_FILE)
 
     return read
 

@@ -10,6 +10,7 @@ from acquisition.assignment import Item
 from acquisition.axes import LocalAxes
 from acquisition.campaign_file import ChannelTable
 from ema.data import Channel, FrfSet, Recording
+from ema.data.stored_signals import StoredSignals
 from ema.dof import Dof
 from ema.errors import EmaError, InputError, UnitError
 from ema.units import FRF_OF_RESPONSE, FRF_UNIT, QUANTITIES, SI_UNIT, UNSTATED, Quantity
@@ -143,8 +144,12 @@ def lines_of_frf(
 def scaled_record(recording: Recording, lines: tuple[Line, ...]) -> Recording:
     """The channels of ``lines`` out of ``recording``, in SI."""
     rows = [line.row for line in lines]
-    signals = recording.signals if rows == list(range(len(recording.signals))) else recording.signals[rows]
-    if any(line.factor != 1 or line.offset for line in lines):
+    signals = recording.signals
+    if isinstance(signals, StoredSignals):
+        signals = signals.chosen(rows, [line.factor for line in lines], [line.offset for line in lines])
+    elif rows != list(range(len(signals))):
+        signals = signals[rows]
+    if not isinstance(signals, StoredSignals) and any(line.factor != 1 or line.offset for line in lines):
         factor = np.array([[line.factor] for line in lines]).astype(signals.dtype)
         offset = np.array([[line.offset] for line in lines]).astype(signals.dtype)
         signals = signals * factor + offset

@@ -130,7 +130,7 @@ class Workbench:
     placements: tuple[Placement, ...] = ()
     look: Look | None = None
     _now: Moment = field(init=False)
-    _estimates: dict[int, Estimate] = field(init=False, default_factory=dict)
+    _estimates: dict[int, tuple[FrfSet, Estimate]] = field(init=False, default_factory=dict)
     _past: list[Moment] = field(init=False, default_factory=list)
     _lock: RLock = field(init=False, default_factory=RLock)
 
@@ -511,10 +511,11 @@ class Workbench:
         return _with_modes(run, self._estimate(run).model(index=rows), rows) if rows else _without_modes(run)
 
     def _estimate(self, run: RunResult) -> Estimate:
-        known = self._estimates.get(self.place)
-        if known is None or known.frfs is not run.frfs or known.table is not run.poles:
+        source, known = self._estimates.get(self.place, (None, None))
+        if known is None or source is not run.frfs or known.table is not run.poles:
             assert run.poles is not None
-            known = self._estimates[self.place] = estimated(run.frfs, run.poles)
+            known = estimated(run.frfs.in_memory(), run.poles)
+            self._estimates[self.place] = run.frfs, known
         return known
 
     def _of_same_mode(self, row: int) -> int | None:
@@ -556,7 +557,7 @@ def _with_modes(run: RunResult, modes: ModalModel, rows: Sequence[int]) -> RunRe
     """The run with the modes picked by rows of its pole table, and all that follows from them."""
     assert run.poles is not None
     modes = replace(modes, provenance=_noted(modes.provenance, rows))
-    band = run.frfs.band(*run.poles.band)
+    band = run.frfs.band(*run.poles.band).in_memory()
     alone = as_recorded(_alone(modes, run.poles.band), band)
     synthesised = synthesis.frfs(alone, band.frequencies, band.quantity, outputs=band.outputs, inputs=band.inputs)
     synthesised = replace(synthesised, name=f"{run.run.id}, synthesis", unit=band.unit)

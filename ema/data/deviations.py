@@ -2,12 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
+from ema.data.window import Window
+
+if TYPE_CHECKING:
+    DeviationValues = Complex[np.ndarray, "blow freq out in"]
+else:
+    DeviationValues = Complex[np.ndarray, "blow freq out in"] | Complex[Window, "blow freq out in"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,7 +39,7 @@ class Deviations(Container):
     array([[[0.02]]], dtype=float32)
     """
 
-    values: Complex[np.ndarray, "blow freq out in"]
+    values: DeviationValues
     blows: Int[np.ndarray, "blow out in"]
 
     def __post_init__(self) -> None:
@@ -43,6 +50,21 @@ class Deviations(Container):
     def nbytes(self) -> int:
         """Memory that the arrays take."""
         return self.values.nbytes + self.blows.nbytes
+
+    def in_memory(self) -> "Deviations":
+        """Return the deviations with all values read.
+
+        Returns
+        -------
+        Deviations
+            The same deviations.
+
+        Examples
+        --------
+        >>> Deviations(values=np.zeros((2, 10, 1, 1)), blows=np.zeros((2, 1, 1))).in_memory().values.shape
+        (2, 10, 1, 1)
+        """
+        return replace(self, values=np.asarray(self.values))
 
     def lines(self, keep: "np.ndarray | slice") -> "Deviations":
         """Return the deviations on some of the frequency lines.

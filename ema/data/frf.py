@@ -105,6 +105,12 @@ class FrfSet(Container):
     set_ups: SetUps | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.values, Window):  # values computed from those of a set in a file
+            for name in ("coherence", "variance"):
+                if isinstance(getattr(self, name), Window):
+                    object.__setattr__(self, name, np.asarray(getattr(self, name)))
+            if self.deviations is not None and isinstance(self.deviations.values, Window):
+                object.__setattr__(self, "deviations", self.deviations.in_memory())
         freeze(
             self,
             frequencies=np.float64,
@@ -237,7 +243,9 @@ class FrfSet(Container):
         if not self.in_file:
             return self
         coherence, variance = (None if one is None else np.asarray(one) for one in (self.coherence, self.variance))
-        return replace(self, values=np.asarray(self.values), coherence=coherence, variance=variance)
+        deviations = None if self.deviations is None else self.deviations.in_memory()
+        values = np.asarray(self.values)
+        return replace(self, values=values, coherence=coherence, variance=variance, deviations=deviations)
 
     def lines(self, keep: "np.ndarray | slice") -> "FrfSet":
         """Return the set on a subset of its frequency lines.

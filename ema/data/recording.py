@@ -10,12 +10,17 @@ from jaxtyping import Bool, Float
 
 from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container, brief, count, phrase
+from ema.data.stored_signals import StoredSignals
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import UNSTATED, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    Signals = Float[np.ndarray, "channel sample"]
+else:
+    Signals = Float[np.ndarray, "channel sample"] | Float[StoredSignals, "channel sample"]
 
 Role = Literal["reference", "response", "normal force", "trigger", "other"]
 
@@ -112,7 +117,8 @@ class Recording(Container):
     Parameters
     ----------
     signals : array of shape (channel, sample)
-        SI, or bare numbers where the unit of the channel is unstated; kept as float32 where they come so.
+        SI, or bare numbers where the unit of the channel is unstated; kept as float32 where they come so. Those of a
+        large record of a campaign stay in its file: an index reads what it names, ``numpy.asarray`` all.
     sampling_rate : float
         Samples per second [Hz].
     channels : tuple of Channel
@@ -138,7 +144,7 @@ class Recording(Container):
     (2.0, 100.0)
     """
 
-    signals: Float[np.ndarray, "channel sample"]
+    signals: Signals
     sampling_rate: float
     channels: tuple[Channel, ...]
     start: datetime | None = None
@@ -149,10 +155,10 @@ class Recording(Container):
     identity: TakeIdentity | None = None
 
     def __post_init__(self) -> None:
-        signals = np.asarray(self.signals)
-        freeze(
-            self, signals=signals.dtype if signals.dtype in (np.float32, np.float64) else np.float64, overloads=np.bool_
-        )
+        freeze(self, overloads=np.bool_)
+        if not isinstance(self.signals, StoredSignals):
+            signals = np.asarray(self.signals)
+            freeze(self, signals=signals.dtype if signals.dtype in (np.float32, np.float64) else np.float64)
         check_axes(self)
 
     @classmethod

@@ -6,6 +6,7 @@ from itertools import product
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ema.errors import InputError
 
@@ -30,8 +31,17 @@ class Stored(Protocol):
         """The values of a box with steps of 1."""
 
 
-class Window:
-    """A part of an array in a file. Indexing gives a smaller window, ``numpy.asarray`` its values.
+class Arithmetic(NDArrayOperatorsMixin):
+    """Operators and functions of numpy on an array that stays in its file: on its values, read now."""
+
+    def __array_ufunc__(self, function: np.ufunc, method: str, *operands: Any, **options: Any) -> Any:
+        values = [np.asarray(one) if isinstance(one, Arithmetic) else one for one in operands]
+        return getattr(function, method)(*values, **options)
+
+
+class Window(Arithmetic):
+    """A part of an array in a file. Slices, masks and positions give a smaller window, ``numpy.asarray`` its values; so
+    does an index that leaves one value along an axis.
 
     It holds the name of a file and no open handle, so that it can be sent to another process.
 
@@ -98,9 +108,13 @@ class Window:
     def __len__(self) -> int:
         return self.shape[0]
 
-    def __getitem__(self, index: Any) -> "Window":
-        """A smaller window: slices, masks or positions, each for one axis; no axis is dropped."""
+    def __getitem__(self, index: Any) -> Any:
+        """A smaller window by slices, masks or positions, each for one axis; values where a number drops its axis."""
         parts = index if isinstance(index, tuple) else (index,)
+        dropped = tuple(axis for axis, part in enumerate(parts) if isinstance(part, int | np.integer))
+        if dropped and len(parts) <= self.ndim:
+            kept = tuple([part] if axis in dropped else part for axis, part in enumerate(parts))
+            return np.asarray(self[kept]).squeeze(axis=dropped)
         if len(parts) > self.ndim or any(np.ndim(part) != 1 and not isinstance(part, slice) for part in parts):
             raise InputError(
                 "a window on a file is cut by slices, masks or positions",
@@ -117,7 +131,7 @@ class Window:
         """The values, read now."""
         wanted = self.dtype if dtype is None else np.dtype(dtype)
         found = np.empty(self.shape, wanted)
-        for box in product(*(list(_runs(axis)) for axis in self.axes)):
+        for box in product(*(list(runs(axis)) for axis in self.axes)):
             found[tuple(here for here, _ in box)] = self.source.read(tuple(there for _, there in box))
         return found
 
@@ -133,7 +147,7 @@ class Window:
         return f"<{self.dtype} {self.shape}, read when used>"
 
 
-def _runs(axis: np.ndarray) -> Iterator[tuple[slice, slice]]:
+def runs(axis: np.ndarray) -> Iterator[tuple[slice, slice]]:
     """Where runs of neighbouring positions come to lie, and where they are."""
     ends = np.flatnonzero(np.diff(axis) != 1) + 1
     for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(axis)], strict=True):

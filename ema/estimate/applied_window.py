@@ -3,9 +3,8 @@
 from collections.abc import Iterable
 
 import numpy as np
-from jaxtyping import Float
 
-from ema.data import Finding
+from ema.data import Finding, Recording
 
 FALLEN = 0.5
 """Noise at the end of a record over that before the impact, from which on down the record was windowed.
@@ -28,21 +27,22 @@ _COMMON = 0.9
 _LATE = 0.05
 
 
-def noise_decay(signals: Float[np.ndarray, "out sample"], begin: int, rate: float) -> list[tuple[float, float]]:
-    """Noise at the end of a record over that before the impact at sample ``begin``, and the decay [1/s] it tells.
+def noise_decay(record: Recording, begin: int, rate: float) -> list[tuple[float, float]]:
+    """Noise of responses at the end of a record over that before the impact at ``begin``, and the decay [1/s] it tells.
 
     The third differences hold little of vibrations far below the sampling rate; channels whose differences vibrate
     nevertheless before the impact are left out, for a structure that comes to rest is no window.
     """
-    late = max(int(_LATE * signals.shape[1]), 2 * FEWEST)
-    if begin < FEWEST or signals.shape[1] - begin < 4 * late:
+    samples, rows = record.signals.shape[1], list(record.with_role("response"))
+    late = max(int(_LATE * samples), 2 * FEWEST)
+    if begin < FEWEST or samples - begin < 4 * late:
         return []
-    before, after = (np.diff(part, 3, axis=1) for part in (signals[:, :begin], signals[:, -late:]))
+    before, after = (np.diff(record.signals[rows, part], 3, axis=1) for part in (slice(begin), slice(-late, None)))
     power = np.sum(before**2, axis=1)
     alike = np.sum(before[:, 1:] * before[:, :-1], axis=1) < NOISY * power
     noise, left = np.std(before, axis=1), np.std(after, axis=1)
     heard = alike & (noise > 0) & (left > 0)
-    elapsed = (signals.shape[1] - 0.5 * late - 0.5 * begin) / rate
+    elapsed = (samples - 0.5 * late - 0.5 * begin) / rate
     return [(float(ratio), float(-np.log(ratio) / elapsed)) for ratio in left[heard] / noise[heard]]
 
 

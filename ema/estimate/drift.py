@@ -4,13 +4,16 @@ Sweeps are transformed whole and without a window: what a channel drifts from th
 and leaks into all lines. A polynomial over the record takes it off; lines from the tenth on keep their FRFs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from numpy.polynomial import legendre
 
 from ema.data import Channel, Finding, Recording
+from ema.data.stored_signals import StoredSignals
 from ema.estimate.channels import Layout
 
 DEGREE = 8
@@ -37,6 +40,43 @@ PERIODS = 10
 """Periods in the record below which nothing is known of a channel that drifted."""
 
 
+@dataclass(frozen=True)
+class _WithoutDrift:
+    """Signals less a polynomial for each row that drifts, over the time from -1 to 1 in the first ``samples``."""
+
+    signals: Any
+    polynomials: Mapping[int, Float[np.ndarray, "degree"]]
+    samples: int
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Channels and samples."""
+        return tuple(self.signals.shape)
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Type of the values."""
+        return np.dtype(np.float64)
+
+    @property
+    def chunks(self) -> tuple[int, ...]:
+        """What lies together in the file of the signals."""
+        return tuple(self.signals.chunks)
+
+    def drift(self, row: int, stretch: slice) -> Float[np.ndarray, "sample"]:
+        """The polynomial of a row, on a stretch of samples."""
+        time = (np.arange(*stretch.indices(self.shape[1])) + 0.5) * 2 / self.samples - 1
+        return np.asarray(legendre.legval(time, self.polynomials[row]))
+
+    def read(self, box: tuple[slice, ...]) -> np.ndarray:
+        """The values of a box with steps of 1."""
+        values = np.array(self.signals[box], dtype=np.float64)
+        for place, row in enumerate(range(*box[0].indices(self.shape[0]))):
+            if row in self.polynomials:
+                values[place] -= self.drift(row, box[1])
+        return values
+
+
 @dataclass
 class Drift:
     """Takes drift off the signals of records, and remembers the largest of each row, over the rms of what is left."""
@@ -48,10 +88,15 @@ class Drift:
         """The record without the drift of the channels that have one; the record itself where none has."""
         size = max(record.signals.shape[1] // MEANS, 1)
         count = record.signals.shape[1] // size
-        means = record.signals[:, : count * size].reshape(-1, count, size).mean(axis=2, dtype=np.float64)
+        # row by row: a record may be larger than memory
+        rows = range(len(record.channels))
+        means, power = np.empty((len(rows), count)), np.empty(len(rows))
+        for row in rows:
+            signal = record.signals[row]
+            means[row] = signal[: count * size].reshape(count, size).mean(axis=1, dtype=np.float64)
+            power[row] = np.var(signal, dtype=np.float64)
         fitted = legendre.legfit((np.arange(count) + 0.5) * 2 / count - 1, means.T, 3 * DEGREE)
         fitted[0] = 0.0  # a mean is no drift
-        power = np.var(record.signals, axis=1, dtype=np.float64)
         shares = fitted**2 / (2 * np.arange(len(fitted))[:, None] + 1)  # mean square of each polynomial
         slow, faster = shares[: DEGREE + 1].sum(axis=0), shares[DEGREE + 1 :].sum(axis=0)
         slow = np.where(slow > STANDS_OUT * faster, slow, 0.0)
@@ -61,14 +106,15 @@ class Drift:
         drifting += [row for row in layout.responses if share[row] > max(RESPONSE, 4 * own)]
         if not drifting:
             return record
-        signals = np.array(record.signals, dtype=np.float64)
-        time = (np.arange(signals.shape[1]) + 0.5) * 2 / (count * size) - 1
+        polynomials = {row: fitted[: DEGREE + 1, row] for row in drifting}
+        signals: Any = _WithoutDrift(record.signals, polynomials, count * size)
         for row in drifting:
-            drift = legendre.legval(time, fitted[: DEGREE + 1, row])
-            signals[row] -= drift
-            ratio = float(np.ptp(drift) / max(np.std(signals[row]), 1e-300))
+            drift = signals.drift(row, slice(0, record.signals.shape[1]))
+            ratio = float(np.ptp(drift) / max(np.std(record.signals[row] - drift), 1e-300))
             self.largest[row] = max(self.largest.get(row, 0.0), ratio)
             self.duration = min(self.duration, record.duration)
+        in_file = isinstance(record.signals, StoredSignals)
+        signals = StoredSignals(signals) if in_file else signals.read((slice(None), slice(None)))
         return replace(record, signals=signals)
 
     def findings(self, channels: Sequence[Channel], where: str) -> tuple[Finding, ...]:

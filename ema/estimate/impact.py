@@ -12,6 +12,7 @@ import scipy.fft
 from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Run
+from ema.data.stored_signals import StoredSignals
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import applied_window, channels, clipping, equal_impacts, hammer_findings, impact_choice, single_input
@@ -79,9 +80,10 @@ class _Takes:
         if place in self.kept:
             return self.kept[place]
         record = self.records[place]
-        if isinstance(self.records, tuple | list) or self.size + record.signals.nbytes <= KEPT_IN_MEMORY:
+        size = 0 if isinstance(record.signals, StoredSignals) else record.signals.nbytes
+        if isinstance(self.records, tuple | list) or self.size + size <= KEPT_IN_MEMORY:
             self.kept[place] = record
-            self.size += record.signals.nbytes
+            self.size += size
         return record
 
 
@@ -383,8 +385,7 @@ def _noise_decays(takes: _Takes, judged: list[Judged], rate: float) -> Iterator[
     counts = Counter(one.place for one in judged)
     single = [one for one in judged if counts[one.place] == 1]
     for one in single[:: max(len(single) // SAMPLED_IMPACTS, 1)]:
-        record = takes[one.place]
-        yield from applied_window.noise_decay(record.signals[list(record.with_role("response"))], one.start - 2, rate)
+        yield from applied_window.noise_decay(takes[one.place], one.start - 2, rate)
 
 
 def _transformed(

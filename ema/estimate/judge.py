@@ -160,7 +160,7 @@ def judge_record(
         )
         start = min([impact[0].start, *(contact.first for contact in contacts)])
         before, after = max(before + start - impact[0].start, 0), after - start + impact[0].start
-        rest, quiet = _quiet(record.signals, layout.responses, start, before)
+        rest, quiet = _quiet(record, layout.responses, start, before)
         one = Judged(
             place, record.name, index, layout.inputs[0], main, start, offset, before, after, rest, quiet, contacts
         )
@@ -193,12 +193,12 @@ def _rooms(starts: Sequence[int], samples: int, rate: float) -> list[tuple[int, 
 
 
 def _quiet(
-    signals: Float[np.ndarray, "channel sample"], rows: tuple[int, ...], start: int, before: int
+    record: Recording, rows: tuple[int, ...], start: int, before: int
 ) -> tuple[Float[np.ndarray, "out"], Float[np.ndarray, "out"]]:
     """Mean and rms about it of the responses before an impact; of the whole record and 0 where there is too little."""
-    part = signals[list(rows), max(start - before, 0) : max(start - 1, 0)]
+    part = record.signals[list(rows), max(start - before, 0) : max(start - 1, 0)]
     if part.shape[1] < FEW:
-        return signals[list(rows)].mean(axis=1, dtype=np.float64), np.zeros(len(rows))
+        return np.array([record.signals[row].mean(dtype=np.float64) for row in rows]), np.zeros(len(rows))
     part = part[:, -1024:]
     return part.mean(axis=1, dtype=np.float64), part.std(axis=1, dtype=np.float64)
 
@@ -215,8 +215,8 @@ def _judge(impact: Judged, record: Recording, layout: Layout) -> Judged:
     impact = with_contacts(impact, impact.contacts, record.sampling_rate)
     rows = [*layout.references, *layout.responses]
     # A view, not a copy, in the usual order of channels.
-    signals = record.signals[: len(rows)] if rows == list(range(len(rows))) else record.signals[rows]
-    part = signals[:, impact.start : impact.start + impact.after]
+    usual = slice(len(rows)) if rows == list(range(len(rows))) else rows
+    part = record.signals[usual, impact.start : impact.start + impact.after]
     tops, bottoms = part.argmax(axis=1), part.argmin(axis=1)
     every = np.arange(len(rows))
     high, low = part[every, tops], part[every, bottoms]

@@ -1,6 +1,6 @@
 """FRFs of a random shaker test with one or several shakers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -36,6 +36,10 @@ Method = Literal["local", "welch"]
 
 LONGEST_BLOCK = 2**16
 """Samples beyond which the local model works on blocks of a record."""
+
+
+_AT_ONCE = 2**21
+"""Samples of all channels that are transformed at once: few enough for a record that is larger than memory."""
 
 
 @dataclass(frozen=True)
@@ -375,11 +379,13 @@ def welch(
         alive(record, this, where)
         same_test(first.sampling_rate, layout, record.sampling_rate, this, where)
         record = (Drift() if drift is None else drift).off(record, this)
-        u, y = (transformed(record.signals[list(rows)], cut, where) for rows in (this.references, this.responses))
-        part = spectra.averaged(u, y, 1.0)
-        blocks = u.shape[0]
-        terms = [blocks * part.inputs, blocks * part.cross, blocks * part.outputs]
-        sums = terms if sums is None else [a + b for a, b in zip(sums, terms)]
+        rows = [*this.references, *this.responses]
+        blocks = 0
+        for lines in transformed(record, rows, cut, where):
+            part = spectra.averaged(lines[:, : len(this.references)], lines[:, len(this.references) :], 1.0)
+            terms = [len(lines) * part.inputs, len(lines) * part.cross, len(lines) * part.outputs]
+            sums = terms if sums is None else [a + b for a, b in zip(sums, terms)]
+            blocks += len(lines)
         count += blocks
         independent += independent_averages(blocks, cut)
         advance(progress, "averaging records", place + 1, len(records))
@@ -388,25 +394,31 @@ def welch(
 
 
 def transformed(
-    signals: Float[np.ndarray, "channel sample"], cut: Blocks, where: str
-) -> Complex[np.ndarray, "avg channel freq"]:
-    """Spectra of overlapping, windowed blocks of signals without their mean.
+    record: Recording, rows: Sequence[int], cut: Blocks, where: str
+) -> Iterator[Complex[np.ndarray, "avg channel freq"]]:
+    """Spectra of overlapping, windowed blocks of signals without their mean, some blocks at a time.
 
     Raises
     ------
     InputError : the record is shorter than a block.
     """
-    if signals.shape[1] < cut.length:
+    samples = record.signals.shape[1]
+    if samples < cut.length:
         raise InputError(
             "the record is shorter than a block",
             where=where,
-            got=f"{signals.shape[1]} samples",
+            got=f"{samples} samples",
             expected=f"at least {cut.length}",
             advice="choose a shorter block",
         )
-    rest = signals - signals.mean(axis=1, keepdims=True)
-    blocks = np.lib.stride_tricks.sliding_window_view(rest, cut.length, axis=1)[:, :: cut.step].transpose(1, 0, 2)
-    return scipy.fft.rfft(blocks * windows.hann_window(cut.length), axis=2)
+    means = np.array([[record.signals[row].mean()] for row in rows])
+    window, count = windows.hann_window(cut.length), (samples - cut.length) // cut.step + 1
+    few = max(_AT_ONCE // (len(rows) * cut.length), 1)
+    for first in range(0, count, few):
+        last = min(first + few, count)
+        part = record.signals[list(rows), first * cut.step : (last - 1) * cut.step + cut.length] - means
+        blocks = np.lib.stride_tricks.sliding_window_view(part, cut.length, axis=1)[:, :: cut.step].transpose(1, 0, 2)
+        yield scipy.fft.rfft(blocks * window, axis=2)
 
 
 def independent_averages(blocks: int, cut: Blocks) -> float:

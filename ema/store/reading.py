@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import timedelta
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import h5py
 import numpy as np
 
 from ema.data import Lazy, Recording
+from ema.data.stored_signals import StoredSignals
 from ema.data.window import Window
 from ema.errors import EmaError, InputError
 from ema.store import untrusted
@@ -178,6 +180,43 @@ def describe(path: str | Path) -> tuple[Header, ...]:
     with _opened(path) as file:
         _, names = _contents(file, path)
         return tuple(_header(file, f"{ITEMS}/{place}", name) for place, name in enumerate(names))
+
+
+def record_of(path: Path, place: int, in_file: int) -> Recording:
+    """The record that is the item ``place`` of a file; from ``in_file`` bytes on its signals stay there.
+
+    Raises
+    ------
+    InputError : as :func:`load`, or the item is no record.
+    """
+    with _opened(path) as file:
+        _contents(file, path)
+        group, state = f"{ITEMS}/{place}", _state(path)
+        tree = _tree(file, group)
+        if tree.get("$noun") != "Recording":
+            raise InputError("not a record", where=str(path), got=tree.get("$noun"))
+        node = tree["signals"]
+        signals = _dataset(file[group], node["$array"])
+        if signals.size * signals.dtype.itemsize < in_file or signals.ndim != 2 or signals.dtype.kind != "f":
+            record: Recording = _item(file, group, path, state)
+            return record
+        whole, _ = _without_samples(file, group)
+        stored = _window(file[group], node["$array"], path, state).source
+    _check_once(path, f"{group}/{node['$array']}", node.get("crc32"), state)
+    signals_there: Any = StoredSignals(stored)
+    return replace(whole, signals=signals_there)
+
+
+@lru_cache(256)
+def _check_once(path: Path, name: str, checksum: int | None, state: tuple[int, int, int]) -> None:
+    """Compare the signals of a file with their checksum, once for each state of it.
+
+    Raises
+    ------
+    InputError : they differ.
+    """
+    with _opened(path) as file:
+        _check_pieces(_dataset(file, name), checksum, _PIECE)
 
 
 def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[Recording]:

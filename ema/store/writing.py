@@ -386,7 +386,7 @@ def _write(group: h5py.Group, container: Any, compression: str, *, growing: bool
     for path, (array, what) in parts.arrays.items():
         in_blocks = growing and isinstance(container, FrfSet) and path in _IN_BLOCKS
         if in_blocks or isinstance(array, Window):
-            outputs = len(container.outputs) if in_blocks else array.shape[1]
+            outputs = len(container.outputs) if in_blocks else array.shape[-2]
             parts.nodes[path]["in_blocks"] = True
             _write_in_blocks(group, path, array, what, outputs)
             continue
@@ -428,14 +428,16 @@ def _write_array(group: h5py.Group, path: str, array: np.ndarray, what: Meaning,
 
 
 def _write_in_blocks(group: h5py.Group, path: str, array: np.ndarray | Window, what: Meaning, outputs: int) -> None:
-    """Values (freq, out, in) that are larger than memory: room for all outputs; of a window, the values as well."""
-    lines, _, inputs = array.shape
-    chunks = min(lines, _FRF_CHUNK[0]), min(outputs, _FRF_CHUNK[1]), min(inputs, _FRF_CHUNK[2])
-    shape = (lines, outputs, inputs)
-    dataset = group.create_dataset(path, shape, array.dtype, chunks=tuple(map(max, chunks, (1, 1, 1))), fletcher32=True)
+    """Values (..., freq, out, in) larger than memory: room for all outputs; of a window, the values as well."""
+    *before, lines, _, inputs = array.shape
+    sizes = (*(1 for _ in before), *map(min, (lines, outputs, inputs), _FRF_CHUNK))
+    chunks = tuple(max(size, 1) for size in sizes)
+    shape = (*before, lines, outputs, inputs)
+    dataset = group.create_dataset(path, shape, array.dtype, chunks=chunks, fletcher32=True)
     _describe(dataset, what)
-    for first in range(0, outputs if isinstance(array, Window) else 0, chunks[1]):
-        dataset[:, first : first + chunks[1]] = np.asarray(array[:, first : first + chunks[1]])
+    for first in range(0, outputs if isinstance(array, Window) else 0, _FRF_CHUNK[1]):
+        part = (*(slice(None) for _ in (*before, lines)), slice(first, first + _FRF_CHUNK[1]))
+        dataset[part] = np.asarray(array[part])
 
 
 def _describe(dataset: h5py.Dataset, what: Meaning) -> None:

@@ -1,13 +1,21 @@
 """Results finished earlier: taken where they would come out the same, otherwise named with the reason."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ema import fingerprint, store
-from ema.data import Provenance
+from ema.data import FrfSet, Provenance, RunResult
+from ema.data.window import Window
 from ema.errors import EmaError
 from ema.progress import Progress, note
+
+IN_FILE = 16 * 2**20
+"""Bytes of the FRFs of a run from which on they stay in the file of the finished run and are read when used: runs of
+a campaign, which are all there at its end, may be many."""
 
 _SHOWN = 3
 """Changes that a sentence names; the others are counted."""
@@ -40,6 +48,71 @@ def known_or_computed(
     result = compute()
     store.save(path, {"made": made, "result": result})
     return result
+
+
+@dataclass(frozen=True)
+class _InMemory:
+    """An array as the source of a window, so that it is written in blocks."""
+
+    array: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes."""
+        return self.array.shape
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Type of the values."""
+        return self.array.dtype
+
+    @property
+    def chunks(self) -> tuple[int, ...]:
+        """All of it lies together."""
+        return self.array.shape
+
+    def read(self, box: tuple[slice, ...]) -> np.ndarray:
+        """The values of a box."""
+        return np.asarray(self.array[box])
+
+
+def save_run(path: Path, made: Provenance, result: RunResult) -> RunResult:
+    """Write a finished run; what is returned has FRFs that stay in the file where they are large."""
+    sets = [frfs for frfs in (result.frfs, result.reconstruction) if frfs is not None]
+    if sum(map(_size, sets)) < IN_FILE:
+        store.save(path, {"made": made, "result": result})
+        return result
+    synthesised = None if result.reconstruction is None else _in_blocks(result.reconstruction)
+    store.save(
+        path, {"made": made, "result": replace(result, frfs=_in_blocks(result.frfs), reconstruction=synthesised)}
+    )
+    stored: RunResult = store.load(path)["result"]
+    return stored
+
+
+def _size(frfs: FrfSet) -> int:
+    """Bytes of what is in memory of a set."""
+    deviations = None if frfs.deviations is None else frfs.deviations.values
+    arrays = (frfs.values, frfs.coherence, frfs.variance, deviations)
+    return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
+
+
+def _in_blocks(frfs: FrfSet) -> FrfSet:
+    """The set with its large arrays as windows, which the store writes in blocks and leaves in the file."""
+
+    def window(array: Any) -> Any:
+        return Window(_InMemory(array)) if isinstance(array, np.ndarray) else array
+
+    deviations = frfs.deviations
+    if deviations is not None:
+        deviations = replace(deviations, values=window(deviations.values))
+    return replace(
+        frfs,
+        values=window(frfs.values),
+        coherence=window(frfs.coherence),
+        variance=window(frfs.variance),
+        deviations=deviations,
+    )
 
 
 def changes(before: Provenance, now: Provenance) -> str:

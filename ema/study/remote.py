@@ -5,6 +5,7 @@ itself, once. What comes back has no signals. Results are those of this process,
 """
 
 import platform
+from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
@@ -81,16 +82,18 @@ def map_point(measured: Measured, run: str, table: MapTable, estimate: EstimateT
 
 
 def in_order(futures: Sequence[Future[T]]) -> Iterator[T]:
-    """The results of tasks in their order; the rest is called off where one fails.
+    """The results of tasks in their order, each let go once it is handed out; the rest is called off where one fails.
 
     Raises
     ------
     EmaError : what a task raised, or that its worker did not survive it.
     """
+    waiting = deque(futures)
+    del futures  # which would hold all results
     try:
-        for future in futures:
+        while waiting:
             try:
-                yield future.result()
+                result = waiting.popleft().result()
             except EmaError:
                 raise
             except Exception as error:
@@ -102,8 +105,10 @@ def in_order(futures: Sequence[Future[T]]) -> Iterator[T]:
                     expected="workers with enough memory",
                     advice="look into the log of a worker, and start workers with more memory",
                 ) from error
+            yield result
+            del result
     finally:
-        for future in futures:
+        for future in waiting:
             future.cancel()
 
 

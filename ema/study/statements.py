@@ -187,7 +187,7 @@ def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:
             return features.missing("impacts of different level on the same points")
         return Measure(100 * effect.value, 100 * effect.lower, 100 * effect.upper)
     assert table.near is not None
-    mode = local_fit(_named(results, table.run, "run").frfs, table.near)
+    mode = local_fit(_named(results, table.run, "run").frfs.in_memory(), table.near)
     match table.quantity:
         case "run frequency":
             return features.estimate(mode.natural_frequency, mode.natural_frequency_std)
@@ -196,7 +196,7 @@ def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:
         case "run misfit":
             return features.estimate(mode.residual, 0.0)
         case "run damping over run":
-            other = local_fit(_named(results, table.other, "run").frfs, table.near)
+            other = local_fit(_named(results, table.other, "run").frfs.in_memory(), table.near)
             both = mode.damping_ratio / other.damping_ratio
             return features.estimate(both, both * float(np.hypot(_relative(mode), _relative(other))))
     raise InputError(

@@ -432,8 +432,8 @@ class Study:
 
     def _keep(self, run: Run, result: RunResult, made: Provenance) -> RunResult:
         """Write the result of a run beside those that are finished."""
-        store.save(self._kept_run(run), {"made": made, "result": replace(result, run=remote.without_signals(run))})
-        return replace(result, run=run)
+        kept_result = kept.save_run(self._kept_run(run), made, replace(result, run=remote.without_signals(run)))
+        return replace(kept_result, run=run)
 
     def _kept_run(self, run: Run) -> Path:
         return self.kept / f"{safe_name(run.id)}.h5"

@@ -15,10 +15,8 @@ import argparse
 import json
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from types import ModuleType
 
@@ -44,6 +42,7 @@ from tests.bench.cases import Case, case_160, case_small
 from tests.bench.environments import CACHE
 from tests.bench.fit import OURS, ROWS, compare, random_line, random_outcome
 from tests.bench.scoring import Bound, cramer_rao, residue_bound, score
+from tests.bench.workers import mapping
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULT = Path(__file__).parent / "results" / "accuracy.json"
@@ -191,24 +190,24 @@ def _identifiable(make: Callable[..., Case], noise: float, seed: int) -> tuple[C
     raise RuntimeError("no identifiable system in 200 draws")
 
 
-def random_systems(kept: Kept, count: int, jobs: int = 1) -> dict:
+def random_systems(kept: Kept, count: int, jobs: int = 1, cluster: str | None = None) -> dict:
     """Automatic selection, told nothing, on random systems: the three noise levels in turn."""
     seed = kept.seed("random")
     one = partial(_random_one, np.random.default_rng(seed).integers(1, 1_000_000, count).tolist())
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-        done = kept.items("random", count, one, random_line, pool.map if jobs > 1 else map)
+    with mapping(cluster, jobs) as each:
+        done = kept.items("random", count, one, random_line, each)
     return {"title": "random systems, default settings", "seeds": [seed], "runs": {OURS: done}}
 
 
-def judged(kept: Kept, name: str, count: int | None, quick: bool, jobs: int = 1) -> dict:
+def judged(kept: Kept, name: str, count: int | None, quick: bool, jobs: int = 1, cluster: str | None = None) -> dict:
     """One of ``JUDGES``: its items, kept under the fingerprint of the code that made them, and their summary."""
     judge = JUDGES[name]
     key = f"{name} {provenance.fingerprint(judge.__name__)}{' quick' if quick else ''}"
     seed = kept.seed(key)
     wanted = (judge.QUICK if quick else judge.COUNT) if count is None else count
     one = partial(judge.one, seed, quick=quick)
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-        rows = kept.items(f"{key} {seed}", wanted, one, judge.line, pool.map if jobs > 1 else map)
+    with mapping(cluster, jobs) as each:
+        rows = kept.items(f"{key} {seed}", wanted, one, judge.line, each)
     found = judge.summary(rows)
     print(judge.report(found), flush=True)
     return {"seed": seed, **found}
@@ -377,6 +376,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--peers", default=",".join(PEERS), help="peers to run")
     parser.add_argument("--cache", type=Path, default=CACHE, help="folder of the environments and of the draws kept")
     parser.add_argument("--jobs", type=int, default=1, help="processes for the random systems")
+    parser.add_argument("--cluster", help="address of a Dask scheduler, in place of --jobs")
     parser.add_argument("--timeout", type=float, default=900.0, help="seconds after which a peer is given up")
     sizes = ",".join(f"{name}={size}" for name, size in vars(Sizes()).items())
     parser.add_argument("--sizes", default="", help=f"such as case=20,random=50; by default {sizes}")
@@ -399,7 +399,7 @@ def main() -> None:
     sections: dict[str, Callable[[], object]] = {
         "case": lambda: case_draws(kept, sizes.case, noises, told),
         "small": lambda: small_draws(kept, sizes.small, (noises[len(noises) // 2],), small_told),
-        "random": lambda: random_systems(kept, sizes.random, options.jobs),
+        "random": lambda: random_systems(kept, sizes.random, options.jobs, options.cluster),
         "residues": lambda: residues(kept, sizes.residues),
         "cost": lambda: cost(kept, sizes.cost),
         "listed": lambda: listed(kept),
@@ -408,8 +408,9 @@ def main() -> None:
     }
     for name in JUDGES:
         count = int(given[name]) if name in given else None
-        jobs = 1 if name == "time" else options.jobs  # runs side by side would take time from each other
-        sections[name] = partial(judged, kept, name, count, options.quick, jobs)
+        # runs side by side would take time from each other
+        jobs, cluster = (1, None) if name == "time" else (options.jobs, options.cluster)
+        sections[name] = partial(judged, kept, name, count, options.quick, jobs, cluster)
     known = json.loads(RESULT.read_text()) if RESULT.exists() else {}
     for name in options.only.split(","):
         start = time.process_time()

@@ -1,8 +1,10 @@
 """How long an archive of 100 000 runs takes: ``python -m tests.bench.archive``.
 
 2000 campaigns of 50 runs with kept results are generated and added on two processes (``--read`` for fewer); an archive of
-2000 such campaigns, written from their truth, is asked three questions with their pictures. Wall clock and processor
-time: other work on the machine disturbs the first. ``--publish`` stores the figures for docs/speed.md.
+2000 such campaigns, written from their truth, is asked three questions with their pictures. The last campaigns are then
+added once more to the archive without them, while three processes ask and the adding one is killed again and again: what
+comes out has to be the same archive. Wall clock and processor time: other work on the machine disturbs the first.
+``--publish`` stores the figures for docs/speed.md.
 """
 
 import argparse
@@ -34,6 +36,8 @@ QUERIES = {
     "runs with a double hit, damping 1.5 to 3 %": Query(finding="double-hit", damping=(0.015, 0.03)),
 }
 SEED = 20261123
+LATE, KILLS, READERS = 40, 4, 3
+"""Campaigns that are added while others read, times that the adding process is killed, processes that read."""
 
 
 def timed(work: Callable[[], Any], repeats: int = 1) -> tuple[dict[str, float], Any]:
@@ -52,6 +56,66 @@ def built(folder: Path, campaigns: list[Path]) -> Any:
     """Add all campaigns on two processes."""
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         return archive.add(folder, [generated.source_of(one) for one in campaigns], executor=pool)
+
+
+def disturbed(whole: Path, folder: Path, places: list[Path]) -> dict[str, Any]:
+    """Add the last campaigns of an archive under readers and by a process that is killed; how the readers fared.
+
+    The parts have to be those of the archive that nothing disturbed.
+    """
+    late = {str(place.resolve()) for place in places[-LATE:]}
+    for name in parts.names(whole):
+        if parts.read(whole, name).seen["study"] not in late:
+            parts.copy(whole, folder, name)
+    archive.find(folder, Query(run="run_000"))  # the cache is filled
+    context, rng = get_context("spawn"), np.random.default_rng(SEED)
+    ended, answers = context.Event(), context.Queue()
+    readers = [context.Process(target=_read_on, args=(folder, ended, answers)) for _ in range(READERS)]
+    for reader in readers:
+        reader.start()
+    kills, begin = 0, time.perf_counter()
+    while True:
+        adder = context.Process(target=_add, args=(folder, places[-LATE:]))
+        adder.start()
+        before, enough = len(parts.names(folder)), int(rng.integers(1, LATE // KILLS))
+        while adder.is_alive() and (kills == KILLS or len(parts.names(folder)) < before + enough):
+            time.sleep(0.01 * rng.random())
+        if not adder.is_alive():
+            break
+        adder.kill()
+        adder.join()
+        kills += 1
+    took = time.perf_counter() - begin
+    ended.set()
+    asked_by = [answers.get(timeout=600) for _ in readers]
+    for reader in readers:
+        reader.join()
+    assert parts.names(folder) == parts.names(whole)
+    assert all(counts[-1] == len(places) and counts == sorted(counts) for counts, _ in asked_by)
+    times = [one for _, own in asked_by for one in own]
+    return {
+        "campaigns": LATE, "kills": kills, "readers": READERS, "wall": took, "answers": len(times),
+        "median": float(np.median(times)), "slowest": max(times),
+    }  # fmt: skip
+
+
+def _add(folder: Path, places: list[Path]) -> None:
+    archive.add(folder, [generated.source_of(one) for one in places])
+
+
+def _read_on(folder: Path, ended: Any, answers: Any) -> None:
+    """Ask until the others have ended: whole campaigns each time, and never fewer than before."""
+    counts, times = list[int](), list[float]()
+    last = False
+    while not last:
+        last = ended.is_set()
+        begin = time.perf_counter()
+        answer = archive.find(folder, Query(run="run_000"))
+        times.append(time.perf_counter() - begin)
+        assert len(answer.observations) == 6 * answer.campaigns and not answer.findings
+        counts.append(answer.campaigns)
+        ended.wait(0.2)
+    answers.put((counts, times))
 
 
 def asked(folder: Path, query: Query, picture: Path) -> dict[str, Any]:
@@ -107,6 +171,7 @@ def measured(root: Path, campaigns: int, runs: int) -> dict[str, Any]:
         places = sorted(root.iterdir())
         build, added = timed(lambda: built(Path(scratch, "built"), places))
         assert (added.new, added.runs, added.findings) == (len(places), runs * len(places), ())
+        safe = disturbed(Path(scratch, "built"), Path(scratch, "disturbed"), places)
         folder = Path(scratch, "archive")
         for number in range(campaigns):
             place = str(root / f"campaign_{number:05d}")
@@ -119,7 +184,7 @@ def measured(root: Path, campaigns: int, runs: int) -> dict[str, Any]:
         asks = {name: asked(folder, query, Path(scratch, "a.png")) for name, query in QUERIES.items()}
     return {
         "campaigns": answer.campaigns, "runs": answer.runs, "built runs": added.runs, "build": build, "bytes": size,
-        "queries": asks, "first question": first,
+        "queries": asks, "first question": first, "disturbed": safe,
     }  # fmt: skip
 
 
@@ -129,12 +194,14 @@ def main() -> None:
     parser.add_argument("--campaigns", type=int, default=2000)
     parser.add_argument("--runs", type=int, default=50)
     parser.add_argument("--read", type=int, default=2000, help="campaigns that are generated with files and read")
+    parser.add_argument("--below", type=Path, help="campaigns of an earlier call; by default they are generated")
     parser.add_argument("--publish", action="store_true")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        root = Path(scratch, "campaigns")
-        with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-            generated.generate(root, chosen.read, chosen.runs, SEED, pool)
+        root = chosen.below or Path(scratch, "campaigns")
+        if chosen.below is None:
+            with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+                generated.generate(root, chosen.read, chosen.runs, SEED, pool)
         found = measured(root, chosen.campaigns, chosen.runs)
     print(json.dumps(found, indent=1))
     if chosen.publish:
@@ -149,7 +216,7 @@ def section(found: dict[str, Any]) -> str:
         for name, one in found["queries"].items()
     ]
     share = found["runs"] / found["built runs"]
-    build, first, machine = found["build"], found["first question"], found["machine"]
+    build, first, machine, safe = found["build"], found["first question"], found["machine"], found["disturbed"]
     return "\n".join(
         [
             "## Archive",
@@ -164,6 +231,11 @@ def section(found: dict[str, Any]) -> str:
             "| question | modes | answer, wall [s] | processor [s] | picture, wall [s] | processor [s] |",
             "| --- | --- | --- | --- | --- | --- |",
             *lines,
+            "",
+            f"While {safe['campaigns']} campaigns are added to the archive of the others, {safe['readers']} processes ask, "
+            f"and the adding process is killed {safe['kills']} times (`kill -9`): {safe['answers']} answers, in "
+            f"{safe['median']:.2f} s in the median and {safe['slowest']:.1f} s at most, each of whole campaigns and never of "
+            "fewer than the one before; the parts are those of the archive that nothing disturbed.",
             "",
             f"From `python -m tests.bench.archive`, {found['date']}, {machine['processor']} ({machine['cores']} cores, shared "
             "with other work).",

@@ -24,6 +24,7 @@ import numpy as np
 from tests.bench.blind_hosts import hosts, truth
 from tests.bench.blind_hosts.prediction import DRAWS, FULL, InputError, prediction
 from tests.bench.blind_hosts.score import report
+from tests.bench.workers import mapping
 
 
 def answered(case: hosts.Case, told: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
@@ -76,8 +77,6 @@ def one(number: int, seed: int, law: dict[str, Any], joint: dict[str, Any], draw
 
 def main() -> None:
     """Hosts one by one, or several at a time; the score at the end."""
-    from concurrent.futures import ProcessPoolExecutor
-
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--hosts", type=int, default=40)
     options.add_argument("--first", type=int, default=0)
@@ -86,6 +85,7 @@ def main() -> None:
     options.add_argument("--law", type=json.loads, default={"name": "masing"})
     options.add_argument("--joint", type=json.loads, default=FULL)
     options.add_argument("--workers", type=int, default=1)
+    options.add_argument("--cluster", default=None, help="address of a Dask scheduler, in place of --workers")
     options.add_argument("--out", type=Path)
     options.add_argument("--truths", type=Path, help="folder where truths are kept for another prediction of the hosts")
     chosen = options.parse_args()
@@ -94,8 +94,8 @@ def main() -> None:
         chosen.truths.mkdir(parents=True, exist_ok=True)
     ask = partial(one, seed=seed, law=chosen.law, joint=chosen.joint, draws=chosen.draws, kept=chosen.truths)
     answers: list[dict[str, Any]] = []
-    with ProcessPoolExecutor(chosen.workers) as pool:
-        for answer in pool.map(ask, range(chosen.first, chosen.first + chosen.hosts)):
+    with mapping(chosen.cluster, chosen.workers) as each:
+        for answer in each(ask, range(chosen.first, chosen.first + chosen.hosts)):
             answers.append(answer)
             print(
                 answer["host"],

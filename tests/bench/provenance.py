@@ -20,6 +20,7 @@ NOT_MEASURED = (
     "tests.bench.provenance",
     "tests.bench.machine",
     "tests.bench.write_docs",
+    "tests.bench.workers",
     "tests.bench.accuracy_page",
     "tests.bench.judged_page",
     "tests.bench.judged_goals",
@@ -28,7 +29,7 @@ NOT_MEASURED = (
     "tests.bench.stated_errors_page",
     "tests.bench.joint_law_page",
 )
-"""Modules that say where a figure comes from or print it, and do not make it."""
+"""Modules that say where a figure comes from, where it is computed, or print it, and do not make it."""
 
 
 def stamp(*modules: str) -> dict:

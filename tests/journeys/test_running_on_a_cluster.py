@@ -2,7 +2,9 @@
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +70,36 @@ def test_a_map_has_the_results_of_one_process(tmp_path: Path, capsys, address: s
         assert done.status in (0, 1), done.err
         told[name] = json.loads(done.out)["maps"]
     assert told["one"] == told["two"] and len(told["one"][0]["points"]) == 4
+
+
+def test_draws_of_a_bench_are_those_of_one_process_and_a_killed_worker_costs_its_draw_alone(
+    tmp_path: Path, address: str
+) -> None:
+    from tests.bench.workers import mapping
+
+    def draw(log: str, number: int) -> float:
+        import os
+        from pathlib import Path
+
+        import numpy as np
+
+        path = Path(log)
+        (path / f"{number} {len(list(path.iterdir()))} {os.getpid()}").touch()
+        if number == 3 and len(list(path.glob("3 *"))) == 1:
+            os.kill(os.getpid(), 9)
+        return float(np.random.default_rng(number).standard_normal())
+
+    logs = [tmp_path / name for name in ("here", "there")]
+    for log in logs:
+        log.mkdir()
+    (logs[0] / "3 before").touch()  # in this process nothing is killed
+    with mapping(None, 1) as each:
+        here = list(each(partial(draw, str(logs[0])), range(12)))
+    with mapping(address, 1) as each:
+        there = list(each(partial(draw, str(logs[1])), range(12)))
+    assert here == there and len(list(logs[1].glob("3 *"))) == 2
+    again = Counter(path.name.split()[0] for path in logs[1].iterdir())
+    assert sum(again.values()) <= 14  # its own, and at most one result that only the killed worker held
 
 
 def test_a_worker_of_another_version_is_refused(small_study: Path, capsys, address: str, monkeypatch) -> None:  # noqa: F811

@@ -72,8 +72,15 @@ def test_parts_of_a_window_are_those_of_the_array(tmp_path: Path):
         np.testing.assert_array_equal(np.asarray(part.values), wanted.values)
         np.testing.assert_array_equal(part.in_memory().variance, wanted.variance)
     assert found.to_dataframe().shape == (300, 300)
+    for place in (3, -1, (slice(None), 140, 1), (slice(5, 9), 3), (np.int64(2), [3, 1], 0)):
+        np.testing.assert_array_equal(found.values[place], whole.values[place])
+        assert isinstance(found.values[place], np.ndarray)
+    np.testing.assert_array_equal(2 * found.values - whole.values, whole.values)
+    np.testing.assert_array_equal(np.abs(found.values), np.abs(whole.values))
+    doubled = replace(found, values=2 * found.values)
+    assert not doubled.in_file and isinstance(doubled.variance, np.ndarray)
     with pytest.raises(InputError, match=r"cut by slices.*numpy\.asarray"):
-        found.values[3]
+        found.values[None]
 
 
 def test_lines_and_outputs_are_read_without_the_rest(tmp_path: Path):
