@@ -61,7 +61,7 @@ def document_of(content: Any, book: Book) -> Document:
 def _of_placement(placement: Placement, book: Book) -> Document:
     prediction = placement.ranking.prediction
     facts = [
-        (text("Objective"), placement.ranking.objective),
+        (text("Objective"), word(placement.ranking.objective)),
         (text("Excitation"), ", ".join(f"{level:g}" for level in prediction.force_levels) + " N"),
         (
             text("Candidates"),

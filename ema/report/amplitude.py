@@ -129,7 +129,7 @@ def _limits(modes: Sequence[AmplitudeDependentMode], book: Book) -> Table:
         text("Mode"),
         text("Small amplitudes"),
         text("Behind the impacts, median"),
-        "FRFs",
+        text("FRFs"),
         text("Modal mass [kg]"),
         text("Stated"),
     )

@@ -21,8 +21,18 @@ _WORDS = (
     mark("constant"),
     mark("scheduled with the amplitude"),
     mark("released at turning points"),
+    mark("damping, least over the force levels"),
+    mark("damping, mean over the force levels"),
+    mark("least damping, least over the force levels"),
+    mark("least damping, mean over the force levels"),
+    mark("geometric mean, least over the force levels"),
+    mark("geometric mean, mean over the force levels"),
+    mark("peak reduction, least over the force levels"),
+    mark("peak reduction, mean over the force levels"),
+    mark("chatter, least over the force levels"),
+    mark("chatter, mean over the force levels"),
 )
-"""Heads and rows of the table of controlled forces, as data say them."""
+"""Heads and rows of the table of controlled forces, and objectives of all modes alike, as data say them."""
 _LINES = 4000
 _BESIDE = 0.12
 """How far the predicted FRFs reach beyond the modes, relative."""
@@ -58,7 +68,7 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
                 "{number} places by the one-mode predictor ({objective}); numbers: ranks with all "
                 "modes together; hatched: kept free. Recommended: {where}.",
                 number=len(ranking.scores),
-                objective=ranking.objective,
+                objective=word(ranking.objective),
                 where=where,
             ),
         ),
@@ -279,7 +289,7 @@ def _table(placement: Placement, book: Book) -> Block:
     caption = text(
         "The best places: {objective}. Middle of the beam, normal force of every joint for "
         "all levels, least damping over the levels.",
-        objective=placement.ranking.objective,
+        objective=word(placement.ranking.objective),
     )
     return book.table("places", caption, [*columns, text("Flags")], rows)
 

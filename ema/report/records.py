@@ -35,7 +35,7 @@ def _provenance(result: StudyResult, book: Book) -> list[Block]:
     if own.versions:
         blocks.append(book.table("versions", text("Software."), (text("Package"), text("Version")), own.versions))
     options = [(text("study"), *option) for option in own.options]
-    options += _settings("FRFs", {run.run.id: run.frfs.provenance.options for run in result.runs})
+    options += _settings(text("FRFs"), {run.run.id: run.frfs.provenance.options for run in result.runs})
     # Modes carry the settings of their FRFs with them.
     options += _settings(
         text("fit"),
