@@ -3,9 +3,11 @@
 import ast
 import base64
 import html
+import json
 import re
 import string
 import threading
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
@@ -15,6 +17,7 @@ from typer.testing import CliRunner
 
 import ema.report
 from ema import examples, store
+from ema.app.words import marked, said
 from ema.data.condition import ExcitationKind, LoadingSequence
 from ema.data.results import Verdict
 from ema.errors import InputError
@@ -49,10 +52,14 @@ def written_out(call: ast.Call) -> list[Any]:
 def messages() -> set[tuple[str, ...]]:
     """Every message of the sources, of the template of a report, and of the catalogue of findings."""
     every = (tuple(written_out(call)) for _, call in calls())
-    found = {said for said in every if all(isinstance(one, str) for one in said)}
+    found = {one for one in every if all(isinstance(part, str) for part in one)}
     template = (ROOT / "ema/report/templates/report.html").read_text(encoding="utf-8")
-    found |= {(said,) for said in re.findall(r'\btext\("([^"]+)"', template)}
+    found |= {(one,) for one in re.findall(r'\btext\("([^"]+)"', template)}
     found |= set(re.findall(r'\bplural\("([^"]+)", "([^"]+)"', template))
+    for path in sorted((ROOT / "ema/app/page").glob("*.html")):
+        found |= {(one,) for one in marked(path.read_text(encoding="utf-8"))}
+    for path in sorted((ROOT / "ema/app/page").glob("*.js")):
+        found |= {(one,) for one in said(path.read_text(encoding="utf-8"))}
     return found | {(kind.meaning,) for kind in kinds().values()}
 
 
@@ -62,15 +69,15 @@ def placeholders(message: str) -> list[str]:
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_no_sentence_is_missing_and_none_is_left_over(name: str) -> None:
-    known = {given: said for given, said in entries(name).items() if given != ("",)}
+    known = {given: own for given, own in entries(name).items() if given != ("",)}
     assert messages() - set(known) == set(), f"these have no entry in ema/messages/{name}.po"
     assert set(known) - messages() == set(), "nothing says these"
     (head,) = entries(name)[("",)]
     forms = int(re.search(r"nplurals=(\d+)", head)[1])  # type: ignore[index]
-    for given, said in known.items():
-        assert len(said) == (1 if len(given) == 1 else forms), given
-        for message in said:
-            original = given[0] if message == said[0] else given[-1]
+    for given, translated in known.items():
+        assert len(translated) == (1 if len(given) == 1 else forms), given
+        for message in translated:
+            original = given[0] if message == translated[0] else given[-1]
             assert message.strip() == message and message, given
             # the same values and numbers, in the order in which the reader of the other language meets them
             pattern = r"\{\w+\}|\d+(?:\.\d+)?"
@@ -81,9 +88,9 @@ def test_no_sentence_is_missing_and_none_is_left_over(name: str) -> None:
 
 def test_messages_are_written_out_with_named_placeholders() -> None:
     for where, call in calls():
-        said = written_out(call)
+        parts = written_out(call)
         if call.func.id != "text":  # type: ignore[attr-defined]
-            assert all(isinstance(one, str) for one in said), f"{where}: a message is written out, not put together"
+            assert all(isinstance(one, str) for one in parts), f"{where}: a message is written out, not put together"
         assert not any(isinstance(each, ast.JoinedStr | ast.BinOp) for each in call.args), f"{where}: an f-string"
     for given in messages():
         for message in given:
@@ -128,7 +135,7 @@ def literal(message: str) -> re.Pattern[str]:
 def test_a_report_in_another_language_has_the_same_numbers_and_no_english_sentence(
     name: str, pages: dict[str, dict[str, Page]]
 ) -> None:
-    english = [one for given, said in entries(name).items() for one in given if one and one not in said]
+    english = [one for given, own in entries(name).items() for one in given if one and one not in own]
     sentences = [literal(one) for one in english if len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\{.*?\}", "", one))) > 2]
     for kind, page in pages[name].items():
         before, after = (shown(each) for each in (pages["en"][kind], page))
@@ -221,3 +228,42 @@ def test_the_command_line_chooses_the_language(tmp_path: Path) -> None:
     assert "Einbauort des Reibbalkens" in (tmp_path / "placement.html").read_text(encoding="utf-8")
     wrong = runner.invoke(app, ["report", str(stored), "--language", "tlh"])
     assert wrong.exit_code == 2 and "expected one of en, de" in " ".join(wrong.output.split())
+
+
+@pytest.mark.parametrize(
+    ("language_", "accepted", "undo"),
+    [("", "de-DE,de;q=0.9", "Rückgängig"), ("", "en-GB", "Undo"), ("", "", "Undo"), ("de", "en", "Rückgängig")],
+)
+def test_the_page_in_the_browser_speaks_the_language_that_is_asked_for(
+    language_: str, accepted: str, undo: str
+) -> None:
+    from ema.app.server import serve
+    from ema.app.state import Workbench
+
+    app = serve(Workbench(examples.study_result(), Path("study.h5")), port=0, language=language_)
+    thread = threading.Thread(target=app.run)
+    thread.start()
+    try:
+
+        def answer(path: str) -> str:
+            request = urllib.request.Request(app.address + path, headers={"Accept-Language": accepted})
+            with urllib.request.urlopen(request, timeout=10) as reply:
+                return reply.read().decode()
+
+        page, words, overview = answer(""), answer("words.js"), json.loads(answer("api/overview"))
+    finally:
+        app.stop()
+        thread.join()
+    german = undo != "Undo"
+    assert f'title="u">{undo}<' in page and f'<html lang="{"de" if german else "en"}">' in page
+    assert "[[" not in page and "]]" not in page
+    assert json.loads(words.split("const words = ")[1].rstrip(";\n"))["Undo: {what}"] == f"{undo}: {{what}}"
+    assert overview["force"] == ("ohne Reibbalken" if german else "no friction beam")
+
+
+def test_every_word_of_a_script_is_said() -> None:
+    """A text of a script that a reader sees is one of the list: no template holds words beside its values."""
+    for path in sorted((ROOT / "ema/app/page").glob("*.js")):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            for template in re.findall(r"textContent = `([^`]*)`", line):
+                assert not re.search(r"[a-z]{3}", re.sub(r"\$\{[^}]*\}", "", template)), f"{path.name}: {line.strip()}"
