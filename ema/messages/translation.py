@@ -110,6 +110,11 @@ def speaking(name: str) -> Iterator[None]:
     name : str
         Code of the language.
 
+    Yields
+    ------
+    None
+        Nothing.
+
     Raises
     ------
     InputError

@@ -5,7 +5,7 @@ from io import BytesIO
 from typing import Any
 
 from ema.errors import require
-from ema.messages import plural, text
+from ema.messages import SOURCE, language, plural, text
 from ema.report.blocks import Animation, Block, Picture, Section, Table
 from ema.report.document import Document
 from ema.report.findings import Group
@@ -64,6 +64,8 @@ class _Writer:
         style = self._file.styles["Normal"]
         style.font.name, style.font.size = "Calibri", Pt(10)
         style.paragraph_format.space_after = Pt(4)
+        if language() != SOURCE:  # for the spelling checker
+            self._spoken(style)
         about = self._file.core_properties
         # without a date of its own, equal results give equal files
         about.title, about.author, about.created, about.modified = (
@@ -74,6 +76,16 @@ class _Writer:
         )
         about.comments = ""
         self._page_numbers(section.footer.paragraphs[0], title)
+
+    @staticmethod
+    def _spoken(style: Any) -> None:
+        """The language of the text."""
+        from docx.oxml import OxmlElement
+        from docx.oxml.ns import qn
+
+        mark = OxmlElement("w:lang")
+        mark.set(qn("w:val"), language())
+        style.element.get_or_add_rPr().append(mark)
 
     def content(self) -> bytes:
         target = BytesIO()

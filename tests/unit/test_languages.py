@@ -143,13 +143,21 @@ def test_a_report_in_another_language_has_the_same_numbers_and_no_english_senten
         assert [found[0] for one in sentences if (found := one.search(after))] == [], kind
         heads = {cell for table in page.tables for cell in table[0]} | set(re.findall(r"<h[23]>(.*?)</h", page.source))
         assert heads & set(english) == set(), kind
-        assert f'<html lang="{name}">' in page.source
+        assert f'<html lang="{name}">' in page.source and "hyphens: auto" in page.source
 
 
 def test_an_english_report_says_what_it_always_said(pages: dict[str, dict[str, Page]]) -> None:
     golden = (Path(__file__).parent / "golden" / "report_en.txt").read_text(encoding="utf-8").splitlines()
     found = [f"{kind}: {re.sub(NUMBER, '#', shown(page))}" for kind, page in pages["en"].items()]
     assert found == golden
+
+
+def test_word_knows_the_language(tmp_path: Path) -> None:
+    docx = pytest.importorskip("docx")
+    written = ema.report.write(examples.placement(), tmp_path / "r.docx", language="de")
+    file = docx.Document(str(written))
+    assert "Einbauort des Reibbalkens" in [paragraph.text for paragraph in file.paragraphs]
+    assert 'w:lang w:val="de"' in file.styles["Normal"].element.xml
 
 
 def test_every_language_says_once_that_messages_of_findings_are_english(pages: dict[str, dict[str, Page]]) -> None:
