@@ -136,7 +136,7 @@ def _document(
         findings=table,
         expectations=None,
         chapters=chapters,
-        language_note=language_note(groups),
+        language_note=language_note(),
     )
 
 

@@ -100,7 +100,7 @@ def compose(result: StudyResult, book: Book) -> Document:
         expectations=expectations,
         chapters=_chapters(result, book),
         logo=logo(campaign),
-        language_note=language_note(groups),
+        language_note=language_note(),
     )
 
 

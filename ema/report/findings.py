@@ -9,7 +9,9 @@ from ema.report.numbers import plain
 
 SEVERITIES = {"error": mark("error"), "warning": mark("warning"), "info": mark("remark")}
 """Severities, the gravest first, as the reader meets them."""
-IN_ENGLISH = mark("What a finding means is translated; its message, with its numbers, and the advice are in English.")
+IN_ENGLISH = mark(
+    "What findings mean is translated; messages, advice, verdicts and reasons are in English, as they were computed."
+)
 _MOST_LISTED = 40
 
 
@@ -68,9 +70,9 @@ def counted(groups: list[Group]) -> str:
     return text("Findings: {counts}.", counts=counts) if counts else text("Findings: none.")
 
 
-def language_note(groups: list[Group]) -> str:
-    """That what is under the meanings is in English, in a report of another language that has findings."""
-    return text(IN_ENGLISH) if groups and language() != SOURCE else ""
+def language_note() -> str:
+    """That what the computation put into words is in English, in a report of another language."""
+    return text(IN_ENGLISH) if language() != SOURCE else ""
 
 
 def finding_table(groups: list[Group], book: Book) -> Table | None:
