@@ -5,10 +5,29 @@ from scipy.stats import binom
 
 from ema import show
 from ema.data.forecast import Forecast, ForecastCheck
-from ema.messages import text
+from ema.messages import mark, text, word
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import plain
 
+_SOURCES = (
+    mark("friction coefficient"),
+    mark("tangential contact stiffness"),
+    mark("exponent of the contact stiffness"),
+    mark("form of the friction law"),
+    mark("normal contact stiffness"),
+    mark("contact length"),
+    mark("pressure over the contact"),
+    mark("normal force"),
+    mark("height of the interface"),
+    mark("scatter from joint to joint"),
+    mark("loss factor of the beam"),
+    mark("modes above those known"),
+    mark("frequency and damping without the beam"),
+    mark("mode shape at joints and exciter"),
+    mark("upper harmonics of the friction"),
+    mark("all else, and what acts together"),
+)
+"""What bands come from, as data say it."""
 _LEVEL = 0.95
 """Level of the bands."""
 _RARE = 0.01
@@ -76,12 +95,14 @@ def _budget(forecast: Forecast, book: Book) -> list[Block]:
         most.append(
             text(
                 "{source} ({mode}, {share} % of their variance)",
-                source=first["source"],
+                source=word(first["source"]),
                 mode=_of_mode(name.split(":")[0]),
                 share=f"{first[name]:.0f}",
             )
         )
-    rows: list[list[Cell]] = [[row[0], *(f"{value:.0f}" for value in row[1:])] for row in table.itertuples(index=False)]
+    rows: list[list[Cell]] = [
+        [word(row[0]), *(f"{value:.0f}" for value in row[1:])] for row in table.itertuples(index=False)
+    ]
     return [
         Text(text("What widens the bands of the damping ratio most: {sources}.", sources="; ".join(most))),
         book.table(

@@ -1,13 +1,30 @@
 """The table of modes of a run, and its condition in words."""
 
+from functools import reduce
+
 import numpy as np
 
 from ema.data import ModalModel, RunResult
-from ema.messages import plural, text, word
+from ema.messages import mark, plural, text, word
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import MISSING, Value, fixed, listed, plain, short, with_uncertainty
 from ema.shapes import quality
 
+_WORDS = (
+    mark("coherence of the FRFs, scaled to the residuals"),
+    mark("variance of the FRFs, scaled to the residuals"),
+    mark("scatter of the residuals over the lines"),
+    mark("scatter of the residuals over the lines, which is beyond the coherence of the FRFs"),
+    mark("scatter of the residuals over the lines, which is beyond the variance of the FRFs"),
+    mark("with a single average the coherence is 1 and says nothing"),
+    mark("with the scatter between the set-ups"),
+    mark("with what the shape of the residual amounts to"),
+    mark("with what the correction of leakage leaves open"),
+    mark("noise that the FRFs share"),
+    mark("scatter between the FRFs"),
+    mark("scatter between the impacts"),
+)
+"""What intervals rest on, as data say it."""
 COVERAGE = 2.0
 """Intervals are given as plus or minus this many standard deviations (95 % of a normal distribution)."""
 
@@ -179,7 +196,7 @@ def mode_table(run: RunResult, book: Book) -> Block:
         basis = modes.uncertainty.basis if modes.uncertainty is not None else ""
         note = text(
             "± is two standard deviations within this run, from {basis}",
-            basis=word(basis) if basis else text("noise only"),
+            basis=_in_words(basis) if basis else text("noise only"),
         )
     if any(finding.code == "slip-then-ring" for finding in run.findings):
         note = text(
@@ -189,6 +206,23 @@ def mode_table(run: RunResult, book: Book) -> Block:
         )
     caption = text("Modes of run {run} ({note}).", run=name, note=note)
     return book.table(f"modes_{name}", caption, [*columns, "std f [Hz]", "std ζ [%]"], rows, shown)
+
+
+def _in_words(basis: str) -> str:
+    """What intervals rest on, in the reader's language: parts between semicolons, of which one names causes."""
+    parts = []
+    for part in basis.split("; "):
+        causes = part.removeprefix("of some poles, ").removesuffix(", which is beyond that")
+        if len(causes) < len(part):
+            names = reduce(lambda first, last: text("{first} and {last}", first=first, last=last), _causes(causes))
+            parts.append(text("of some poles, {causes}, which is beyond that", causes=names))
+        else:
+            parts.append(word(part))
+    return "; ".join(parts)
+
+
+def _causes(joined: str) -> list[str]:
+    return [word(cause) for cause in joined.split(" and ")]
 
 
 def set_up_table(run: RunResult, book: Book) -> Block | None:

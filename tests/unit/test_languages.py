@@ -22,6 +22,8 @@ from ema.data.condition import ExcitationKind, LoadingSequence
 from ema.data.results import Verdict
 from ema.errors import InputError
 from ema.messages import entries, kinds, language, languages, plural, preferred, speaking, text, word
+from ema.place.budget import HARMONICS, REST
+from ema.report.modes import _in_words
 from ema.report.pictures import Image
 from ema.study import recipe
 from ema.study.recipe import Quantity
@@ -191,6 +193,28 @@ def test_an_error_ends_the_language() -> None:
         assert word("hammer") == "Impulshammer"
         raise RuntimeError
     assert word("hammer") == "hammer"
+
+
+def test_what_intervals_rest_on_is_said_in_the_language_of_the_report() -> None:
+    basis = (
+        "coherence of the FRFs, scaled to the residuals; of some poles, noise that the FRFs share and scatter between the "
+        "FRFs and scatter between the impacts, which is beyond that"
+    )
+    assert _in_words(basis) == basis
+    with speaking("de"):
+        assert _in_words(basis) == (
+            "Kohärenz der FRF, skaliert auf die Residuen; bei einigen Polen gemeinsames Rauschen der FRF und Streuung "
+            "zwischen den FRF und Streuung zwischen den Impulsen, was darüber hinausgeht"
+        )
+
+
+def test_sources_of_bands_are_in_the_list() -> None:
+    """Every key of the table of sources, and the two that are left over."""
+    tree = ast.parse((ROOT / "ema/place/budget.py").read_text(encoding="utf-8"))
+    keys = [key for node in ast.walk(tree) if isinstance(node, ast.Dict) for key in node.keys]
+    named = {key.value for key in keys if isinstance(key, ast.Constant)}
+    assert len(named) > 12
+    assert {(name,) for name in (*named, HARMONICS, REST)} <= messages()
 
 
 def test_names_of_users_are_not_translated() -> None:
