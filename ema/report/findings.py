@@ -9,6 +9,8 @@ from ema.report.numbers import plain
 
 SEVERITIES = {"error": mark("error"), "warning": mark("warning"), "info": mark("remark")}
 """Severities, the gravest first, as the reader meets them."""
+_AS_DATA = mark("info")
+"""How the table beside the report calls a remark."""
 IN_ENGLISH = mark(
     "What findings mean is translated; messages, advice, verdicts and reasons are in English, as they were computed."
 )
