@@ -9,6 +9,7 @@ import numpy as np
 from ema.app.views import curve, numbers
 from ema.data import FrfSet, Recording
 from ema.errors import InputError
+from ema.messages import text
 from ema.show.style import frf_label
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def _verdict(take: "Take") -> dict[str, Any]:
         "reasons": list(take.reasons),
         "remarks": list(take.remarks),
         "peak": f"{take.peak:.4g} N",
-        "normal_force": ", ".join(forces) or "no joint",
+        "normal_force": ", ".join(forces) or text("no joint"),
     }
 
 

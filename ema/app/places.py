@@ -8,6 +8,7 @@ from ema.app.state import Workbench
 from ema.app.views import numbers
 from ema.data.placement import Place, Placement, Prediction
 from ema.errors import InputError
+from ema.messages import text
 from ema.place.objective import Objective, of_rows, scores
 from ema.show.placement import seen_edges
 
@@ -86,7 +87,11 @@ def _in_decibels(placement: Placement) -> bool:
 
 def _kind(placement: Placement, angle: float, beam: int) -> str:
     beam_type = placement.ranking.prediction.candidates.catalogue[beam]
-    return f"{beam_type.name or f'beam {beam + 1}'} at {np.degrees(angle):.0f}°"
+    return text(
+        "{beam} at {angle}°",
+        beam=beam_type.name or text("beam {number}", number=beam + 1),
+        angle=f"{np.degrees(angle):.0f}",
+    )
 
 
 def _of_rank(place: Place) -> dict[str, Any]:

@@ -16,8 +16,10 @@ from urllib.parse import parse_qs, urlsplit
 
 from ema.app.connections import Reply, Request, Server
 from ema.app.state import Workbench
+from ema.app.words import table, translated
 from ema.app.workbench_page import WorkbenchPage
 from ema.errors import EmaError, FailureError, require
+from ema.messages import checked_language, preferred, speaking
 from ema.show.moving import script
 
 LOCAL = "127.0.0.1"
@@ -54,12 +56,14 @@ class Page(Protocol):
 class App:
     """A running server.
 
-    ``token`` has to be part of the address where others than this machine can reach it.
+    ``language`` is that of its words, by default the first of those that the browser accepts. ``token`` has to be
+    part of the address where others than this machine can reach it.
     """
 
     page: Page
     server: Server
     token: str
+    language: str = ""
 
     @property
     def address(self) -> str:
@@ -84,7 +88,7 @@ class App:
         self.server.wake()
 
 
-def serve(page: Page | Workbench, host: str = LOCAL, port: int = 8080) -> App:
+def serve(page: Page | Workbench, host: str = LOCAL, port: int = 8080, language: str = "") -> App:
     """Open the port and return the server, which answers once ``run`` is called.
 
     Parameters
@@ -95,6 +99,8 @@ def serve(page: Page | Workbench, host: str = LOCAL, port: int = 8080) -> App:
         Address; by default only this machine can reach it. Any other address requires a token that is part of the URL.
     port : int, default 8080
         Port; 0 takes a free one.
+    language : str, optional
+        Code of the language of the page; by default the first that exists of those that the browser accepts.
 
     Returns
     -------
@@ -105,6 +111,8 @@ def serve(page: Page | Workbench, host: str = LOCAL, port: int = 8080) -> App:
     ------
     MissingExtraError
         If plotly is not installed.
+    InputError
+        If there is no such language.
     FailureError
         If the port is in use, or the address is not this machine's.
 
@@ -116,6 +124,7 @@ def serve(page: Page | Workbench, host: str = LOCAL, port: int = 8080) -> App:
     >>> app.stop()
     """
     require("plotly", "app")
+    spoken = checked_language(language) if language else ""
     token = "" if _local(host) else secrets.token_urlsafe(24)
     apps: list[App] = []
     shown = WorkbenchPage(page) if isinstance(page, Workbench) else page
@@ -127,7 +136,7 @@ def serve(page: Page | Workbench, host: str = LOCAL, port: int = 8080) -> App:
             where=f"{host}:{port}",
             advice="choose another port with --port (0 takes a free one)",
         ) from error
-    apps.append(App(shown, server, token))
+    apps.append(App(shown, server, token, spoken))
     return apps[0]
 
 
@@ -153,9 +162,14 @@ def _own(name: str) -> bytes:
     return (files("ema.app") / "page" / name).read_bytes()
 
 
+def _words() -> bytes:
+    return table(*(_own(name).decode() for name in ("common.js", "app.js", "live.js"))).encode()
+
+
 _STATIC: dict[str, tuple[str, Callable[[], bytes]]] = {
     "/plotly.js": ("text/javascript", _plotly),
     "/motion.js": ("text/javascript", lambda: script().encode()),
+    "/words.js": ("text/javascript", _words),
     "/common.js": ("text/javascript", lambda: _own("common.js")),
     "/app.js": ("text/javascript", lambda: _own("app.js")),
     "/live.js": ("text/javascript", lambda: _own("live.js")),
@@ -238,7 +252,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _get(self, path: str, query: dict[str, str]) -> dict[str, Any] | None:
         if path == "/":
-            self._send(200, "text/html", _own(f"{self.app.page.name}.html"))
+            self._send(200, "text/html", translated(_own(f"{self.app.page.name}.html").decode()).encode())
         elif path in _STATIC:
             kind, read = _STATIC[path]
             self._send(200, kind, read())
@@ -268,7 +282,8 @@ class _Handler(BaseHTTPRequestHandler):
                 text = "open the address that `ema app` has printed: it ends with a token"
                 self._send(403, "application/json", json.dumps({"error": text}).encode())
                 return
-            content = work(url.path, query)
+            with speaking(self.app.language or preferred(self.headers.get("Accept-Language", ""))):
+                content = work(url.path, query)
             answer = None if content is None else json.dumps(content, allow_nan=False).encode()
             status = 200
         except EmaError as error:

@@ -27,6 +27,7 @@ from ema.data import (
 from ema.errors import InputError
 from ema.fit.modal import Estimate, estimated
 from ema.fit.record_end import as_recorded
+from ema.messages import text
 
 _PICKED = "picked rows of the pole table"
 _MOST_UNDONE = 200
@@ -207,12 +208,21 @@ class Workbench:
                 raise InputError("no such pole", got=row, expected=f"0 to {len(poles.poles) - 1}")
             frequency = f"{poles.natural_frequencies[row]:.5g} Hz"
             if row in work.picked:
-                self._pick([other for other in work.picked if other != row], f"drop {frequency}")
+                self._pick(
+                    [other for other in work.picked if other != row], text("drop {frequency}", frequency=frequency)
+                )
             elif (former := self._of_same_mode(row)) is not None:
                 rows = [row if other == former else other for other in work.picked]
-                self._pick(rows, f"swap {poles.natural_frequencies[former]:.5g} Hz for {frequency}")
+                self._pick(
+                    rows,
+                    text(
+                        "swap {former} Hz for {frequency}",
+                        former=f"{poles.natural_frequencies[former]:.5g}",
+                        frequency=frequency,
+                    ),
+                )
             else:
-                self._pick([*work.picked, row], f"pick {frequency}")
+                self._pick([*work.picked, row], text("pick {frequency}", frequency=frequency))
 
     def pick_near(self, frequency: float) -> None:
         """Select the most stable pole next to a frequency, as ``ema.fit.modes(near=...)`` does.
@@ -269,7 +279,10 @@ class Workbench:
                 raise InputError("no such mode", got=mode + 1, expected=f"1 to {len(frequencies)}")
             picked = self._poles().natural_frequencies[list(work.picked)]
             gone = work.picked[int(np.argmin(np.abs(picked - frequencies[mode])))]
-            self._pick([row for row in work.picked if row != gone], f"drop {frequencies[mode]:.5g} Hz")
+            self._pick(
+                [row for row in work.picked if row != gone],
+                text("drop {frequency}", frequency=f"{frequencies[mode]:.5g} Hz"),
+            )
 
     def exclude(self, hit: int, why: str, who: str) -> None:
         """Leave an impact out of the averages, as a repair with a reason; FRFs, poles and modes are computed again.
@@ -322,7 +335,7 @@ class Workbench:
             wanted = work.result.modes.natural_frequencies
             rows = list(dict.fromkeys(nearest(poles, float(frequency)) for frequency in wanted))
             base = replace(work.result, run=run, frfs=frfs, hits=hits, poles=poles)
-            what = f"exclude impact {impact.index + 1} of {impact.recording}"
+            what = text("exclude impact {number} of {record}", number=impact.index + 1, record=impact.recording)
             self._keep(Work(self._picked(base, rows), tuple(rows), excluded), what)
 
     def undo(self) -> None:

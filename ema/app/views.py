@@ -11,6 +11,7 @@ import numpy as np
 from ema.app.state import Workbench
 from ema.errors import InputError
 from ema.fit import cmif
+from ema.messages import text, word
 from ema.show.frf import drive_points
 from ema.show.moving import moving_shapes
 from ema.show.style import frf_label
@@ -51,9 +52,10 @@ def overview(bench: Workbench) -> dict[str, Any]:
         "path": str(bench.path),
         "who": bench.who or bench.result.campaign.operator,
         "force": "; ".join(
-            f"{joint.joint} {joint.mean:.4g} N" if joint.known else f"{joint.joint} unknown" for joint in joints
+            f"{joint.joint} {joint.mean:.4g} N" if joint.known else f"{joint.joint} {text('unknown')}"
+            for joint in joints
         )
-        or "no friction beam",
+        or text("no friction beam"),
         "error": numbers([100 * median], 4)[0],
         "modes": [
             {"f": row[0], "zeta": row[1], "std_f": row[2], "std_zeta": row[3], "mpc": row[4]}
@@ -67,12 +69,14 @@ def overview(bench: Workbench) -> dict[str, Any]:
             )
         ],
         "findings": [
-            {"severity": each.severity, "text": str(each)}
+            {"severity": word(each.severity), "text": str(each)}
             for each in (*modes.findings, *run.findings)
             if each.severity != "info"
         ],
-        "maps": [chart.name or f"map {number}" for number, chart in enumerate(bench.maps, 1)],
-        "placements": [one.title or f"placement {number}" for number, one in enumerate(bench.placements, 1)],
+        "maps": [chart.name or text("map {number}", number=number) for number, chart in enumerate(bench.maps, 1)],
+        "placements": [
+            one.title or text("placement {number}", number=number) for number, one in enumerate(bench.placements, 1)
+        ],
     }
 
 
@@ -80,7 +84,7 @@ def poles(bench: Workbench) -> dict[str, Any]:
     """The stabilisation diagram and the CMIF behind it."""
     run, table = bench.work.result, bench.work.result.poles
     if table is None:
-        return {"missing": "There is no stabilisation diagram: the modes were not found through model orders."}
+        return {"missing": text("There is no stabilisation diagram: the modes were not found through model orders.")}
     inside = run.frfs.band(*table.band)
     lines = _few(inside.frequencies, np.asarray(cmif(inside)))
     return {
@@ -154,9 +158,9 @@ def motion(bench: Workbench) -> dict[str, Any]:
     """
     geometry, modes = bench.result.campaign.geometry, bench.work.result.modes
     if geometry is None:
-        return {"missing": "The campaign has no geometry, so shapes cannot be drawn in space."}
+        return {"missing": text("The campaign has no geometry, so shapes cannot be drawn in space.")}
     if not len(modes.poles):
-        return {"missing": "No mode is picked, so there is no shape to draw."}
+        return {"missing": text("No mode is picked, so there is no shape to draw.")}
     return moving_shapes(modes, geometry)
 
 
@@ -174,7 +178,7 @@ def hits(bench: Workbench) -> dict[str, Any]:
     """
     gallery = bench.work.result.hits
     if gallery is None:
-        return {"missing": "This run has no impacts, or came as finished FRFs without its time records."}
+        return {"missing": text("This run has no impacts, or came as finished FRFs without its time records.")}
     return {
         "usable": numbers(gallery.usable_band, 5),
         "hits": [

@@ -21,7 +21,7 @@ from ema.cli import (
     simulating,
 )
 from ema.cli.cluster import Cluster
-from ema.cli.common import Formats, Jobs, Json, LimitOfRecipe, split_formats, status
+from ema.cli.common import Formats, Jobs, Json, Language, LimitOfRecipe, split_formats, status
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
 
@@ -96,6 +96,7 @@ def run(
         bool, typer.Option("--resume", help="Keep runs finished before by the same code from the same inputs.")
     ] = False,
     formats: Formats = "html",
+    language: Language = "",
     limit: LimitOfRecipe = None,
     jobs: Jobs = None,
     cluster: Cluster = None,
@@ -104,10 +105,14 @@ def run(
     json: Json = False,
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
+    from ema.messages import checked_language
     from ema.study import Study
 
     others = [name for name in split_formats(formats) if name != "html"]
     study = replace(Study.load(recipe, output), salvage=salvage).keeping(keep or [])
+    if language:
+        spoken = study.recipe.model_copy(update={"language": checked_language(language)})
+        study = replace(study, recipe=spoken)
     return _done(study, others, resume=resume, limit=limit, jobs=jobs, cluster=cluster, json=json)
 
 
@@ -168,7 +173,7 @@ def _done(
         if others:
             from ema.report import write
 
-            write(result, study.report, others)
+            write(result, study.report, others, study.recipe.language)
     if json:
         screen.as_json(summary(result) | {"report": str(study.report), "result": str(study.result)})
     else:
@@ -274,6 +279,7 @@ def report(
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
     formats: Formats = "",
+    language: Language = "en",
     json: Json = False,
 ) -> int:
     """Write the report of a stored result: a study, a placement, a comparison, a map, a simulation."""
@@ -282,7 +288,7 @@ def report(
     from ema.report import write
 
     wanted = split_formats(formats)
-    path = write(store.load(result), output or result.with_suffix(".html"), wanted)
+    path = write(store.load(result), output or result.with_suffix(".html"), wanted, language)
     if json:
         screen.as_json({"report": str(path)})
     else:

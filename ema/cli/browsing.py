@@ -26,6 +26,7 @@ from ema.data import (
     StudyResult,
 )
 from ema.errors import EmaError, FailureError, InputError
+from ema.messages import checked_language
 from ema.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -60,15 +61,19 @@ def browse(
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the result.")] = None,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
+    language: Annotated[
+        str, typer.Option("--language", help="Of the page: en or de; by default what the browser prefers.")
+    ] = "",
 ) -> int:
     """Pick poles and watch shapes in a browser; nothing leaves this machine."""
     from ema.app.server import serve
     from ema.cli import screen
 
+    spoken = checked_language(language) if language else ""
     with screen.Bars() as bars:
         bench = workbench(campaign, output, bars.__call__, [chart for path in charts or [] for chart in maps_of(path)])
         bench.placements += tuple(one for path in placed or [] for one in placements_of(path))
-    running = serve(bench, host, port)
+    running = serve(bench, host, port, spoken)
     print(f"Open {running.address}  (Ctrl-C ends)", flush=True)
     if show:
         webbrowser.open(running.address)

@@ -23,6 +23,7 @@ LimitOfRecipe = Annotated[Severity | None, _LIMIT]
 Jobs = Annotated[
     int | None, typer.Option("--jobs", min=1, help="Processes that compute places; as many as cores by default.")
 ]
+Language = Annotated[str, typer.Option("--language", help="Of the report: en or de.")]
 Formats = Annotated[str, typer.Option("--format", help="Of the report: html, pdf, docx, separated by commas.")]
 
 _GRAVE: dict[str, tuple[str, ...]] = {"warning": ("warning", "error"), "error": ("error",), "never": ()}

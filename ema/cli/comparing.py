@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ema.cells import as_text
-from ema.cli.common import Formats, Json, jsonable, save_pictures, split_formats
+from ema.cli.common import Formats, Json, Language, jsonable, save_pictures, split_formats
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
+from ema.messages import checked_language
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,12 +56,13 @@ def compare(
         Path | None, typer.Option("--output", "-o", help="Folder for what is written [compared/NAME].")
     ] = None,
     formats: Formats = "html",
+    language: Language = "en",
     json: Json = False,
 ) -> int:
     """Compare a model with a measurement; ends with status 1 where it does not agree."""
     from ema.cli import screen
 
-    wanted = split_formats(formats)
+    wanted, spoken = split_formats(formats), checked_language(language)
     free = [name.strip() for name in update.split(",") if name.strip()]
     content = _contents(measured)
     if geometry is not None and _is_model(model):
@@ -88,7 +90,7 @@ def compare(
             outcome = _against_file(content, placed[0] if placed else other, (measured, model), (band, start))
             outcome.findings += placed[1] if placed else []
     folder = out or Path("compared") / measured.resolve().stem
-    written = _write(folder, outcome, wanted)
+    written = _write(folder, outcome, wanted, spoken)
     if json:
         screen.as_json(
             {
@@ -269,7 +271,7 @@ def _against_model(
     return Outcome(comparison.verdict, tables, contents, {"map_comparison": show.map_comparison(comparison)}, findings)
 
 
-def _write(folder: Path, outcome: Outcome, formats: Sequence[str]) -> list[Path]:
+def _write(folder: Path, outcome: Outcome, formats: Sequence[str], language: str) -> list[Path]:
     from ema import report, store
     from ema.study.study import make_folder
 
@@ -281,7 +283,7 @@ def _write(folder: Path, outcome: Outcome, formats: Sequence[str]) -> list[Path]
         with store.replacing(written[-1]) as target:
             table.map(lambda cell: as_text(cell) if isinstance(cell, str) else cell).to_csv(target, index=False)
     written += save_pictures(folder, outcome.pictures)
-    report.write(outcome.contents, folder / "comparison.html", formats)
+    report.write(outcome.contents, folder / "comparison.html", formats, language)
     return [*written, *(folder / f"comparison.{name}" for name in formats)]
 
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ema.cli.cluster import Cluster, workers
-from ema.cli.common import Formats, Json, Limit, jsonable, save_pictures, split_formats, status
+from ema.cli.common import Formats, Json, Language, Limit, jsonable, save_pictures, split_formats, status
 from ema.cli.ending import ends_well
 from ema.errors import InputError
+from ema.messages import checked_language
 
 if TYPE_CHECKING:
     from ema.data import Geometry, ModalModel
@@ -34,6 +35,7 @@ def place(
     resume: Annotated[bool, typer.Option("--resume", help="Keep places finished before.")] = False,
     anyway: Annotated[bool, typer.Option("--anyway", help="Place although the joint model does not agree.")] = False,
     formats: Formats = "html",
+    language: Language = "en",
     limit: Limit = "error",
     json: Json = False,
 ) -> int:
@@ -43,7 +45,7 @@ def place(
     from ema.place.sources import bare_of_model, verdict_of
     from ema.study.study import make_folder
 
-    wanted = split_formats(formats)
+    wanted, spoken = split_formats(formats), checked_language(language)
     read, origin, model = _read(source, recipe)
     folder = output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement"
     make_folder(folder)
@@ -53,7 +55,7 @@ def place(
         with workers(cluster, jobs) as executor:
             placement = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
     placement = replace(placement, geometry=geometry)
-    written = _write(placement, folder, wanted)
+    written = _write(placement, folder, wanted, spoken)
     if json:
         screen.as_json(_as_mapping(placement, written))
     else:
@@ -174,7 +176,7 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
     return models[0], shapes[0]
 
 
-def _write(found: "Placement", folder: Path, formats: Sequence[str]) -> list[Path]:
+def _write(found: "Placement", folder: Path, formats: Sequence[str], language: str) -> list[Path]:
     """Store, pictures and report."""
     from ema import report, show, store
 
@@ -184,7 +186,7 @@ def _write(found: "Placement", folder: Path, formats: Sequence[str]) -> list[Pat
     if found.control is not None:
         pictures["control"] = show.control_gain(found.control)
     written += save_pictures(folder, pictures)
-    report.write(found, folder / "placement.html", formats)
+    report.write(found, folder / "placement.html", formats, language)
     return [*written, *(folder / f"placement.{name}" for name in formats)]
 
 

@@ -11,6 +11,7 @@ from ema.data import Condition, Finding, ModalModel, Run, RunResult
 from ema.data.repeats import NOISE_ONLY, ConditionDifference, RepeatGroup
 from ema.dof import match
 from ema.errors import InputError
+from ema.messages import mark, text, word
 from ema.shapes import mac
 
 ALIKE = 0.5
@@ -20,7 +21,9 @@ NEAR, SHIFTED = 0.05, 0.25
 UNEVEN, ANOTHER = 0.1, 0.5
 """Relative spread of the normal force within a group that is worth a warning, and that makes it another condition."""
 
-_NOTHING_SAID = f": {NOISE_ONLY}. No change is called significant."
+_NOTHING_SAID = mark(
+    "{conditions} against {base}: noise only; assembly scatter unknown. No change is called significant."
+)
 
 
 def repeats(
@@ -68,7 +71,7 @@ def repeats(
             expected="one of each per run",
         )
     _refuse_mixed([model.condition for model in models], names, where)
-    own = tuple(text or f"{name} alone" for text, name in zip(given, names, strict=True))
+    own = tuple(assembly or f"{name} alone" for assembly, name in zip(given, names, strict=True))
     first = max(range(len(models)), key=lambda place: (len(models[place].poles), -place))
     reference = models[first]
     places = np.full((len(models), len(reference.poles)), -1, dtype=np.int64)
@@ -387,21 +390,33 @@ def _table(
 
 
 def _sentences(first: RepeatGroup, second: RepeatGroup, found: ConditionDifference) -> tuple[str, ...]:
-    head = f"{second.label} against {first.label}"
+    names = {"condition": second.label, "base": first.label}
     if not found.pairs:
-        return (f"{head}: no two modes are alike.",)
+        return (text("{condition} against {base}: no two modes are alike.", **names),)
     known = found.known
     if not known.any():
-        return (f"{head}{_NOTHING_SAID}",)
+        return (text(_NOTHING_SAID, conditions=second.label, base=first.label),)
     said = [
-        f"{head}, {first.count} and {second.count} repeats: {text}"
-        for text in (
-            _change("damping", "%", found, found.damping_differs, 100 * found.damping, 100 * found.damping_half),
-            _change("frequency", "Hz", found, found.frequency_differs, found.frequency, found.frequency_half),
+        text(
+            "{condition} against {base}, {first} and {second} repeats: {change}",
+            **names,
+            first=first.count,
+            second=second.count,
+            change=change,
+        )
+        for change in (
+            _change(word("damping"), "%", found, found.damping_differs, 100 * found.damping, 100 * found.damping_half),
+            _change(word("frequency"), "Hz", found, found.frequency_differs, found.frequency, found.frequency_half),
         )
     ]
     if not known.all():
-        said.append(f"{head}: for {int(np.sum(~known))} further modes, {NOISE_ONLY}.")
+        said.append(
+            text(
+                "{condition} against {base}: for {number} further modes, noise only; assembly scatter unknown.",
+                **names,
+                number=int(np.sum(~known)),
+            )
+        )
     return tuple(said)
 
 
@@ -414,16 +429,30 @@ def _change(
     half: Float[np.ndarray, "pair"],
 ) -> str:
     """One sentence on damping or frequency: how many modes changed significantly, and the clearest of them."""
-    modes = f"{int(found.known.sum())} modes"
+    number = int(found.known.sum())
     if not differs.any():
-        return f"{name} shows no significant change in any of {modes}."
+        return text("{quantity} shows no significant change in any of {number} modes.", quantity=name, number=number)
     change = values[:, 1] - values[:, 0]
-    counts = {"higher": int(np.sum(differs & (change > 0))), "lower": int(np.sum(differs & (change < 0)))}
-    counted = " and ".join(f"{word} in {number}" for word, number in counts.items() if number)
+    higher, lower = int(np.sum(differs & (change > 0))), int(np.sum(differs & (change < 0)))
+    if not lower:
+        counted = text("higher in {higher}", higher=higher)
+    elif not higher:
+        counted = text("lower in {lower}", lower=lower)
+    else:
+        counted = text("higher in {higher} and lower in {lower}", higher=higher, lower=lower)
     best = int(np.argmax(np.where(differs, np.abs(change) / np.maximum(half, 1e-300), -1.0)))
-    return (
-        f"{name} is significantly {counted} of {modes}; most clearly at {found.frequency[best, 0]:.4g} Hz: "
-        f"{values[best, 0]:.5g} to {values[best, 1]:.5g} {unit}, {change[best]:+.2g} ± {half[best]:.2g} {unit} (95 %)."
+    return text(
+        "{quantity} is significantly {counted} of {number} modes; most clearly at {frequency} Hz: {before} to {after} "
+        "{unit}, {change} ± {half} {unit} (95 %).",
+        quantity=name,
+        counted=counted,
+        number=number,
+        frequency=f"{found.frequency[best, 0]:.4g}",
+        before=f"{values[best, 0]:.5g}",
+        after=f"{values[best, 1]:.5g}",
+        unit=unit,
+        change=f"{change[best]:+.2g}",
+        half=f"{half[best]:.2g}",
     )
 
 
@@ -450,7 +479,7 @@ def difference_sentences(differences: Sequence[ConditionDifference]) -> list[str
     """
     silent: dict[str, list[str]] = {}
     for one in differences:
-        if one.sentences == (f"{one.second} against {one.first}{_NOTHING_SAID}",):
+        if one.sentences == (text(_NOTHING_SAID, conditions=one.second, base=one.first),):
             silent.setdefault(one.first, []).append(one.second)
     sentences: list[str] = []
     for one in differences:
@@ -459,6 +488,6 @@ def difference_sentences(differences: Sequence[ConditionDifference]) -> list[str
             sentences += one.sentences
         elif one.second == seconds[0]:
             *others, last = seconds
-            names = f"{', '.join(others)} and {last}" if others else last
-            sentences.append(f"{names} against {one.first}{_NOTHING_SAID}")
+            names = text("{first} and {last}", first=", ".join(others), last=last) if others else last
+            sentences.append(text(_NOTHING_SAID, conditions=names, base=one.first))
     return sentences

@@ -1,4 +1,4 @@
-"""What each kind of finding says, in one catalogue: `ema explain CODE`, and a page of the docs."""
+"""What each kind of finding says, in one catalogue, and the words of reports and of the browser in all languages."""
 
 import tomllib
 from dataclasses import dataclass
@@ -7,8 +7,36 @@ from functools import cache
 from importlib.resources import files
 
 from ema.errors import InputError
+from ema.messages.translation import (
+    SOURCE,
+    checked_language,
+    entries,
+    language,
+    languages,
+    mark,
+    plural,
+    preferred,
+    speaking,
+    text,
+    word,
+)
 
-__all__ = ["Kind", "explain", "kinds"]
+__all__ = [
+    "SOURCE",
+    "Kind",
+    "checked_language",
+    "entries",
+    "explain",
+    "kinds",
+    "language",
+    "languages",
+    "mark",
+    "plural",
+    "preferred",
+    "speaking",
+    "text",
+    "word",
+]
 
 
 @dataclass(frozen=True)

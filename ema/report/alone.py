@@ -22,9 +22,10 @@ from ema.data import (
     StudyResult,
 )
 from ema.errors import InputError
+from ema.messages import mark, text, word
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.document import Chapter, Document, compose
-from ema.report.findings import counted, finding_table, grouped
+from ema.report.findings import counted, finding_table, grouped, language_note
 from ema.report.friction import loops, ring_down_sentences, ring_downs
 from ema.report.maps import map_blocks, map_sentence
 from ema.report.numbers import fixed, plain, rounded
@@ -60,18 +61,25 @@ def document_of(content: Any, book: Book) -> Document:
 def _of_placement(placement: Placement, book: Book) -> Document:
     prediction = placement.ranking.prediction
     facts = [
-        ("Objective", placement.ranking.objective),
-        ("Excitation", ", ".join(f"{level:g}" for level in prediction.force_levels) + " N"),
-        ("Candidates", f"{len(placement.ranking.scores)}, {len(placement.ranking.shortlist)} with all modes together"),
+        (text("Objective"), word(placement.ranking.objective)),
+        (text("Excitation"), ", ".join(f"{level:g}" for level in prediction.force_levels) + " N"),
+        (
+            text("Candidates"),
+            text(
+                "{number}, {chosen} with all modes together",
+                number=len(placement.ranking.scores),
+                chosen=len(placement.ranking.shortlist),
+            ),
+        ),
     ]
     blocks = place_blocks(placement, book)
     reported = _findings(list(placement.all_findings), book)
-    chapter = Chapter("The place in detail", "placement-detail", sections=placement_sections(placement, book))
+    chapter = Chapter(text("The place in detail"), "placement-detail", sections=placement_sections(placement, book))
     return _document(
         placement.title,
         facts,
         answers(placement),
-        [Section("Where the beam goes", "placement", blocks)],
+        [Section(text("Where the beam goes"), "placement", blocks)],
         reported,
         [chapter],
     )
@@ -89,7 +97,7 @@ def _of_results(results: Mapping[str, Any], book: Book) -> Document:
             continue
         sentences, blocks = made(of_kind, book)
         summary += sentences
-        sections.append(Section(title, title.lower().replace(" ", "-"), blocks))
+        sections.append(Section(word(title), title.lower().replace(" ", "-"), blocks))
         findings += [one for result in of_kind.values() for one in getattr(result, "findings", ())]
     if not sections:
         names = ", ".join(type(result).__name__ for result in results.values()) or "nothing"
@@ -99,7 +107,7 @@ def _of_results(results: Mapping[str, Any], book: Book) -> Document:
             expected="a study, a placement, a comparison, maps, or what `ema simulate` wrote",
         )
     title = f"{model}: {sections[0].title}" if model else sections[0].title
-    facts = [("Model", model)] if model else []
+    facts = [(text("Model"), model)] if model else []
     return _document(title, facts, summary, sections, _findings(list(dict.fromkeys(findings)), book), [])
 
 
@@ -128,6 +136,7 @@ def _document(
         findings=table,
         expectations=None,
         chapters=chapters,
+        language_note=language_note(),
     )
 
 
@@ -140,13 +149,17 @@ def _mode_comparisons(found: Mapping[str, ModeComparison], book: Book) -> Group:
         blocks.append(
             book.table(
                 name or "modes",
-                "Modes of the measurement paired with those of the model.",
-                tuple(str(column) for column in frame.columns),
+                text("Modes of the measurement paired with those of the model."),
+                tuple(word(str(column)) for column in frame.columns),
                 list(_cells(frame.itertuples(index=False))),
             )
         )
-        alone = [", ".join(str(mode + 1) for mode in modes) or "none" for modes in one.unpaired]
-        blocks.append(Text(f"Without a partner: measured {alone[0]}; of the model {alone[1]}."))
+        alone = [", ".join(str(mode + 1) for mode in modes) or text("none") for modes in one.unpaired]
+        blocks.append(
+            Text(
+                text("Without a partner: measured {measured}; of the model {model}.", measured=alone[0], model=alone[1])
+            )
+        )
     return summary, blocks
 
 
@@ -159,16 +172,19 @@ def _map_comparisons(found: Mapping[str, MapComparison], book: Book) -> Group:
         blocks.append(
             book.picture(
                 show.map_comparison(one),
-                f"Damping and frequency over the normal force, measured and simulated. {one.verdict}",
-                "Markers with 95 % bars are measured, lines are the model.",
+                text(
+                    "Damping and frequency over the normal force, measured and simulated. {verdict}",
+                    verdict=one.verdict,
+                ),
+                text("Markers with 95 % bars are measured, lines are the model."),
             )
         )
         rows: list[tuple[Cell, ...]] = [
             (plain(float(level), 3), plain(float(ridge[0]), 4), plain(float(ridge[1]), 4))
             for level, ridge in zip(measured.force_levels, one.ridge, strict=True)
         ]
-        columns = ("F_E [N]", "Best F_N measured [N]", "Best F_N of the model [N]")
-        blocks.append(book.table("ridge", "Normal force of most damping at each excitation.", columns, rows))
+        columns = ("F_E [N]", text("Best F_N measured [N]"), text("Best F_N of the model [N]"))
+        blocks.append(book.table("ridge", text("Normal force of most damping at each excitation."), columns, rows))
         blocks.append(_points(one, book))
     return summary, blocks
 
@@ -185,9 +201,17 @@ def _releases(found: Mapping[str, SignalComparison], book: Book) -> Group:
         )
         for name, one in found.items()
     ]
-    columns = ("Release", "Peak measured [Hz]", "Peak of the model [Hz]", "Difference [%]", "Of the envelopes [%]")
-    caption = "A measured and a simulated release: velocities in the band of the mode, and the damping the model lacks."
-    table = book.table("releases", caption, (*columns, "Missing damping [%]"), rows)
+    columns = (
+        text("Release"),
+        text("Peak measured [Hz]"),
+        text("Peak of the model [Hz]"),
+        text("Difference [%]"),
+        text("Of the envelopes [%]"),
+    )
+    caption = text(
+        "A measured and a simulated release: velocities in the band of the mode, and the damping the model lacks."
+    )
+    table = book.table("releases", caption, (*columns, text("Missing damping [%]")), rows)
     return [str(one.verdict) for one in found.values()], [table]
 
 
@@ -205,8 +229,16 @@ def _points(one: MapComparison, book: Book) -> Block:
         for i, level in enumerate(one.measured.force_levels)
         for j, force in enumerate(one.measured.normal_forces)
     ]
-    columns = ("F_E [N]", "F_N [N]", "f [Hz]", "f model [Hz]", "ζ [%]", "ζ model [%]", "ζ model over measured")
-    return book.table("points", "Every condition, measured and simulated.", columns, rows)
+    columns = (
+        "F_E [N]",
+        "F_N [N]",
+        "f [Hz]",
+        text("f model [Hz]"),
+        "ζ [%]",
+        text("ζ model [%]"),
+        text("ζ model over measured"),
+    )
+    return book.table("points", text("Every condition, measured and simulated."), columns, rows)
 
 
 def _updates(found: Mapping[str, ModelUpdate], book: Book) -> Group:
@@ -215,12 +247,13 @@ def _updates(found: Mapping[str, ModelUpdate], book: Book) -> Group:
     for one in found.values():
         frame = one.table()
         rows = list(_cells(frame.itertuples(index=False)))
-        summary.append("Identified: " + ", ".join(f"{name} {value:.4g}" for name, value in zip(one.names, one.values)))
+        values = ", ".join(f"{name} {value:.4g}" for name, value in zip(one.names, one.values))
+        summary.append(text("Identified: {values}.", values=values))
         blocks.append(
             book.table(
                 "parameters",
-                "Parameters of the joint that fit the measured map, with 95 % intervals.",
-                tuple(str(column) for column in frame.columns),
+                text("Parameters of the joint that fit the measured map, with 95 % intervals."),
+                tuple(word(str(column)) for column in frame.columns),
                 rows,
             )
         )
@@ -229,12 +262,12 @@ def _updates(found: Mapping[str, ModelUpdate], book: Book) -> Group:
             blocks.append(
                 book.table(
                     "correlation",
-                    "Correlation between the estimates.",
-                    ("Parameter", *one.names),
+                    text("Correlation between the estimates."),
+                    (text("Parameter"), *one.names),
                     [(name, *(fixed(float(x), 3) for x in row)) for name, row in zip(one.names, correlation)],
                 )
             )
-    return [f"{line}." for line in summary], blocks
+    return summary, blocks
 
 
 def _maps(found: Mapping[str, MapResult], book: Book) -> Group:
@@ -280,13 +313,16 @@ def _motions(found: Mapping[str, Response], book: Book) -> Group:
     blocks: list[Block] = [
         book.picture(
             show.motion(list(found.values()), names),
-            f"Motion over time of {', '.join(names)}, and the energy left.",
-            "Displacement over time, and the mechanical and contact energy over that at the start.",
+            text("Motion over time of {names}, and the energy left.", names=", ".join(names)),
+            text("Displacement over time, and the mechanical and contact energy over that at the start."),
         )
     ]
     for name, one in zip(names, found.values(), strict=True):
         if len(one.slips):
-            caption = f"Contacts at {name}: friction force over relative displacement, and the energy that each took."
+            caption = text(
+                "Contacts at {name}: friction force over relative displacement, and the energy that each took.",
+                name=name,
+            )
             blocks.append(book.picture(show.contact_loops(one), caption, caption))
     rows: list[tuple[Cell, ...]] = [
         (
@@ -299,14 +335,22 @@ def _motions(found: Mapping[str, Response], book: Book) -> Group:
         for name, one in zip(names, found.values(), strict=True)
         if len(one.dofs)
     ]
-    columns = ("State", "Largest displacement [mm]", "Energy by friction [J]", "Energy balance", "Error estimate")
-    return [], [*blocks, book.table("motions", "What each motion did.", columns, rows)]
+    columns = (
+        text("State"),
+        text("Largest displacement [mm]"),
+        text("Energy by friction [J]"),
+        text("Energy balance"),
+        text("Error estimate"),
+    )
+    return [], [*blocks, book.table("motions", text("What each motion did."), columns, rows)]
 
 
 def _steady(found: Mapping[str, HarmonicResponse], book: Book) -> Group:
     names = [name.removeprefix("steady states ") for name in found]
     figure = show.steady_states(list(found.values()), names)
-    caption = "Steady states over the excitation frequency: first harmonic over force, and the share of higher ones."
+    caption = text(
+        "Steady states over the excitation frequency: first harmonic over force, and the share of higher ones."
+    )
     rows: list[tuple[Cell, ...]] = []
     for name, one in zip(names, found.values(), strict=True):
         size = np.abs(one.values[:, 0, list(one.orders).index(1)])
@@ -317,12 +361,12 @@ def _steady(found: Mapping[str, HarmonicResponse], book: Book) -> Group:
                 plain(one.force, 3),
                 fixed(float(one.frequencies[top]), 2),
                 plain(1e6 * float(size[top]), 4),
-                f"{int(one.converged.sum())} of {len(one.converged)}",
+                text("{solved} of {number}", solved=int(one.converged.sum()), number=len(one.converged)),
             )
         )
-    columns = ("State", "F_E [N]", "f of the peak [Hz]", "Peak [µm]", "Solved")
-    table = book.table("steady_states", "The highest response of each state.", columns, rows)
-    return [], [book.picture(figure, f"Steady states: {', '.join(names)}.", caption), table]
+    columns = (text("State"), "F_E [N]", text("f of the peak [Hz]"), text("Peak [µm]"), text("Solved"))
+    table = book.table("steady_states", text("The highest response of each state."), columns, rows)
+    return [], [book.picture(figure, text("Steady states: {names}.", names=", ".join(names)), caption), table]
 
 
 def _cells(rows: Any) -> Iterator[Sequence[Cell]]:
@@ -332,19 +376,35 @@ def _cells(rows: Any) -> Iterator[Sequence[Cell]]:
 
 def _word(cell: Any) -> str | int:
     if isinstance(cell, bool | np.bool_):
-        return "yes" if cell else "no"
+        return text("yes") if cell else text("no")
     return int(cell) if isinstance(cell, int | np.integer) else str(cell)
 
 
+_COLUMNS = (
+    mark("measured"),
+    mark("model"),
+    mark("f measured [Hz]"),
+    mark("f model [Hz]"),
+    mark("zeta measured [%]"),
+    mark("zeta model [%]"),
+    mark("std MAC"),
+    mark("parameter"),
+    mark("value"),
+    mark("low"),
+    mark("high"),
+    mark("identifiable"),
+)
+"""Heads of tables that come as data."""
+
 _KINDS: tuple[tuple[type, str, Callable[[Mapping[str, Any], Book], Group]], ...] = (
-    (ModeComparison, "Modes compared", _mode_comparisons),
-    (MapComparison, "Model against measurement", _map_comparisons),
-    (SignalComparison, "Releases compared", _releases),
-    (ModelUpdate, "Identified parameters", _updates),
-    (MapResult, "Maps", _maps),
-    (ModalMap, "Simulated maps", _charts),
-    (Response, "Free vibration", _motions),
-    (Decay, "Ring-down", _decays),
-    (HarmonicResponse, "Steady states", _steady),
-    (Loop, "Hysteresis", _loops),
+    (ModeComparison, mark("Modes compared"), _mode_comparisons),
+    (MapComparison, mark("Model against measurement"), _map_comparisons),
+    (SignalComparison, mark("Releases compared"), _releases),
+    (ModelUpdate, mark("Identified parameters"), _updates),
+    (MapResult, mark("Maps"), _maps),
+    (ModalMap, mark("Simulated maps"), _charts),
+    (Response, mark("Free vibration"), _motions),
+    (Decay, mark("Ring-down"), _decays),
+    (HarmonicResponse, mark("Steady states"), _steady),
+    (Loop, mark("Hysteresis"), _loops),
 )

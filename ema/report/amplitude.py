@@ -6,10 +6,19 @@ import numpy as np
 
 from ema import show
 from ema.data import AmplitudeDependentMode, Finding
+from ema.messages import mark, text, word
 from ema.report.blocks import Block, Book, Cell, Table
 from ema.report.numbers import MISSING, fixed, plain
 from ema.units import SI_UNIT
 
+_WORDS = (
+    mark("response"),
+    mark("force"),
+    mark("none"),
+    mark("scatter of the lines"),
+    mark("scatter of the lines and uncertainty of the modal mass"),
+)
+"""What is controlled, and what intervals contain, as data say it."""
 _SAME = 0.1
 """Relative distance of frequencies up to which modes of several runs are drawn in one picture."""
 
@@ -20,14 +29,21 @@ def amplitude_sentences(modes: Sequence[AmplitudeDependentMode]) -> list[str]:
     slipping = [(mode, one) for mode in modes if (one := _small(mode)) is not None and one.code == "slip-onset"]
     return [
         *(
-            f"Levels of {mode.name}: from {plain(float(mode.amplitude[0]), 3)} to "
-            f"{plain(float(mode.amplitude[-1]), 3)} {SI_UNIT[mode.quantity]} the frequency goes from "
-            f"{fixed(float(mode.frequency.value[0]), 2)} to "
-            f"{fixed(float(mode.frequency.value[-1]), 2)} Hz and the damping from "
-            f"{plain(100 * float(mode.damping.value[0]), 3)} to {plain(100 * float(mode.damping.value[-1]), 3)} %."
+            text(
+                "Levels of {mode}: from {least} to {most} {unit} the frequency goes from {f_first} to {f_last} Hz "
+                "and the damping from {zeta_first} to {zeta_last} %.",
+                mode=mode.name,
+                least=plain(float(mode.amplitude[0]), 3),
+                most=plain(float(mode.amplitude[-1]), 3),
+                unit=SI_UNIT[mode.quantity],
+                f_first=fixed(float(mode.frequency.value[0]), 2),
+                f_last=fixed(float(mode.frequency.value[-1]), 2),
+                zeta_first=plain(100 * float(mode.damping.value[0]), 3),
+                zeta_last=plain(100 * float(mode.damping.value[-1]), 3),
+            )
             for mode in stepped
         ),
-        *(f"Ring-downs of {mode.name}: {one.message}" for mode, one in slipping),
+        *(text("Ring-downs of {mode}: {message}", mode=mode.name, message=one.message) for mode, one in slipping),
     ]
 
 
@@ -38,11 +54,11 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list
     blocks: list[Block] = []
     if ringing:
         blocks += [_limits(ringing, book), *_pictures(ringing, book)]
-        blocks.append(_levels(ringing, book, "ring_down_modes", "Levels read from the ring-downs", shown=0))
+        blocks.append(_levels(ringing, book, "ring_down_modes", text("Levels read from the ring-downs"), shown=0))
         blocks += _shapes(ringing, book)
     if stepped:
         names = ", ".join(mode.name for mode in stepped)
-        alt = f"Frequency and damping over the amplitude: {names}."
+        alt = text("Frequency and damping over the amplitude: {names}.", names=names)
         blocks.append(book.picture(show.amplitude_modes(stepped), alt, _caption(stepped)))
         blocks.append(_levels(stepped, book, "amplitude_modes", _caption(stepped)))
     return blocks
@@ -58,8 +74,11 @@ def _said(mode: AmplitudeDependentMode, code: str) -> Finding | None:
 
 
 def _caption(modes: Sequence[AmplitudeDependentMode]) -> str:
-    contains = "; ".join(dict.fromkeys(mode.damping.contains for mode in modes))
-    return f"Frequency and damping over the amplitude; 95 % intervals contain {contains}."
+    contains = "; ".join(dict.fromkeys(word(mode.damping.contains) for mode in modes))
+    return text(
+        "Frequency and damping over the amplitude; 95 % intervals contain {contains}.",
+        contains=contains,
+    )
 
 
 def _pictures(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
@@ -76,9 +95,15 @@ def _pictures(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block
     return [
         book.picture(
             show.amplitude_modes(group),
-            f"Frequency and damping over the amplitude, from ring-downs: {', '.join(mode.name for mode in group)}.",
-            f"{_caption(group)} Dashed: slip begins; dash-dotted: median amplitude behind the "
-            "impacts; dotted, with diamonds: what the publication states, and the amplitudes to which it belongs.",
+            text(
+                "Frequency and damping over the amplitude, from ring-downs: {modes}.",
+                modes=", ".join(mode.name for mode in group),
+            ),
+            f"{_caption(group)} "
+            + text(
+                "Dashed: slip begins; dash-dotted: median amplitude behind the impacts; dotted, with diamonds: what "
+                "the publication states, and the amplitudes to which it belongs."
+            ),
         )
         for group in groups
         if any(_said(mode, "slip-onset") for mode in group)
@@ -101,11 +126,19 @@ def _limits(modes: Sequence[AmplitudeDependentMode], book: Book) -> Table:
                 " ".join(one.message for one in mode.findings if one.code.startswith("stated-")),
             )
         )
-    columns = ("Mode", "Small amplitudes", "Behind the impacts, median", "FRFs", "Modal mass [kg]", "Stated")
-    caption = (
-        "Modes over their amplitude, from the ring-downs of all impacts. Amplitudes are those of the response at which "
-        "the mode is largest, to whose shape of 1 the modal mass belongs. Stated: the numbers of the publication, "
-        "and the amplitudes at which the mode has them."
+    columns = (
+        text("Mode"),
+        text("Small amplitudes"),
+        text("Behind the impacts, median"),
+        text("FRFs"),
+        text("Modal mass [kg]"),
+        text("Stated"),
+    )
+    caption = text(
+        "Modes over their amplitude, from the ring-downs of all impacts. Amplitudes are "
+        "those of the response at which the mode is largest, to whose shape of 1 the modal "
+        "mass belongs. Stated: the numbers of the publication, and the amplitudes at which "
+        "the mode has them."
     )
     return book.table("ring_down_limits", caption, columns, rows)
 
@@ -114,10 +147,16 @@ def _at(mode: AmplitudeDependentMode, behind: Finding) -> str:
     """Frequency and damping at the median amplitude behind the impacts, where it was reached by enough of them."""
     level, unit = float(behind.value or 0.0), SI_UNIT[mode.quantity].replace("^2", "²")
     if not mode.amplitude[0] <= level <= mode.amplitude[-1]:
-        return f"{MISSING} at {level:.3g} {unit}"
+        return text("{missing} at {level} {unit}", missing=MISSING, level=f"{level:.3g}", unit=unit)
     log, levels = np.log(level), np.log(mode.amplitude)
     frequency, damping = (float(np.interp(log, levels, band.value)) for band in (mode.frequency, mode.damping))
-    return f"{frequency:.2f} Hz and {100 * damping:.3f} % at {level:.3g} {unit}"
+    return text(
+        "{frequency} Hz and {damping} % at {level} {unit}",
+        frequency=f"{frequency:.2f}",
+        damping=f"{100 * damping:.3f}",
+        level=f"{level:.3g}",
+        unit=unit,
+    )
 
 
 def _shapes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
@@ -126,9 +165,13 @@ def _shapes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
     blocks: list[Block] = [
         book.picture(
             show.amplitude_shapes(mode),
-            f"Shape of {mode.name} over the amplitude.",
-            f"Shape of {mode.name} at the responses over the amplitude, 1 at the response to which the amplitudes "
-            f"belong; 95 % intervals contain {mode.damping.contains}.",
+            text("Shape of {mode} over the amplitude.", mode=mode.name),
+            text(
+                "Shape of {mode} at the responses over the amplitude, 1 at the response to which the amplitudes "
+                "belong; 95 % intervals contain {contains}.",
+                mode=mode.name,
+                contains=word(mode.damping.contains),
+            ),
         )
         for mode in shaped
         if _said(mode, "slip-onset")
@@ -150,8 +193,16 @@ def _shapes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
         for level, (amplitude, mac) in enumerate(zip(mode.amplitude, mode.mac(), strict=True))
         for row, dof in enumerate(mode.dofs)
     ]
-    columns = ("Mode", "Amplitude", "DOF", "Re", "Im", "± (95 %)", "MAC with the lowest")
-    caption = "Shapes at the responses over the amplitude, 1 at the response to which the amplitudes belong."
+    columns = (
+        text("Mode"),
+        text("Amplitude"),
+        text("DOF"),
+        text("Re"),
+        text("Im"),
+        text("± (95 %)"),
+        text("MAC with the lowest"),
+    )
+    caption = text("Shapes at the responses over the amplitude, 1 at the response to which the amplitudes belong.")
     blocks.append(book.table("ring_down_shapes", caption, columns, rows, 0))
     return blocks
 
@@ -162,7 +213,7 @@ def _levels(
     rows: list[tuple[Cell, ...]] = [
         (
             mode.name,
-            mode.control,
+            word(mode.control),
             plain(float(amplitude), 4),
             *(fixed(float(band[n]), 3) for band in (mode.frequency.value, mode.frequency.low, mode.frequency.high)),
             *(plain(100 * float(band[n]), 4) for band in (mode.damping.value, mode.damping.low, mode.damping.high)),
@@ -170,5 +221,16 @@ def _levels(
         for mode in modes
         for n, amplitude in enumerate(mode.amplitude)
     ]
-    columns = ("Run", "Controlled", "Amplitude", "f [Hz]", "f low", "f high", "ζ [%]", "ζ low", "ζ high")
-    return book.table(name, f"{caption.rstrip('.')}. Amplitudes in SI units of the response.", columns, rows, shown)
+    columns = (
+        text("Run"),
+        text("Controlled"),
+        text("Amplitude"),
+        "f [Hz]",
+        text("f low"),
+        text("f high"),
+        "ζ [%]",
+        text("ζ low"),
+        text("ζ high"),
+    )
+    caption = f"{caption.rstrip('.')}. {text('Amplitudes in SI units of the response.')}"
+    return book.table(name, caption, columns, rows, shown)

@@ -5,10 +5,11 @@ import numpy as np
 from ema import show
 from ema.data import FrfSet, RunResult
 from ema.errors import InputError
+from ema.messages import plural, text
 from ema.report.blocks import Block, Book, Section, Text
 from ema.report.comparison import base_run
 from ema.report.modes import condition_text
-from ema.report.numbers import count, fixed, plain, short
+from ema.report.numbers import fixed, plain, short
 from ema.shapes import compare
 
 _MOST_OVERLAID = 5
@@ -22,8 +23,8 @@ def change_sections(runs: list[RunResult], book: Book) -> list[Section]:
     base = base_run(runs)
     others = [run for run in runs if run is not base]
     sections = [
-        Section("MAC between runs", "change-mac", [block for run in others for block in _mac(base, run, book)]),
-        Section("FRFs before and after", "change-frfs", _overlays(base, others, book)),
+        Section(text("MAC between runs"), "change-mac", [block for run in others for block in _mac(base, run, book)]),
+        Section(text("FRFs before and after"), "change-frfs", _overlays(base, others, book)),
     ]
     return [section for section in sections if section.blocks]
 
@@ -34,30 +35,45 @@ def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
     try:
         comparison = compare(base.modes, other.modes)
     except InputError as error:
-        return [Text(f"{base.run.id} against {other.run.id}: {error}.", missing=True)]
+        return [
+            Text(text("{base} against {run}: {error}.", base=base.run.id, run=other.run.id, error=error), missing=True)
+        ]
     names = [_labels(run) for run in (base, other)]
     alike = [float(comparison.mac[pair]) for pair in comparison.pairs]
-    summary = "no two modes are alike"
+    summary = text("no two modes are alike")
     if alike:
-        summary = f"{count(len(alike), 'pair')} with a MAC from {fixed(min(alike), 2)} to {fixed(max(alike), 2)}"
+        summary = plural(
+            "{count} pair with a MAC from {low} to {high}",
+            "{count} pairs with a MAC from {low} to {high}",
+            len(alike),
+            low=fixed(min(alike), 2),
+            high=fixed(max(alike), 2),
+        )
     figure = show.mac_matrix(
         np.asarray(comparison.mac),
         names[0],
         [label.split(":")[0] for label in names[1]],
-        row_label=f"Mode of {base.run.id}",
-        column_label=f"Mode of {other.run.id}",
+        row_label=text("Mode of {base}", base=base.run.id),
+        column_label=text("Mode of {run}", run=other.run.id),
     )
     return [
         book.picture(
             figure,
-            f"MAC between modes of {base.run.id} and {other.run.id}: {summary}.",
-            f"MAC of {base.run.id} (rows) against {other.run.id} (columns) over {len(comparison.dofs)} DOFs: "
-            f"{summary}.",
+            text(
+                "MAC between modes of {base} and {run}: {summary}.", base=base.run.id, run=other.run.id, summary=summary
+            ),
+            text(
+                "MAC of {base} (rows) against {run} (columns) over {number} DOFs: {summary}.",
+                base=base.run.id,
+                run=other.run.id,
+                number=len(comparison.dofs),
+                summary=summary,
+            ),
         ),
         book.table(
             f"mac_{base.run.id}_{other.run.id}",
-            f"MAC of {base.run.id} (rows) against {other.run.id} (columns).",
-            (f"Mode of {base.run.id}", *(str(mode + 1) for mode in range(comparison.mac.shape[1]))),
+            text("MAC of {base} (rows) against {run} (columns).", base=base.run.id, run=other.run.id),
+            (text("Mode of {base}", base=base.run.id), *(str(mode + 1) for mode in range(comparison.mac.shape[1]))),
             [(row + 1, *(plain(float(value), 4) for value in values)) for row, values in enumerate(comparison.mac)],
             0,
         ),
@@ -74,7 +90,16 @@ def _overlays(base: RunResult, others: list[RunResult], book: Book) -> list[Bloc
     blocks: list[Block] = []
     if unlike := [run.run.id for run in others if run not in like]:
         names = ", ".join(unlike)
-        blocks.append(Text(f"FRFs of {names} are of another quantity or unit than those of {base.run.id}.", True))
+        blocks.append(
+            Text(
+                text(
+                    "FRFs of {names} are of another quantity or unit than those of {base}.",
+                    names=names,
+                    base=base.run.id,
+                ),
+                True,
+            )
+        )
     for start in range(0, len(like), _MOST_OVERLAID - 1):
         blocks += _overlay([base, *like[start : start + _MOST_OVERLAID - 1]], book)
     return blocks
@@ -84,19 +109,33 @@ def _overlay(runs: list[RunResult], book: Book) -> list[Block]:
     names = ", ".join(run.run.id for run in runs)
     common = _common([run.frfs for run in runs])
     if common is None:
-        return [Text(f"{names} have no FRF in common, so none can be shown before and after.", missing=True)]
+        return [
+            Text(
+                text("{names} have no FRF in common, so none can be shown before and after.", names=names), missing=True
+            )
+        ]
     low = max(float(run.frfs.frequencies[0]) for run in runs)
     high = min(float(run.frfs.frequencies[-1]) for run in runs)
     if not low < high:
-        return [Text(f"The FRFs of {names} have no frequency in common.", missing=True)]
+        return [Text(text("The FRFs of {names} have no frequency in common.", names=names), missing=True)]
     driven, places = common
     frfs = runs[0].frfs
-    what = "drive point" if driven else "strongest FRF that all runs have, for want of a drive point"
-    text = f"{frfs.outputs[places[0][0]].positive}/{frfs.inputs[places[0][1]].positive}, the {what}"
+    frf = f"{frfs.outputs[places[0][0]].positive}/{frfs.inputs[places[0][1]].positive}"
+    which = (
+        text("{frf}, the drive point", frf=frf)
+        if driven
+        else text("{frf}, the strongest FRF that all runs have, for want of a drive point", frf=frf)
+    )
     figure = show.frf_overlay(
         [run.frfs for run in runs], places, [f"{run.run.id}: {condition_text(run)}" for run in runs], _band(runs)
     )
-    return [book.picture(figure, f"FRF {text}, in runs {names}.", f"FRF before and after: {text}.")]
+    return [
+        book.picture(
+            figure,
+            text("FRF {which}, in runs {names}.", which=which, names=names),
+            text("FRF before and after: {which}.", which=which),
+        )
+    ]
 
 
 def _band(runs: list[RunResult]) -> tuple[float, float] | None:

@@ -5,9 +5,10 @@ import numpy as np
 from ema.data import RunResult
 from ema.data.repeats import NOISE_ONLY
 from ema.errors import InputError
+from ema.messages import plural, text, word
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.modes import condition_text, interval, standard_deviations
-from ema.report.numbers import MISSING, Value, count, fixed, listed
+from ema.report.numbers import MISSING, Value, fixed, listed
 from ema.report.repeats import scatter
 from ema.shapes import Comparison, compare
 
@@ -32,7 +33,12 @@ def comparisons(runs: list[RunResult], book: Book) -> tuple[list[str], list[Bloc
         try:
             comparison = compare(base.modes, other.modes)
         except InputError as error:
-            blocks.append(Text(f"{base.run.id} against {other.run.id}: {error}.", missing=True))
+            blocks.append(
+                Text(
+                    text("{base} against {run}: {error}.", base=base.run.id, run=other.run.id, error=error),
+                    missing=True,
+                )
+            )
             continue
         if labels.count(other.run.repeat) < 2:  # of repeats, the sentence on their condition says more
             lines.append(_sentence(base, other, comparison))
@@ -52,21 +58,37 @@ def _changes(base: RunResult, other: RunResult, comparison: Comparison) -> tuple
 
 def _sentence(base: RunResult, other: RunResult, comparison: Comparison) -> str:
     if not comparison.pairs:
-        return f"{other.run.id} against {base.run.id}: no two modes have like shapes."
-    small = " for small amplitudes" if base.equivalent or other.equivalent else ""
-    head = f"{other.run.id} against {base.run.id}{small}"
+        return text("{run} against {base}: no two modes have like shapes.", run=other.run.id, base=base.run.id)
+    names = {"run": other.run.id, "base": base.run.id}
+    head = text("{run} against {base}", **names)
+    if base.equivalent or other.equivalent:
+        head = text("{run} against {base} for small amplitudes", **names)
     doubts = "".join(
-        f" Mode {i + 1} ({base.modes.natural_frequencies[i]:.4g} Hz) resembles modes "
-        f"{listed([str(k + 1) for k in sorted((j, *rivals))])} of {other.run.id}: not counted."
+        " "
+        + text(
+            "Mode {mode} ({frequency} Hz) resembles modes {rivals} of {run}: not counted.",
+            mode=i + 1,
+            frequency=f"{base.modes.natural_frequencies[i]:.4g}",
+            rivals=listed([str(k + 1) for k in sorted((j, *rivals))]),
+            run=other.run.id,
+        )
         for (i, j), rivals in zip(comparison.pairs, comparison.rivals, strict=True)
         if rivals
     )
     frequency, damping = _changes(base, other, comparison)
     if not len(frequency):
-        return f"{head}: no certain pair of modes.{doubts}"
+        return text("{head}: no certain pair of modes.", head=head) + doubts
     shifts = _each([_change(float(ratio)) for ratio in frequency])
     factors = _each([f"{ratio:.2f}" for ratio in damping])
-    return f"{head}, {count(len(frequency), 'pair')} of modes: frequency {shifts} %, damping times {factors}.{doubts}"
+    sentence = plural(
+        "{head}, {count} pair of modes: frequency {shifts} %, damping times {factors}.",
+        "{head}, {count} pairs of modes: frequency {shifts} %, damping times {factors}.",
+        len(frequency),
+        head=head,
+        shifts=shifts,
+        factors=factors,
+    )
+    return sentence + doubts
 
 
 MOST_LISTED = 4
@@ -86,19 +108,19 @@ def _each(texts: list[str]) -> str:
     if len(texts) <= MOST_LISTED:
         return listed(texts)
     ordered = sorted(texts, key=float)
-    return f"{ordered[0]} to {ordered[-1]}"
+    return text("{low} to {high}", low=ordered[0], high=ordered[-1])
 
 
 def _table(base: RunResult, other: RunResult, comparison: Comparison, book: Book) -> Block:
     columns = [
-        "Mode",
-        f"Mode in {other.run.id}",
+        text("Mode"),
+        text("Mode in {run}", run=other.run.id),
         "f [Hz]",
-        f"f in {other.run.id} [Hz]",
-        "Change of f [%]",
+        text("f in {run} [Hz]", run=other.run.id),
+        text("Change of f [%]"),
         "ζ [%]",
-        f"ζ in {other.run.id} [%]",
-        "ζ ratio [-]",
+        text("ζ in {run} [%]", run=other.run.id),
+        text("ζ ratio [-]"),
         "MAC [-]",
     ]
     partners = dict(comparison.pairs)
@@ -111,10 +133,11 @@ def _table(base: RunResult, other: RunResult, comparison: Comparison, book: Book
         j = partners.get(i)
         if j is None:
             best = float(np.nanmax(comparison.mac[i])) if np.isfinite(comparison.mac[i]).any() else float("nan")
-            rows.append([i + 1, "none", left[0], MISSING, MISSING, left[1], MISSING, MISSING, fixed(best, 3)])
+            rows.append([i + 1, text("none"), left[0], MISSING, MISSING, left[1], MISSING, MISSING, fixed(best, 3)])
             continue
         f_j, z_j = float(other.modes.natural_frequencies[j]), 100 * float(other.modes.damping_ratios[j])
-        partner = f"{j + 1}, or {', '.join(str(k + 1) for k in rivals[i])}" if rivals[i] else j + 1
+        doubtful = ", ".join(str(k + 1) for k in rivals[i])
+        partner: Cell = text("{mode}, or {others}", mode=j + 1, others=doubtful) if doubtful else j + 1
         rows.append(
             [
                 i + 1,
@@ -129,14 +152,21 @@ def _table(base: RunResult, other: RunResult, comparison: Comparison, book: Book
             ]
         )
     alone = sorted(set(range(len(other.modes.poles))) - set(partners.values()))
-    rest = f" Modes of {other.run.id} without a partner: {', '.join(str(j + 1) for j in alone)}." if alone else ""
-    doubt = (
-        " Where several partners are named, shapes do not tell which it is: the values are those of the first."
-        if any(comparison.rivals)
-        else ""
+    caption = text(
+        "{base} ({base_condition}) against {run} ({condition}): modes paired by MAC over {number} common DOFs; "
+        "intervals: {basis}.",
+        base=base.run.id,
+        base_condition=condition_text(base),
+        run=other.run.id,
+        condition=condition_text(other),
+        number=len(comparison.dofs),
+        basis=word(NOISE_ONLY),
     )
-    caption = (
-        f"{base.run.id} ({condition_text(base)}) against {other.run.id} ({condition_text(other)}): modes paired by MAC "
-        f"over {len(comparison.dofs)} common DOFs; intervals: {NOISE_ONLY}.{rest}{doubt}"
-    )
+    if alone:
+        modes = ", ".join(str(j + 1) for j in alone)
+        caption += " " + text("Modes of {run} without a partner: {modes}.", run=other.run.id, modes=modes)
+    if any(comparison.rivals):
+        caption += " " + text(
+            "Where several partners are named, shapes do not tell which it is: the values are those of the first."
+        )
     return book.table(f"comparison_{base.run.id}_{other.run.id}", caption, columns, rows)

@@ -3,12 +3,13 @@
 from dataclasses import dataclass, field
 
 from ema.data import StudyResult
+from ema.messages import text
 from ema.report.amplitude import amplitude_modes, amplitude_sentences
 from ema.report.blocks import Block, Book, Section, Table
 from ema.report.change import change_sections
 from ema.report.comparison import comparisons
 from ema.report.expected import counted_expectations, expectation_table
-from ema.report.findings import Group, all_findings, counted, finding_table, grouped
+from ema.report.findings import Group, all_findings, counted, finding_table, grouped, language_note
 from ema.report.forecast import verdict
 from ema.report.friction import loops, ring_down_sentences, ring_downs
 from ema.report.maps import map_lines, map_sections, statement_lines, statements
@@ -44,6 +45,7 @@ class Document:
     expectations: Table | None
     chapters: list[Chapter]
     logo: Block | None = None
+    language_note: str = ""
 
 
 def compose(result: StudyResult, book: Book) -> Document:
@@ -53,37 +55,37 @@ def compose(result: StudyResult, book: Book) -> Document:
     # tables and figures are numbered in the order in which they are made, so the order of these lines is the reader's
     front: list[Section] = []
     if placement is not None:
-        front.append(Section("Where the beam goes", "placement", place_blocks(placement, book)))
+        front.append(Section(text("Where the beam goes"), "placement", place_blocks(placement, book)))
     tables = (mode_table, equivalent_table, set_up_table)
     modes = [block for run in runs for table in tables if (block := table(run, book)) is not None]
     comparison_lines, compared = comparisons(runs, book)
     groups = grouped(all_findings(result))
     others = result.maps or result.amplitude_modes or result.decays or result.loops
-    front += [Section("Modes", "modes", modes)] if modes or not others else []
-    front += [Section("Runs compared", "comparison", compared)] if compared else []
+    front += [Section(text("Modes"), "modes", modes)] if modes or not others else []
+    front += [Section(text("Runs compared"), "comparison", compared)] if compared else []
     front += statements(result, book) + map_sections(result, book)
     if result.amplitude_modes:
-        front.append(Section("Over the amplitude", "amplitude", amplitude_modes(result.amplitude_modes, book)))
+        front.append(Section(text("Over the amplitude"), "amplitude", amplitude_modes(result.amplitude_modes, book)))
     if result.decays:
-        front.append(Section("Ring-down", "ring-down", ring_downs(result.decays, book)))
+        front.append(Section(text("Ring-down"), "ring-down", ring_downs(result.decays, book)))
     if result.loops:
-        front.append(Section("Hysteresis", "hysteresis", loops(result.loops, book)))
+        front.append(Section(text("Hysteresis"), "hysteresis", loops(result.loops, book)))
     facts = {
-        "Structure": campaign.structure,
-        "Campaign": campaign.name,
-        "Operator": campaign.operator,
-        "Date": campaign.date,
+        text("Structure"): campaign.structure,
+        text("Campaign"): campaign.name,
+        text("Operator"): campaign.operator,
+        text("Date"): campaign.date,
     }
     findings, expectations = finding_table(groups, book), expectation_table(result, book)
     return Document(
         title=result.title or campaign.name,
-        facts=[(label, value or "not stated") for label, value in facts.items()],
+        facts=[(label, value or text("not stated")) for label, value in facts.items()],
         comment=campaign.comment,
         photos=photos(campaign),
         summary=[
             *([] if placement is None else answers(placement)),
             *([] if result.forecast_check is None else [verdict(result.forecast_check)]),
-            *([run_sentence(run) for run in runs] or ([] if others else ["No run was analysed."])),
+            *([run_sentence(run) for run in runs] or ([] if others else [text("No run was analysed.")])),
             *comparison_lines,
             *map_lines(result),
             *statement_lines(result),
@@ -98,6 +100,7 @@ def compose(result: StudyResult, book: Book) -> Document:
         expectations=expectations,
         chapters=_chapters(result, book),
         logo=logo(campaign),
+        language_note=language_note(),
     )
 
 
@@ -107,11 +110,11 @@ def _chapters(result: StudyResult, book: Book) -> list[Chapter]:
     chapters = [Chapter(repaired.title, repaired.anchor, repaired.blocks)]
     if result.placement is not None:
         parts = placement_sections(result.placement, book, result.forecast_check)
-        chapters.append(Chapter("The place in detail", "placement-detail", sections=parts))
+        chapters.append(Chapter(text("The place in detail"), "placement-detail", sections=parts))
     if changed := change_sections(list(result.runs), book):
-        chapters.append(Chapter("Before and after", "change", sections=changed))
+        chapters.append(Chapter(text("Before and after"), "change", sections=changed))
     for number, run in enumerate(result.runs, 1):
         sections = run_sections(run, result.campaign.geometry, number, book)
-        chapters.append(Chapter(f"Run {run.run.id}", f"run-{number}", sections=sections))
+        chapters.append(Chapter(text("Run {run}", run=run.run.id), f"run-{number}", sections=sections))
     origin = provenance(result, book)
     return [*chapters, Chapter(origin.title, origin.anchor, origin.blocks)]

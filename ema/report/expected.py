@@ -1,8 +1,9 @@
 """The numbers that a recipe expects, on the front page."""
 
 from ema.data import StudyResult
+from ema.messages import plural, text
 from ema.report.blocks import Book, Table
-from ema.report.numbers import Value, count, plain, rounded, short
+from ema.report.numbers import Value, plain, rounded, short
 
 
 def counted_expectations(result: StudyResult) -> list[str]:
@@ -10,7 +11,14 @@ def counted_expectations(result: StudyResult) -> list[str]:
     if not result.expectations:
         return []
     met = sum(expectation.met for expectation in result.expectations)
-    return [f"{met} of {count(len(result.expectations), 'expected number')} met."]
+    return [
+        plural(
+            "{met} of {count} expected number met.",
+            "{met} of {count} expected numbers met.",
+            len(result.expectations),
+            met=met,
+        )
+    ]
 
 
 def expectation_table(result: StudyResult, book: Book) -> Table | None:
@@ -23,12 +31,12 @@ def expectation_table(result: StudyResult, book: Book) -> Table | None:
             _held(e.expected, e.tolerance),
             plain(e.tolerance, 2),
             _held(e.found, e.tolerance),
-            "met" if e.met else "missed",
+            text("met") if e.met else text("missed"),
         )
         for e in sorted(result.expectations, key=lambda e: e.met)
     ]
-    columns = ("What", "Expected", "Tolerance", "Found", "Result")
-    return book.table("expectations", "Numbers that the recipe expects.", columns, rows)
+    columns = (text("What"), text("Expected"), text("Tolerance"), text("Found"), text("Result"))
+    return book.table("expectations", text("Numbers that the recipe expects."), columns, rows)
 
 
 def _held(value: float, tolerance: float) -> Value:

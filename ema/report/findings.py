@@ -3,11 +3,17 @@
 from dataclasses import dataclass, field
 
 from ema.data import Finding, StudyResult
+from ema.messages import SOURCE, kinds, language, mark, plural, text, word
 from ema.report.blocks import Book, Table
-from ema.report.numbers import count, plain
+from ema.report.numbers import plain
 
-SEVERITIES = {"error": "error", "warning": "warning", "info": "remark"}
+SEVERITIES = {"error": mark("error"), "warning": mark("warning"), "info": mark("remark")}
 """Severities, the gravest first, as the reader meets them."""
+_AS_DATA = mark("info")
+"""How the table beside the report calls a remark."""
+IN_ENGLISH = mark(
+    "What findings mean is translated; messages, advice, verdicts and reasons are in English, as they were computed."
+)
 _MOST_LISTED = 40
 
 
@@ -23,7 +29,12 @@ class Group:
     @property
     def name(self) -> str:
         """The severity in words."""
-        return SEVERITIES[self.severity]
+        return text(SEVERITIES[self.severity])
+
+    @property
+    def meaning(self) -> str:
+        """What the catalogue says of the kind, where the messages are not in the reader's language."""
+        return word(kinds()[self.code].meaning) if language() != SOURCE and self.code in kinds() else ""
 
     @property
     def listed(self) -> list[Finding]:
@@ -51,9 +62,19 @@ def grouped(findings: list[Finding]) -> list[Group]:
 
 def counted(groups: list[Group]) -> str:
     """``Findings: 1 error, 3 warnings.``"""
-    numbers = {name: sum(len(g.findings) for g in groups if g.name == name) for name in SEVERITIES.values()}
-    counts = ", ".join(count(number, name) for name, number in numbers.items() if number)
-    return f"Findings: {counts}." if counts else "Findings: none."
+    numbers = {name: sum(len(g.findings) for g in groups if g.severity == name) for name in SEVERITIES}
+    texts = {
+        "error": plural("{count} error", "{count} errors", numbers["error"]),
+        "warning": plural("{count} warning", "{count} warnings", numbers["warning"]),
+        "info": plural("{count} remark", "{count} remarks", numbers["info"]),
+    }
+    counts = ", ".join(texts[name] for name, number in numbers.items() if number)
+    return text("Findings: {counts}.", counts=counts) if counts else text("Findings: none.")
+
+
+def language_note() -> str:
+    """That what the computation put into words is in English, in a report of another language."""
+    return text(IN_ENGLISH) if language() != SOURCE else ""
 
 
 def finding_table(groups: list[Group], book: Book) -> Table | None:
@@ -61,9 +82,17 @@ def finding_table(groups: list[Group], book: Book) -> Table | None:
     if not groups:
         return None
     rows = [
-        (f.severity, f.code, f.where, f.message, plain(f.value, 4), plain(f.limit, 4), f.advice)
+        (word(f.severity), f.code, f.where, f.message, plain(f.value, 4), plain(f.limit, 4), f.advice)
         for group in groups
         for f in group.findings
     ]
-    columns = ("Severity", "Kind", "Where", "Message", "Value", "Limit", "Advice")
-    return book.table("findings", "All findings, with their values and limits.", columns, rows, shown=0)
+    columns = (
+        text("Severity"),
+        text("Kind"),
+        text("Where"),
+        text("Message"),
+        text("Value"),
+        text("Limit"),
+        text("Advice"),
+    )
+    return book.table("findings", text("All findings, with their values and limits."), columns, rows, shown=0)

@@ -5,9 +5,29 @@ from scipy.stats import binom
 
 from ema import show
 from ema.data.forecast import Forecast, ForecastCheck
+from ema.messages import mark, text, word
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import plain
 
+_SOURCES = (
+    mark("friction coefficient"),
+    mark("tangential contact stiffness"),
+    mark("exponent of the contact stiffness"),
+    mark("form of the friction law"),
+    mark("normal contact stiffness"),
+    mark("contact length"),
+    mark("pressure over the contact"),
+    mark("normal force"),
+    mark("height of the interface"),
+    mark("scatter from joint to joint"),
+    mark("loss factor of the beam"),
+    mark("modes above those known"),
+    mark("frequency and damping without the beam"),
+    mark("mode shape at joints and exciter"),
+    mark("upper harmonics of the friction"),
+    mark("all else, and what acts together"),
+)
+"""What bands come from, as data say it."""
 _LEVEL = 0.95
 """Level of the bands."""
 _RARE = 0.01
@@ -17,10 +37,17 @@ _RARE = 0.01
 def verdict(check: ForecastCheck) -> str:
     """One sentence: how many measured values fell inside their bands, and how many bands of 95 % hold by chance."""
     least = int(binom.ppf(_RARE, check.values, _LEVEL))
-    enough = "as many as" if check.inside >= least else "fewer than"
-    return (
-        f"{check.inside} of {check.values} measured values lie inside the 95 % bands predicted before the measurement, "
-        f"{enough} such bands hold ({least} or more in 99 of 100 cases, if the values err independently)."
+    counts = {"inside": check.inside, "values": check.values, "least": least}
+    if check.inside >= least:
+        return text(
+            "{inside} of {values} measured values lie inside the 95 % bands predicted before the measurement, as "
+            "many as such bands hold ({least} or more in 99 of 100 cases, if the values err independently).",
+            **counts,
+        )
+    return text(
+        "{inside} of {values} measured values lie inside the 95 % bands predicted before the measurement, fewer than "
+        "such bands hold ({least} or more in 99 of 100 cases, if the values err independently).",
+        **counts,
     )
 
 
@@ -29,20 +56,27 @@ def forecast_blocks(prediction: Forecast | ForecastCheck, book: Book) -> list[Bl
     check = prediction if isinstance(prediction, ForecastCheck) else None
     forecast = prediction.forecast if isinstance(prediction, ForecastCheck) else prediction
     x, y = forecast.centre
-    where = f"{forecast.beam or 'beam'} at ({x:.3f}, {y:.3f}) m"
+    where = text("{beam} at ({x}, {y}) m", beam=forecast.beam or text("beam"), x=f"{x:.3f}", y=f"{y:.3f}")
     lead = [] if check is None else [Text(verdict(check))]
-    note = "" if check is None else " Points: measured; a cross lies outside its band."
+    note = "" if check is None else " " + text("Points: measured; a cross lies outside its band.")
     return [
         *lead,
         book.picture(
             show.forecast_bands(prediction),
-            f"Predicted frequency and damping with {where}, with 95 % bands.{note}",
-            f"Frequency and damping with {where}: prediction (dash) and 95 % band from {forecast.draws} draws of "
-            f"shapes, friction and contact stiffness.{note}",
+            text("Predicted frequency and damping with {where}, with 95 % bands.", where=where) + note,
+            text(
+                "Frequency and damping with {where}: prediction (dash) and 95 % band from {draws} draws of shapes, "
+                "friction and contact stiffness.",
+                where=where,
+                draws=forecast.draws,
+            )
+            + note,
         ),
         book.table(
             "forecast",
-            "Predicted values with their 95 % bands" + ("." if check is None else ", and measured ones."),
+            text("Predicted values with their 95 % bands.")
+            if check is None
+            else text("Predicted values with their 95 % bands, and measured ones."),
             _columns(check),
             _rows(forecast, check),
         ),
@@ -58,24 +92,41 @@ def _budget(forecast: Forecast, book: Book) -> list[Block]:
     most = []
     for name in table.columns[2::2]:
         first = table.loc[table[name].idxmax()]
-        most.append(f"{first['source']} ({name.split(':')[0]}, {first[name]:.0f} % of their variance)")
-    rows: list[list[Cell]] = [[row[0], *(f"{value:.0f}" for value in row[1:])] for row in table.itertuples(index=False)]
+        most.append(
+            text(
+                "{source} ({mode}, {share} % of their variance)",
+                source=word(first["source"]),
+                mode=_of_mode(name.split(":")[0]),
+                share=f"{first[name]:.0f}",
+            )
+        )
+    rows: list[list[Cell]] = [
+        [word(row[0]), *(f"{value:.0f}" for value in row[1:])] for row in table.itertuples(index=False)
+    ]
     return [
-        Text(f"What widens the bands of the damping ratio most: {'; '.join(most)}."),
+        Text(text("What widens the bands of the damping ratio most: {sources}.", sources="; ".join(most))),
         book.table(
             "budget",
-            "What the bands come from: shares of the variance of the logarithm, mean over the conditions. Were a "
-            "source of the share s known, a band would keep √(1 − s) of its width.",
-            ["Source", *(name.replace("zeta", "ζ") for name in table.columns[1:])],
+            text(
+                "What the bands come from: shares of the variance of the logarithm, mean over the "
+                "conditions. Were a source of the share s known, a band would keep √(1 − s) of its "
+                "width."
+            ),
+            [text("Source"), *(_of_mode(name.replace("zeta", "ζ")) for name in table.columns[1:])],
             rows,
         ),
     ]
 
 
+def _of_mode(name: str) -> str:
+    """``mode 1: f [%]`` in the reader's language."""
+    return text("mode {mode}", mode=name.removeprefix("mode "))
+
+
 def _columns(check: ForecastCheck | None) -> list[str]:
-    names = ["Mode", "F_N [N]", "F_E [N]"]
+    names = [text("Mode"), "F_N [N]", "F_E [N]"]
     for quantity in ("f [Hz]", "ζ [%]"):
-        names += [quantity, "low", "high", *([] if check is None else ["measured", "inside"])]
+        names += [quantity, text("low"), text("high"), *([] if check is None else [text("measured"), text("inside")])]
     return names
 
 
@@ -98,5 +149,5 @@ def _rows(forecast: Forecast, check: ForecastCheck | None) -> list[list[Cell]]:
 def _measured(check: ForecastCheck, what: str, at: tuple[int, int, int], scale: float, digits: int) -> list[Cell]:
     value = float(getattr(check, f"measured_{what}")[at])
     if not np.isfinite(value):
-        return ["not measured", ""]
-    return [plain(scale * value, digits), "yes" if getattr(check, f"{what}_inside")[at] else "no"]
+        return [text("not measured"), ""]
+    return [plain(scale * value, digits), text("yes") if getattr(check, f"{what}_inside")[at] else text("no")]

@@ -8,9 +8,12 @@ import numpy as np
 from ema import show
 from ema.data import Decay, Loop
 from ema.estimate import phases
+from ema.messages import mark, plural, text, word
 from ema.report.blocks import Block, Book, Cell
-from ema.report.numbers import MISSING, count, fixed, plain, short
+from ema.report.numbers import MISSING, fixed, plain, short
 
+_PHASES = (mark("one mode"), mark("sliding"), mark("sticking"))
+"""Kinds of phases, as data say them."""
 _TOGETHER = 6
 """Series that one picture can tell apart."""
 _MOST_SENTENCES = 4
@@ -21,21 +24,38 @@ def ring_down_sentences(decays: Sequence[Decay]) -> list[str]:
     """The answer of the first ring-downs: frequency and damping of each phase, and where the joint begins to stick."""
     sentences = [_sentence(decay, number) for number, decay in enumerate(decays[:_MOST_SENTENCES], 1)]
     more = len(decays) - len(sentences)
-    return [*sentences, f"{count(more, 'more ring-down')} in the table of phases."] if more else sentences
+    if not more:
+        return sentences
+    rest = plural(
+        "{count} more ring-down in the table of phases.", "{count} more ring-downs in the table of phases.", more
+    )
+    return [*sentences, rest]
 
 
 def _named(decay: Decay, number: int) -> str:
-    return decay.name or f"ring-down {number}"
+    return decay.name or text("ring-down {number}", number=number)
 
 
 def _sentence(decay: Decay, number: int) -> str:
     parts = [
-        f"{phase.kind} {short(float(f'{phase.frequency:.5g}'))} Hz with {plain(100 * phase.damping, 3)} % damping"
+        text(
+            "{phase} {frequency} Hz with {damping} % damping",
+            phase=word(phase.kind),
+            frequency=short(float(f"{phase.frequency:.5g}")),
+            damping=plain(100 * phase.damping, 3),
+        )
         for phase in phases(decay)
     ]
-    knee = f"; the joint begins to stick at {plain(decay.knee, 3)} s" if isfinite(decay.knee) else ""
-    doubts = "".join(f" Not one mode: {finding.message}" for finding in decay.findings if finding.severity != "info")
-    return f"Ring-down of {_named(decay, number)}: {', '.join(parts) or 'no phase of two cycles'}{knee}.{doubts}"
+    doubts = "".join(
+        " " + text("Not one mode: {message}", message=finding.message)
+        for finding in decay.findings
+        if finding.severity != "info"
+    )
+    said = {"name": _named(decay, number), "phases": ", ".join(parts) or text("no phase of two cycles")}
+    if not isfinite(decay.knee):
+        return text("Ring-down of {name}: {phases}.", **said) + doubts
+    knee = plain(decay.knee, 3)
+    return text("Ring-down of {name}: {phases}; the joint begins to stick at {knee} s.", **said, knee=knee) + doubts
 
 
 def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
@@ -47,10 +67,14 @@ def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
         blocks.append(
             book.picture(
                 show.ring_down(shown, names),
-                f"Ring-down of {', '.join(names)}: amplitude over time, frequency and damping over amplitude.",
-                "Amplitude over time, and frequency and damping over the amplitude; what lies within a "
-                "period of the knee "
-                "is left out.",
+                text(
+                    "Ring-down of {names}: amplitude over time, frequency and damping over amplitude.",
+                    names=", ".join(names),
+                ),
+                text(
+                    "Amplitude over time, and frequency and damping over the amplitude; what lies within "
+                    "a period of the knee is left out."
+                ),
             )
         )
     return [*blocks, _phase_table(decays, book), _curve_table(decays, book)]
@@ -61,7 +85,7 @@ def _phase_table(decays: Sequence[Decay], book: Book) -> Block:
     rows: list[tuple[Cell, ...]] = [
         (
             _named(decay, number),
-            phase.kind,
+            word(phase.kind),
             fixed(phase.start, 3),
             fixed(phase.stop, 3),
             plain(phase.cycles, 3),
@@ -74,20 +98,23 @@ def _phase_table(decays: Sequence[Decay], book: Book) -> Block:
         for phase in phases(decay)
     ]
     columns = (
-        "Ring-down",
-        "Phase",
-        "From [s]",
-        "To [s]",
-        "Cycles",
+        text("Ring-down"),
+        text("Phase"),
+        text("From [s]"),
+        text("To [s]"),
+        text("Cycles"),
         "f [Hz]",
         "ζ [%]",
-        "Exponential over straight",
-        "Knee [s]",
+        text("Exponential over straight"),
+        text("Knee [s]"),
     )
     return book.table(
         "ring_downs",
-        "Phases of the ring-downs, medians over each; the misfit of an exponential envelope over that of "
-        "a straight line is above 1 where friction makes the decay, below 1 where viscous damping does.",
+        text(
+            "Phases of the ring-downs, medians over each; the misfit of an exponential envelope "
+            "over that of a straight line is above 1 where friction makes the decay, below 1 "
+            "where viscous damping does."
+        ),
         columns,
         rows,
     )
@@ -102,8 +129,8 @@ def _curve_table(decays: Sequence[Decay], book: Book) -> Block:
     ]
     return book.table(
         "ring_down_curves",
-        "Frequency and damping over the amplitude, in the unit of the signal.",
-        ("Ring-down", "Time [s]", "Amplitude", "f [Hz]", "ζ [%]"),
+        text("Frequency and damping over the amplitude, in the unit of the signal."),
+        (text("Ring-down"), text("Time [s]"), text("Amplitude"), "f [Hz]", "ζ [%]"),
         curves,
         0,
     )
@@ -117,26 +144,28 @@ def _curve(decay: Decay, most: int = 500) -> np.ndarray:
 
 def loops(measured: Sequence[Loop], book: Book) -> list[Block]:
     """Force over relative displacement, and the energy of a cycle."""
-    names = [loop.name or f"loop {number}" for number, loop in enumerate(measured, 1)]
+    names = [loop.name or text("loop {number}", number=number) for number, loop in enumerate(measured, 1)]
     blocks: list[Block] = []
     for start in range(0, len(measured), _TOGETHER):
         shown, labels = measured[start : start + _TOGETHER], names[start : start + _TOGETHER]
         blocks.append(
             book.picture(
                 show.hysteresis(shown, labels),
-                f"Hysteresis loops of {', '.join(labels)}: force over relative displacement.",
-                "Force over relative displacement; the enclosed area is the energy that the joint "
-                "dissipates in a cycle.",
+                text("Hysteresis loops of {names}: force over relative displacement.", names=", ".join(labels)),
+                text(
+                    "Force over relative displacement; the enclosed area is the energy that the joint "
+                    "dissipates in a cycle."
+                ),
             )
         )
     columns = (
-        "Loop",
+        text("Loop"),
         "F_N [N]",
-        "Amplitude [µm]",
-        "Largest force [N]",
-        "Energy per cycle [mJ]",
-        "Loss factor",
-        "Cycles",
+        text("Amplitude [µm]"),
+        text("Largest force [N]"),
+        text("Energy per cycle [mJ]"),
+        text("Loss factor"),
+        text("Cycles"),
     )
     rows: list[tuple[Cell, ...]] = [
         (
@@ -150,7 +179,9 @@ def loops(measured: Sequence[Loop], book: Book) -> list[Block]:
         )
         for name, loop in zip(names, measured, strict=True)
     ]
-    caption = "Hysteresis loops; the loss factor is the energy per cycle over π times amplitude times largest force."
+    caption = text(
+        "Hysteresis loops; the loss factor is the energy per cycle over π times amplitude times largest force."
+    )
     return [*blocks, book.table("loops", caption, columns, rows)]
 
 

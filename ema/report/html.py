@@ -6,6 +6,7 @@ from hashlib import sha256
 from importlib.resources import files
 from typing import Any
 
+from ema.messages import language, plural, text
 from ema.report.blocks import Animation
 from ema.report.document import Document
 from ema.show.moving import script as motion_script
@@ -17,9 +18,9 @@ _START = """for (const viewer of document.querySelectorAll(".motion"))
 """
 
 
-def printable(text: object) -> str:
+def printable(content: object) -> str:
     """Text without the characters that neither XML nor UTF-8 can hold."""
-    return _NO_LETTERS.sub("\ufffd", str(text))
+    return _NO_LETTERS.sub("\ufffd", str(content))
 
 
 def page(document: Document, tables: str, printed: bool = False) -> str:
@@ -41,7 +42,8 @@ def page(document: Document, tables: str, printed: bool = False) -> str:
         lstrip_blocks=True,
         finalize=_finished,
     )
-    environment.filters["json_block"] = lambda text: Markup(text.replace("<", "\\u003c"))
+    environment.globals |= {"text": text, "plural": plural, "language": language()}
+    environment.filters["json_block"] = lambda data: Markup(data.replace("<", "\\u003c"))
     script = f"{motion_script()}{_START}" if not printed and _has_motion(document) else ""
     return environment.get_template("report.html").render(
         document=document,

@@ -8,8 +8,9 @@ import numpy as np
 from ema import show
 from ema.data import MapResult, Statement, StudyResult
 from ema.data.results import Verdict
+from ema.messages import mark, plural, text, word
 from ema.report.blocks import Block, Book, Cell, Section, Text
-from ema.report.numbers import MISSING, count, fixed, plain, rounded, short
+from ema.report.numbers import MISSING, fixed, plain, rounded, short
 
 
 def statements(result: StudyResult, book: Book) -> list[Section]:
@@ -17,23 +18,67 @@ def statements(result: StudyResult, book: Book) -> list[Section]:
     sections = []
     quoted = [one for one in result.statements if one.quoted]
     readings = [one for one in result.statements if not one.quoted]
-    judged = ("Holds for", "Measured", "95 % interval", "Verdict", "Reason", "Quantity")
+    judged = (
+        text("Holds for"),
+        text("Measured"),
+        text("95 % interval"),
+        text("Verdict"),
+        text("Reason"),
+        text("Quantity"),
+    )
     if quoted:
-        caption = (
-            "Sentences of the publication, and whether these measurements bear them out. Intervals hold noise and what "
-            "the grid of a map leaves open, and of a phase of a decay what its halves read; not what was assumed."
+        caption = text(
+            "Sentences of the publication, and whether these measurements bear them out. "
+            "Intervals hold noise and what the grid of a map leaves open, and of a phase of a "
+            "decay what its halves read; not what was assumed."
         )
         sentences = [(one.source, one.sentence, one.text, *_judged(one)) for one in quoted]
-        block = book.table("statements", caption, ("Where", "Sentence", "Judged as", *judged), sentences, 8)
-        sections.append(Section("The publication's statements", "statements", [block]))
+        block = book.table(
+            "statements", caption, (text("Where"), text("Sentence"), text("Judged as"), *judged), sentences, 8
+        )
+        sections.append(Section(text("The publication's statements"), "statements", [block]))
     if readings:
-        caption = "Readings of ours: limits that the publication does not print."
+        caption = text("Readings of ours: limits that the publication does not print.")
         own = [(one.source, one.text, *_judged(one)) for one in readings]
-        block = book.table("readings", caption, ("Source", "Reading", *judged), own, 7)
-        sections.append(Section("Our readings", "readings", [block]))
+        block = book.table("readings", caption, (text("Source"), text("Reading"), *judged), own, 7)
+        sections.append(Section(text("Our readings"), "readings", [block]))
     return sections
 
 
+_WORDS = (
+    mark("matched"),
+    mark("matched with an assumed parameter"),
+    mark("matched with an implausible parameter"),
+    mark("undecided"),
+    mark("not matched"),
+    mark("not testable here"),
+    mark("damping"),
+    mark("frequency"),
+    mark("highest damping"),
+    mark("ridge"),
+    mark("peak level"),
+    mark("rise of ridge"),
+    mark("rise of damping"),
+    mark("fall of damping"),
+    mark("peak of damping"),
+    mark("dip of frequency"),
+    mark("ridge over that of map"),
+    mark("spread over levels"),
+    mark("ridge over sticking"),
+    mark("release deflection"),
+    mark("release deflection over run"),
+    mark("sliding frequency"),
+    mark("sticking frequency"),
+    mark("sticking damping"),
+    mark("missing damping"),
+    mark("difference of envelopes"),
+    mark("run frequency"),
+    mark("run damping"),
+    mark("run misfit"),
+    mark("run damping over run"),
+    mark("run level effect"),
+)
+"""Verdicts and quantities of statements, as data say them."""
 LEAST_SHOWN = 1e-3
 """Part of a value, the second digit of which is the last that a table of statements shows: publications print three
 digits, and an interval against noise alone may be a millionth."""
@@ -42,27 +87,44 @@ digits, and an interval against noise alone may be a millionth."""
 def _judged(one: Statement) -> tuple[Cell, ...]:
     reaches = [abs(bound - one.value) for bound in (one.lower, one.upper) if np.isfinite(bound)]
     half = max(min(reaches), LEAST_SHOWN * abs(one.value)) if reaches else None
-    ends = [str(rounded(bound, half, 4)) if np.isfinite(bound) else "open" for bound in (one.lower, one.upper)]
-    interval = MISSING if np.isnan(one.lower) else " to ".join(ends)
+    ends = [str(rounded(bound, half, 4)) if np.isfinite(bound) else text("open") for bound in (one.lower, one.upper)]
+    interval = MISSING if np.isnan(one.lower) else text("{low} to {high}", low=ends[0], high=ends[1])
     bounds = _bounds(one.low, one.high)
-    return bounds, rounded(one.value, half, 4), interval, one.verdict, one.reason or MISSING, one.quantity
+    return bounds, rounded(one.value, half, 4), interval, word(one.verdict), one.reason or MISSING, word(one.quantity)
 
 
 def statement_lines(result: StudyResult) -> list[str]:
     """How many sentences of the publication, and how many readings of ours, got which verdict."""
     lines = []
-    for quoted, name, end in ((True, "statement", " of the publication"), (False, "reading", " of ours")):
+    for quoted in (True, False):
         chosen = [one for one in result.statements if one.quoted is quoted]
         counts = {verdict: sum(one.verdict == verdict for one in chosen) for verdict in get_args(Verdict)}
-        listed = ", ".join(f"{number} {verdict}" for verdict, number in counts.items() if number)
-        lines += [f"{count(len(chosen), name)}{end}: {listed}."] if chosen else []
+        verdicts = ", ".join(f"{number} {word(verdict)}" for verdict, number in counts.items() if number)
+        if chosen and quoted:
+            lines.append(
+                plural(
+                    "{count} statement of the publication: {verdicts}.",
+                    "{count} statements of the publication: {verdicts}.",
+                    len(chosen),
+                    verdicts=verdicts,
+                )
+            )
+        elif chosen:
+            lines.append(
+                plural(
+                    "{count} reading of ours: {verdicts}.",
+                    "{count} readings of ours: {verdicts}.",
+                    len(chosen),
+                    verdicts=verdicts,
+                )
+            )
     return lines
 
 
 def map_sections(result: StudyResult, book: Book) -> list[Section]:
     """Every map with its pictures, the homogeneity of its levels, and its table."""
     return [
-        Section(f"Map of {one.name}", f"map-{number}", map_blocks(one, book))
+        Section(text("Map of {name}", name=one.name), f"map-{number}", map_blocks(one, book))
         for number, one in enumerate(result.maps, 1)
     ]
 
@@ -76,7 +138,7 @@ def map_sentence(one: MapResult) -> str:
     """The most damping of a map, and the best normal force over the excitation."""
     damping = np.asarray(one.chart.damping)
     if not np.isfinite(damping).any():
-        return f"{one.name}: no mode was found in any condition."
+        return text("{name}: no mode was found in any condition.", name=one.name)
     row, column = np.unravel_index(int(np.nanargmax(damping)), damping.shape)
     known = np.isfinite(damping).any(axis=1)
     levels = [float(level) for level in np.asarray(one.chart.force_levels)[known]]
@@ -84,11 +146,18 @@ def map_sentence(one: MapResult) -> str:
     best = []
     for force, group in groupby(zip(forces, levels, strict=True), key=lambda pair: pair[0]):
         own = [level for _, level in group]
-        best.append(f"{short(force)} N at {short(own[0])}" + (f" to {short(own[-1])} N" if len(own) > 1 else " N"))
-    return (
-        f"{one.name}: most damping {plain(100 * float(damping[row, column]), 3)} % at F_E "
-        f"{short(one.chart.force_levels[row])} N and F_N {short(one.chart.normal_forces[column])} N; best normal force "
-        f"over the excitation: {', '.join(best)}."
+        ends = {"force": short(force), "low": short(own[0]), "high": short(own[-1])}
+        best.append(
+            text("{force} N at {low} to {high} N", **ends) if len(own) > 1 else text("{force} N at {low} N", **ends)
+        )
+    return text(
+        "{name}: most damping {damping} % at F_E {level} N and F_N {force} N; best normal "
+        "force over the excitation: {best}.",
+        name=one.name,
+        damping=plain(100 * float(damping[row, column]), 3),
+        level=short(one.chart.force_levels[row]),
+        force=short(one.chart.normal_forces[column]),
+        best=", ".join(best),
     )
 
 
@@ -100,18 +169,27 @@ def map_blocks(one: MapResult, book: Book) -> list[Block]:
         Text(sentence),
         book.picture(
             show.damping_map(chart),
-            f"Damping of {name} over F_E and F_N. {sentence}",
-            f"Damping ratio of {name} {_how(one)}; the line joins the best F_N.",
+            f"{text('Damping of {name} over F_E and F_N.', name=name)} {sentence}",
+            text("Damping ratio of {name} from steady states of the model; the line joins the best F_N.", name=name)
+            if one.chart.method == "frozen"
+            else text(
+                "Damping ratio of {name} by the linear fit of each condition; the line joins the best F_N.", name=name
+            ),
         ),
         book.picture(
-            show.frequency_map(chart), f"Natural frequency of {name} over F_E and F_N.", f"Natural frequency of {name}."
+            show.frequency_map(chart),
+            text("Natural frequency of {name} over F_E and F_N.", name=name),
+            text("Natural frequency of {name}.", name=name),
         ),
         book.picture(
             show.damping_curves(chart),
-            f"Damping of {name} over the excitation at every normal force.",
-            f"Damping of {name} at every normal force, with 95 % bars of the fit: over the force at resonance "
-            "(left) and over the modal amplitude (right), where different drivers agree. Dashed: by the "
-            "height of the peak.",
+            text("Damping of {name} over the excitation at every normal force.", name=name),
+            text(
+                "Damping of {name} at every normal force, with 95 % bars of the fit: over the force "
+                "at resonance (left) and over the modal amplitude (right), where different drivers "
+                "agree. Dashed: by the height of the peak.",
+                name=name,
+            ),
         ),
     ]
     if len(one.homogeneity):
@@ -119,18 +197,13 @@ def map_blocks(one: MapResult, book: Book) -> list[Block]:
             (plain(force, 4), plain(low, 3), plain(high, 3), fixed(index, 3), fixed(ratio, 3), _side(index, ratio))
             for (force, low, high), index, ratio in zip(one.pairs, one.homogeneity, one.peak_ratio, strict=True)
         ]
-        columns = ("F_N [N]", "F_E [N]", "F_E higher [N]", "Homogeneity", "Peak ratio", "Side")
-        caption = (
-            f"Whether FRFs of {name} depend on the level (0: linear; above 0.05 nonlinear, above 0.3 no linear fit)."
+        columns = ("F_N [N]", "F_E [N]", text("F_E higher [N]"), text("Homogeneity"), text("Peak ratio"), text("Side"))
+        caption = text(
+            "Whether FRFs of {name} depend on the level (0: linear; above 0.05 nonlinear, above 0.3 no linear fit).",
+            name=name,
         )
         blocks.append(book.table(f"homogeneity_{name}", caption, columns, rows))
     return [*blocks, _table(one, book)]
-
-
-def _how(one: MapResult) -> str:
-    """How the points of a map were made."""
-    simulated = one.chart.method == "frozen"
-    return "from steady states of the model" if simulated else "by the linear fit of each condition"
 
 
 def _table(one: MapResult, book: Book) -> Block:
@@ -139,12 +212,12 @@ def _table(one: MapResult, book: Book) -> Block:
         "F_E [N]",
         "F_N [N]",
         "f [Hz]",
-        "ζ fit [%]",
-        "ζ height [%]",
-        "Misfit",
-        "F at resonance [N]",
-        "Drop-out",
-        "Amplitude [µm √kg]",
+        text("ζ fit [%]"),
+        text("ζ height [%]"),
+        text("Misfit"),
+        text("F at resonance [N]"),
+        text("Drop-out"),
+        text("Amplitude [µm √kg]"),
         "std f [Hz]",
         "std ζ [%]",
         *(f"F_N {joint} [N]" for joint in chart.joints),
@@ -172,9 +245,13 @@ def _table(one: MapResult, book: Book) -> Block:
                     ),
                 ]
             )
-    simulated = one.chart.method == "frozen"
-    by = "damping from steady states of the model" if simulated else "damping by the fit and by the height of the peak"
-    caption = f"Every condition of {one.name}: frequency, {by}."
+    caption = (
+        text("Every condition of {name}: frequency, damping from steady states of the model.", name=one.name)
+        if chart.method == "frozen"
+        else text(
+            "Every condition of {name}: frequency, damping by the fit and by the height of the peak.", name=one.name
+        )
+    )
     return book.table(f"map_{one.name}", caption, columns, rows, 9)
 
 
@@ -184,15 +261,15 @@ def _at(values: "np.ndarray | None", i: int, j: int) -> float:
 
 def _side(index: float, ratio: float) -> str:
     if index <= 0.05:
-        return "linear"
+        return text("linear")
     if abs(ratio - 1) < 0.02:
-        return "about the most damping"
-    return "slips: press more" if ratio > 1 else "sticks: press less"
+        return text("about the most damping")
+    return text("slips: press more") if ratio > 1 else text("sticks: press less")
 
 
 def _bounds(low: float, high: float) -> str:
     if not np.isfinite(low):
-        return f"up to {short(high)}"
+        return text("up to {high}", high=short(high))
     if not np.isfinite(high):
-        return f"{short(low)} or more"
-    return short(low) if low == high else f"{short(low)} to {short(high)}"
+        return text("{low} or more", low=short(low))
+    return short(low) if low == high else text("{low} to {high}", low=short(low), high=short(high))

@@ -5,6 +5,7 @@ import numpy as np
 from ema import show
 from ema.data import Geometry, RunResult
 from ema.fit import cmif
+from ema.messages import text
 from ema.report.blocks import Block, Book, Text
 from ema.report.motion import animation
 from ema.report.numbers import plain, short
@@ -18,28 +19,39 @@ _MOST_DRIVE_POINTS = 3
 _MOST_NAMED = 12
 
 
-def _missing(text: str) -> list[Block]:
-    return [Text(text, missing=True)]
+def _missing(sentence: str) -> list[Block]:
+    return [Text(sentence, missing=True)]
 
 
 def stabilisation(run: RunResult, book: Book) -> list[Block]:
     """The stabilisation diagram over the complex mode indicator functions."""
     poles, name = run.poles, run.run.id
     if poles is None:
-        return _missing("There is no stabilisation diagram: the modes were not found through model orders.")
+        return _missing(text("There is no stabilisation diagram: the modes were not found through model orders."))
     behind = cmif(run.frfs)
     figure = show.stabilisation(poles, run.modes, run.frfs.frequencies, behind)
     named = [short(frequency) for frequency in run.modes.natural_frequencies[:_MOST_NAMED]]
     more = len(run.modes.poles) - len(named)
-    marked = "no mode was selected"
-    if named:
-        marked = f"selected modes at {', '.join(named)}{f' and {more} more' if more else ''} Hz"
+    marked = text("no mode was selected")
+    frequencies = ", ".join(named)
+    if more:
+        marked = text("selected modes at {frequencies} and {more} more Hz", frequencies=frequencies, more=more)
+    elif named:
+        marked = text("selected modes at {frequencies} Hz", frequencies=frequencies)
     f, d, v = (short(100 * tolerance) for tolerance in poles.tolerances)
-    caption = (
-        f"Stabilisation diagram over the CMIF (tolerances {f} % in frequency, {d} % in damping, {v} % in vector); "
-        "numbered lines are the selected modes."
+    caption = text(
+        "Stabilisation diagram over the CMIF (tolerances {f} % in frequency, {d} % in "
+        "damping, {v} % in vector); numbered lines are the selected modes.",
+        f=f,
+        d=d,
+        v=v,
     )
-    alt = f"Stabilisation diagram of run {name}: {len(poles.poles)} poles; {marked}."
+    alt = text(
+        "Stabilisation diagram of run {run}: {number} poles; {marked}.",
+        run=name,
+        number=len(poles.poles),
+        marked=marked,
+    )
     return [book.picture(figure, alt, caption)]
 
 
@@ -47,12 +59,16 @@ def reconstruction(run: RunResult, book: Book) -> list[Block]:
     """Measured FRFs against those of the modal model, and the error of each."""
     error = None if run.reconstruction_error is None else np.asarray(run.reconstruction_error)
     if run.reconstruction is None or error is None or not np.isfinite(error).any():
-        return _missing("No FRFs of the modal model were computed that could be compared with the measured ones.")
+        return _missing(text("No FRFs of the modal model were computed that could be compared with the measured ones."))
     name, frfs = run.run.id, run.frfs
     places, titles = _chosen_frfs(run, error)
-    errors = f"median {short(_percent(np.nanmedian(error)))} %, largest {short(_percent(np.nanmax(error)))} %"
+    errors = text(
+        "median {median} %, largest {largest} %",
+        median=short(_percent(np.nanmedian(error))),
+        largest=short(_percent(np.nanmax(error))),
+    )
     drawn = ", ".join(f"{frfs.label(*place)} ({title})" for place, title in zip(places, titles))
-    columns = ("Response", "Force", "Error [%]")
+    columns = (text("Response"), text("Force"), text("Error [%]"))
     rows = [
         (str(output), str(input_), plain(100 * float(error[o, i]), 3))
         for o, output in enumerate(frfs.outputs)
@@ -61,15 +77,23 @@ def reconstruction(run: RunResult, book: Book) -> list[Block]:
     return [
         book.picture(
             show.reconstruction(frfs, run.reconstruction, places, titles, run.modes),
-            f"Measured and synthesised FRFs of run {name}: {drawn}.",
-            "Measured and synthesised: best, median and worst by error, and drive points; dotted lines mark the modes.",
+            text("Measured and synthesised FRFs of run {run}: {drawn}.", run=name, drawn=drawn),
+            text(
+                "Measured and synthesised: best, median and worst by error, and drive points; dotted "
+                "lines mark the modes."
+            ),
         ),
         book.picture(
             show.error_map(error, frfs.outputs, frfs.inputs),
-            f"Error of each synthesised FRF of run {name}: {errors}.",
-            f"Error of each synthesised FRF, norm of the difference over norm of the measured FRF ({errors}).",
+            text("Error of each synthesised FRF of run {run}: {errors}.", run=name, errors=errors),
+            text(
+                "Error of each synthesised FRF, norm of the difference over norm of the measured FRF ({errors}).",
+                errors=errors,
+            ),
         ),
-        book.table(f"frf_errors_{name}", f"Error of each synthesised FRF of run {name}.", columns, rows, shown=0),
+        book.table(
+            f"frf_errors_{name}", text("Error of each synthesised FRF of run {run}.", run=name), columns, rows, shown=0
+        ),
     ]
 
 
@@ -82,12 +106,19 @@ def _chosen_frfs(run: RunResult, error: np.ndarray) -> tuple[list[tuple[int, int
     """Best, median and worst FRF by error, and drive points; each once."""
     ranked = [int(place) for place in np.argsort(error, axis=None, kind="stable") if np.isfinite(error.flat[place])]
     chosen: dict[tuple[int, int], str] = {}
-    for place, title in ((ranked[0], "best"), (ranked[-1], "worst"), (ranked[len(ranked) // 2], "median")):
+    for place, title in (
+        (ranked[0], text("best")),
+        (ranked[-1], text("worst")),
+        (ranked[len(ranked) // 2], text("median")),
+    ):
         output, input_ = np.unravel_index(place, error.shape)
         chosen.setdefault((int(output), int(input_)), title)
     for point in drive_points(run.frfs)[:_MOST_DRIVE_POINTS]:
-        chosen[point] = f"{chosen[point]}, drive point" if point in chosen else "drive point"
-    return list(chosen), [f"{title}, error {plain(100 * float(error[place]), 2)} %" for place, title in chosen.items()]
+        chosen[point] = text("{title}, drive point", title=chosen[point]) if point in chosen else text("drive point")
+    return list(chosen), [
+        text("{title}, error {error} %", title=title, error=plain(100 * float(error[place]), 2))
+        for place, title in chosen.items()
+    ]
 
 
 def auto_mac(run: RunResult, book: Book) -> list[Block]:
@@ -98,11 +129,16 @@ def auto_mac(run: RunResult, book: Book) -> list[Block]:
     table = auto_mac_of(modes.shapes) if run.auto_mac is None else np.asarray(run.auto_mac)
     off = np.where(np.tri(len(table), dtype=bool), -1.0, np.nan_to_num(table))
     row, column = np.unravel_index(np.argmax(off), off.shape)
-    largest = f"largest off the diagonal {plain(float(off[row, column]), 2)}, modes {row + 1} and {column + 1}"
+    largest = text(
+        "largest off the diagonal {mac}, modes {first} and {second}",
+        mac=plain(float(off[row, column]), 2),
+        first=row + 1,
+        second=column + 1,
+    )
     labels = [f"{mode}: {short(float(f'{f:.4g}'))} Hz" for mode, f in enumerate(modes.natural_frequencies, 1)]
     figure = show.mac_matrix(table, labels, [str(mode) for mode in range(1, len(table) + 1)])
-    caption = f"AutoMAC over {len(modes.dofs)} DOFs ({largest})."
-    return [book.picture(figure, f"AutoMAC of run {name}: {largest}.", caption)]
+    caption = text("AutoMAC over {number} DOFs ({largest}).", number=len(modes.dofs), largest=largest)
+    return [book.picture(figure, text("AutoMAC of run {run}: {largest}.", run=name, largest=largest), caption)]
 
 
 def _pages(number: int, size: int) -> list[range]:
@@ -111,35 +147,48 @@ def _pages(number: int, size: int) -> list[range]:
 
 
 def _named(page: range) -> str:
-    return f"mode {page.start + 1}" if len(page) == 1 else f"modes {page.start + 1} to {page.stop}"
+    return (
+        text("mode {first}", first=page.start + 1)
+        if len(page) == 1
+        else text("modes {first} to {last}", first=page.start + 1, last=page.stop)
+    )
 
 
 def shapes(run: RunResult, geometry: Geometry | None, book: Book) -> list[Block]:
     """Mode shapes in space, or over the DOFs where there is no geometry."""
     modes, name = run.modes, run.run.id
     if not len(modes.poles):
-        return _missing("No mode was found, so there is no shape to draw.")
+        return _missing(text("No mode was found, so there is no shape to draw."))
     blocks: list[Block] = []
     if geometry is not None and not any(dof.node in geometry and dof.axis in ("X", "Y", "Z") for dof in modes.dofs):
-        blocks += _missing("No measured DOF is a direction at a point of the geometry; shapes are shown over the DOFs.")
+        blocks += _missing(
+            text("No measured DOF is a direction at a point of the geometry; shapes are shown over the DOFs.")
+        )
         geometry = None
     elif geometry is None:
         blocks += _missing(
-            "The campaign has no geometry, so shapes cannot be drawn in space; they stand over the DOFs."
+            text("The campaign has no geometry, so shapes cannot be drawn in space; they stand over the DOFs.")
         )
     if geometry is not None and (moving := animation(modes, geometry, name)):
         blocks.append(moving)
     unmeasured = ""
     if geometry is not None and not expand(modes, geometry).measured.all():
-        unmeasured = " Points that were not measured follow their neighbours."
+        unmeasured = " " + text("Points that were not measured follow their neighbours.")
     for page in _pages(len(modes.poles), _SHAPE_PANELS):
-        listed = ", ".join(f"{mode + 1} at {short(modes.natural_frequencies[mode])} Hz" for mode in page)
+        listed = ", ".join(
+            text("{mode} at {frequency} Hz", mode=mode + 1, frequency=short(modes.natural_frequencies[mode]))
+            for mode in page
+        )
         if geometry is None:
-            figure, caption = show.shapes_over_dofs(modes, page), f"Shapes of {_named(page)} over the DOFs."
+            figure = show.shapes_over_dofs(modes, page)
+            caption = text("Shapes of {modes} over the DOFs.", modes=_named(page))
         else:
             figure = show.mode_shapes(modes, geometry, page)
-            caption = f"Shapes of {_named(page)} with natural frequency and damping; at rest in grey.{unmeasured}"
-        blocks.append(book.picture(figure, f"Mode shapes of run {name}: {listed}.", caption))
+            caption = text("Shapes of {modes} with natural frequency and damping; at rest in grey.", modes=_named(page))
+            caption += unmeasured
+        blocks.append(
+            book.picture(figure, text("Mode shapes of run {run}: {listed}.", run=name, listed=listed), caption)
+        )
     return blocks
 
 
@@ -148,9 +197,12 @@ def complexity(run: RunResult, book: Book) -> list[Block]:
     return [
         book.picture(
             show.complexity(run.modes, page),
-            f"Complexity plots of run {run.run.id}, {_named(page)}.",
-            f"Complexity of {_named(page)}: every DOF is a line from the origin; a real mode lies on one line, whose "
-            "direction the dots mark.",
+            text("Complexity plots of run {run}, {modes}.", run=run.run.id, modes=_named(page)),
+            text(
+                "Complexity of {modes}: every DOF is a line from the origin; a real mode lies on one "
+                "line, whose direction the dots mark.",
+                modes=_named(page),
+            ),
         )
         for page in _pages(len(run.modes.poles), _COMPLEXITY_PANELS)
     ]

@@ -3,6 +3,7 @@
 import json
 
 from ema.data import Geometry, ModalModel
+from ema.messages import text
 from ema.report.blocks import Animation
 from ema.show.moving import moving_shapes
 
@@ -14,7 +15,9 @@ def animation(model: ModalModel, geometry: Geometry, run: str) -> Animation | No
     if not shown:
         return None
     left = len(model.poles) - shown
-    caption = "Moving mode shapes: drag to turn, wheel to zoom, space to stop." + (
-        f" The first {shown} modes; {left} more are drawn at rest below." if left else ""
+    caption = text("Moving mode shapes: drag to turn, wheel to zoom, space to stop.")
+    if left:
+        caption += " " + text("The first {shown} modes; {left} more are drawn at rest below.", shown=shown, left=left)
+    return Animation(
+        text("Moving mode shapes of run {run}", run=run), json.dumps(content, separators=(",", ":")), caption
     )
-    return Animation(f"Moving mode shapes of run {run}", json.dumps(content, separators=(",", ":")), caption)

@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ema.messages import text
+
 MISSING = "–"
 
 
@@ -71,15 +73,12 @@ def with_uncertainty(value: float | None, uncertainty: float | None, digits: int
 
 def signed(value: float, digits: int = 3) -> Value:
     """A change, with its sign."""
-    text = plain(value, digits)
-    return Value(text.value, "+" + text.text if math.isfinite(value) and value > 0 else text.text)
-
-
-def count(number: int, what: str) -> str:
-    """``1 mode``, ``2 modes``."""
-    return f"{number} {what}" + ("" if number == 1 else "s")
+    shown = plain(value, digits)
+    return Value(shown.value, "+" + shown.text if math.isfinite(value) and value > 0 else shown.text)
 
 
 def listed(words: Sequence[str]) -> str:
     """``1``, ``1 and 2``, ``1, 2 and 3``."""
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    if len(words) < 2:
+        return "".join(words)
+    return text("{first} and {last}", first=", ".join(words[:-1]), last=words[-1])

@@ -8,13 +8,31 @@ from ema import show
 from ema.data import ForecastCheck, FrfSet, ModalModel, poles_from
 from ema.data.placement import Place, Placement
 from ema.dof import Dof
+from ema.messages import mark, text, word
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
-from ema.report.numbers import plain, short
+from ema.report.numbers import listed, plain, short
 from ema.report.trials import proposal, trial_blocks
 from ema.synthesis import frfs as synthesised
 from ema.units import FRF_UNIT
 
+_WORDS = (
+    mark("law"),
+    mark("constant"),
+    mark("scheduled with the amplitude"),
+    mark("released at turning points"),
+    mark("damping, least over the force levels"),
+    mark("damping, mean over the force levels"),
+    mark("least damping, least over the force levels"),
+    mark("least damping, mean over the force levels"),
+    mark("geometric mean, least over the force levels"),
+    mark("geometric mean, mean over the force levels"),
+    mark("peak reduction, least over the force levels"),
+    mark("peak reduction, mean over the force levels"),
+    mark("chatter, least over the force levels"),
+    mark("chatter, mean over the force levels"),
+)
+"""Heads and rows of the table of controlled forces, and objectives of all modes alike, as data say them."""
 _LINES = 4000
 _BESIDE = 0.12
 """How far the predicted FRFs reach beyond the modes, relative."""
@@ -32,13 +50,27 @@ def answers(placement: Placement) -> list[str]:
 def place_blocks(placement: Placement, book: Book) -> list[Block]:
     """The recommended place on the geometry, and the best places as a table."""
     ranking, best = placement.ranking, placement.ranking.best
-    where = f"at ({best.centre[0]:.3f}, {best.centre[1]:.3f}) m with F_N {best.normal_force:.3g} N in every joint"
+    where = text(
+        "at ({x}, {y}) m with F_N {force} N in every joint",
+        x=f"{best.centre[0]:.3f}",
+        y=f"{best.centre[1]:.3f}",
+        force=f"{best.normal_force:.3g}",
+    )
     return [
         book.picture(
             show.placement_map(placement),
-            f"Map of {len(ranking.scores)} places of the beam on the structure; the best is {where}.",
-            f"{len(ranking.scores)} places by the one-mode predictor ({ranking.objective}); numbers: ranks with all "
-            f"modes together; hatched: kept free. Recommended: {where}.",
+            text(
+                "Map of {number} places of the beam on the structure; the best is {where}.",
+                number=len(ranking.scores),
+                where=where,
+            ),
+            text(
+                "{number} places by the one-mode predictor ({objective}); numbers: ranks with all "
+                "modes together; hatched: kept free. Recommended: {where}.",
+                number=len(ranking.scores),
+                objective=word(ranking.objective),
+                where=where,
+            ),
         ),
         _table(placement, book),
     ]
@@ -50,23 +82,28 @@ def placement_sections(placement: Placement, book: Book, check: ForecastCheck | 
     # first of all, for pictures and tables are numbered as they come
     if placement.forecast is not None:
         blocks = forecast_blocks(placement.forecast if check is None else check, book)
-        sections.append(Section("Forecast for the best place", "forecast", blocks))
+        sections.append(Section(text("Forecast for the best place"), "forecast", blocks))
     if placement.trials is not None:
-        sections.append(Section("The next best test", "trials", trial_blocks(placement.trials, book)))
+        sections.append(Section(text("The next best test"), "trials", trial_blocks(placement.trials, book)))
     sections += [
-        Section("Recommended normal force", "placement-force", _force(placement, book)),
-        Section("FRF before and after, predicted", "placement-frf", _predicted(placement, book)),
+        Section(text("Recommended normal force"), "placement-force", _force(placement, book)),
+        Section(text("FRF before and after, predicted"), "placement-frf", _predicted(placement, book)),
     ]
     if placement.control is not None:
-        sections.append(Section("A controlled normal force", "control", _control(placement, book)))
+        sections.append(Section(text("A controlled normal force"), "control", _control(placement, book)))
     return sections
 
 
 def _force(placement: Placement, book: Book) -> list[Block]:
     best, prediction = placement.ranking.best, placement.ranking.prediction
-    columns = ["F_E [N]", "Best F_N [N]"]
+    columns = ["F_E [N]", text("Best F_N [N]")]
     for mode in prediction.modes:
-        columns += [f"f{mode + 1} [Hz]", f"ζ{mode + 1} [%]", f"ζ{mode + 1} low [%]", f"ζ{mode + 1} high [%]"]
+        columns += [
+            f"f{mode + 1} [Hz]",
+            f"ζ{mode + 1} [%]",
+            text("ζ{mode} low [%]", mode=mode + 1),
+            text("ζ{mode} high [%]", mode=mode + 1),
+        ]
     rows: list[list[Cell]] = []
     for level in np.argsort(prediction.force_levels):
         row: list[Cell] = [plain(float(prediction.force_levels[level]), 3), plain(float(best.normal_forces[level]), 3)]
@@ -77,13 +114,16 @@ def _force(placement: Placement, book: Book) -> list[Block]:
     return [
         book.picture(
             show.recommended_force(placement),
-            "Recommended normal force over excitation force, and damping.",
-            "Recommended normal force of every joint at the best place, and the damping it brings.",
+            text("Recommended normal force over excitation force, and damping."),
+            text("Recommended normal force of every joint at the best place, and the damping it brings."),
         ),
         book.table(
             "recommended_force",
-            "The best place over the excitation: the normal force that is best at each level; "
-            f"frequency and damping with its 95 % interval under {best.normal_force:.3g} N at all levels.",
+            text(
+                "The best place over the excitation: the normal force that is best at each level; "
+                "frequency and damping with its 95 % interval under {force} N at all levels.",
+                force=f"{best.normal_force:.3g}",
+            ),
             columns,
             rows,
         ),
@@ -95,8 +135,11 @@ def _predicted(placement: Placement, book: Book) -> list[Block]:
     best, prediction = placement.ranking.best, placement.ranking.prediction
     levels = np.asarray(prediction.force_levels)
     ends = list(dict.fromkeys([int(np.argmin(levels)), int(np.argmax(levels))]))
-    states = [("bare", np.asarray(prediction.bare_frequencies), np.asarray(prediction.bare_damping))]
-    states += [(f"with beam, F_E {levels[k]:g} N", best.frequency[:, k], best.damping[:, k]) for k in ends]
+    states = [(text("bare"), np.asarray(prediction.bare_frequencies), np.asarray(prediction.bare_damping))]
+    states += [
+        (text("with beam, F_E {level} N", level=f"{levels[k]:g}"), best.frequency[:, k], best.damping[:, k])
+        for k in ends
+    ]
     states = [state for state in states if np.isfinite([*state[1], *state[2]]).all()]
     reached = np.concatenate([state[1] for state in states])
     lines = np.linspace((1 - _BESIDE) * reached.min(), (1 + _BESIDE) * reached.max(), _LINES)
@@ -105,9 +148,13 @@ def _predicted(placement: Placement, book: Book) -> list[Block]:
     return [
         book.picture(
             show.frf_overlay(sets, [(0, 0)] * len(sets), names),
-            f"Predicted FRF from the excited point to the observed one: {', '.join(names)}.",
-            f"FRF from the excited point to the observed one, of the target modes alone: {', '.join(names)}; "
-            f"F_N {best.normal_force:.3g} N. Shapes are taken as those of the bare structure.",
+            text("Predicted FRF from the excited point to the observed one: {names}.", names=", ".join(names)),
+            text(
+                "FRF from the excited point to the observed one, of the target modes alone: {names}; "
+                "F_N {force} N. Shapes are taken as those of the bare structure.",
+                names=", ".join(names),
+                force=f"{best.normal_force:.3g}",
+            ),
         )
     ]
 
@@ -127,7 +174,7 @@ def _control(placement: Placement, book: Book) -> list[Block]:
     assert study is not None
     frame = study.table().reset_index()
     rows: list[list[Cell]] = [
-        [str(row[0]), *(plain(float(value), 4) for value in row[1:])] for row in frame.itertuples(index=False)
+        [word(str(row[0])), *(plain(float(value), 4) for value in row[1:])] for row in frame.itertuples(index=False)
     ]
     levels = [
         (plain(float(level), 3), plain(100 * float(one), 3), plain(100 * float(each), 3))
@@ -137,22 +184,29 @@ def _control(placement: Placement, book: Book) -> list[Block]:
         Text(study.verdict),
         book.picture(
             show.control_gain(study),
-            "Energy over time after a release under constant and controlled force.",
-            f"Left: release from {short(study.load)} N at the excited point. Right: steady vibration over the "
-            "excitation force, one normal force for all levels or one for each.",
+            text("Energy over time after a release under constant and controlled force."),
+            text(
+                "Left: release from {load} N at the excited point. Right: steady vibration over the "
+                "excitation force, one normal force for all levels or one for each.",
+                load=short(study.load),
+            ),
         ),
         book.table(
             "control",
-            "Ring-downs: J is the integral of the energy over that at the start; t to stay below 5 % "
-            "and 2 % of the amplitude.",
-            tuple(str(name) for name in frame.columns),
+            text(
+                "Ring-downs: J is the integral of the energy over that at the start; t to stay below "
+                "5 % and 2 % of the amplitude."
+            ),
+            tuple(word(str(name)) for name in frame.columns),
             rows,
         ),
         book.table(
             "control_steady",
-            "Steady vibration: least damping of the modes under one normal force for all levels, and "
-            "under one for each.",
-            ("F_E [N]", "ζ, one for all [%]", "ζ, one for each [%]"),
+            text(
+                "Steady vibration: least damping of the modes under one normal force for all levels, "
+                "and under one for each."
+            ),
+            ("F_E [N]", text("ζ, one for all [%]"), text("ζ, one for each [%]")),
             levels,
         ),
     ]
@@ -162,8 +216,15 @@ def answer(placement: Placement) -> str:
     """The best place in words."""
     ranking, best = placement.ranking, placement.ranking.best
     joints = ranking.prediction.candidates.joints(best.candidate)
-    spots = " and ".join(f"({x:.3f}, {y:.3f}) m" for x, y in joints)
-    sentences = [f"Bolt {best.beam} at {spots} and press every joint with {best.normal_force:.3g} N."]
+    spots = listed([f"({x:.3f}, {y:.3f}) m" for x, y in joints])
+    sentences = [
+        text(
+            "Bolt {beam} at {spots} and press every joint with {force} N.",
+            beam=best.beam,
+            spots=spots,
+            force=f"{best.normal_force:.3g}",
+        )
+    ]
     for m, mode in enumerate(ranking.prediction.modes):
         row = int(np.nanargmin(best.damping[m]))
         bounds = (
@@ -172,9 +233,16 @@ def answer(placement: Placement) -> str:
             else " %"
         )
         sentences.append(
-            f"Mode {mode + 1}: {100 * ranking.prediction.bare_damping[m]:.2f} -> at least "
-            f"{100 * best.damping[m, row]:.2f}{bounds} damping at {ranking.prediction.force_levels.min():g} to "
-            f"{ranking.prediction.force_levels.max():g} N, "
+            text(
+                "Mode {mode}: {bare} -> at least {damping}{bounds} damping at {low} to {high} N,",
+                mode=mode + 1,
+                bare=f"{100 * ranking.prediction.bare_damping[m]:.2f}",
+                damping=f"{100 * best.damping[m, row]:.2f}",
+                bounds=bounds,
+                low=f"{ranking.prediction.force_levels.min():g}",
+                high=f"{ranking.prediction.force_levels.max():g}",
+            )
+            + " "
             + _shifts(
                 float(ranking.prediction.bare_frequencies[m]),
                 float(best.frequency[m, row]),
@@ -192,9 +260,14 @@ def _shifts(bare: float, loaded: float, mass: float, joints: float) -> str:
     """
     before, after, by_mass, by_joints = (round(value, 1) for value in (bare, loaded, mass, joints))
     rest = after - before - by_mass - by_joints
-    return (
-        f"{before:.1f} -> {after:.1f} Hz (mass {by_mass:+.1f} Hz, sticking joints {by_joints:+.1f} Hz, sliding, other "
-        f"modes and higher order {rest:+.1f} Hz)."
+    return text(
+        "{before} -> {after} Hz (mass {by_mass} Hz, sticking joints {by_joints} Hz, sliding, "
+        "other modes and higher order {rest} Hz).",
+        before=f"{before:.1f}",
+        after=f"{after:.1f}",
+        by_mass=f"{by_mass:+.1f}",
+        by_joints=f"{by_joints:+.1f}",
+        rest=f"{rest:+.1f}",
     )
 
 
@@ -202,14 +275,23 @@ def _table(placement: Placement, book: Book) -> Block:
     decibels = placement.ranking.objective.startswith(("peak", "chatter"))
     scale, unit = (1, "dB") if decibels else (100, "%")
     rows = [_row(number, place, scale) for number, place in enumerate(placement.ranking.places, 1)]
-    columns = ["Rank", "x [m]", "y [m]", "Angle [deg]", "Beam", f"Objective [{unit}]", "F_N [N]"]
+    columns = [
+        text("Rank"),
+        "x [m]",
+        "y [m]",
+        text("Angle [deg]"),
+        text("Beam"),
+        text("Objective [{unit}]", unit=unit),
+        "F_N [N]",
+    ]
     for mode in placement.ranking.prediction.modes:
-        columns += [f"ζ{mode + 1} [%]", f"95 % of ζ{mode + 1} [%]", f"f{mode + 1} [Hz]"]
-    caption = (
-        f"The best places: {placement.ranking.objective}. Middle of the beam, normal force of every joint for all "
-        "levels, least damping over the levels."
+        columns += [f"ζ{mode + 1} [%]", text("95 % of ζ{mode} [%]", mode=mode + 1), f"f{mode + 1} [Hz]"]
+    caption = text(
+        "The best places: {objective}. Middle of the beam, normal force of every joint for "
+        "all levels, least damping over the levels.",
+        objective=word(placement.ranking.objective),
     )
-    return book.table("places", caption, [*columns, "Flags"], rows)
+    return book.table("places", caption, [*columns, text("Flags")], rows)
 
 
 def _row(number: int, place: Place, scale: float) -> list[Cell]:
@@ -230,4 +312,4 @@ def _row(number: int, place: Place, scale: float) -> list[Cell]:
             f"{low:.2f} ... {high:.2f}" if np.isfinite(low) else "–",
             plain(float(place.frequency[m, row]), 4),
         ]
-    return [*cells, ", ".join(sorted({finding.code for finding in place.findings})) or "none"]
+    return [*cells, ", ".join(sorted({finding.code for finding in place.findings})) or text("none")]

@@ -1,26 +1,27 @@
 """What was repaired, and where the results came from."""
 
 from ema.data import Provenance, StudyResult
+from ema.messages import text
 from ema.report.blocks import Block, Book, Section, Text
 
 
 def repairs(result: StudyResult, book: Book) -> Section:
     """Corrections of metadata: what, where, by whom and why."""
-    return Section("Repairs", "repairs", _repairs(result, book))
+    return Section(text("Repairs"), "repairs", _repairs(result, book))
 
 
 def provenance(result: StudyResult, book: Book) -> Section:
     """Files, versions, settings and steps behind the results."""
-    return Section("Provenance", "provenance", _provenance(result, book))
+    return Section(text("Provenance"), "provenance", _provenance(result, book))
 
 
 def _repairs(result: StudyResult, book: Book) -> list[Block]:
     repairs = dict.fromkeys([*result.repairs, *(repair for run in result.runs for repair in run.run.repairs)])
     if not repairs:
-        return [Text("No metadata was repaired.")]
+        return [Text(text("No metadata was repaired."))]
     rows = [(repair.what, repair.where, repair.who, repair.why) for repair in repairs]
-    caption = "Repairs of metadata; the raw data were not touched."
-    return [book.table("repairs", caption, ("What", "Where", "Who", "Why"), rows)]
+    caption = text("Repairs of metadata; the raw data were not touched.")
+    return [book.table("repairs", caption, (text("What"), text("Where"), text("Who"), text("Why")), rows)]
 
 
 def _provenance(result: StudyResult, book: Book) -> list[Block]:
@@ -30,30 +31,37 @@ def _provenance(result: StudyResult, book: Book) -> list[Block]:
     for run in result.runs:
         inputs |= dict.fromkeys([*run.frfs.provenance.inputs, *run.modes.provenance.inputs])
     if inputs:
-        blocks.append(book.table("inputs", "Files read.", ("File", "SHA-256"), inputs))
+        blocks.append(book.table("inputs", text("Files read."), (text("File"), "SHA-256"), inputs))
     if own.versions:
-        blocks.append(book.table("versions", "Software.", ("Package", "Version"), own.versions))
-    options = [("study", *option) for option in own.options]
-    options += _settings("FRFs", {run.run.id: run.frfs.provenance.options for run in result.runs})
+        blocks.append(book.table("versions", text("Software."), (text("Package"), text("Version")), own.versions))
+    options = [(text("study"), *option) for option in own.options]
+    options += _settings(text("FRFs"), {run.run.id: run.frfs.provenance.options for run in result.runs})
     # Modes carry the settings of their FRFs with them.
     options += _settings(
-        "fit",
+        text("fit"),
         {
             run.run.id: tuple(each for each in run.modes.provenance.options if each not in run.frfs.provenance.options)
             for run in result.runs
         },
     )
     if options:
-        blocks.append(book.table("options", "Settings, defaults included.", ("Where", "Setting", "Value"), options))
-    blocks += [Text(f"Steps: {' → '.join(own.steps)}.")] if own.steps else []
-    blocks += [Text(f"Computed {_moment(own)}.")] if own.created else []
-    return blocks or [Text("No provenance was recorded.", missing=True)]
+        blocks.append(
+            book.table(
+                "options",
+                text("Settings, defaults included."),
+                (text("Where"), text("Setting"), text("Value")),
+                options,
+            )
+        )
+    blocks += [Text(text("Steps: {steps}.", steps=" → ".join(own.steps)))] if own.steps else []
+    blocks += [Text(text("Computed {moment}.", moment=_moment(own)))] if own.created else []
+    return blocks or [Text(text("No provenance was recorded."), missing=True)]
 
 
 def _settings(what: str, of_runs: dict[str, tuple[tuple[str, str], ...]]) -> list[tuple[str, str, str]]:
     """Rows of the table of settings: those of all runs once, the others by run."""
     common = [option for option in next(iter(of_runs.values()), ()) if all(option in each for each in of_runs.values())]
-    everywhere = f"all runs, {what}" if len(of_runs) > 1 else f"{next(iter(of_runs), '')}, {what}"
+    everywhere = text("all runs, {what}", what=what) if len(of_runs) > 1 else f"{next(iter(of_runs), '')}, {what}"
     rows = [(everywhere, *option) for option in dict.fromkeys(common)]
     for run, options in of_runs.items():
         rows += [(f"{run}, {what}", *option) for option in options if option not in common]

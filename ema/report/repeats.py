@@ -6,14 +6,17 @@ from ema import compare
 from ema.compare.scatter import difference_sentences
 from ema.data import ConditionDifference, RepeatGroup, RunResult, VarianceComponents
 from ema.data.repeats import NOISE_ONLY
+from ema.messages import mark, plural, text, word
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import MISSING, Value, fixed, plain, rounded, with_uncertainty
 
-_SEPARATED = (
+_SEPARATED = mark(
     "Noise is what the fit of one run states; takes is the standard deviation between runs of one assembly; between is "
     "that from one assembly to the next, without noise, with its 95 % interval. ± of a mean is half its 95 % interval "
     "over the assemblies."
 )
+_WORDS = (mark("noise only; assembly scatter unknown"), mark("significant"), mark("not significant"))
+"""What is known of a change, as data say it."""
 
 
 def scatter(runs: list[RunResult], book: Book) -> tuple[list[str], list[Block]]:
@@ -22,21 +25,31 @@ def scatter(runs: list[RunResult], book: Book) -> tuple[list[str], list[Block]]:
     lines = difference_sentences(differences)
     repeated = [group for group in groups if len(group.runs) > 1]
     if not repeated:
-        text = f"Intervals: {NOISE_ONLY}, because no condition was repeated. No difference is called significant here."
-        return lines, [Text(text)] if differences else []
-    blocks: list[Block] = [Text(_SEPARATED), *(_group(group, book) for group in repeated)]
+        sentence = text(
+            "Intervals: {basis}, because no condition was repeated. No difference is called significant here.",
+            basis=word(NOISE_ONLY),
+        )
+        return lines, [Text(sentence)] if differences else []
+    blocks: list[Block] = [Text(text(_SEPARATED)), *(_group(group, book) for group in repeated)]
     return lines, [*blocks, *(_difference(one, groups, book) for one in differences if one.pairs)]
 
 
 def _group(group: RepeatGroup, book: Book) -> Block:
-    columns = ["Mode", "Repeats"]
+    columns = [text("Mode"), text("Repeats")]
     for name, unit in (("f", "Hz"), ("ζ", "%")):
-        columns += [f"{name} [{unit}]", f"noise {name} [{unit}]", f"takes {name} [{unit}]", f"between {name} [{unit}]"]
+        columns += [
+            f"{name} [{unit}]",
+            text("noise {name} [{unit}]", name=name, unit=unit),
+            text("takes {name} [{unit}]", name=name, unit=unit),
+            text("between {name} [{unit}]", name=name, unit=unit),
+        ]
     rows: list[list[Cell]] = []
     for mode in range(len(group.frequency.mean)):
         parts = [*_cells(group.frequency, mode, 1.0, 6), *_cells(group.damping, mode, 100.0, 3)]
         rows.append([mode + 1, int(group.frequency.assemblies[mode]), *parts])
-    caption = f"Repeats of {group.label} ({', '.join(group.runs)}): {group.basis}."
+    caption = text(
+        "Repeats of {label} ({runs}): {basis}.", label=group.label, runs=", ".join(group.runs), basis=_basis(group)
+    )
     return book.table(f"repeats_{group.label}", caption, columns, rows)
 
 
@@ -46,7 +59,8 @@ def _cells(one: VarianceComponents, mode: int, scale: float, digits: int) -> lis
     between, (low, high) = scale * float(one.between[mode]), scale * one.between_interval[mode]
     between_text = plain(between, 2)
     if np.isfinite(between):
-        between_text = Value(between, f"{between_text} ({plain(float(low), 2)} to {plain(float(high), 2)})")
+        ends = text("{low} to {high}", low=plain(float(low), 2), high=plain(float(high), 2))
+        between_text = Value(between, f"{between_text} ({ends})")
     return [
         with_uncertainty(scale * float(one.mean[mode]), half, digits),
         plain(scale * float(one.noise[mode]), 2),
@@ -57,13 +71,13 @@ def _cells(one: VarianceComponents, mode: int, scale: float, digits: int) -> lis
 
 def _difference(found: ConditionDifference, groups: tuple[RepeatGroup, ...], book: Book) -> Block:
     basis = {group.label: group for group in groups}
-    columns = ["Mode", f"Mode in {found.second}"]
+    columns = [text("Mode"), text("Mode in {run}", run=found.second)]
     for name, unit in (("f", "Hz"), ("ζ", "%")):
         columns += [
             f"{name} [{unit}]",
-            f"{name} in {found.second} [{unit}]",
-            f"Change of {name} [{unit}]",
-            f"Verdict on {name}",
+            text("{name} in {run} [{unit}]", name=name, run=found.second, unit=unit),
+            text("Change of {name} [{unit}]", name=name, unit=unit),
+            text("Verdict on {name}", name=name),
         ]
     columns += ["MAC [-]"]
     rows: list[list[Cell]] = []
@@ -76,11 +90,21 @@ def _difference(found: ConditionDifference, groups: tuple[RepeatGroup, ...], boo
         for scale, digits, values, half, noise, words in quantities:
             bound = half[pair] if np.isfinite(half[pair]) else noise[pair]
             row += [_mean(scale * values[pair, k], scale * bound, digits) for k in (0, 1)]
-            row += [_change(scale * (values[pair, 1] - values[pair, 0]), scale * bound), words[pair]]
+            row += [_change(scale * (values[pair, 1] - values[pair, 0]), scale * bound), word(words[pair])]
         rows.append([*row, fixed(float(found.mac[pair]), 3)])
-    repeats = " and ".join(f"{label} ({basis[label].basis})" for label in (found.first, found.second))
-    caption = f"Change from {repeats}; ± is half the 95 % interval of the change."
+    caption = text(
+        "Change from {first} ({first_basis}) and {second} ({second_basis}); ± is half the 95 % interval of the change.",
+        first=found.first,
+        first_basis=_basis(basis[found.first]),
+        second=found.second,
+        second_basis=_basis(basis[found.second]),
+    )
     return book.table(f"change_{found.first}_{found.second}", caption, columns, rows)
+
+
+def _basis(group: RepeatGroup) -> str:
+    """How many repeats there are, or that there are none."""
+    return plural("{count} repeat", "{count} repeats", group.count) if group.count > 1 else word(NOISE_ONLY)
 
 
 def _mean(value: float, by: float, digits: int) -> Value:
@@ -88,7 +112,7 @@ def _mean(value: float, by: float, digits: int) -> Value:
 
 
 def _change(value: float, half: float) -> Value:
-    text = with_uncertainty(float(value), float(half), 2)
-    if text.text == MISSING or value <= 0:
-        return text
-    return Value(text.value, f"+{text.text}")
+    shown = with_uncertainty(float(value), float(half), 2)
+    if shown.text == MISSING or value <= 0:
+        return shown
+    return Value(shown.value, f"+{shown.text}")

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ema.data.trials import Trials
+from ema.messages import text
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import plain
 
@@ -11,12 +12,18 @@ def proposal(offered: Trials) -> str:
     """One sentence: the test that narrows the bands of the damping ratio most per hour."""
     gain = offered.narrowing
     if not np.any(gain > 0):
-        return "No test on offer narrows the bands of the damping ratio."
+        return text("No test on offer narrows the bands of the damping ratio.")
     best = offered.trials[offered.best]
-    return (
-        f"Next best test: {best.title} ({plain(best.hours, 3)} h); it is expected to narrow the bands of the damping "
-        f"ratio from ±{100 * offered.damping_width:.1f} to ±{100 * best.damping_width:.1f} % and those of the "
-        f"frequency from ±{100 * offered.frequency_width:.2f} to ±{100 * best.frequency_width:.2f} %."
+    return text(
+        "Next best test: {test} ({hours} h); it is expected to narrow the bands of the "
+        "damping ratio from ±{damping} to ±{damping_after} % and those of the frequency from "
+        "±{frequency} to ±{frequency_after} %.",
+        test=best.title,
+        hours=plain(best.hours, 3),
+        damping=f"{100 * offered.damping_width:.1f}",
+        damping_after=f"{100 * best.damping_width:.1f}",
+        frequency=f"{100 * offered.frequency_width:.2f}",
+        frequency_after=f"{100 * best.frequency_width:.2f}",
     )
 
 
@@ -30,10 +37,22 @@ def trial_blocks(offered: Trials, book: Book) -> list[Block]:
         Text(proposal(offered)),
         book.table(
             "trials",
-            f"Tests and what they are expected to leave of the bands, now ±{100 * offered.frequency_width:.2f} % of "
-            f"the frequency and ±{100 * offered.damping_width:.1f} % of the damping ratio (half widths, mean over "
-            "modes and conditions). A beam at its recommended place stays installed; elsewhere it is another assembly.",
-            ["Test", "Hours", "f after [± %]", "ζ after [± %]", "Narrower [%]", "Per hour [%]"],
+            text(
+                "Tests and what they are expected to leave of the bands, now ±{frequency} % of the "
+                "frequency and ±{damping} % of the damping ratio (half widths, mean over modes and "
+                "conditions). A beam at its recommended place stays installed; elsewhere it is "
+                "another assembly.",
+                frequency=f"{100 * offered.frequency_width:.2f}",
+                damping=f"{100 * offered.damping_width:.1f}",
+            ),
+            [
+                text("Test"),
+                text("Hours"),
+                text("f after [± %]"),
+                text("ζ after [± %]"),
+                text("Narrower [%]"),
+                text("Per hour [%]"),
+            ],
             rows,
         ),
     ]

@@ -5,6 +5,7 @@ from io import BytesIO
 from typing import Any
 
 from ema.errors import require
+from ema.messages import SOURCE, language, plural, text
 from ema.report.blocks import Animation, Block, Picture, Section, Table
 from ema.report.document import Document
 from ema.report.findings import Group
@@ -63,6 +64,8 @@ class _Writer:
         style = self._file.styles["Normal"]
         style.font.name, style.font.size = "Calibri", Pt(10)
         style.paragraph_format.space_after = Pt(4)
+        if language() != SOURCE:  # for the spelling checker
+            self._spoken(style)
         about = self._file.core_properties
         # without a date of its own, equal results give equal files
         about.title, about.author, about.created, about.modified = (
@@ -74,6 +77,16 @@ class _Writer:
         about.comments = ""
         self._page_numbers(section.footer.paragraphs[0], title)
 
+    @staticmethod
+    def _spoken(style: Any) -> None:
+        """The language of the text."""
+        from docx.oxml import OxmlElement
+        from docx.oxml.ns import qn
+
+        mark = OxmlElement("w:lang")
+        mark.set(qn("w:val"), language())
+        style.element.get_or_add_rPr().append(mark)
+
     def content(self) -> bytes:
         target = BytesIO()
         self._file.save(target)
@@ -83,26 +96,28 @@ class _Writer:
         """The front page: title, answers, findings and expected values."""
         if document.logo is not None:
             self._logo(document.logo)
-        self.paragraph("EXPERIMENTAL MODAL ANALYSIS", size=8, colour=_ACCENT, bold=True)
+        self.paragraph(text("Experimental modal analysis").upper(), size=8, colour=_ACCENT, bold=True)
         self._file.add_heading(printable(document.title), 0)
         self._facts(document.facts)
         if document.comment:
             self.paragraph(document.comment, colour=_SOFT)
         self.blocks(document.photos)
-        self.heading("In short", 1)
+        self.heading(text("In short"), 1)
         for line in document.summary:
             self._file.add_paragraph(printable(line), style="List Bullet")
         for section in document.answers:
             self.section(section, 1)
-        self.heading("Findings", 1)
+        self.heading(text("Findings"), 1)
+        if document.language_note:
+            self.paragraph(document.language_note, colour=_SOFT)
         for group in document.finding_groups:
             self._finding_group(group)
         if not document.finding_groups:
-            self.paragraph("None.")
+            self.paragraph(text("None."))
         if document.findings:
             self._table(document.findings)
         if document.expectations:
-            self.heading("Expected and found", 1)
+            self.heading(text("Expected and found"), 1)
             self._table(document.expectations)
 
     def heading(self, text: str, level: int, new_page: bool = False) -> None:
@@ -155,10 +170,12 @@ class _Writer:
 
     def _finding_group(self, group: Group) -> None:
         paragraph = self.paragraph(f"{group.name.upper()}  ", bold=True, colour=_COLOURS[group.severity])
-        times = f"  {len(group.findings)} times" if len(group.findings) > 1 else ""
+        times = f"  {plural('{count} time', '{count} times', len(group.findings))}" if len(group.findings) > 1 else ""
         self._run(paragraph, group.code, bold=True)
         self._run(paragraph, times, colour=_SOFT)
         paragraph.paragraph_format.keep_with_next = True
+        if group.meaning:
+            self.paragraph(group.meaning)
         for place, finding in enumerate(group.listed):
             line = self._file.add_paragraph(style=None if place == 0 else "List Bullet")
             self._run(line, f"{finding.where}: ", colour=_SOFT)
@@ -167,7 +184,7 @@ class _Writer:
                 self.paragraph(f"→ {group.advice}", colour=_ACCENT)
         if len(group.findings) > len(group.listed):
             more = len(group.findings) - len(group.listed)
-            self.paragraph(f"{more} more in the table beside this report", colour=_SOFT)
+            self.paragraph(text("{more} more in the table beside this report", more=more), colour=_SOFT)
 
     def _logo(self, logo: Block) -> None:
         """The logo at the right, no wider than a quarter of the text and no higher than 1.6 cm."""
@@ -190,7 +207,11 @@ class _Writer:
         try:
             shape = self._file.add_picture(BytesIO(image.content), width=Cm(_TEXT_WIDTH * picture.width / 100))
         except Exception:  # readers of images fail in ways of their own
-            self.paragraph(f"{picture.alt}: this image cannot be shown in a Word file.", italic=True, colour=_SOFT)
+            self.paragraph(
+                text("{picture}: this image cannot be shown in a Word file.", picture=picture.alt),
+                italic=True,
+                colour=_SOFT,
+            )
             return None
         shape._inline.docPr.set("descr", printable(picture.alt))
         return shape
@@ -203,7 +224,9 @@ class _Writer:
         paragraph = self._file.paragraphs[-1]
         paragraph.paragraph_format.keep_with_next = True
         paragraph.alignment = WD_ALIGN_PARAGRAPH.LEFT
-        self._caption("" if picture.number is None else f"Figure {picture.number}.", picture.caption)
+        self._caption(
+            "" if picture.number is None else text("Figure {number}.", number=picture.number), picture.caption
+        )
 
     def _caption(self, number: str, text: str) -> Any:
         paragraph = self._file.add_paragraph()
@@ -212,7 +235,9 @@ class _Writer:
         return paragraph
 
     def _table(self, table: Table) -> None:
-        caption = self._caption(f"Table {table.number}.", f"{table.caption} ({self._tables}/{table.name}.csv)")
+        caption = self._caption(
+            text("Table {number}.", number=table.number), f"{table.caption} ({self._tables}/{table.name}.csv)"
+        )
         if not table.shown:
             return
         caption.paragraph_format.keep_with_next = True

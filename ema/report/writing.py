@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ema.errors import FailureError
+from ema.messages import SOURCE, speaking
 from ema.report.alone import document_of
 from ema.report.blocks import Book
 from ema.report.document import Document
@@ -12,7 +13,7 @@ from ema.report.files import as_csv, write_bytes
 from ema.report.formats import FORMATS, checked_formats
 
 
-def write(result: Any, path: str | Path, formats: Sequence[str] = ()) -> Path:
+def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: str = SOURCE) -> Path:
     """Write the report of a study, a placement, or results of comparisons and simulations.
 
     All formats are made of the same sentences, tables and figures. The tables go to ``<report>_tables`` beside it, one
@@ -26,6 +27,8 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = ()) -> Path:
         The file; its folder is made where it does not exist.
     formats : sequence of str, optional
         ``html``, ``pdf``, ``docx``, one file each beside ``path``; by default the one that ``path`` ends with, or HTML.
+    language : str, optional
+        Code of the language of all words, such as ``de``; English by default. Messages of single findings stay English.
 
     Returns
     -------
@@ -35,7 +38,7 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = ()) -> Path:
     Raises
     ------
     InputError
-        If there is no such format, or nothing of ``result`` can be reported.
+        If there is no such format or language, or nothing of ``result`` can be reported.
     MissingExtraError
         If a format needs an optional package.
     FailureError
@@ -58,8 +61,9 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = ()) -> Path:
             raise FailureError("the report cannot be written: a folder has its name", where=str(each))
     book = Book(png="docx" in wanted)
     tables = base.with_name(f"{base.name}_tables")
-    document = document_of(result, book)
-    contents = [_rendered(document, name, tables.name) for name in wanted]
+    with speaking(language):
+        document = document_of(result, book)
+        contents = [_rendered(document, name, tables.name) for name in wanted]
     for table in book.tables:
         write_bytes(tables / f"{table.name}.csv", as_csv(table).encode())
     for each, content in zip(paths, contents, strict=True):

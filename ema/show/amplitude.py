@@ -8,13 +8,16 @@ from matplotlib.figure import Figure
 
 from ema.data import AmplitudeDependentMode, AmplitudePrediction, NonlinearMode, SteppedLevel
 from ema.errors import InputError
+from ema.messages import mark, text, word
 from ema.show.style import BLUE, SERIES, empty_note, new_figure, one_quantity, styled
 from ema.units import SI_UNIT
 
-_MARKS = (("slip-onset", "--", "slip begins"), ("impact-amplitude", "-.", "behind the impacts"))
+_MARKS = (("slip-onset", "--", mark("slip begins")), ("impact-amplitude", "-.", mark("behind the impacts")))
 """Findings of a mode whose value is an amplitude, and how they are drawn."""
 _STATED = ("stated-frequency", "stated-damping")
 """Findings whose value is a frequency [Hz] or a damping ratio that a publication states of the mode."""
+_QUANTITIES = (mark("displacement"), mark("velocity"), mark("acceleration"))
+"""What an amplitude measures, as data say it."""
 _DECADE = 10.0
 
 
@@ -57,19 +60,25 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     quantity = one_quantity([*modes, *predictions])
     figure = new_figure(4.2)
     if not modes and not predictions:
-        empty_note(figure.subplots(), "no mode over its amplitude")
+        empty_note(figure.subplots(), text("no mode over its amplitude"))
         return figure
     frequency, damping = figure.subplots(2, 1, sharex=True)
     for number, mode in enumerate(modes):
         colour, _, marker = SERIES[number % len(SERIES)]
-        look = {"color": colour, "fmt": marker, "ms": 4, "lw": 0.9, "label": f"{mode.name or 'mode'}, measured"}
+        look = {
+            "color": colour,
+            "fmt": marker,
+            "ms": 4,
+            "lw": 0.9,
+            "label": text("{mode}, measured", mode=mode.name or text("mode")),
+        }
         for axes, band, factor in ((frequency, mode.frequency, 1.0), (damping, mode.damping, 100.0)):
             off = [factor * (band.value - band.low), factor * (band.high - band.value)]
             axes.errorbar(mode.amplitude, factor * band.value, off, **look)
             for code, style, what in _MARKS:
                 for finding in mode.findings:
                     if finding.code == code and finding.value is not None:
-                        axes.axvline(finding.value, color=colour, ls=style, lw=0.9, label=what)
+                        axes.axvline(finding.value, color=colour, ls=style, lw=0.9, label=text(what))
         _mark_stated(mode, frequency, damping, colour)
     for number, prediction in enumerate(predictions):
         colour, style, _ = SERIES[(number + len(modes)) % len(SERIES)]
@@ -77,16 +86,18 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
             axes.fill_between(
                 prediction.amplitude, factor * band.low, factor * band.high, color=colour, alpha=0.2, lw=0
             )
-            label = f"{prediction.name or 'mode'}, predicted"
+            label = text("{mode}, predicted", mode=prediction.name or text("mode"))
             axes.plot(prediction.amplitude, factor * band.value, color=colour, ls=style, label=label)
             fitted = float(prediction.amplitude[0] / prediction.beyond[0])
-            axes.axvline(fitted, color=colour, ls=":", lw=0.9, label="highest level fitted")
+            axes.axvline(fitted, color=colour, ls=":", lw=0.9, label=text("highest level fitted"))
     measured = np.concatenate([mode.amplitude for mode in modes]) if modes else np.ones(1)
     if measured.max() > _DECADE * measured.min():
         damping.set_xscale("log")
-    damping.set_xlabel(f"Amplitude of the {quantity} [{SI_UNIT[quantity].replace('^2', '²')}]")
-    frequency.set_ylabel("Frequency [Hz]")
-    damping.set_ylabel("Damping ratio [%]")
+    damping.set_xlabel(
+        text("Amplitude of the {quantity} [{unit}]", quantity=word(quantity), unit=SI_UNIT[quantity].replace("^2", "²"))
+    )
+    frequency.set_ylabel(text("Frequency [Hz]"))
+    damping.set_ylabel(text("Damping ratio [%]"))
     marked = {code for code, *_ in _MARKS} | set(_STATED)
     if any(finding.code in marked for mode in modes for finding in mode.findings):
         both = [axes.get_legend_handles_labels() for axes in (damping, frequency)]
@@ -125,7 +136,7 @@ def amplitude_shapes(mode: AmplitudeDependentMode) -> Figure:
     """
     figure = new_figure(4.2)
     if mode.shape is None:
-        empty_note(figure.subplots(), "no shape over the amplitude")
+        empty_note(figure.subplots(), text("no shape over the amplitude"))
         return figure
     half = np.zeros(mode.shape.shape) if mode.shape_half is None else mode.shape_half
     real, imaginary = figure.subplots(2, 1, sharex=True)
@@ -133,9 +144,15 @@ def amplitude_shapes(mode: AmplitudeDependentMode) -> Figure:
         colour, _, marker = SERIES[row % len(SERIES)]
         for axes, values in ((real, mode.shape[row].real), (imaginary, mode.shape[row].imag)):
             axes.errorbar(mode.amplitude, values, half[row], color=colour, fmt=marker, ms=4, lw=0.9, label=str(dof))
-    real.set_ylabel("Real part")
-    imaginary.set_ylabel("Imaginary part")
-    imaginary.set_xlabel(f"Amplitude of the {mode.quantity} [{SI_UNIT[mode.quantity].replace('^2', '²')}]")
+    real.set_ylabel(text("Real part"))
+    imaginary.set_ylabel(text("Imaginary part"))
+    imaginary.set_xlabel(
+        text(
+            "Amplitude of the {quantity} [{unit}]",
+            quantity=word(mode.quantity),
+            unit=SI_UNIT[mode.quantity].replace("^2", "²"),
+        )
+    )
     if mode.amplitude[-1] > _DECADE * mode.amplitude[0]:
         imaginary.set_xscale("log")
     real.legend(fontsize="small")
@@ -149,7 +166,7 @@ def _mark_stated(mode: AmplitudeDependentMode, frequency: Axes, damping: Axes, c
         for finding in mode.findings:
             if finding.code != code or finding.value is None:
                 continue
-            axes.axhline(factor * finding.value, color=colour, ls=":", lw=0.9, label="stated")
+            axes.axhline(factor * finding.value, color=colour, ls=":", lw=0.9, label=text("stated"))
             apart = (band.low > finding.value) | (band.high < finding.value)
             log, off = np.log(mode.amplitude[apart]), band.value[apart] - finding.value
             rows = np.flatnonzero((off[:-1] < 0) != (off[1:] < 0))
@@ -189,21 +206,29 @@ def stepped_levels(levels: Sequence[SteppedLevel] | SteppedLevel) -> Figure:
     quantity = one_quantity(some)
     figure = new_figure(4.2)
     if not some:
-        empty_note(figure.subplots(), "no level")
+        empty_note(figure.subplots(), text("no level"))
         return figure
     size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.2])
     for number, level in enumerate(some):
         colour, style, marker = SERIES[number % len(SERIES)]
         look = {"color": colour, "ls": style, "marker": marker, "ms": 3, "lw": 1.0}
         ratio = level.response / level.force
-        size.semilogy(level.frequencies, np.abs(ratio), label=level.name or f"level {number + 1}", **look)
+        size.semilogy(
+            level.frequencies, np.abs(ratio), label=level.name or text("level {number}", number=number + 1), **look
+        )
         phase.plot(level.frequencies, np.degrees(np.angle(ratio)), **look)
-    size.set_ylabel(f"{quantity.capitalize()} over force [({SI_UNIT[quantity].replace('^2', '²')})/N]")
+    size.set_ylabel(
+        text(
+            "{quantity} over force [({unit})/N]",
+            quantity=word(quantity).capitalize(),
+            unit=SI_UNIT[quantity].replace("^2", "²"),
+        )
+    )
     size.legend(loc="best")
-    phase.set_ylabel("Phase [°]")
+    phase.set_ylabel(text("Phase [°]"))
     phase.set_ylim(-190, 190)
     phase.set_yticks([-180, 0, 180])
-    phase.set_xlabel("Frequency [Hz]")
+    phase.set_xlabel(text("Frequency [Hz]"))
     return figure
 
 
@@ -238,14 +263,14 @@ def nonlinear_mode(mode: NonlinearMode) -> Figure:
     2
     """
     if not np.isfinite(mode.frequencies).any():
-        raise InputError("no level has a solution", where=mode.name or "nonlinear mode")
+        raise InputError("no level has a solution", where=mode.name or text("nonlinear mode"))
     figure = new_figure(4.2)
     frequency, damping = figure.subplots(2, 1, sharex=True)
     for axes, values in ((frequency, mode.frequencies), (damping, 100 * mode.damping_ratios)):
         axes.plot(mode.amplitudes, values, "o-", ms=3.5, color=BLUE)
     if mode.amplitudes.max() > _DECADE * mode.amplitudes.min() > 0:
         damping.set_xscale("log")
-    frequency.set_ylabel("Frequency [Hz]")
-    damping.set_ylabel("Damping ratio [%]")
-    damping.set_xlabel("Modal amplitude [m √kg]")
+    frequency.set_ylabel(text("Frequency [Hz]"))
+    damping.set_ylabel(text("Damping ratio [%]"))
+    damping.set_xlabel(text("Modal amplitude [m √kg]"))
     return figure

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from ema.data import ModalMap
 from ema.data.comparison import MapComparison, MapPrediction
+from ema.messages import text
 from ema.show.style import COLOUR_MAP, SERIES, new_figure, styled
 
 _APART = 0.09
@@ -41,8 +42,8 @@ def map_comparison(found: MapComparison) -> Figure:
     levels = len(measured.force_levels)
     colours = colormaps[COLOUR_MAP](np.linspace(0, 0.88, levels))
     parts = (
-        (panels[0], 100.0, "damping", "Damping ratio [%]"),
-        (panels[1], 1.0, "frequency", "Natural frequency [Hz]"),
+        (panels[0], 100.0, "damping", text("Damping ratio [%]")),
+        (panels[1], 1.0, "frequency", text("Natural frequency [Hz]")),
     )
     for axes, unit, name, label in parts:
         std = getattr(measured, f"{name}_std")
@@ -64,7 +65,9 @@ def map_comparison(found: MapComparison) -> Figure:
         axes.set_ylabel(label)
     panels[0].set_ylim(bottom=0)
     figure.legend(
-        loc="outside lower center", ncols=min(levels, 8), title="Excitation F_E: markers measured, lines the model"
+        loc="outside lower center",
+        ncols=min(levels, 8),
+        title=text("Excitation F_E: markers measured, lines the model"),
     )
     return figure
 
@@ -100,17 +103,17 @@ def map_prediction(predicted: MapPrediction, measured: ModalMap | None = None) -
     levels = np.unique(np.concatenate([each.force_levels for each in shown]))
     colours = colormaps[COLOUR_MAP](np.linspace(0, 0.88, len(levels)))
     parts = (
-        (panels[0], 100.0, "damping", "Damping ratio [%]"),
-        (panels[1], 1.0, "frequency", "Natural frequency [Hz]"),
+        (panels[0], 100.0, "damping", text("Damping ratio [%]")),
+        (panels[1], 1.0, "frequency", text("Natural frequency [Hz]")),
     )
     for axes, unit, name, label in parts:
         bands = [unit * getattr(predicted, f"{name}{end}") for end in ("_low", "", "_high")]
         for chart in known:
             _measured_points(axes, chart, name, unit, colours[np.searchsorted(levels, chart.force_levels)])
         for row, level in enumerate(predicted.force_levels):
-            colour, text = colours[np.searchsorted(levels, level)], f"{level:.4g} N, predicted"
+            colour, said = colours[np.searchsorted(levels, level)], text("{level} N, predicted", level=f"{level:.4g}")
             low, value, high = (each[row] for each in bands)
-            style = {"color": colour, "label": text if name == "damping" else None}
+            style = {"color": colour, "label": said if name == "damping" else None}
             if len(predicted.normal_forces) > 1:
                 axes.fill_between(predicted.normal_forces, low, high, color=colour, alpha=0.2, lw=0)
                 axes.plot(predicted.normal_forces, value, "--", lw=1.2, **style)
@@ -119,7 +122,7 @@ def map_prediction(predicted: MapPrediction, measured: ModalMap | None = None) -
         _over_normal_force(axes, np.concatenate([each.normal_forces for each in shown]))
         axes.set_ylabel(label)
     panels[0].set_ylim(bottom=0)
-    figure.legend(loc="outside lower center", ncols=3, title="Excitation F_E")
+    figure.legend(loc="outside lower center", ncols=3, title=text("Excitation F_E"))
     return figure
 
 
@@ -131,8 +134,8 @@ def _measured_points(
     for row, level in enumerate(chart.force_levels):
         bars = None if std is None else 1.96 * unit * np.nan_to_num(std[row])
         look = {"fmt": "o", "ms": 4, "color": colours[row], "elinewidth": 0.8, "capsize": 2}
-        text = f"{level:.4g} N, measured" if name == "damping" else None
-        axes.errorbar(chart.normal_forces, unit * getattr(chart, name)[row], bars, label=text, **look)
+        said = text("{level} N, measured", level=f"{level:.4g}") if name == "damping" else None
+        axes.errorbar(chart.normal_forces, unit * getattr(chart, name)[row], bars, label=said, **look)
 
 
 def _over_normal_force(axes: Axes, forces: Float[np.ndarray, "force"]) -> None:
@@ -146,4 +149,4 @@ def _over_normal_force(axes: Axes, forces: Float[np.ndarray, "force"]) -> None:
             shown.append(float(force))
     axes.set_xticks(shown, [f"{force:.4g}" for force in shown])
     axes.set_xticks([], minor=True)
-    axes.set_xlabel("Normal force F_N [N]")
+    axes.set_xlabel(text("Normal force F_N [N]"))

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ema.data.forecast import Forecast, ForecastCheck
+from ema.messages import text
 from ema.show.style import BLACK, SERIES, new_figure, styled
 
 _OFFSET = 0.05
@@ -42,13 +43,17 @@ def forecast_bands(prediction: Forecast | ForecastCheck) -> Figure:
             if isinstance(prediction, ForecastCheck):
                 _points(axes, prediction, what, m, scale)
         left, right = panels[m]
-        left.set_ylabel("Natural frequency [Hz]")
-        right.set_ylabel("Damping ratio [%]")
+        left.set_ylabel(text("Natural frequency [Hz]"))
+        right.set_ylabel(text("Damping ratio [%]"))
         right.axhline(100 * forecast.bare_damping[m], color=BLACK, ls=":", lw=0.9)
-        left.set_title(f"Mode {mode}: bare {forecast.bare_frequencies[m]:.1f} Hz")
-        right.set_title(f"Mode {mode}: bare {100 * forecast.bare_damping[m]:.3f} % (dotted)")
+        left.set_title(
+            text("Mode {mode}: bare {frequency} Hz", mode=mode, frequency=f"{forecast.bare_frequencies[m]:.1f}")
+        )
+        right.set_title(
+            text("Mode {mode}: bare {damping} % (dotted)", mode=mode, damping=f"{100 * forecast.bare_damping[m]:.3f}")
+        )
     for axes in panels[-1]:
-        axes.set_xlabel("Excitation force F_E [N]")
+        axes.set_xlabel(text("Excitation force F_E [N]"))
     panels[0, 1].legend(fontsize=7.5)
     return figure
 

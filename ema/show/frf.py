@@ -9,6 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ema.data import FrfSet, ModalModel
+from ema.messages import text
 from ema.show.style import (
     BLACK,
     BLUE,
@@ -76,7 +77,9 @@ def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     axes.set_yscale("log")
     axes.autoscale()
     mean = np.sqrt(np.mean(magnitudes**2, axis=1))
-    axes.semilogy(frfs.frequencies, _positive(mean), color=BLUE, lw=1.4, label=f"quadratic mean of {count} FRFs")
+    axes.semilogy(
+        frfs.frequencies, _positive(mean), color=BLUE, lw=1.4, label=text("quadratic mean of {count} FRFs", count=count)
+    )
     _frequency_axis(axes, frfs.frequencies)
     axes.set_ylabel(frf_label(frfs.quantity, frfs.unit))
     if modes is not None:
@@ -112,7 +115,7 @@ def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     """
     if frfs.coherence is None:
         figure = new_figure(1.5)
-        empty_note(figure.subplots(), "these FRFs came without a coherence")
+        empty_note(figure.subplots(), text("these FRFs came without a coherence"))
         return figure
     values = np.nan_to_num(frfs.coherence).reshape(len(frfs.frequencies), -1)
     many = values.shape[1] > 1
@@ -120,11 +123,13 @@ def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     panels = figure.subplots(2 if many else 1, 1, squeeze=False, sharex=True)[:, 0]
     axes = panels[0]
     low, middle, high = np.percentile(values, [10, 50, 90], axis=1)
-    axes.fill_between(frfs.frequencies, low, high, color=BLUE, alpha=0.25, lw=0, label="middle 80 %", rasterized=True)
-    axes.plot(frfs.frequencies, middle, color=BLUE, lw=1.2, label="median")
+    axes.fill_between(
+        frfs.frequencies, low, high, color=BLUE, alpha=0.25, lw=0, label=text("middle 80 %"), rasterized=True
+    )
+    axes.plot(frfs.frequencies, middle, color=BLUE, lw=1.2, label=text("median"))
     _frequency_axis(axes, frfs.frequencies, label=not many)
     axes.set_ylim(0, 1.02)
-    axes.set_ylabel("Coherence [-]")
+    axes.set_ylabel(text("Coherence [-]"))
     if modes is not None:
         mark_modes(axes, modes.natural_frequencies)
     axes.legend(loc="lower right", ncols=3)
@@ -145,7 +150,7 @@ def _coherence_rows(figure: Figure, axes: Axes, frfs: FrfSet, values: Float[np.n
     axes.grid(visible=False)
     axes.set_ylabel("FRF")
     _frequency_axis(axes, frfs.frequencies)
-    figure.colorbar(image, ax=axes, label="Coherence [-]", pad=0.01)
+    figure.colorbar(image, ax=axes, label=text("Coherence [-]"), pad=0.01)
 
 
 @styled
@@ -236,7 +241,7 @@ def reconstruction(
     rows = max(1, -(-len(places) // 2))
     figure = new_figure(3.4 * rows)
     if not places:
-        empty_note(figure.subplots(), "no FRF to draw")
+        empty_note(figure.subplots(), text("no FRF to draw"))
         return figure
     panels = figure.subplots(
         2 * rows, min(2, len(places)), squeeze=False, sharex=True, gridspec_kw={"height_ratios": [3, 1.1] * rows}
@@ -256,7 +261,7 @@ def reconstruction(
         panels[2 * (panel // 2) + 1, panel % 2].set_axis_off()
     for column in range(panels.shape[1]):
         panels[-1 if column < len(places) - 2 * (rows - 1) else -3, column].tick_params(labelbottom=True)
-        panels[-1 if column < len(places) - 2 * (rows - 1) else -3, column].set_xlabel("Frequency [Hz]")
+        panels[-1 if column < len(places) - 2 * (rows - 1) else -3, column].set_xlabel(text("Frequency [Hz]"))
     return figure
 
 
@@ -264,7 +269,7 @@ def _one_reconstruction(
     magnitude: Axes, phase: Axes, measured: FrfSet, synthesised: FrfSet, output: int, input_: int
 ) -> None:
     """Draw one FRF over the band of the synthesised one; a phase that jumps over 360 degrees starts a new line."""
-    styles = (("measured", measured, BLACK, "-", 1.1), ("modal model", synthesised, VERMILION, "--", 1.3))
+    styles = ((text("measured"), measured, BLACK, "-", 1.1), (text("modal model"), synthesised, VERMILION, "--", 1.3))
     low, high = synthesised.frequencies[0], synthesised.frequencies[-1]
     for label, whole, colour, style, width in styles:
         frfs = whole.lines((whole.frequencies >= low) & (whole.frequencies <= high))
@@ -274,7 +279,7 @@ def _one_reconstruction(
         jumps = np.abs(np.diff(angles, prepend=angles[:1])) > 180
         phase.plot(frfs.frequencies, np.where(jumps, np.nan, angles), color=colour, ls=style, lw=0.9)
     magnitude.set_ylabel(frf_label(measured.quantity, measured.unit))
-    phase.set_ylabel("Phase [°]")
+    phase.set_ylabel(text("Phase [°]"))
     phase.set_yticks([-180, 0, 180])
     phase.set_ylim(-190, 190)
     _frequency_axis(magnitude, synthesised.frequencies, label=False)
@@ -285,7 +290,7 @@ def _frequency_axis(axes: Axes, frequencies: Float[np.ndarray, "freq"], label: b
     low, high = float(frequencies[0]), float(frequencies[-1])
     axes.set_xlim(low, high if high > low else low + 1)
     if label:
-        axes.set_xlabel("Frequency [Hz]")
+        axes.set_xlabel(text("Frequency [Hz]"))
 
 
 def drive_points(frfs: FrfSet) -> list[tuple[int, int]]:

@@ -8,6 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ema.data import Hit, HitGallery
+from ema.messages import text
 from ema.show.style import BLUE, FAINT, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
 _MOST_REASONS = 5
@@ -41,7 +42,7 @@ def hits(gallery: HitGallery, unit: str = "N") -> Figure:
     """
     figure = new_figure(4.6)
     if not gallery.hits:
-        empty_note(figure.subplots(), "no impact in the record")
+        empty_note(figure.subplots(), text("no impact in the record"))
         return figure
     accepted = [hit for hit in gallery.hits if hit.accepted]
     rejected = _by_reason(gallery)
@@ -54,29 +55,34 @@ def hits(gallery: HitGallery, unit: str = "N") -> Figure:
         pulses.set_rasterized(True)
         panels["accepted"].add_collection(pulses)
         panels["accepted"].autoscale()
-        panels["accepted"].set_title(f"accepted: {len(accepted)}")
+        panels["accepted"].set_title(text("accepted: {number}", number=len(accepted)))
         _limit_time(panels["accepted"], gallery)
     for place, (reason, group) in enumerate(rejected.items()):
         colour, style, _ = SERIES[(place + 1) % len(SERIES)]
         for number, hit in enumerate(group):
             panels["rejected"].plot(*_pulse(hit), color=colour, ls=style, lw=1.0, label=reason if number == 0 else None)
     if "rejected" in panels:
-        panels["rejected"].set_title(f"rejected: {len(gallery.hits) - len(accepted)}")
+        panels["rejected"].set_title(text("rejected: {number}", number=len(gallery.hits) - len(accepted)))
     for name in kinds:
-        panels[name].set_xlabel("Time from the peak [ms]")
-        panels[name].set_ylabel(f"Force [{unit}]")
+        panels[name].set_xlabel(text("Time from the peak [ms]"))
+        panels[name].set_ylabel(text("Force [{unit}]", unit=unit))
     order = {id(hit): number for number, hit in enumerate(gallery.hits, 1)}
     below = panels["peaks"]
     below.plot(
-        [order[id(hit)] for hit in accepted], [hit.peak for hit in accepted], "o", ms=3, color=BLUE, label="accepted"
+        [order[id(hit)] for hit in accepted],
+        [hit.peak for hit in accepted],
+        "o",
+        ms=3,
+        color=BLUE,
+        label=text("accepted"),
     )
     for place, (reason, group) in enumerate(rejected.items()):
         colour, _, marker = SERIES[(place + 1) % len(SERIES)]
         below.plot(
             [order[id(hit)] for hit in group], [hit.peak for hit in group], marker, ms=6, color=colour, label=reason
         )
-    below.set_xlabel("Impact, in order of measurement")
-    below.set_ylabel(f"Peak [{unit}]")
+    below.set_xlabel(text("Impact, in order of measurement"))
+    below.set_ylabel(text("Peak [{unit}]", unit=unit))
     below.set_ylim(0, 1.12 * max((hit.peak for hit in gallery.hits), default=0) or 1)
     below.set_xlim(0, len(gallery.hits) + 1)
     figure.legend(*below.get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -88,11 +94,11 @@ def _by_reason(gallery: HitGallery) -> dict[str, list[Hit]]:
     groups: dict[str, list[Hit]] = {}
     for hit in gallery.hits:
         if not hit.accepted:
-            groups.setdefault(hit.reason or "no reason given", []).append(hit)
+            groups.setdefault(hit.reason or text("no reason given"), []).append(hit)
     ranked = sorted(groups.items(), key=lambda item: -len(item[1]))
     result = {_short(reason): group for reason, group in ranked[: _MOST_REASONS - 1]}
     rest = [hit for _, group in ranked[_MOST_REASONS - 1 :] for hit in group]
-    return result | ({"other reasons": rest} if rest else {})
+    return result | ({text("other reasons"): rest} if rest else {})
 
 
 def _short(text: str, most: int = 48) -> str:
@@ -140,18 +146,18 @@ def force_spectrum(gallery: HitGallery) -> Figure:
     axes = figure.subplots()
     spectrum = np.asarray(gallery.force_spectrum)
     if not len(spectrum) or not np.nanmax(spectrum) > 0:
-        empty_note(axes, "no accepted impact, no force spectrum")
+        empty_note(axes, text("no accepted impact, no force spectrum"))
         return figure
     level = 10 * np.log10(np.maximum(spectrum / np.nanmax(spectrum), 1e-12))
     ten, twenty = gallery.usable_band
-    axes.axvspan(0, ten, color=BLUE, alpha=0.14, lw=0, label=f"-10 dB to {ten:.4g} Hz")
-    axes.axvspan(ten, twenty, color=FAINT, alpha=0.4, lw=0, label=f"-20 dB to {twenty:.4g} Hz")
+    axes.axvspan(0, ten, color=BLUE, alpha=0.14, lw=0, label=text("-10 dB to {ten} Hz", ten=f"{ten:.4g}"))
+    axes.axvspan(ten, twenty, color=FAINT, alpha=0.4, lw=0, label=text("-20 dB to {twenty} Hz", twenty=f"{twenty:.4g}"))
     axes.axhline(-10, color=GREY, lw=0.7, ls="--")
     axes.axhline(-20, color=GREY, lw=0.7, ls=":")
     axes.plot(gallery.frequencies, level, color=VERMILION, lw=1.3)
     axes.set_xlim(float(gallery.frequencies[0]), float(gallery.frequencies[-1]))
     axes.set_ylim(max(-70.0, float(np.nanmin(level)) - 3), 3)
-    axes.set_xlabel("Frequency [Hz]")
-    axes.set_ylabel("Force autospectrum [dB re max]")
+    axes.set_xlabel(text("Frequency [Hz]"))
+    axes.set_ylabel(text("Force autospectrum [dB re max]"))
     axes.legend(loc="lower left")
     return figure

@@ -10,8 +10,11 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import Normal, Stroke
 
 from ema.data import ModalMap
+from ema.messages import mark, text, word
 from ema.show.style import COLOUR_MAP, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
+_METHODS = (mark("measured"), mark("frozen"))
+"""How a map was made, as data say it."""
 _HOLE: dict[str, Any] = {"fill": False, "hatch": "////", "ec": GREY, "lw": 0}
 
 
@@ -38,7 +41,7 @@ def damping_map(chart: ModalMap) -> Figure:
     >>> damping_map(modal_map()).axes[0].get_xlabel()
     'Normal force F_N [N]'
     """
-    return _map(chart, 100 * chart.damping, "Damping ratio [%]", ridge=True)
+    return _map(chart, 100 * chart.damping, text("Damping ratio [%]"), ridge=True)
 
 
 @styled
@@ -61,7 +64,7 @@ def frequency_map(chart: ModalMap) -> Figure:
     >>> frequency_map(modal_map()).axes[0].get_ylabel()
     'Excitation force F_E [N]'
     """
-    return _map(chart, np.asarray(chart.frequency), "Natural frequency [Hz]", ridge=False)
+    return _map(chart, np.asarray(chart.frequency), text("Natural frequency [Hz]"), ridge=False)
 
 
 def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, ridge: bool) -> Figure:
@@ -69,7 +72,7 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
     axes = figure.subplots()
     holes = ~np.isfinite(values)
     if not values.size or holes.all():
-        empty_note(axes, "the map has no point")
+        empty_note(axes, text("the map has no point"))
         return figure
     x, y = np.asarray(chart.normal_forces), np.asarray(chart.force_levels)
     for axis, nominal in (("x", x), ("y", y)):
@@ -86,21 +89,29 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
         axes.add_patch(Rectangle(corner, width, np.diff(edges[1])[row], **_HOLE))
     if min(values.shape) > 1 and np.ptp(values[~holes]) > 0:
         lines = axes.contour(x, y, np.ma.masked_array(values, holes), levels=6, colors="white", linewidths=0.8)
-        for text in axes.clabel(lines, fontsize=8, fmt="%.4g"):
-            text.set_path_effects([Stroke(linewidth=2, foreground="#1a1a1a"), Normal()])  # on light colours too
+        for number in axes.clabel(lines, fontsize=8, fmt="%.4g"):
+            number.set_path_effects([Stroke(linewidth=2, foreground="#1a1a1a"), Normal()])  # on light colours too
     if ridge:
         rows = [row for row in range(len(y)) if not holes[row].all()]
         tops = [x[np.nanargmax(values[row])] for row in rows]
         axes.plot(
-            tops, y[rows], color=VERMILION, marker="o", ms=4, mec="white", mew=0.6, lw=1.4, label="largest damping"
+            tops,
+            y[rows],
+            color=VERMILION,
+            marker="o",
+            ms=4,
+            mec="white",
+            mew=0.6,
+            lw=1.4,
+            label=text("largest damping"),
         )
-    axes.set_xlabel("Normal force F_N [N]")
-    axes.set_ylabel("Excitation force F_E [N]")
-    axes.set_title(" ".join(part for part in (chart.name, f"({chart.method})") if part))
+    axes.set_xlabel(text("Normal force F_N [N]"))
+    axes.set_ylabel(text("Excitation force F_E [N]"))
+    axes.set_title(" ".join(part for part in (chart.name, f"({word(chart.method)})") if part))
     axes.grid(visible=False)
     figure.colorbar(mesh, ax=axes, label=label)
     if holes.any():
-        axes.add_patch(Rectangle((np.nan, np.nan), 0, 0, label="no mode found", **_HOLE))
+        axes.add_patch(Rectangle((np.nan, np.nan), 0, 0, label=text("no mode found"), **_HOLE))
     if axes.get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", ncols=2)
     return figure
@@ -150,13 +161,13 @@ def damping_curves(chart: ModalMap) -> Figure:
     figure = new_figure(3.9)
     panels = figure.subplots(1, 1 if amplitude is None else 2, squeeze=False, sharey=True)[0]
     if not np.isfinite(chart.damping).any():
-        empty_note(panels[0], "the map has no point")
+        empty_note(panels[0], text("the map has no point"))
         return figure
     levels = np.broadcast_to(np.asarray(chart.force_levels)[:, None], chart.damping.shape)
     forces = levels if chart.force_at_resonance is None else np.asarray(chart.force_at_resonance)
-    axes_of = [(panels[0], forces, "Force at resonance [N]")]
+    axes_of = [(panels[0], forces, text("Force at resonance [N]"))]
     if amplitude is not None:
-        axes_of.append((panels[1], 1e6 * np.asarray(amplitude), "Modal amplitude [µm √kg]"))
+        axes_of.append((panels[1], 1e6 * np.asarray(amplitude), text("Modal amplitude [µm √kg]")))
     colours = colormaps[COLOUR_MAP](np.linspace(0, 0.92, len(chart.normal_forces)))
     std = np.zeros(chart.damping.shape) if chart.damping_std is None else np.nan_to_num(chart.damping_std)
     for axes, across, label in axes_of:
@@ -178,6 +189,6 @@ def damping_curves(chart: ModalMap) -> Figure:
                 )
         axes.set_xlabel(label)
         axes.set_ylim(bottom=0)
-    panels[0].set_ylabel("Damping ratio [%]")
-    figure.legend(loc="outside lower center", ncols=min(len(chart.normal_forces), 8), title="Normal force F_N")
+    panels[0].set_ylabel(text("Damping ratio [%]"))
+    figure.legend(loc="outside lower center", ncols=min(len(chart.normal_forces), 8), title=text("Normal force F_N"))
     return figure

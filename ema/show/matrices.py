@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from ema.dof import Dof
+from ema.messages import text, word
 from ema.show.style import COLOUR_MAP, WIDTH, dof_labels, empty_note, new_figure, styled, thin_labels
 
 _MOST_NUMBERED = 24
@@ -51,7 +52,7 @@ def mac_matrix(
     figure = new_figure(size, min(WIDTH, size + 1.3 + 0.075 * longest))
     axes = figure.subplots()
     if not values.size:
-        empty_note(axes, "no mode, no MAC")
+        empty_note(axes, text("no mode, no MAC"))
         return figure
     image = axes.imshow(values, vmin=0, vmax=1, cmap=COLOUR_MAP, aspect="equal", interpolation="nearest")
     axes.grid(visible=False)
@@ -62,8 +63,8 @@ def mac_matrix(
     axes.set_yticks(places, texts)
     places, texts = thin_labels(names[1], 30)
     axes.set_xticks(places, texts, rotation=90 if max(map(len, texts)) > 2 else 0)
-    axes.set_ylabel(row_label)
-    axes.set_xlabel(column_label)
+    axes.set_ylabel(word(row_label))
+    axes.set_xlabel(word(column_label))
     axes.set_title(title)
     if count <= _MOST_NUMBERED:
         font = 8 if count <= 10 else 6.5 if count <= 16 else 5
@@ -113,7 +114,7 @@ def error_map(error: Float[np.ndarray, "out in"], outputs: Sequence[Dof], inputs
     figure = new_figure(height)
     axes = figure.subplots()
     if not values.size:
-        empty_note(axes, "no FRF was synthesised")
+        empty_note(axes, text("no FRF was synthesised"))
         return figure
     top = float(np.nanpercentile(values, 98)) if np.isfinite(values).any() else 1.0
     image = axes.imshow(values, vmin=0, vmax=top or 1.0, cmap=COLOUR_MAP, aspect="auto", interpolation="nearest")
@@ -122,7 +123,7 @@ def error_map(error: Float[np.ndarray, "out in"], outputs: Sequence[Dof], inputs
     axes.set_xticks(places, texts, rotation=90, fontsize=7)
     places, texts = thin_labels(dof_labels(up), max(2, int(height * 6)))
     axes.set_yticks(places, texts, fontsize=7)
-    axes.set_xlabel("Response DOF" if turned else "Force DOF")
-    axes.set_ylabel("Force DOF" if turned else "Response DOF")
-    figure.colorbar(image, ax=axes, label="Error [%]", extend="max", pad=0.01)
+    axes.set_xlabel(text("Response DOF") if turned else text("Force DOF"))
+    axes.set_ylabel(text("Force DOF") if turned else text("Response DOF"))
+    figure.colorbar(image, ax=axes, label=text("Error [%]"), extend="max", pad=0.01)
     return figure

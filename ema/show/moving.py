@@ -1,5 +1,6 @@
 """Mode shapes as the numbers that a script in a page moves, and that script."""
 
+import json
 from base64 import b64encode
 from importlib.resources import files
 from itertools import pairwise
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from ema.data import Geometry, ModalModel
+from ema.messages import text
 from ema.shapes import expand
 from ema.show.renderer import Scene
 
@@ -54,8 +56,9 @@ def _points(geometry: Geometry) -> dict[str, Any]:
 
 
 def script() -> str:
-    """JavaScript with the function ``moveShapes(viewer, content)``."""
-    return (files("ema.show") / "moving.js").read_text(encoding="utf-8")
+    """JavaScript with the function ``moveShapes(viewer, content)``, its button in the reader's language."""
+    source = (files("ema.show") / "moving.js").read_text(encoding="utf-8")
+    return source.replace('"Stop" : "Move"', f"{json.dumps(text('Stop'))} : {json.dumps(text('Move'))}")
 
 
 def _encoded(shape: Complex[np.ndarray, "n 3"], keep: bool = False) -> str:

@@ -7,6 +7,7 @@ from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
 from ema.data import FrfSet
+from ema.messages import text
 from ema.show.style import SERIES, empty_note, frf_label, new_figure, one_quantity, styled
 
 _BARE = "#1a1a1a"
@@ -51,7 +52,7 @@ def frf_overlay(
     one_quantity(sets)
     figure = new_figure(4.4)
     if not sets:
-        empty_note(figure.subplots(), "no FRF to draw")
+        empty_note(figure.subplots(), text("no FRF to draw"))
         return figure
     low, high = band or (max(one.frequencies[0] for one in sets), min(one.frequencies[-1] for one in sets))
     magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.2])
@@ -68,10 +69,10 @@ def frf_overlay(
     magnitude.set_ylabel(frf_label(sets[0].quantity, sets[0].unit))
     magnitude.set_xlim(low, high if high > low else low + 1)
     magnitude.legend(loc="best")
-    phase.set_ylabel("Phase [°]")
+    phase.set_ylabel(text("Phase [°]"))
     phase.set_yticks([-180, 0, 180])
     phase.set_ylim(-190, 190)
-    phase.set_xlabel("Frequency [Hz]")
+    phase.set_xlabel(text("Frequency [Hz]"))
     return figure
 
 

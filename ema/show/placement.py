@@ -9,6 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ema.data.placement import ControlStudy, Place, Placement
+from ema.messages import text, word
 from ema.show.style import BLACK, COLOUR_MAP, FAINT, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
 
@@ -43,7 +44,7 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
     panels = figure.subplots(rows, 1, squeeze=False)[:, 0]
     finite = np.isfinite(ranking.scores)
     if not finite.any():
-        empty_note(panels[0], "no place was found")
+        empty_note(panels[0], text("no place was found"))
         return figure
     decibels = ranking.objective.startswith(("peak", "chatter"))
     scale = 1.0 if decibels else 100.0
@@ -65,12 +66,14 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
         for number, place in enumerate(ranking.places[:shown], 1):
             if np.isclose(place.angle, angle, atol=1e-5):
                 _beam(axes, placement, place, number)
-        axes.set_title(f"Beam at {np.degrees(angle):.0f}° (dots: middle of the beam)")
+        axes.set_title(text("Beam at {angle}° (dots: middle of the beam)", angle=f"{np.degrees(angle):.0f}"))
         axes.set_aspect("equal")
         axes.set_ylabel("y [m]")
         axes.grid(visible=False)
     panels[-1].set_xlabel("x [m]")
-    figure.colorbar(mesh, ax=list(panels), label="Objective, one mode [dB]" if decibels else "Objective, one mode [%]")
+    figure.colorbar(
+        mesh, ax=list(panels), label=text("Objective, one mode [dB]") if decibels else text("Objective, one mode [%]")
+    )
     return figure
 
 
@@ -155,15 +158,27 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
     order = np.argsort(levels)
     figure = new_figure(3.4)
     left, right = figure.subplots(1, 2)
-    left.plot(levels[order], place.normal_forces[order], marker="o", color=SERIES[0][0], label="best for each level")
-    left.axhline(place.normal_force, color=GREY, ls="--", lw=1.0, label="common to all levels")
-    left.set(xlabel="Excitation force F_E [N]", ylabel="Normal force per joint F_N [N]", xlim=(0, None), ylim=(0, None))
+    left.plot(
+        levels[order], place.normal_forces[order], marker="o", color=SERIES[0][0], label=text("best for each level")
+    )
+    left.axhline(place.normal_force, color=GREY, ls="--", lw=1.0, label=text("common to all levels"))
+    left.set(
+        xlabel=text("Excitation force F_E [N]"),
+        ylabel=text("Normal force per joint F_N [N]"),
+        xlim=(0, None),
+        ylim=(0, None),
+    )
     left.legend()
-    left.set_title("Recommended normal force")
+    left.set_title(text("Recommended normal force"))
     for m, mode in enumerate(prediction.modes):
         colour, line, marker = SERIES[m % len(SERIES)]
         right.plot(
-            levels[order], 100 * place.damping[m, order], color=colour, ls=line, marker=marker, label=f"mode {mode + 1}"
+            levels[order],
+            100 * place.damping[m, order],
+            color=colour,
+            ls=line,
+            marker=marker,
+            label=text("mode {mode}", mode=mode + 1),
         )
         if np.isfinite(place.damping_low[m]).all():
             right.fill_between(
@@ -175,8 +190,8 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
                 lw=0,
             )
         right.axhline(100 * prediction.bare_damping[m], color=colour, ls=":", lw=0.9)
-    right.set(xlabel="Excitation force F_E [N]", ylabel="Damping ratio [%]", xlim=(0, None), ylim=(0, None))
-    right.set_title(f"Damping at F_N = {place.normal_force:.3g} N (dotted: bare; band: 95 %)")
+    right.set(xlabel=text("Excitation force F_E [N]"), ylabel=text("Damping ratio [%]"), xlim=(0, None), ylim=(0, None))
+    right.set_title(text("Damping at F_N = {force} N (dotted: bare; band: 95 %)", force=f"{place.normal_force:.3g}"))
     right.legend()
     return figure
 
@@ -212,20 +227,25 @@ def control_gain(study: ControlStudy) -> Figure:
             np.maximum(line.energies, 1e-12),
             color=colour,
             ls=style,
-            label=f"{line.law}, {line.force:.3g} N",
+            label=f"{word(line.law)}, {line.force:.3g} N",
         )
-    left.set(xlabel="Time after the release [ms]", ylabel="Energy over that at the start [-]", ylim=(1e-5, 1.5))
+    left.set(
+        xlabel=text("Time after the release [ms]"), ylabel=text("Energy over that at the start [-]"), ylim=(1e-5, 1.5)
+    )
     left.legend(loc="lower left")
-    left.set_title("Free vibration")
+    left.set_title(text("Free vibration"))
     order = np.argsort(study.force_levels)
     for values, label, (colour, style, marker) in (
-        (study.constant_damping, "one for all levels", SERIES[0]),
-        (study.scheduled_damping, "one for each", SERIES[1]),
+        (study.constant_damping, text("one for all levels"), SERIES[0]),
+        (study.scheduled_damping, text("one for each"), SERIES[1]),
     ):
         right.plot(study.force_levels[order], 100 * values[order], color=colour, ls=style, marker=marker, label=label)
     right.set(
-        xlabel="Excitation force F_E [N]", ylabel="Least damping of the modes [%]", xlim=(0, None), ylim=(0, None)
+        xlabel=text("Excitation force F_E [N]"),
+        ylabel=text("Least damping of the modes [%]"),
+        xlim=(0, None),
+        ylim=(0, None),
     )
     right.legend()
-    right.set_title("Steady vibration")
+    right.set_title(text("Steady vibration"))
     return figure

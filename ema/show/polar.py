@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from ema.data import ModalModel
+from ema.messages import text
 from ema.shapes import quality
 from ema.show.style import BLUE, FAINT, VERMILION, empty_note, new_figure, styled
 
@@ -47,7 +48,7 @@ def complexity(model: ModalModel, modes: Sequence[int] | None = None) -> Figure:
     rows = max(1, -(-len(chosen) // columns))
     figure = new_figure(1.95 * rows)
     if not len(chosen):
-        empty_note(figure.subplots(), "no mode, no shape")
+        empty_note(figure.subplots(), text("no mode, no shape"))
         return figure
     measures = quality(model.shapes)
     panels = figure.subplots(rows, columns, squeeze=False)

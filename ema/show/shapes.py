@@ -13,6 +13,7 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from ema.data import Geometry, ModalModel
+from ema.messages import text
 from ema.shapes import Expansion, expand, realise
 from ema.show.style import (
     BLUE,
@@ -67,7 +68,7 @@ def mode_shapes(
     chosen = list(range(min(PER_FIGURE, len(model.poles)))) if modes is None else list(modes)
     if not chosen or not len(geometry.nodes):
         figure = new_figure(1.5)
-        empty_note(figure.subplots(), "no mode, no shape" if not chosen else "the geometry has no point")
+        empty_note(figure.subplots(), text("no mode, no shape") if not chosen else text("the geometry has no point"))
         return figure
     expansion = expand(model, geometry, interpolate)
     along = _straight(geometry)
@@ -122,8 +123,8 @@ def _curves(
         axes.set_title(_title(model, chosen[panel]), fontsize=8.5)
         axes.set_ylim(-1.15, 1.15)
     label_last_rows(panels, len(chosen))
-    figure.supxlabel("Position [m]", fontsize=9)
-    figure.supylabel("Displacement / largest [-]", fontsize=9)
+    figure.supxlabel(text("Position [m]"), fontsize=9)
+    figure.supylabel(text("Displacement / largest [-]"), fontsize=9)
     return figure
 
 
@@ -145,7 +146,13 @@ def _panels(model: ModalModel, geometry: Geometry, expansion: Expansion, chosen:
     scale = ScalarMappable(cmap=COLOUR_MAP)
     scale.set_clim(0, 1)
     figure.colorbar(
-        scale, ax=figure.axes, location="bottom", shrink=0.35, aspect=40, pad=0.01, label="Displacement / largest [-]"
+        scale,
+        ax=figure.axes,
+        location="bottom",
+        shrink=0.35,
+        aspect=40,
+        pad=0.01,
+        label=text("Displacement / largest [-]"),
     )
     return figure
 
@@ -231,7 +238,7 @@ def shapes_over_dofs(model: ModalModel, modes: Sequence[int] | None = None) -> F
     rows = max(1, -(-len(chosen) // columns))
     figure = new_figure(1.5 * rows + 0.6)
     if not chosen:
-        empty_note(figure.subplots(), "no mode, no shape")
+        empty_note(figure.subplots(), text("no mode, no shape"))
         return figure
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     shapes = realise(model.shapes)
@@ -252,5 +259,5 @@ def shapes_over_dofs(model: ModalModel, modes: Sequence[int] | None = None) -> F
         axes.set_xticks(ticks, texts, rotation=90, fontsize=6)
     label_last_rows(panels, len(chosen))
     figure.supxlabel("DOF", fontsize=9)
-    figure.supylabel("Displacement / largest [-]", fontsize=9)
+    figure.supylabel(text("Displacement / largest [-]"), fontsize=9)
     return figure

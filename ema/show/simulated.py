@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ema.data import ControlLine, CuttingLimits, Decay, HarmonicResponse, Loop, Response
+from ema.messages import text
 from ema.show.style import FAINT, GREY, SERIES, empty_note, new_figure, styled
 
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -54,7 +55,7 @@ def motion(responses: Sequence[Response] | Response, labels: Sequence[str] = ())
     runs = [responses] if isinstance(responses, Response) else list(responses)
     figure = new_figure(4.6)
     if not runs or not len(runs[0].dofs):
-        empty_note(figure.subplots(), "no motion")
+        empty_note(figure.subplots(), text("no motion"))
         return figure
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     factor, unit = _scaled([np.asarray(run.displacements[0]) for run in runs], "m")
@@ -66,10 +67,10 @@ def motion(responses: Sequence[Response] | Response, labels: Sequence[str] = ())
         )
         start = float(run.energy.total[0]) or float(np.max(run.energy.total)) or 1.0
         lower.plot(run.times, 100 * run.energy.total / start, color=colour, ls=style, label=name)
-    upper.set_ylabel(f"Displacement of {runs[0].dofs[0]} [{unit}]")
-    lower.set_ylabel("Energy left [%]")
+    upper.set_ylabel(text("Displacement of {dof} [{unit}]", dof=runs[0].dofs[0], unit=unit))
+    lower.set_ylabel(text("Energy left [%]"))
     lower.set_ylim(bottom=0)
-    lower.set_xlabel("Time [s]")
+    lower.set_xlabel(text("Time [s]"))
     if len(runs) > 1 or labels:
         upper.legend(loc="upper right", ncols=4)
     return figure
@@ -107,7 +108,7 @@ def contact_loops(response: Response, most: int = 4) -> Figure:
     figure = new_figure(3.4)
     count = len(response.slips)
     if not count:
-        empty_note(figure.subplots(), "no contact")
+        empty_note(figure.subplots(), text("no contact"))
         return figure
     loops, shares = figure.subplots(1, 2, width_ratios=[3, 2])
     chosen = np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
@@ -125,11 +126,11 @@ def contact_loops(response: Response, most: int = 4) -> Figure:
         shares.bar(place + 1, response.dissipated[place], color=colour, width=0.8, zorder=3)
     others = [place for place in range(count) if place not in chosen]
     shares.bar(np.array(others) + 1, response.dissipated[others], color=FAINT, width=0.8)
-    loops.set_xlabel(f"Relative displacement [{unit}]")
-    loops.set_ylabel("Friction force [N]")
-    figure.legend(title="contact", loc="outside right upper")
-    shares.set_xlabel("Contact")
-    shares.set_ylabel("Energy dissipated [J]")
+    loops.set_xlabel(text("Relative displacement [{unit}]", unit=unit))
+    loops.set_ylabel(text("Friction force [N]"))
+    figure.legend(title=text("contact"), loc="outside right upper")
+    shares.set_xlabel(text("Contact"))
+    shares.set_ylabel(text("Energy dissipated [J]"))
     return figure
 
 
@@ -164,7 +165,7 @@ def steady_states(responses: Sequence[HarmonicResponse] | HarmonicResponse, labe
     runs = [responses] if isinstance(responses, HarmonicResponse) else list(responses)
     figure = new_figure(4.8)
     if not runs or not len(runs[0].frequencies) or not len(runs[0].dofs):
-        empty_note(figure.subplots(), "no steady state")
+        empty_note(figure.subplots(), text("no steady state"))
         return figure
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
     gains = [np.abs(_order(run, 1)) / run.force for run in runs]
@@ -178,10 +179,10 @@ def steady_states(responses: Sequence[HarmonicResponse] | HarmonicResponse, labe
         lower.plot(run.frequencies, 100 * share, color=colour, ls=style)
     upper.set_yscale("log")
     upper.set_ylabel(f"|X({runs[0].dofs[0]})| / F [{unit}/N]")
-    upper.legend(title="force level", loc="upper right")
-    lower.set_ylabel("Harmonics [%]")
+    upper.legend(title=text("force level"), loc="upper right")
+    lower.set_ylabel(text("Harmonics [%]"))
     lower.set_ylim(bottom=0)
-    lower.set_xlabel("Frequency [Hz]")
+    lower.set_xlabel(text("Frequency [Hz]"))
     lower.margins(x=0)
     return figure
 
@@ -219,7 +220,7 @@ def hysteresis(loops: Sequence[Loop] | Loop, labels: Sequence[str] = ()) -> Figu
     figure = new_figure(3.8, 6.5)
     axes = figure.subplots()
     if not drawn:
-        empty_note(axes, "no loop")
+        empty_note(axes, text("no loop"))
         return figure
     factor, unit = _scaled([np.asarray(loop.displacements) for loop in drawn], "m")
     for number, loop in enumerate(drawn):
@@ -228,15 +229,15 @@ def hysteresis(loops: Sequence[Loop] | Loop, labels: Sequence[str] = ()) -> Figu
         area = _energy(loop.area)
         label = f"{name}: {area}".lstrip(": ")
         axes.plot(loop.displacements / factor, loop.forces, color=colour, ls=style, lw=1.1, label=label)
-    axes.set_xlabel(f"Relative displacement [{unit}]")
-    axes.set_ylabel("Force [N]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="energy per cycle")
+    axes.set_xlabel(text("Relative displacement [{unit}]", unit=unit))
+    axes.set_ylabel(text("Force [N]"))
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title=text("energy per cycle"))
     return figure
 
 
 def _energy(joule: float) -> str:
     factor, unit = _scaled([np.array([joule])], "J")
-    return f"{joule / factor:.3g} {unit}" if joule > 1e-12 else "none"
+    return f"{joule / factor:.3g} {unit}" if joule > 1e-12 else text("none")
 
 
 @styled
@@ -266,7 +267,7 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit:
     drawn = [decays] if isinstance(decays, Decay) else list(decays)
     figure = new_figure(5.2)
     if not drawn:
-        empty_note(figure.subplots(), "no ring-down")
+        empty_note(figure.subplots(), text("no ring-down"))
         return figure
     first, second, third = figure.subplots(3, 1)
     for number, decay in enumerate(drawn):
@@ -280,7 +281,7 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit:
         third.loglog(decay.amplitudes, inside * 100 * decay.damping_ratios, color=colour, ls=style)
     if any(np.isfinite(decay.knee) for decay in drawn):
         first.annotate(
-            "dotted: sliding gives way to sticking",
+            text("dotted: sliding gives way to sticking"),
             (1, 1),
             xycoords="axes fraction",
             ha="right",
@@ -288,11 +289,11 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit:
             fontsize=7.5,
             color=GREY,
         )
-    first.set_xlabel("Time [s]")
-    amplitude = f"Amplitude [{unit}]" if unit else "Amplitude"
+    first.set_xlabel(text("Time [s]"))
+    amplitude = text("Amplitude [{unit}]", unit=unit) if unit else text("Amplitude")
     first.set_ylabel(amplitude)
-    second.set_ylabel("Frequency [Hz]")
-    third.set_ylabel("Damping ratio [%]")
+    second.set_ylabel(text("Frequency [Hz]"))
+    third.set_ylabel(text("Damping ratio [%]"))
     third.set_xlabel(amplitude)
     _legend(first, drawn, labels)
     return figure
@@ -342,9 +343,11 @@ def tool_point(lines: Sequence[ControlLine], limits: CuttingLimits | None = None
         colour, style, _ = SERIES[number % len(SERIES)]
         energies = np.maximum(line.energies, 1e-12)
         left.semilogy(1e3 * line.times, energies, color=colour, ls=style, label=f"{line.law}, {line.force:g} N")
-    left.set(xlabel="Time after the release [ms]", ylabel="Energy over that at the start [-]", ylim=(1e-5, 1.5))
+    left.set(
+        xlabel=text("Time after the release [ms]"), ylabel=text("Energy over that at the start [-]"), ylim=(1e-5, 1.5)
+    )
     left.legend(loc="lower left")
-    left.set_title("Free vibration")
+    left.set_title(text("Free vibration"))
     if limits is None:
         return figure
     right = others[0]
@@ -353,12 +356,20 @@ def tool_point(lines: Sequence[ControlLine], limits: CuttingLimits | None = None
         right.plot(limits.force_levels, depth[:, column], color=FAINT, lw=0.8, zorder=1)
     rows = np.arange(len(limits.force_levels))
     for values, label, (colour, style, marker) in (
-        (depth[rows, limits.controlled], "one F_N for each level", SERIES[1]),
-        (depth[:, limits.constant], f"{limits.normal_forces[limits.constant]:g} N for all", SERIES[0]),
+        (depth[rows, limits.controlled], text("one F_N for each level"), SERIES[1]),
+        (
+            depth[:, limits.constant],
+            text("{force} N for all", force=f"{limits.normal_forces[limits.constant]:g}"),
+            SERIES[0],
+        ),
     ):
         right.plot(limits.force_levels, values, color=colour, ls=style, marker=marker, label=label)
-    right.set(xlabel="Amplitude of the cutting force [N]", ylabel="Depth at which chatter persists [mm]", xscale="log")
+    right.set(
+        xlabel=text("Amplitude of the cutting force [N]"),
+        ylabel=text("Depth at which chatter persists [mm]"),
+        xscale="log",
+    )
     right.set_ylim(bottom=0)
     right.legend()
-    right.set_title("In the cut (grey: other constant F_N)")
+    right.set_title(text("In the cut (grey: other constant F_N)"))
     return figure

@@ -5,14 +5,15 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from ema.data import ModalModel, PoleTable
+from ema.messages import mark, text
 from ema.show.style import BLUE, FAINT, GREEN, GREY, ORANGE, empty_note, mark_modes, new_figure, styled
 
 LETTERS = {
-    "o": ("new", FAINT, 10),
-    "f": ("frequency", GREY, 14),
-    "d": ("frequency and damping", ORANGE, 18),
-    "v": ("frequency and vector", GREEN, 18),
-    "s": ("stable", BLUE, 20),
+    "o": (mark("new"), FAINT, 10),
+    "f": (mark("frequency"), GREY, 14),
+    "d": (mark("frequency and damping"), ORANGE, 18),
+    "v": (mark("frequency and vector"), GREEN, 18),
+    "s": (mark("stable"), BLUE, 20),
 }
 """Meaning, colour and size of the letters, least stable first."""
 
@@ -58,10 +59,10 @@ def stabilisation(
     axes = figure.subplots()
     low, high = poles.band
     axes.set_xlim(low, high)
-    axes.set_xlabel("Frequency [Hz]")
-    axes.set_ylabel("Model order")
+    axes.set_xlabel(text("Frequency [Hz]"))
+    axes.set_ylabel(text("Model order"))
     if not len(poles.poles):
-        empty_note(axes, "no pole was found")
+        empty_note(axes, text("no pole was found"))
         return figure
     if indicator is not None and frequencies is not None:
         behind = axes.twinx()
@@ -83,7 +84,7 @@ def stabilisation(
                 s=size,
                 color=colour,
                 linewidths=0.2,
-                label=meaning,
+                label=text(meaning),
                 zorder=2.5,
             )
     top = int(poles.order.max())

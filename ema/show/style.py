@@ -14,6 +14,7 @@ from matplotlib.ticker import FixedFormatter, FuncFormatter
 
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.messages import mark, word
 from ema.units import FRF_UNIT, UNSTATED
 
 P = ParamSpec("P")
@@ -59,7 +60,7 @@ _STYLE: Any = {
     "savefig.facecolor": "white",
     "text.usetex": False,
 }
-_UNIT_TEXT = {"m/N": "m/N", "(m/s)/N": "(m/s)/N", "(m/s^2)/N": "(m/s²)/N", UNSTATED: "unit unstated"}
+_UNIT_TEXT = {"m/N": "m/N", "(m/s)/N": "(m/s)/N", "(m/s^2)/N": "(m/s²)/N", UNSTATED: mark("unit unstated")}
 _NONE = type(None)
 WIDTH = 9.0
 """Width of a figure in inches: the text width of a report."""
@@ -153,14 +154,14 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
 
 def frf_label(quantity: str, unit: str) -> str:
     """Axis label of an FRF magnitude, e.g. ``Accelerance [(m/s²)/N]``."""
-    name = "FRF" if quantity == UNSTATED else quantity.capitalize()
+    name = "FRF" if quantity == UNSTATED else word(quantity).capitalize()
     known = FRF_UNIT.get(quantity, unit) if unit != UNSTATED else UNSTATED
     return f"{name} [{unit_text(known)}]"
 
 
 def unit_text(unit: str) -> str:
     """The unit of an FRF as people write it."""
-    return _UNIT_TEXT.get(unit, unit)
+    return word(_UNIT_TEXT.get(unit, unit))
 
 
 def thin_labels(labels: Sequence[str], most: int) -> tuple[list[int], list[str]]:

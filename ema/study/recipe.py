@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BaseModel, Discriminator, Field, Tag, Valid
 from ema import tables
 from ema.data.results import Verdict
 from ema.errors import InputError
+from ema.messages import SOURCE, checked_language
 from ema.place.recipe import KIND as PLACEMENT
 from ema.place.recipe import PlaceRecipe
 
@@ -78,6 +79,14 @@ def _page(name: str) -> str:
     if name and Path(name).suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"a report is a page such as _build/{Path(name).stem or 'report'}.html")
     return name
+
+
+def _spoken(name: str) -> str:
+    """A language that exists."""
+    try:
+        return checked_language(name)
+    except InputError as error:
+        raise ValueError(str(error)) from error
 
 
 class ExpectTable(Table):
@@ -245,10 +254,11 @@ class StatementTable(Table):
 
 class Recipe(Table):
     """The whole recipe. ``campaign`` is a folder or file, ``report`` and ``result`` are written; all relative to the
-    recipe. ``finding_limit`` is the severity from which a finding makes the command end with status 1. ``placement`` is
-    a placement recipe, or the path of one, answered for the first run without a friction beam; ``logo`` an image for
-    the report. ``assumed`` says what the campaign assumes that a publication does not state: no statement is matched
-    without it, where it is a model that was measured."""
+    recipe. ``finding_limit`` is the severity from which a finding makes the command end with status 1.
+    ``placement`` is a placement recipe, or the path of one, answered for the first run without a friction beam;
+    ``logo`` an image for the report, ``language`` the code of the report's language, such as ``de``. ``assumed``
+    says what the campaign assumes that a publication does not state: no statement is matched without it, where it
+    is a model that was measured."""
 
     campaign: str
     title: str = ""
@@ -268,6 +278,7 @@ class Recipe(Table):
         Discriminator(lambda value: _FILE if isinstance(value, str) else _TABLE),
     ] = ""
     logo: str = ""
+    language: Annotated[str, AfterValidator(_spoken)] = SOURCE
 
 
 _TABLES: dict[str, type[BaseModel]] = {

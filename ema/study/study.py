@@ -553,7 +553,7 @@ class Study:
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))
         advance(progress, "writing the report", 1, 2)
-        report.write(result, self.report)
+        report.write(result, self.report, language=self.recipe.language)
         advance(progress, "writing the report", 2, 2)
         return result
 

@@ -121,5 +121,8 @@ def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
     import ema.report
 
     monkeypatch.setattr(
-        ema.report, "write", lambda result, path, formats=(): Path(path).write_text("blank"), raising=False
+        ema.report,
+        "write",
+        lambda result, path, formats=(), language="en": Path(path).write_text("blank"),
+        raising=False,
     )

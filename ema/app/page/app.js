@@ -1,13 +1,13 @@
 "use strict";
-const letters = { o: ["new", faint, 7], f: ["frequency", grey, 9], d: ["frequency and damping", "#e69f00", 10],
-                  v: ["frequency and vector", "#009e73", 10], s: ["stable", blue, 11] };
+const letters = { o: [say("new"), faint, 7], f: [say("frequency"), grey, 9], d: [say("frequency and damping"), "#e69f00", 10],
+                  v: [say("frequency and vector"), "#009e73", 10], s: [say("stable"), blue, 11] };
 const page = { revision: -1, run: null, shapes: null, hits: null, polesOf: "" };
 
 let queue = Promise.resolve();
 function act(name, content = {}) {
   // one after the other: quick clicks must not overtake each other
   queue = queue.then(async () => {
-    part("busy").textContent = "working …";
+    part("busy").textContent = say("working …");
     try {
       const reply = await (await ask(`api/${name}`, { method: "POST", headers: { "X-Ema": "1" }, body: JSON.stringify(content) })).json();
       fine();
@@ -28,11 +28,11 @@ async function drawPoles(overview) {
     const rows = reply.letter.flatMap((found, row) => found === letter ? [row] : []);
     traces.push({ x: rows.map(row => reply.frequency[row]), y: rows.map(row => reply.order[row]), customdata: rows, mode: "text", text: rows.map(() => letter),
       textfont: { color: colour, size }, name: meaning,
-      hovertemplate: rows.map(row => `${reply.frequency[row].toFixed(2)} Hz, ${reply.damping[row]} %<br>order ${reply.order[row]}, ${meaning}<extra></extra>`) });
+      hovertemplate: rows.map(row => `${reply.frequency[row].toFixed(2)} Hz, ${reply.damping[row]} %<br>${say("order {order}", { order: reply.order[row] })}, ${meaning}<extra></extra>`) });
   }
   traces.push({ x: reply.picked.map(row => reply.frequency[row]), y: reply.picked.map(row => reply.order[row]), customdata: reply.picked, mode: "markers",
-    marker: { symbol: "circle-open", size: 15, color: vermilion, line: { width: 2 } }, name: "picked",
-    hovertemplate: reply.picked.map(row => `${reply.frequency[row].toFixed(2)} Hz, picked<extra></extra>`) });
+    marker: { symbol: "circle-open", size: 15, color: vermilion, line: { width: 2 } }, name: say("picked"),
+    hovertemplate: reply.picked.map(row => `${reply.frequency[row].toFixed(2)} Hz, ${say("picked")}<extra></extra>`) });
   const lines = overview.modes.map(mode => ({ type: "line", x0: mode.f, x1: mode.f, yref: "paper", y0: 0, y1: 1, line: { color: vermilion, width: 1, dash: "dash" }, layer: "below" }));
   const numbers = overview.modes.map((mode, place) => ({ x: mode.f, y: 1.0, yref: "paper", yanchor: "bottom", text: String(place + 1), showarrow: false, font: { color: vermilion, size: 10 } }));
   await Plotly.react(place, traces, base({ margin: { l: 52, r: 58, t: 20, b: 40 }, shapes: lines, annotations: numbers, uirevision: overview.run,
@@ -53,12 +53,12 @@ async function drawFrf() {
       part(id).replaceChildren(...names.map(name => new Option(name)));
       part(id).selectedIndex = place >= 0 && place < names.length ? place : 0;
     }
-  part("misfit").textContent = reply.error == null ? "" : `error of the synthesised FRF ${reply.error} %`;
-  const traces = [{ x: reply.measured.f, y: reply.measured.magnitude, line: { color: "#1a1a1a", width: 1.2 }, name: "measured" },
-                  { x: reply.measured.f, y: reply.measured.phase, yaxis: "y2", line: { color: "#1a1a1a", width: 1 }, name: "measured" }];
-  if (reply.synthesised) traces.push({ x: reply.synthesised.f, y: reply.synthesised.magnitude, line: { color: vermilion, width: 1.4, dash: "dash" }, name: "modal model" },
-                                { x: reply.synthesised.f, y: reply.synthesised.phase, yaxis: "y2", line: { color: vermilion, width: 1, dash: "dash" }, name: "modal model" });
-  if (reply.coherence) traces.push({ x: reply.coherence_lines, y: reply.coherence, yaxis: "y3", line: { color: blue, width: 1 }, name: "coherence" });
+  part("misfit").textContent = reply.error == null ? "" : say("error of the synthesised FRF {error} %", { error: reply.error });
+  const traces = [{ x: reply.measured.f, y: reply.measured.magnitude, line: { color: "#1a1a1a", width: 1.2 }, name: say("measured") },
+                  { x: reply.measured.f, y: reply.measured.phase, yaxis: "y2", line: { color: "#1a1a1a", width: 1 }, name: say("measured") }];
+  if (reply.synthesised) traces.push({ x: reply.synthesised.f, y: reply.synthesised.magnitude, line: { color: vermilion, width: 1.4, dash: "dash" }, name: say("modal model") },
+                                { x: reply.synthesised.f, y: reply.synthesised.phase, yaxis: "y2", line: { color: vermilion, width: 1, dash: "dash" }, name: say("modal model") });
+  if (reply.coherence) traces.push({ x: reply.coherence_lines, y: reply.coherence, yaxis: "y3", line: { color: blue, width: 1 }, name: say("coherence") });
   traces.forEach(one => { one.mode = "lines"; });
   await Plotly.react("frf", traces, base({ uirevision: page.run, xaxis: axis("Frequency [Hz]", { anchor: "y3" }),
     yaxis: axis(reply.unit, { type: "log", domain: [0.45, 1], exponentformat: "power" }), yaxis2: axis("Phase [°]", { domain: [0.2, 0.42], tickvals: [-180, 0, 180] }),
@@ -69,14 +69,14 @@ async function drawMac() {
   const { mac } = await get("api/matrix");
   const names = mac.map((_, place) => String(place + 1));
   await Plotly.react("mac", [{ type: "heatmap", z: mac, x: names, y: names, zmin: 0, zmax: 1, colorscale: "Cividis", colorbar: { title: { text: "AutoMAC" }, thickness: 12 },
-    hovertemplate: "modes %{y} and %{x}: %{z:.3f}<extra></extra>" }],
+    hovertemplate: `${say("modes {first} and {second}", { first: "%{y}", second: "%{x}" })}: %{z:.3f}<extra></extra>` }],
     base({ xaxis: axis("Mode", { type: "category", constrain: "domain" }), yaxis: axis("Mode", { type: "category", scaleanchor: "x", autorange: "reversed", constrain: "domain" }) }), quiet);
   part("mac").dataset.modes = mac.length;
 }
 
 async function drawMotion() {
   const reply = await get("api/motion");
-  part("still").textContent = reply.missing || (reply.modes.length ? "" : "The shapes are too many points to move.");
+  part("still").textContent = reply.missing || (reply.modes.length ? "" : say("The shapes are too many points to move."));
   const content = reply.missing ? { points: [], faces: [], lines: [], modes: [], shapes: [] } : reply;
   if (page.shapes) page.shapes.update(content); else page.shapes = moveShapes(document.querySelector(".motion"), content);
 }
@@ -89,14 +89,17 @@ function drawModes(overview) {
                         mode.std_zeta == null ? "–" : (2 * mode.std_zeta).toPrecision(2), number(mode.mpc, 3)])
       row.insertCell().textContent = text;
     const button = document.createElement("button");
-    button.textContent = "Drop"; button.setAttribute("aria-label", `Drop mode ${place + 1}`);
+    button.textContent = say("Drop"); button.setAttribute("aria-label", say("Drop mode {mode}", { mode: place + 1 }));
     button.addEventListener("click", () => act("drop", { mode: place }));
     row.insertCell().append(button);
     return row;
   }));
-  part("misfits").textContent = `${overview.modes.length} modes` + (overview.error == null ? "" : `, error of the synthesised FRFs ${overview.error} % (median); ± is two standard deviations within this run`);
+  part("misfits").textContent = overview.error == null ? say("{number} modes", { number: overview.modes.length })
+    : say("{number} modes, error of the synthesised FRFs {error} % (median); ± is two standard deviations within this run", { number: overview.modes.length, error: overview.error });
   part("findings").replaceChildren(...overview.findings.slice(0, 20).map(found => Object.assign(document.createElement("li"), { textContent: `${found.severity}: ${found.text}` })));
 }
+
+const impact = hit => `${hit.record}, ${say("impact {number}", { number: hit.index + 1 })}, ${hit.dof}`;
 
 async function drawHits() {
   const reply = await get("api/hits");
@@ -104,12 +107,13 @@ async function drawHits() {
   part("gallery").hidden = Boolean(reply.missing);
   if (reply.missing) return;
   const taken = page.hits.filter(hit => hit.accepted).length;
-  part("counts").textContent = `${taken} of ${page.hits.length} used; force spectrum down 10 dB at ${reply.usable[0]} Hz, 20 dB at ${reply.usable[1]} Hz`;
+  part("counts").textContent = say("{used} of {number} used; force spectrum down 10 dB at {ten} Hz, 20 dB at {twenty} Hz",
+    { used: taken, number: page.hits.length, ten: reply.usable[0], twenty: reply.usable[1] });
   part("gallery").dataset.used = taken;
   const some = accepted => page.hits.flatMap((hit, place) => hit.accepted === accepted ? [place] : []);
   const trace = (places, colour, symbol, name) => ({ x: places.map(place => place + 1), y: places.map(place => page.hits[place].peak), customdata: places, mode: "markers", name,
-    marker: { color: colour, symbol, size: 7 }, hovertemplate: places.map(place => `${page.hits[place].record}, impact ${page.hits[place].index + 1}, ${page.hits[place].dof}<br>${page.hits[place].reason || "used"}<extra></extra>`) });
-  await Plotly.react("peaks", [trace(some(true), blue, "circle", "used"), trace(some(false), vermilion, "square", "not used")],
+    marker: { color: colour, symbol, size: 7 }, hovertemplate: places.map(place => `${impact(page.hits[place])}<br>${page.hits[place].reason || say("used")}<extra></extra>`) });
+  await Plotly.react("peaks", [trace(some(true), blue, "circle", say("used")), trace(some(false), vermilion, "square", say("not used"))],
     base({ xaxis: axis("Impact, in order of measurement"), yaxis: axis("Peak [N]", { rangemode: "tozero" }) }), quiet);
   const place = part("peaks");
   if (!place.dataset.wired) {
@@ -121,7 +125,7 @@ async function drawHits() {
 
 async function drawPulse() {
   const hit = Number(part("hit").value) - 1, one = (page.hits || [])[hit];
-  part("impact").textContent = one ? `${one.record}, impact ${one.index + 1}, ${one.dof}: ${one.accepted ? "used" : one.reason}` : "";
+  part("impact").textContent = one ? `${impact(one)}: ${one.accepted ? say("used") : one.reason}` : "";
   if (!one) return;
   try {
     const reply = await get(`api/pulse?hit=${hit}`);
@@ -139,7 +143,7 @@ async function drawMap(overview) {
   const few = reply.forces.length <= 12 && reply.levels.length <= 16;
   await Plotly.react("chart", [{ type: "heatmap", x: reply.forces, y: reply.levels, z: reply.damping, customdata: reply.frequency, colorscale: "Cividis", hoverongaps: false,
     texttemplate: few ? "%{z:.3g}" : "", textfont: { size: 12 },
-    colorbar: { title: { text: "Damping ratio [%]", side: "right" }, thickness: 12 }, hovertemplate: "F_E %{y} N, F_N %{x} N<br>%{customdata} Hz, %{z} %<extra></extra>" }],
+    colorbar: { title: { text: say("Damping ratio [%]"), side: "right" }, thickness: 12 }, hovertemplate: "F_E %{y} N, F_N %{x} N<br>%{customdata} Hz, %{z} %<extra></extra>" }],
     base({ xaxis: axis("Normal force F_N [N]", { type: "category" }), yaxis: axis("Excitation force F_E [N]", { type: "category" }) }), quiet);
   const place = part("chart");
   if (!place.dataset.wired) {
@@ -157,7 +161,8 @@ async function drawPoint(level, force) {
                                { x: reply.measured.f, y: reply.measured.phase, yaxis: "y2", mode: "lines", line }],
     base({ xaxis: axis("Frequency [Hz]", { anchor: "y2" }), yaxis: axis(reply.unit, { type: "log", domain: [0.36, 1], exponentformat: "power" }), yaxis2: axis("Phase [°]", { domain: [0, 0.3], tickvals: [-180, 0, 180] }),
       shapes: reply.f == null ? [] : [{ type: "line", x0: reply.f, x1: reply.f, yref: "paper", y0: 0, y1: 1, line: { color: vermilion, width: 1, dash: "dash" } }] }), quiet);
-  part("seen").textContent = `Run ${reply.run}, ${reply.label}, next to F_E ${reply.level} N and F_N ${reply.force} N` + (reply.f == null ? "; a hole of the map" : `: ${reply.f} Hz, ${reply.zeta} %`);
+  part("seen").textContent = say("Run {run}, {frf}, next to F_E {level} N and F_N {force} N", { run: reply.run, frf: reply.label, level: reply.level, force: reply.force })
+    + (reply.f == null ? `; ${say("a hole of the map")}` : `: ${reply.f} Hz, ${reply.zeta} %`);
   part("point").dataset.run = reply.run;
   if ([...part("run").options].some(one => one.value === reply.run) && part("run").value !== reply.run) await act("behind", { map, level, force });
 }
@@ -180,7 +185,7 @@ async function drawPlacement(overview) {
 function listPlaces() {
   const reply = page.placement, kind = part("kind").selectedIndex;
   const name = candidate => { const rank = reply.ranked.indexOf(candidate), [x, y] = reply.centres[candidate];
-    return new Option(`${rank < 0 ? "" : `rank ${rank + 1}: `}${x}, ${y} m`, candidate); };
+    return new Option(`${rank < 0 ? "" : `${say("rank {rank}", { rank: rank + 1 })}: `}${x}, ${y} m`, candidate); };
   const here = reply.centres.flatMap((_, candidate) => reply.kind[candidate] === kind ? [candidate] : []);
   const order = candidate => { const rank = reply.ranked.indexOf(candidate); return rank < 0 ? reply.ranked.length + candidate : rank; };
   part("place").replaceChildren(...here.sort((a, b) => order(a) - order(b)).map(name));
@@ -199,9 +204,9 @@ async function drawPlaces(joints) {
     { x: [x0, x1, x1, x0, x0], y: [y0, y0, y1, y1, y0], mode: "lines", line: { color: grey, width: 1 }, hoverinfo: "skip" },
     ...reply.keep_out.map(area => ({ x: [...area, area[0]].map(one => one[0]), y: [...area, area[0]].map(one => one[1]), mode: "lines", fill: "toself", fillcolor: "rgba(213,94,0,0.15)", line: { color: vermilion, width: 1 }, hoverinfo: "skip" })),
     { x: at(known, 0), y: at(known, 1), customdata: known, mode: "markers", name: "places",
-      marker: { size: Math.max(7, Math.min(16, 220 / Math.sqrt(known.length || 1))), color: known.map(one => reply.score[one]), colorscale: "Cividis", colorbar: { title: { text: `one mode [${reply.unit}]` }, thickness: 12 } },
+      marker: { size: Math.max(7, Math.min(16, 220 / Math.sqrt(known.length || 1))), color: known.map(one => reply.score[one]), colorscale: "Cividis", colorbar: { title: { text: say("one mode [{unit}]", { unit: reply.unit }) }, thickness: 12 } },
       hovertemplate: known.map(one => `${reply.centres[one][0]}, ${reply.centres[one][1]} m<br>${reply.score[one]} ${reply.unit}<extra></extra>`) },
-    { x: at(holes, 0), y: at(holes, 1), customdata: holes, mode: "markers", marker: { symbol: "x-thin", size: 7, line: { color: grey, width: 1 } }, hovertemplate: "no resonance found<extra></extra>" },
+    { x: at(holes, 0), y: at(holes, 1), customdata: holes, mode: "markers", marker: { symbol: "x-thin", size: 7, line: { color: grey, width: 1 } }, hovertemplate: `${say("no resonance found")}<extra></extra>` },
   ];
   if (joints) traces.push({ x: joints.map(one => one[0]), y: joints.map(one => one[1]), mode: "lines+markers", line: { color: vermilion, width: 4 }, marker: { color: "#fff", size: 10, line: { color: vermilion, width: 2 } }, hoverinfo: "skip" });
   const ranks = reply.ranked.flatMap((one, rank) => reply.kind[one] === kind ? [{ x: reply.centres[one][0], y: reply.centres[one][1], text: String(rank + 1), showarrow: false, yshift: 14, font: { color: rank ? grey : vermilion, size: 12 } }] : []);
@@ -216,9 +221,10 @@ async function drawPlaces(joints) {
 async function drawPlace(candidate) {
   const reply = await get(`api/place?number=${Math.max(part("placement").selectedIndex, 0)}&candidate=${candidate}`);
   part("place").value = String(candidate);
-  const bolts = reply.joints.map(([x, y]) => `(${x}, ${y}) m`).join(" and ");
-  part("location").textContent = `${reply.rank ? `Rank ${reply.rank}. ` : ""}Bolts at ${bolts}; F_N ${reply.force} N in every joint` +
-    (reply.best_forces.length ? ` (best for each level: ${reply.best_forces.join(", ")} N)` : "") + `. Predicted with ${reply.method === "all modes" ? "all modes together" : "one mode at a time"}.`;
+  const bolts = reply.joints.map(([x, y]) => `(${x}, ${y}) m`).reduce((first, last) => say("{first} and {last}", { first, last }));
+  part("location").textContent = (reply.rank ? `${say("Rank {rank}.", { rank: reply.rank })} ` : "") + say("Bolts at {bolts}; F_N {force} N in every joint", { bolts, force: reply.force })
+    + (reply.best_forces.length ? ` (${say("best for each level: {forces} N", { forces: reply.best_forces.join(", ") })})` : "")
+    + ". " + (reply.method === "all modes" ? say("Predicted with all modes together.") : say("Predicted with one mode at a time."));
   const number = (value, digits) => value == null ? "–" : Number(value).toFixed(digits);
   const rows = reply.modes.flatMap((mode, m) => reply.levels.map((level, k) => {
     const row = document.createElement("tr");
@@ -241,9 +247,9 @@ async function show(overview) {
   part("run").value = overview.run;
   part("force").textContent = overview.force;
   part("undo").disabled = !overview.undo;
-  part("undo").textContent = overview.undo ? `Undo: ${overview.undo}` : "Undo";
-  part("save").textContent = overview.saved ? "Saved" : "Save";
-  part("save").title = `s; to ${overview.path}`;
+  part("undo").textContent = overview.undo ? say("Undo: {what}", { what: overview.undo }) : say("Undo");
+  part("save").textContent = overview.saved ? say("Saved") : say("Save");
+  part("save").title = say("s; to {path}", { path: overview.path });
   if (!part("who").value) part("who").value = overview.who;
   drawModes(overview);
   await Promise.all([drawPoles(overview), drawMotion(), drawMac(), drawFrf(), drawHits(), drawMap(overview), drawPlacement(overview)]);
@@ -282,7 +288,7 @@ document.addEventListener("keydown", event => {
   if (event.key === "s") act("save");
 });
 follow(news => {
-  if (news.again) page.revision = -1; else part("busy").textContent = news.busy ? "working …" : "";
+  if (news.again) page.revision = -1; else part("busy").textContent = news.busy ? say("working …") : "";
   if (!news.busy) refresh();
 });
 refresh();

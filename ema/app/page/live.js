@@ -4,14 +4,15 @@ let shown = -1;
 
 async function drawTake(reply) {
   const { take, force, spectrum, response, frf } = reply;
-  part("verdict").textContent = `Point ${take.point}, take ${take.number}: ${take.accepted ? "accepted" : "REJECTED"}. Peak ${take.peak}, F_N ${take.normal_force}.`;
+  const said = { point: take.point, number: take.number, peak: take.peak, force: take.normal_force };
+  part("verdict").textContent = (take.accepted ? say("Point {point}, take {number}: accepted. Peak {peak}, F_N {force}.", said) : say("Point {point}, take {number}: REJECTED. Peak {peak}, F_N {force}.", said));
   part("verdict").classList.toggle("rejected", !take.accepted);
   part("remarks").textContent = [...take.reasons, ...take.remarks].join(" ");
   if (force) await Plotly.react("force", [line(force.time, force.value, blue)], base({ xaxis: axis("Time from the peak [ms]"), yaxis: axis("Force [N]") }), quiet);
   if (spectrum) await Plotly.react("spectrum", [line(spectrum.f, spectrum.decibels, blue)],
     base({ xaxis: axis("Frequency [Hz]"), yaxis: axis("dB re its maximum", { range: [-60, 3] }) }), quiet);
   if (response) await Plotly.react("response", [line(response.time, response.value, blue)], base({ xaxis: axis("Time [s]"), yaxis: axis(response.label) }), quiet);
-  part("label").textContent = frf ? frf.label : "no take at this point counts yet";
+  part("label").textContent = frf ? frf.label : say("no take at this point counts yet");
   const traces = frf ? [line(frf.measured.f, frf.measured.magnitude, "#1a1a1a"), line(frf.measured.f, frf.measured.phase, "#1a1a1a", { yaxis: "y2" })] : [];
   if (frf && frf.coherence) traces.push(line(frf.coherence.f, frf.coherence.value, blue, { yaxis: "y3" }));
   await Plotly.react("frf", traces, base({ xaxis: axis("Frequency [Hz]", { anchor: "y3" }),
@@ -22,9 +23,9 @@ async function drawTake(reply) {
 async function drawPeaks(peaks) {
   const trace = (accepted, colour, symbol, name) => {
     const rows = peaks.flatMap((one, row) => one.accepted === accepted ? [row] : []);
-    return { x: rows.map(row => row + 1), y: rows.map(row => peaks[row].peak), text: rows.map(row => `point ${peaks[row].point}, ${name}`), mode: "markers", marker: { color: colour, symbol, size: 8 }, hovertemplate: "%{text}<br>%{y} N<extra></extra>" };
+    return { x: rows.map(row => row + 1), y: rows.map(row => peaks[row].peak), text: rows.map(row => `${say("point {point}", { point: peaks[row].point })}, ${name}`), mode: "markers", marker: { color: colour, symbol, size: 8 }, hovertemplate: "%{text}<br>%{y} N<extra></extra>" };
   };
-  await Plotly.react("peaks", [trace(true, blue, "circle", "accepted"), trace(false, vermilion, "square", "rejected")],
+  await Plotly.react("peaks", [trace(true, blue, "circle", say("accepted")), trace(false, vermilion, "square", say("rejected"))],
     base({ xaxis: axis("Take, in order of measurement", { rangemode: "tozero" }), yaxis: axis("Peak [N]", { rangemode: "tozero" }) }), quiet);
 }
 
