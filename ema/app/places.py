@@ -64,7 +64,8 @@ def place_view(bench: Workbench, number: int, candidate: int) -> dict[str, Any]:
         {"mode": mode + 1, "bare_f": numbers([f], 6)[0], "bare_zeta": numbers([100 * z], 4)[0]}
         for mode, f, z in zip(prediction.modes, prediction.bare_frequencies, prediction.bare_damping, strict=True)
     ]
-    found = _of_rank(ranking.places[rank - 1]) if rank else _of_map(placement, candidate)
+    ranked = (placement.best, *ranking.places[1:])
+    found = _of_rank(ranked[rank - 1]) if rank else _of_map(placement, candidate)
     return {
         "candidate": candidate,
         "rank": rank,

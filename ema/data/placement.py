@@ -1,6 +1,6 @@
 """Where a friction beam may go: the beam, its joints, the places, and what is predicted there."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -620,6 +620,33 @@ class Placement(Container):
     def __post_init__(self) -> None:
         freeze(self, origin=np.float64, axes=np.float64, extent=np.float64, points=np.float64)
         check_axes(self)
+
+    @property
+    def best(self) -> Place:
+        """The best location with what the forecast says of it, mode by mode, under its normal force at all levels.
+
+        The ranking compares places by steady states and by what it draws of each; the forecast of the best one says
+        what a test will read, with all that is not known. Where it holds no value, those of the ranking stay.
+
+        Examples
+        --------
+        >>> from ema.examples import placement
+        >>> result = placement()
+        >>> result.best.damping_low[0, 0] == result.forecast.damping_low[0, 0, 1]
+        True
+        """
+        best, forecast, levels = self.ranking.best, self.forecast, self.ranking.prediction.force_levels
+        if forecast is None:
+            return best
+        column = np.flatnonzero(np.isclose(forecast.normal_forces, best.normal_force))
+        rows = [np.flatnonzero(np.isclose(forecast.force_levels, level)) for level in levels]
+        if not len(column) or not all(len(row) for row in rows):
+            return best
+        at = np.ix_(np.arange(len(best.damping)), np.array([row[0] for row in rows]), column[:1])
+        names = ("frequency", "damping", "damping_low", "damping_high")
+        told = {name: getattr(forecast, name)[at][..., 0] for name in names}
+        known = np.all([np.isfinite(values).all(axis=1) for values in told.values()], axis=0)
+        return replace(best, **{name: np.where(known[:, None], told[name], getattr(best, name)) for name in names})
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:

@@ -181,7 +181,8 @@ def _forecast(
     if table.above == "plate":
         bare, surface, beyond = with_plate(bare, surface)
     task = task._replace(bare=bare, surface=surface, scale_std=0.5 * table.calibration_std)
-    best, levels, forces = ranking.best.candidate, table.force or recipe.force, table.normal_force
+    best, levels = ranking.best.candidate, table.force or recipe.force
+    forces = _with_recommended(table.normal_force, ranking.best.normal_force)
     if recipe.trials is None:
         effort = (table.draws, table.seed, table.method, executor, progress)
         return forecast(task, candidates, best, levels, forces, *effort), None, beyond
@@ -205,6 +206,11 @@ def _forecast(
     for _, one in done:
         tests = _after(tests, one)
     return tests.forecast, tests, beyond
+
+
+def _with_recommended(forces: Sequence[float], recommended: float) -> list[float]:
+    """Normal forces of a forecast, the recommended one among them."""
+    return list(forces) if any(np.isclose(forces, recommended)) else sorted([*forces, recommended])
 
 
 def _done(

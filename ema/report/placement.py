@@ -95,7 +95,7 @@ def placement_sections(placement: Placement, book: Book, check: ForecastCheck | 
 
 
 def _force(placement: Placement, book: Book) -> list[Block]:
-    best, prediction = placement.ranking.best, placement.ranking.prediction
+    best, prediction = placement.best, placement.ranking.prediction
     columns = ["F_E [N]", text("Best F_N [N]")]
     for mode in prediction.modes:
         columns += [
@@ -132,7 +132,7 @@ def _force(placement: Placement, book: Book) -> list[Block]:
 
 def _predicted(placement: Placement, book: Book) -> list[Block]:
     """FRFs of the target modes without the beam, and with it at the lowest and at the highest level."""
-    best, prediction = placement.ranking.best, placement.ranking.prediction
+    best, prediction = placement.best, placement.ranking.prediction
     levels = np.asarray(prediction.force_levels)
     ends = list(dict.fromkeys([int(np.argmin(levels)), int(np.argmax(levels))]))
     states = [(text("bare"), np.asarray(prediction.bare_frequencies), np.asarray(prediction.bare_damping))]
@@ -214,7 +214,7 @@ def _control(placement: Placement, book: Book) -> list[Block]:
 
 def answer(placement: Placement) -> str:
     """The best place in words."""
-    ranking, best = placement.ranking, placement.ranking.best
+    ranking, best = placement.ranking, placement.best
     joints = ranking.prediction.candidates.joints(best.candidate)
     spots = listed([f"({x:.3f}, {y:.3f}) m" for x, y in joints])
     sentences = [
@@ -291,6 +291,11 @@ def _table(placement: Placement, book: Book) -> Block:
         "all levels, least damping over the levels.",
         objective=word(placement.ranking.objective),
     )
+    if placement.forecast is not None:
+        caption += " " + text(
+            "These are the steady states by which places are compared; what a test of the best one will read, with all "
+            "that is not known, is in the forecast."
+        )
     return book.table("places", caption, [*columns, text("Flags")], rows)
 
 

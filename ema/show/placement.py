@@ -153,7 +153,8 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
     >>> len(recommended_force(placement()).axes)
     2
     """
-    place, prediction = placement.ranking.places[rank - 1], placement.ranking.prediction
+    place = placement.best if rank == 1 else placement.ranking.places[rank - 1]
+    prediction = placement.ranking.prediction
     levels = np.asarray(prediction.force_levels)
     order = np.argsort(levels)
     figure = new_figure(3.4)

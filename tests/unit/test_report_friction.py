@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import ema.report
-from ema import show
+from ema import examples, show
 from ema.data import FrfSet, StudyResult
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.report.change import _common
 from ema.report.friction import ring_down_sentences
 from ema.report.pictures import Image, drawn
+from ema.report.placement import answer as placement_answer
 from ema.show.placement import seen_edges
 from tests.unit.friction_nouns import decay, loop, placement
 from tests.unit.test_report import BLANK, EVIL, JOINTS, Page, plate, run_result, study, undrawn  # noqa: F401
@@ -224,3 +225,34 @@ def test_many_ring_downs_do_not_bury_the_front_page():
     told = ring_down_sentences([decay(f"release {n}") for n in range(7)])
     assert len(told) == 5 and told[3].startswith("Ring-down of release 3")
     assert told[4] == "3 more ring-downs in the table of phases."
+
+
+def test_the_first_screen_says_of_the_place_what_the_forecast_says(tmp_path: Path, undrawn: None):  # noqa: F811
+    """The ranking's own values and intervals, which leave out most of what is not known, are not its answer."""
+    told = examples.placement()
+    best, levels = told.ranking.best, told.ranking.prediction.force_levels
+    ranked = replace(told, forecast=None)
+    shape = (1, len(levels), 2)
+    rng = np.random.default_rng(8)
+    middle = {"frequency": rng.uniform(480, 490, shape), "damping": rng.uniform(0.010, 0.014, shape)}
+    wide = {f"{name}_{end}": one * f for name, one in middle.items() for end, f in (("low", 0.7), ("high", 1.4))}
+    axes = {"force_levels": levels, "normal_forces": np.array([0.5, 1.0]) * best.normal_force}
+    forecast = replace(told.forecast, **axes, **middle, **wide)
+    least = int(np.argmin(middle["damping"][0, :, 1]))
+    answer = placement_answer(replace(told, forecast=forecast))
+    damping, frequency = (middle[name][0, least, 1] for name in ("damping", "frequency"))
+    assert f"at least {100 * damping:.2f} [{70 * damping:.2f}, {140 * damping:.2f}] % damping" in answer
+    assert f"-> {frequency:.1f} Hz" in answer and answer != placement_answer(ranked)
+    page = Page(ema.report.write(replace(told, forecast=forecast), tmp_path / "r.html"))
+    assert f"at least {100 * damping:.2f} [" in page.words()
+    table = rows(tmp_path, "forecast")
+    (row,) = (
+        one for one in table if float(one["F_N [N]"]) == best.normal_force and float(one["F_E [N]"]) == levels[least]
+    )
+    assert float(row["ζ [%]"]) == pytest.approx(100 * damping, rel=5e-3)
+    assert float(row["f [Hz]"]) == pytest.approx(frequency, abs=0.01)
+    # no value of the forecast: those of the ranking stay
+    holes = {name: np.full(shape, np.nan) for name in (*middle, *wide)}
+    assert placement_answer(replace(told, forecast=replace(forecast, **holes))) == placement_answer(ranked)
+    elsewhere = replace(forecast, normal_forces=np.array([0.3, 0.4]) * best.normal_force)
+    assert placement_answer(replace(told, forecast=elsewhere)) == placement_answer(ranked)

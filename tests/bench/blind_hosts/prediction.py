@@ -135,6 +135,7 @@ def prediction(
     told, best = answer.forecast, answer.ranking.best
     assert told is not None
     candidates = answer.ranking.prediction.candidates
+    asked = [int(np.argmin(np.abs(told.normal_forces - force))) for force in FORCES]
     order = [row for row in np.argsort(-answer.ranking.scores) if np.isfinite(answer.ranking.scores[row])]
     spread = np.array(order)[np.unique(np.linspace(0, len(order) - 1, RANKED - 1).astype(int))]
     rows = np.array(list(dict.fromkeys([best.candidate, *spread])))
@@ -148,7 +149,7 @@ def prediction(
         "bare": {"frequency": told.bare_frequencies.tolist(), "damping": told.bare_damping.tolist()},
         "place": [*best.centre, best.angle],
         **{
-            name: getattr(told, name).tolist()
+            name: getattr(told, name)[..., asked].tolist()
             for name in ("frequency", "frequency_low", "frequency_high", "damping", "damping_low", "damping_high")
         },
         "places": [[*candidates.centres[row].tolist(), float(candidates.angles[row])] for row in rows],
