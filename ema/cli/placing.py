@@ -14,6 +14,8 @@ from ema.errors import InputError
 from ema.messages import checked_language
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ema.data import Geometry, ModalModel
     from ema.data.placement import Placement
     from ema.place.recipe import PlaceRecipe
@@ -190,21 +192,25 @@ def _write(found: "Placement", folder: Path, formats: Sequence[str], language: s
     return [*written, *(folder / f"placement.{name}" for name in formats)]
 
 
+def _records(table: "pd.DataFrame") -> list[dict[str, Any]]:
+    return [jsonable(row) for row in table.to_dict("records")]
+
+
 def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
     from ema.report.placement import answer
     from ema.report.trials import proposal
     from ema.study.plain import finding
 
-    rows = [jsonable(row) for row in found.ranking.table().reset_index().to_dict("records")]
     return {
         "warning": found.warning,
         "answer": answer(found),
         "candidates": len(found.ranking.scores),
         "checked": len(found.ranking.shortlist),
-        "places": rows,
+        "places": _records(found.ranking.table().reset_index()),
         "normal_forces": found.ranking.best.normal_forces.tolist(),
+        "forecast": [] if found.forecast is None else _records(found.forecast.table()),
         "next_test": None if found.trials is None else proposal(found.trials),
-        "trials": [] if found.trials is None else [jsonable(row) for row in found.trials.table().to_dict("records")],
+        "trials": [] if found.trials is None else _records(found.trials.table()),
         "control": None if found.control is None else found.control.verdict,
         "findings": [finding(one) for one in found.all_findings],
         "written": [str(path) for path in written],

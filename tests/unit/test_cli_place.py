@@ -38,6 +38,7 @@ def test_a_recipe_gives_a_place_a_normal_force_and_bounds(done):
     assert best["mode 1 zeta [%]"] > 1.3 * 0.638
     assert best["mode 1 zeta low [%]"] < best["mode 1 zeta [%]"] < best["mode 1 zeta high [%]"]
     assert "press every joint" in told["answer"] and told["control"] is None
+    assert told["forecast"] == []
     assert {Path(path).name for path in told["written"]} >= {
         "placement.h5",
         "placement_map.png",
