@@ -11,7 +11,6 @@ WITHOUT = {
 }
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
-    *(f"accuracy, {part}" for part in ("case", "cost", "halves", "listed", "residues", "small", "systems")),
     "archive",
     "cold_starts",
     "hammer",
