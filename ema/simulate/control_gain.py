@@ -331,7 +331,8 @@ def sticking_limit(
     Returns
     -------
     tuple of (float, float)
-        Depth [m], -1 / (2 K_s min Re G) over all modes, and the frequency [Hz] of the chatter.
+        Depth [m], -1 / (2 K_s min Re G) over all modes, and the frequency [Hz] of the chatter; 0 at a mode without
+        damping, infinity where nothing moves.
 
     Raises
     ------
@@ -340,8 +341,10 @@ def sticking_limit(
 
     Examples
     --------
+    >>> from dataclasses import replace
+    >>> from ema.data import Damping
     >>> from ema.examples import beam_model
-    >>> depth, frequency = sticking_limit(beam_model(), "1:+X", 65.0)
+    >>> depth, frequency = sticking_limit(replace(beam_model(), damping=Damping(0.01)), "1:+X", 65.0)
     >>> depth > 0
     True
     """
@@ -350,6 +353,11 @@ def sticking_limit(
     base = modal_base(system)
     row, damping = base.row(system, at), np.diag(base.decay) if base.damping is None else base.damping
     seen = (base.frequencies > 2 * np.pi * _SWAY * frequency) & (np.abs(row) > 0)
+    if not seen.any():
+        return np.inf, np.nan
+    undamped = seen & ~(base.decay > 0)
+    if undamped.any():
+        return 0.0, float(base.frequencies[undamped].min() / (2 * np.pi))
     # Re G of one mode is least at 1 + zeta times its frequency
     near = np.linspace(0.0, _BEYOND, _BEYOND * _REFINED)
     omega = np.sort((base.frequencies[seen, None] + np.outer(0.5 * base.decay[seen], near)).ravel())

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,9 @@ def test_the_resonance_that_limits_the_cut_of_sticking_joints_is_found_wherever_
     assert frequency == pytest.approx(lines[values.real.argmin()] / (2 * np.pi), rel=1e-3)
     depth, frequency = sticking_limit(oscillator(0.05, 1e6), "1:+X", F0, 1.5e9)
     assert depth == pytest.approx(2 * 1.05 * OMEGA**2 * ZETA * (1 + ZETA) / 1.5e9, rel=2e-3)
+    # without damping Re G has no bound
+    depth, frequency = sticking_limit(replace(model, damping=Damping(ratio=0.0)), "2:+X", F0)
+    assert (depth, frequency) == (0.0, pytest.approx(omega[0] / (2 * np.pi)))
 
 
 def test_a_resonance_outside_the_band_that_limits_the_cut_is_named():
