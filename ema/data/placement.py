@@ -632,7 +632,7 @@ class Placement(Container):
         --------
         >>> from ema.examples import placement
         >>> result = placement()
-        >>> result.best.damping_low[0, 0] == result.forecast.damping_low[0, 0, 1]
+        >>> bool(result.best.damping_low[0, 0] == result.forecast.damping_low[0, 0, 1])
         True
         """
         best, forecast, levels = self.ranking.best, self.forecast, self.ranking.prediction.force_levels
