@@ -623,10 +623,11 @@ class Placement(Container):
 
     @property
     def best(self) -> Place:
-        """The best location with what the forecast says of it, mode by mode, under its normal force at all levels.
+        """The best location with the forecast's values and bands at its normal force, mode by mode.
 
-        The ranking compares places by steady states and by what it draws of each; the forecast of the best one says
-        what a test will read, with all that is not known. Where it holds no value, those of the ranking stay.
+        The ranking compares locations by their steady states, with intervals of shapes, friction and contact stiffness;
+        the forecast states what a test will read, with every stated uncertainty in its bands. A mode without a value at
+        one of the force levels keeps the values of the ranking.
 
         Examples
         --------
@@ -644,9 +645,9 @@ class Placement(Container):
             return best
         at = np.ix_(np.arange(len(best.damping)), np.array([row[0] for row in rows]), column[:1])
         names = ("frequency", "damping", "damping_low", "damping_high")
-        told = {name: getattr(forecast, name)[at][..., 0] for name in names}
-        known = np.all([np.isfinite(values).all(axis=1) for values in told.values()], axis=0)
-        return replace(best, **{name: np.where(known[:, None], told[name], getattr(best, name)) for name in names})
+        predicted = {name: getattr(forecast, name)[at][..., 0] for name in names}
+        known = np.all([np.isfinite(values).all(axis=1) for values in predicted.values()], axis=0)
+        return replace(best, **{name: np.where(known[:, None], predicted[name], getattr(best, name)) for name in names})
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:

@@ -105,13 +105,16 @@ def shares(question: Question) -> Float[np.ndarray, "mode force"]:
     for column, force in enumerate(question.normal_forces):
         model = question.model.with_normal_force(float(force))
         parts = np.stack(
-            [linear(model, question.at, sticking=sticking).shapes[list(question.targets)] for sticking in (False, True)]
+            [
+                linear_modes(model, question.at, sticking=sticking).shapes[list(question.targets)]
+                for sticking in (False, True)
+            ]
         )
         result[:, column] = np.min(np.max(parts**2, axis=2), axis=0)
     return result
 
 
-class Linear(NamedTuple):
+class LinearModes(NamedTuple):
     """Natural frequencies [Hz] and damping ratios (mode,) with joints that only slide or only stick, and the shapes
     (bare mode, mode) in the mass-normalised modes of host and beam, those of the host first."""
 
@@ -120,7 +123,7 @@ class Linear(NamedTuple):
     shapes: Float[np.ndarray, "bare mode"]
 
 
-def linear(model: BeamModel, at: Dof, *, sticking: bool) -> Linear:
+def linear_modes(model: BeamModel, at: Dof, *, sticking: bool) -> LinearModes:
     """The modes of a host with its beam where no joint slides, or every joint slides without friction.
 
     Damping is that of each bare mode weighted by its energy.
@@ -133,7 +136,7 @@ def linear(model: BeamModel, at: Dof, *, sticking: bool) -> Linear:
     omega = np.sqrt(np.maximum(values, 0))
     safe = np.maximum(omega, np.finfo(float).tiny)
     damping = decay @ shapes**2 / (2 * safe) + (losses * squares) @ shapes**2 / (2 * safe**2)
-    return Linear(omega / (2 * np.pi), damping, shapes)
+    return LinearModes(omega / (2 * np.pi), damping, shapes)
 
 
 def _structure(model: BeamModel, at: Dof, output: Dof) -> tuple[np.ndarray, ...]:

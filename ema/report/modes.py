@@ -109,7 +109,9 @@ def _level_text(run: RunResult) -> str:
     if codes & {"nonlinear-distortion", "amplitude-dependence", "not-homogeneous"}:
         return "; " + text("the structure is not linear at this level")
     if "leaning-peak" in codes:
-        return "; " + text("a peak leans, as where a mode follows its amplitude: repeat at half the level")
+        return "; " + text(
+            "a resonance peak leans, as where frequency or damping depends on the amplitude: repeat at half the level"
+        )
     if "linearity-not-testable" in codes:
         return "; " + text("whether it is linear is not testable: repeat at half the level")
     if "level-tested" not in codes:

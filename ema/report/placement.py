@@ -293,8 +293,8 @@ def _table(placement: Placement, book: Book) -> Block:
     )
     if placement.forecast is not None:
         caption += " " + text(
-            "These are the steady states by which places are compared; what a test of the best one will read, with all "
-            "that is not known, is in the forecast."
+            "Values are those of the steady states by which places are compared; the forecast states what a test of "
+            "the best one will read, with all stated uncertainties."
         )
     return book.table("places", caption, [*columns, text("Flags")], rows)
 

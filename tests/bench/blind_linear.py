@@ -24,7 +24,7 @@ from ema import place
 from ema.data import Geometry
 from ema.errors import InputError
 from ema.place.bands import assembled
-from ema.place.fundamental import linear
+from ema.place.fundamental import linear_modes
 from ema.place.intervals import beams_drawn, drawn
 from ema.place.shortlist import Question, question
 from ema.place.task import Task, only, predicted
@@ -52,7 +52,7 @@ class Row(NamedTuple):
 def limit_of(asked: Question, mode: int, stuck: bool) -> tuple[float, float]:
     """Frequency in Hz and damping ratio of the mode that moves the bare one most, by the predictor's matrices."""
     model = asked.model.with_normal_force(float(asked.normal_forces[0]))
-    found = linear(model, asked.at, sticking=stuck)
+    found = linear_modes(model, asked.at, sticking=stuck)
     row = int(np.argmax(np.abs(found.shapes[mode])))
     return float(found.frequencies[row]), float(found.damping_ratios[row])
 
