@@ -364,7 +364,7 @@ def _level(
     index = np.arange(len(logs))
     low, high = np.maximum(index - width, 0), np.minimum(index + width + 1, len(logs))
     above = np.logaddexp(0.0, logs - (total[high] - total[low]) / (high - low))
-    return above - above.mean()
+    return np.asarray(above - above.mean())
 
 
 def _correlation(

@@ -187,7 +187,7 @@ def _arranged(
         values = values.transpose(0, 2, 1)
         rows, columns = columns, rows
     values = values[:, [place for _, place, _ in rows]][:, :, [place for _, place, _ in columns]]
-    return values * np.outer([sign for *_, sign in rows], [sign for *_, sign in columns])
+    return np.asarray(values * np.outer([sign for *_, sign in rows], [sign for *_, sign in columns]))
 
 
 def convert(frfs: FrfSet, quantity: FrfQuantity) -> FrfSet:

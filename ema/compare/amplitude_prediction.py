@@ -246,7 +246,7 @@ def confirmed(prediction: AmplitudePrediction, mode: AmplitudeDependentMode) -> 
 
 def _quantiles(values: Float[np.ndarray, "draw"], weights: Float[np.ndarray, "draw"]) -> Float[np.ndarray, "3"]:
     order = np.argsort(values)
-    return np.interp([0.025, 0.5, 0.975], np.cumsum(weights[order]), values[order])
+    return np.asarray(np.interp([0.025, 0.5, 0.975], np.cumsum(weights[order]), values[order]))
 
 
 def _check(mode: AmplitudeDependentMode, at: Float[np.ndarray, "point"]) -> None:

@@ -98,7 +98,7 @@ def variance_components(
 
 
 def _means(sums: Float[np.ndarray, "assembly mode"], sizes: Float[np.ndarray, "assembly mode"]) -> np.ndarray:
-    return np.divide(sums, sizes, out=np.full(sums.shape, np.nan), where=sizes > 0)
+    return np.asarray(np.divide(sums, sizes, out=np.full(sums.shape, np.nan), where=sizes > 0))
 
 
 def _takes(
@@ -110,7 +110,7 @@ def _takes(
     """Variance between takes of one assembly, pooled over the assemblies; NaN where no assembly has two."""
     freedom = np.maximum(sizes - 1, 0).sum(axis=0)
     squares = [np.nansum((values[group] - mean) ** 2, axis=0) for group, mean in zip(groups, means, strict=True)]
-    return np.divide(sum(squares), freedom, out=np.full(len(freedom), np.nan), where=freedom > 0)
+    return np.asarray(np.divide(sum(squares), freedom, out=np.full(len(freedom), np.nan), where=freedom > 0))
 
 
 def half_of_difference(

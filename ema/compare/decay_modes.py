@@ -157,7 +157,7 @@ def _covariance(
     size = np.abs(decays.poles[keep])
     variance = decays.deviation[keep] ** 2
     change = np.column_stack([moved[keep] / (2 * np.pi), moved[keep] / size]) ** 2
-    return np.einsum("mi,ij->mij", variance + change, np.eye(2))
+    return np.asarray(np.einsum("mi,ij->mij", variance + change, np.eye(2)))
 
 
 def _candidates(rejected: ModalModel) -> tuple[Candidate, ...]:

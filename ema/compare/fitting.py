@@ -379,7 +379,7 @@ class MapProblem:
         every = np.arange(len(self.points.level))
         ends = [replace(self, growth=self.growth + sign * FRICTION_GROWTH) for sign in (1, -1)]
         above, below = (end.simulated(values, every).ravel() for end in ends)
-        return np.nan_to_num(0.5 * (above - below))
+        return np.asarray(np.nan_to_num(0.5 * (above - below)))
 
     def linear(self, values: np.ndarray, bias: np.ndarray, differences: np.ndarray, resonant: np.ndarray) -> LinearData:
         """The data about given values where there is a resonance, with central differences for derivatives."""
@@ -407,7 +407,7 @@ class MapProblem:
         above = np.stack([here - profile(h) for h in steps], axis=1)
         below = np.stack([profile(-h) - here for h in steps], axis=1)
         above, below = (np.nan_to_num(each / per_std) for each in (above, below))
-        return sound_slopes(above, below) * self.std[:, None]
+        return np.asarray(sound_slopes(above, below) * self.std[:, None])
 
     def loads(self) -> tuple[Float[np.ndarray, "point"], Float[np.ndarray, "point"]]:
         """ln(amplitude / F_N) and ln F_N of the points: how far the joint slips, amplitude at quadrature."""

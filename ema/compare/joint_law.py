@@ -621,7 +621,9 @@ def _experiments(one: Posterior, two: Posterior) -> tuple[Experiment, ...]:
 def _of_loop(model: JointModel, z: Draws) -> np.ndarray:
     """Logarithm of the ratio of the friction coefficients of both joints."""
     p = model.values(z)
-    return np.log(p[model._named("friction coefficient", "hammer")] / p[model._named("friction coefficient", "shaker")])
+    return np.asarray(
+        np.log(p[model._named("friction coefficient", "hammer")] / p[model._named("friction coefficient", "shaker")])
+    )
 
 
 def _of_growth(model: JointModel, z: Draws) -> np.ndarray:
@@ -637,7 +639,7 @@ def _half(model: JointModel, z: Draws) -> np.ndarray:
 
 def _force(model: JointModel, z: Draws) -> np.ndarray:
     """Logarithm of the peak force [N]."""
-    return np.log(model.values(z)["peak force"])
+    return np.asarray(np.log(model.values(z)["peak force"]))
 
 
 _OUTCOMES = {

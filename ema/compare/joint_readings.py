@@ -65,7 +65,7 @@ class Beam:
     def ratio(self, forces: Float[np.ndarray, "force"]) -> Float[np.ndarray, "draw force"]:
         """Stiffness of the joint over that of the sliding mode at normal forces in N."""
         contact = self.stiffness[:, None] * (forces / 1000.0) ** self.exponent[:, None]
-        return contact * self.rest[:, None] / (contact + self.rest[:, None])
+        return np.asarray(contact * self.rest[:, None] / (contact + self.rest[:, None]))
 
     def curves(self, ratio: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Frequency [Hz] and damping ratio at rows of the slips, of stiffness ratios (draw, ...) of the same shape."""
@@ -162,7 +162,7 @@ class _Decay:
             centre = centre + _newton(gain) * step
             centre[1] = np.maximum(centre[1], around[1, :, 0] / 2)
             step = 0.4 * step
-        return -centre[1] + 1j * centre[0]
+        return np.asarray(-centre[1] + 1j * centre[0])
 
     def _explained(self, frequencies: np.ndarray, rates: np.ndarray, slips: np.ndarray) -> np.ndarray:
         """What exponentials of frequencies and rates (case, one) explain of all decays (case, frequency, rate)."""

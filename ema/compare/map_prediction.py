@@ -139,7 +139,7 @@ class _Mixture:
             middle = 0.5 * (low + high)
             below = self.weights @ norm.cdf((middle - self.means) / self.stds) < share
             low, high = np.where(below, middle, low), np.where(below, high, middle)
-        return 0.5 * (low + high)
+        return np.asarray(0.5 * (low + high))
 
 
 def _problem(

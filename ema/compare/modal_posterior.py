@@ -212,7 +212,7 @@ def _tempered(log_weights: Float[np.ndarray, "draw"]) -> Float[np.ndarray, "draw
         weights = np.exp(power * relative)
         weights /= weights.sum()
         if 1 / np.sum(weights**2) >= _TEMPERED or power < 1e-3:
-            return weights
+            return np.asarray(weights)
         power *= 0.8
 
 
@@ -231,7 +231,7 @@ class Conditional:
     def weights(self) -> Float[np.ndarray, "draw"]:
         """Weights of the draws, sum 1."""
         weights = np.exp(self.log_weights - self.log_weights.max())
-        return weights / weights.sum()
+        return np.asarray(weights / weights.sum())
 
     @property
     def effective_draws(self) -> float:

@@ -86,7 +86,9 @@ def _significance(
     difference = np.stack([np.diff(frequency, axis=1)[:, 0], np.diff(damping, axis=1)[:, 0]], axis=1)
     if not known:
         return np.full(difference.shape, np.nan)
-    return np.divide(difference, np.sqrt(variance), out=np.full(difference.shape, np.nan), where=variance > 0)
+    return np.asarray(
+        np.divide(difference, np.sqrt(variance), out=np.full(difference.shape, np.nan), where=variance > 0)
+    )
 
 
 def _verdict(frequency: np.ndarray, values: np.ndarray, unpaired: tuple[tuple[int, ...], tuple[int, ...]]) -> Verdict:

@@ -155,11 +155,11 @@ class LinearData:
         """Covariance of the process over load and normal force, of unit scale."""
         lowest, middle = self.origin
         over_load = discrepancy_covariance(self.log_load - lowest, DIRECTION)
-        return over_load + discrepancy_covariance(self.log_normal_force - middle, DIRECTION)
+        return np.asarray(over_load + discrepancy_covariance(self.log_normal_force - middle, DIRECTION))
 
     def covariance(self, law_share: float, process_scale: float) -> Float[np.ndarray, "datum datum"]:
         """Of the data, with the scale of the differences to other laws and that of the process."""
-        return np.diag(self.std**2) + self.law_covariance(law_share, process_scale)
+        return np.asarray(np.diag(self.std**2) + self.law_covariance(law_share, process_scale))
 
     def law_covariance(self, law_share: float, process_scale: float) -> Float[np.ndarray, "datum datum"]:
         """Of what the law gets wrong, and of the common error of the frequencies."""
@@ -434,4 +434,4 @@ class ProfileLikelihood:
 
 def robust_std(residuals: Float[np.ndarray, "datum"], std: Float[np.ndarray, "datum"]) -> Float[np.ndarray, "datum"]:
     """Standard deviations with those of outliers widened, as the loss of the search weighs them."""
-    return std * (1 + (residuals / std / _ROBUST) ** 2) ** 0.25
+    return np.asarray(std * (1 + (residuals / std / _ROBUST) ** 2) ** 0.25)

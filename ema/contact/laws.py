@@ -66,7 +66,7 @@ class ContactLaws:
     @property
     def states(self) -> int:
         """Numbers that a contact remembers."""
-        return self.flexibility.shape[1]
+        return int(self.flexibility.shape[1])
 
     @property
     def elastic_reach(self) -> bool:

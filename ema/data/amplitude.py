@@ -59,7 +59,7 @@ class Band(Container):
     @property
     def half_width(self) -> Float[np.ndarray, "*shape"]:
         """Half of the distance between the bounds."""
-        return 0.5 * (self.high - self.low)
+        return np.asarray(0.5 * (self.high - self.low))
 
     @property
     def std(self) -> Float[np.ndarray, "*shape"]:

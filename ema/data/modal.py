@@ -42,7 +42,8 @@ def natural_frequencies(poles: Complex[np.ndarray, "*shape"]) -> Float[np.ndarra
     >>> natural_frequencies(np.array([-2.0 + 250j])).round(3)
     array([39.79])
     """
-    return np.abs(poles) / (2 * np.pi)
+    result: np.ndarray = np.abs(poles) / (2 * np.pi)
+    return result
 
 
 def damping_ratios(poles: Complex[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
@@ -63,7 +64,8 @@ def damping_ratios(poles: Complex[np.ndarray, "*shape"]) -> Float[np.ndarray, "*
     >>> damping_ratios(np.array([-3.0 + 4.0j]))
     array([0.6])
     """
-    return -np.real(poles) / np.abs(poles)
+    result: np.ndarray = -np.real(poles) / np.abs(poles)
+    return result
 
 
 def poles_from(
@@ -423,7 +425,7 @@ class ModalModel(Container):
         >>> modal_model().residues().shape
         (3, 4, 2)
         """
-        return np.einsum("kr,ir->rki", self.shapes, self.participation)
+        return np.asarray(np.einsum("kr,ir->rki", self.shapes, self.participation))
 
     def table(self) -> "pd.DataFrame":
         """Return the modes as a table of pandas.

@@ -236,7 +236,7 @@ class Recording(Container):
     @property
     def duration(self) -> float:
         """Length of the record in s."""
-        return self.signals.shape[1] / self.sampling_rate
+        return float(self.signals.shape[1] / self.sampling_rate)
 
     @property
     def times(self) -> Float[np.ndarray, "sample"]:

@@ -225,7 +225,7 @@ class ConditionDifference(Container):
     @property
     def known(self) -> Bool[np.ndarray, "pair"]:
         """Where repeats of both conditions tell the scatter."""
-        return np.isfinite(self.damping_half)
+        return np.asarray(np.isfinite(self.damping_half))
 
     def words(self, what: str) -> tuple[str, ...]:
         """Return what is known of the change of every pair, in words.

@@ -54,7 +54,7 @@ class EnergyBalance(Container):
     @property
     def total(self) -> Float[np.ndarray, "sample"]:
         """Mechanical and contact energy in J."""
-        return self.mechanical + self.contact
+        return np.asarray(self.mechanical + self.contact)
 
     @property
     def error(self) -> float:

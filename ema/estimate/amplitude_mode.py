@@ -290,7 +290,7 @@ def _about(level: SteppedLevel, crossing: int) -> Bool[np.ndarray, "line"]:
     if near.sum() < _FEWEST:
         near = np.zeros(len(height), np.bool_)
         near[np.argsort(np.abs(np.arange(len(height)) - crossing - 0.5))[:_FEWEST]] = True
-    return near
+    return np.asarray(near)
 
 
 def _polynomial(

@@ -145,7 +145,7 @@ def _misfit(x: Float[np.ndarray, "line"], values: Complex[np.ndarray, "line out"
         beside = np.eye(lines) - weighted @ np.linalg.pinv(weighted)
         left = beside @ (values * (denominator * weight)[:, None])
         least = min(least, float(np.sum(np.abs(left) ** 2)))
-    return least / (2 * (outputs * (lines - degree - 1) - degree))
+    return float(least / (2 * (outputs * (lines - degree - 1) - degree)))
 
 
 @dataclass(frozen=True)

@@ -265,7 +265,7 @@ def about_window(ring: RingDown, used: float, asked: bool, where: str) -> list[F
 
 def ring_duration(ring: RingDown) -> float:
     """Time in s over which the response decayed to what is left."""
-    return -np.log(min(max(ring.left_over, 1e-12), 0.999)) / ring.structural
+    return float(-np.log(min(max(ring.left_over, 1e-12), 0.999)) / ring.structural)
 
 
 def about_levels(effects: list[LevelEffect], bins: Sequence[tuple[float, float]], where: str) -> list[Finding]:

@@ -447,7 +447,7 @@ def _pulse(
         if low < high:
             some = force_window(high - low, first - start - low, min(last - start, end) - low, taper)
             window[low:high] = np.maximum(window[low:high], some)
-    return (signal[start : start + end] - one.offset) * window.astype(signal.dtype)
+    return np.asarray((signal[start : start + end] - one.offset) * window.astype(signal.dtype))
 
 
 def _assemble(

@@ -127,7 +127,7 @@ class LatePart:
     @property
     def first(self) -> int:
         """Samples between the impact and the late part."""
-        return self.early.shape[-1]
+        return int(self.early.shape[-1])
 
 
 def impact_decays(
@@ -278,7 +278,7 @@ def _begin_of_late(decays: Float[np.ndarray, "impact out sample"], later: float)
     width = max(count // 40, 8)
     power = np.convolve(np.mean(decays**2, axis=(0, 1)), np.ones(width) / width, "same")
     below = np.flatnonzero(power[width:] < later**2 * power[width : 3 * width].max())
-    return min(int(below[0]) + width if len(below) else count, int(LATEST * count))
+    return int(min(int(below[0]) + width if len(below) else count, int(LATEST * count)))
 
 
 def late_poles(
@@ -484,4 +484,4 @@ def _deviation(late: LatePart, poles: Complex[np.ndarray, "mode"]) -> Float[np.n
     real, imaginary = variance[: len(poles)], variance[len(poles) :]
     size = np.abs(poles)
     # |p| follows the imaginary part, zeta = -Re p / |p| the real part, up to zeta^2.
-    return np.sqrt(np.maximum(np.column_stack([imaginary / (2 * np.pi) ** 2, real / size**2]), 0.0))
+    return np.asarray(np.sqrt(np.maximum(np.column_stack([imaginary / (2 * np.pi) ** 2, real / size**2]), 0.0)))

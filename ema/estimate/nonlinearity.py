@@ -171,7 +171,7 @@ def causality(frfs: FrfSet, near: float | None = None) -> Float[np.ndarray, "out
     # the taper smears the start of the response over a few samples of 1/bandwidth: these count on neither side
     before = energy[2 * count : -_SMEAR].sum(axis=0)
     total = energy.sum(axis=0)
-    return np.divide(before, total, out=np.full(total.shape, np.nan), where=total > 0)
+    return np.asarray(np.divide(before, total, out=np.full(total.shape, np.nan), where=total > 0))
 
 
 def _same(low: FrfSet, high: FrfSet, where: str) -> None:

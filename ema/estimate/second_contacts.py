@@ -54,7 +54,7 @@ def smoothed(force: Float[np.ndarray, "sample"], offset: float, cell: int) -> Fl
     z -= force.dtype.type((cell - 1) * offset)
     z = np.concatenate([z[:1], z[:1], z, z[-1:], z[-1:]]).astype(np.float32)
     far, near, centre = (np.float32(weight / cell) for weight in _BINOMIAL)
-    return far * (z[:-4] + z[4:]) + near * (z[1:-3] + z[3:-1]) + centre * z[2:-2]
+    return np.asarray(far * (z[:-4] + z[4:]) + near * (z[1:-3] + z[3:-1]) + centre * z[2:-2])
 
 
 def second_contacts(

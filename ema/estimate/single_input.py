@@ -98,7 +98,7 @@ def over_h1(coherence: Float[np.ndarray, "*shape"], estimator: Estimator) -> Flo
 
 def reciprocal(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     """``1 / values``, and 0 where a value is 0: nothing is known there."""
-    return np.divide(1.0, values, out=np.zeros_like(values), where=values > 0)
+    return np.asarray(np.divide(1.0, values, out=np.zeros_like(values), where=values > 0))
 
 
 def pooled(values: Float[np.ndarray, "out freq"], lines: int = POOLED_LINES) -> Float[np.ndarray, "out freq"]:
@@ -118,4 +118,4 @@ def pooled(values: Float[np.ndarray, "out freq"], lines: int = POOLED_LINES) -> 
         total = total[:, :-width] + total[:, width:]
         width *= 2
     assert result is not None
-    return result / span
+    return np.asarray(result / span)

@@ -81,7 +81,7 @@ def frf(spectra: Spectra, estimator: Estimator = "H1") -> Complex[np.ndarray, "f
         raise InputError("H2 is defined for one input", got=f"{spectra.inputs.shape[1]} inputs", advice="use H1 or Hv")
     coherence = multiple_coherence(spectra, h1)[:, :, None]
     divisor = coherence if estimator == "H2" else np.sqrt(coherence)
-    return np.divide(h1, divisor, out=np.zeros_like(h1), where=divisor > 0)
+    return np.asarray(np.divide(h1, divisor, out=np.zeros_like(h1), where=divisor > 0))
 
 
 def multiple_coherence(
@@ -92,7 +92,7 @@ def multiple_coherence(
     # H1 S_uu H1^H = S_yu H1^H: the power of the response that is linear in the inputs
     explained = np.einsum("foi,foi->fo", h1, spectra.cross.conj()).real
     ratio = np.divide(explained, spectra.outputs, out=np.zeros_like(explained), where=spectra.outputs > 0)
-    return np.clip(ratio, 0.0, 1.0)
+    return np.asarray(np.clip(ratio, 0.0, 1.0))
 
 
 def input_coherence(spectra: Spectra) -> Float[np.ndarray, "freq in in"]:
@@ -100,12 +100,12 @@ def input_coherence(spectra: Spectra) -> Float[np.ndarray, "freq in in"]:
     power = input_power(spectra)
     both = power[:, :, None] * power[:, None, :]
     shared = np.abs(spectra.inputs) ** 2
-    return np.divide(shared, both, out=np.zeros_like(shared), where=both > 0)
+    return np.asarray(np.divide(shared, both, out=np.zeros_like(shared), where=both > 0))
 
 
 def input_power(spectra: Spectra) -> Float[np.ndarray, "freq in"]:
     """Autospectra of the inputs."""
-    return np.einsum("fii->fi", spectra.inputs).real
+    return np.asarray(np.einsum("fii->fi", spectra.inputs).real)
 
 
 def variance(
@@ -127,7 +127,7 @@ def variance(
     else:
         # the variance of a regression coefficient: that of the noise times the diagonal of (sum u u^H)^-1
         inverse = np.einsum("fii->fi", np.linalg.inv(spectra.inputs)).real
-    return noise[:, :, None] * inverse[:, None, :]
+    return np.asarray(noise[:, :, None] * inverse[:, None, :])
 
 
 def smooth_lines(values: Float[np.ndarray, "freq *rest"], width: int) -> Float[np.ndarray, "freq *rest"]:
@@ -146,8 +146,8 @@ def _solve(spectra: Spectra) -> Complex[np.ndarray, "freq out in"]:
     """``S_yu S_uu^-1``."""
     power = input_power(spectra)
     if power.shape[1] == 1:
-        return np.divide(
-            spectra.cross, power[:, None, :], out=np.zeros_like(spectra.cross), where=power[:, None, :] > 0
+        return np.asarray(
+            np.divide(spectra.cross, power[:, None, :], out=np.zeros_like(spectra.cross), where=power[:, None, :] > 0)
         )
     # with unit diagonal, so that the units and levels of the forces do not decide whether the matrix is singular
     scale = np.sqrt(power)

@@ -28,4 +28,4 @@ def force_window(samples: int, start: int, stop: int, taper: int) -> Float[np.nd
 
 def hann_window(samples: int) -> Float[np.ndarray, "sample"]:
     """Periodic Hann window, scaled to unit mean square."""
-    return np.sqrt(8 / 3) * 0.5 * (1 - np.cos(2 * np.pi * np.arange(samples) / samples))
+    return np.asarray(np.sqrt(8 / 3) * 0.5 * (1 - np.cos(2 * np.pi * np.arange(samples) / samples)))

@@ -258,4 +258,4 @@ def _confidence(
     # Errors of a few poles make most of the scatter of a shape: chi-square with few degrees of freedom.
     shape = scipy.special.gammainc(_SHAPE_FREEDOM / 2, _SHAPE_FREEDOM / 2 * limit / np.maximum(errors.scatter, tiny))
     single = np.bincount(group, minlength=len(group) + 1)[group] == 1
-    return nearest * decaying * np.where(single, shape, 1.0)
+    return np.asarray(nearest * decaying * np.where(single, shape, 1.0))

@@ -76,7 +76,7 @@ class _Axis:
     def poles(self, values: Complex[np.ndarray, "mode"]) -> Complex[np.ndarray, "mode"]:
         """Poles of eigenvalues, counted upwards from the start of the band."""
         angle = np.angle(values) % (2 * np.pi)
-        return (np.log(np.abs(values)) + 1j * angle) / self.step + 1j * self.shift
+        return np.asarray((np.log(np.abs(values)) + 1j * angle) / self.step + 1j * self.shift)
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ def _inside(poles: Complex[np.ndarray, "mode"], axis: _Axis) -> Bool[np.ndarray,
     """Decaying poles whose peak the band holds."""
     low, high = axis.s[0].imag, axis.s[-1].imag
     edge = np.minimum(poles.imag - low, high - poles.imag)
-    return (poles.real < 0) & (edge > np.abs(poles.real)) & (damping_ratios(poles) < HEAVIEST)
+    return np.asarray((poles.real < 0) & (edge > np.abs(poles.real)) & (damping_ratios(poles) < HEAVIEST))
 
 
 def _noise(values: Complex[np.ndarray, "freq q in"]) -> tuple[Float[np.ndarray, "freq"], Float[np.ndarray, "in"]]:

@@ -105,12 +105,12 @@ class Observations:
     @property
     def outputs(self) -> int:
         """Outputs, or directions of outputs."""
-        return self.signals.shape[0] * self.signals.shape[1]
+        return int(self.signals.shape[0] * self.signals.shape[1])
 
     @property
     def references(self) -> int:
         """References."""
-        return self.signals.shape[2]
+        return int(self.signals.shape[2])
 
     @property
     def equations(self) -> int:
@@ -599,7 +599,7 @@ def _step(
         both = np.concatenate([far, half + far])
         step[both] *= np.tile(FARTHEST / move[far], 2)
         held[both] = True
-    return step * scale
+    return np.asarray(step * scale)
 
 
 def narrowest(data: Observations, poles: Complex[np.ndarray, "mode"]) -> Float[np.ndarray, "mode"]:
@@ -720,7 +720,7 @@ def pulls(
 
 def residual(data: Observations, fit: Fit, rows: slice = slice(None)) -> Complex[np.ndarray, "r m in line"]:
     """Residual of some rows."""
-    return data.signals[rows] - fitted(data, fit, rows)
+    return np.asarray(data.signals[rows] - fitted(data, fit, rows))
 
 
 def fitted(data: Observations, fit: Fit, rows: slice = slice(None)) -> Complex[np.ndarray, "r m in line"]:
@@ -893,7 +893,7 @@ def correlation(data: Observations, fit: Fit) -> float:
 
 def dominance(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
     """Energy of each mode over that of the data within its half-power bandwidth (three lines at least)."""
-    return shares_of_energy(data, fit)[0]
+    return np.asarray(shares_of_energy(data, fit)[0])
 
 
 def shares_of_energy(data: Observations, fit: Fit) -> Float[np.ndarray, "2 mode"]:
@@ -996,7 +996,7 @@ def _rotated(
     kept = int(np.clip(above + 2, FEWEST, len(found.energies)))
     leading = np.ascontiguousarray(found.directions[:, :kept].T[::-1])
     rotated = leading @ np.ascontiguousarray(signals).reshape(outputs, -1).view(float)
-    return rotated.view(complex).reshape(kept, *signals.shape[1:])
+    return np.asarray(rotated.view(complex).reshape(kept, *signals.shape[1:]))
 
 
 def fixed_poles(frequencies: Float[np.ndarray, "freq"]) -> Complex[np.ndarray, "term"]:

@@ -229,7 +229,7 @@ class _Sums:
             if not refinement.within_noise(without - lost, per_column * (columns - fewer), factor):
                 break
             lost, columns = without, fewer
-        return columns
+        return int(columns)
 
     def factor(self, columns: int) -> float:
         """Residual energy per real equation left over at the optimum with the first residual terms."""

@@ -51,12 +51,12 @@ class Hankel:
     def times(self, right: Complex[np.ndarray, "column in k"]) -> Complex[np.ndarray, "row q k"]:
         """H right: sum over lag of h[row + lag] right[lag]."""
         spectrum = scipy.fft.fft(right.conj(), self.length, axis=0).conj()
-        return scipy.fft.ifft(self.spectrum @ spectrum, axis=0)[: self.rows]
+        return np.asarray(scipy.fft.ifft(self.spectrum @ spectrum, axis=0)[: self.rows])
 
     def adjoint_times(self, left: Complex[np.ndarray, "row q k"]) -> Complex[np.ndarray, "column in k"]:
         """H^H left: sum over row of conj(h[row + lag]) left[row]."""
         spectrum = scipy.fft.fft(left, self.length, axis=0).conj()
-        return scipy.fft.ifft(self.spectrum.transpose(0, 2, 1) @ spectrum, axis=0)[: self.columns].conj()
+        return np.asarray(scipy.fft.ifft(self.spectrum.transpose(0, 2, 1) @ spectrum, axis=0)[: self.columns].conj())
 
 
 def realise(data: Responses, order: int, passes: int = 2) -> Realisation:
@@ -105,7 +105,7 @@ def realise(data: Responses, order: int, passes: int = 2) -> Realisation:
 
 def _orthonormal(block: Complex[np.ndarray, "a b k"]) -> Complex[np.ndarray, "a b k"]:
     flat = block.reshape(-1, block.shape[2])
-    return scipy.linalg.qr(flat, mode="economic", check_finite=False)[0].reshape(*block.shape[:2], -1)
+    return np.asarray(scipy.linalg.qr(flat, mode="economic", check_finite=False)[0].reshape(*block.shape[:2], -1))
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def spread(
     circle = np.exp(2j * np.pi * np.arange(lines) / lines)
     weights = by_row.sum(axis=1) * np.einsum("kim,i->km", by_column, references)
     weights *= np.abs(circle[:, None] - values) ** 2 * lines**2
-    return np.sqrt(0.5 * (noise @ weights))
+    return np.asarray(np.sqrt(0.5 * (noise @ weights)))
 
 
 def _follows(
@@ -206,4 +206,4 @@ def _pseudo_inverse(block: Complex[np.ndarray, "row mode"]) -> Complex[np.ndarra
     scale = np.linalg.norm(block, axis=0)
     scaled = block / scale
     gram = scaled.conj().T @ scaled + 1e-13 * np.eye(len(scale))
-    return np.linalg.solve(gram, scaled.conj().T) / scale[:, None]
+    return np.asarray(np.linalg.solve(gram, scaled.conj().T) / scale[:, None])

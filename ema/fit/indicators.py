@@ -61,7 +61,7 @@ def mode_indicator(frfs: FrfSet) -> Float[np.ndarray, "freq"]:
     in_phase = values.imag if frfs.quantity == "mobility" else values.real
     size = np.abs(values)
     total = np.sum(size**2, axis=(1, 2))
-    return np.sum(np.abs(in_phase) * size, axis=(1, 2)) / np.where(total > 0, total, 1)
+    return np.asarray(np.sum(np.abs(in_phase) * size, axis=(1, 2)) / np.where(total > 0, total, 1))
 
 
 def multivariate_mode_indicator(frfs: FrfSet) -> Float[np.ndarray, "freq in"]:

@@ -79,7 +79,7 @@ def principal_outputs(
     found, above = growing(slabs, outputs, DIRECTIONS, lambda some: some.above(1.1))
     kept = int(np.clip(above + 1, 4, len(found.energies)))
     rotation = (found.directions[:, :kept].conj() * per_output[:, None]).T
-    return np.matmul(rotation, values) * own
+    return np.asarray(np.matmul(rotation, values) * own)
 
 
 def normal_matrices(
@@ -112,7 +112,7 @@ def normal_matrices(
     def correlate(sequence: np.ndarray) -> np.ndarray:
         if turns is not None:
             return np.tensordot(turns, sequence, axes=1)
-        return scipy.fft.ifft(sequence, points, axis=0, norm="forward")[lags]
+        return np.asarray(scipy.fft.ifft(sequence, points, axis=0, norm="forward")[lags])
 
     distance = np.arange(top + 1)[None, :] - np.arange(top + 1)[:, None]
     ones = correlate(power.astype(complex))[distance]

@@ -213,7 +213,7 @@ def sums_over_lines(found: Functions, weights: Float[np.ndarray, "*row line"]) -
     count = (parts.shape[-1] + 3) // 2
     result = parts[:, :count] + 0j
     result[:, : count - 3].imag = parts[:, count:]
-    return result.reshape(*weights.shape[:-1], -1)
+    return np.asarray(result.reshape(*weights.shape[:-1], -1))
 
 
 def products(

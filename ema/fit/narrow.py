@@ -92,7 +92,7 @@ def _trials(data: Observations, line: int, width: int) -> Complex[np.ndarray, "t
     """Trial poles at a line: half-power bandwidths of a third to all of the width, places over its middle half."""
     offsets = np.linspace(-0.5, 0.5, 5) * max(width / 2, 1)
     decays = 0.5 * np.array([0.3, 1.0]) * width
-    return (data.s[line] + data.line * (1j * offsets[:, None] - decays[None, :])).reshape(-1)
+    return np.asarray((data.s[line] + data.line * (1j * offsets[:, None] - decays[None, :])).reshape(-1))
 
 
 def _gains(

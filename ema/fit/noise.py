@@ -62,7 +62,7 @@ def estimated(coherence: Float[np.ndarray, "freq out in"]) -> Float[np.ndarray, 
         return None
     steps = np.diff(np.unique(coherence[:: max(1, len(coherence) // 400)]))
     resolved = max(0.5 * float(steps.min(initial=1.0)), 1e-9)
-    return np.clip(coherence, 1e-3, 1 - resolved)
+    return np.asarray(np.clip(coherence, 1e-3, 1 - resolved))
 
 
 def constant(coherence: Float[np.ndarray, "freq out in"]) -> Bool[np.ndarray, "out in"]:
@@ -122,7 +122,7 @@ class Structure:
         relative = self.table[_cells(model)] * self.lines
         level = np.mean(power / relative, axis=-1, keepdims=True)
         floor = _FLOOR**2 * np.mean(model, axis=-1, keepdims=True) + np.finfo(float).tiny
-        return relative * np.maximum(level, floor)
+        return np.asarray(relative * np.maximum(level, floor))
 
 
 def structure(
@@ -162,7 +162,7 @@ _CELLS = 120
 def _cells(model: Float[np.ndarray, "out in freq"]) -> Int[np.ndarray, "out in freq"]:
     """Size of an FRF over its rms, in steps of 0.75 dB from -60 dB on."""
     size = model / np.maximum(np.mean(model, axis=-1, keepdims=True), np.finfo(float).tiny)
-    return np.clip(4 * np.log2(np.maximum(size, 2.0**-20)) + 80, 0, _CELLS - 1).astype(np.intp)
+    return np.asarray(np.clip(4 * np.log2(np.maximum(size, 2.0**-20)) + 80, 0, _CELLS - 1).astype(np.intp))
 
 
 def pooled(
@@ -173,7 +173,9 @@ def pooled(
     A variance from a few averages scatters so much that its inverse would make the weights, not the noise.
     """
     usual = found.variance(variance, model)
-    return usual * np.maximum(scipy.ndimage.uniform_filter1d(variance / usual, _POOLED, axis=-1, mode="nearest"), 0.01)
+    return np.asarray(
+        usual * np.maximum(scipy.ndimage.uniform_filter1d(variance / usual, _POOLED, axis=-1, mode="nearest"), 0.01)
+    )
 
 
 _POOLED = 25
@@ -271,4 +273,4 @@ def _by_line(ratio: Float[np.ndarray, "freq"], count: int) -> Float[np.ndarray, 
     smooth /= max(smooth.mean(), np.finfo(float).tiny)
     chance = 1 / (count * window)
     share = max(0.0, 1 - 1.5 * chance / max(float(np.var(smooth)), chance))
-    return 1 + share * (smooth - 1)
+    return np.asarray(1 + share * (smooth - 1))

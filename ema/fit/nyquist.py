@@ -138,7 +138,7 @@ def _fastest_sweep(
 
     def misfit(unknowns: np.ndarray) -> np.ndarray:
         ratio = omega / (resonance * (1 + damping * unknowns[0]))
-        return unknowns[2] - 2 * np.arctan((ratio - 1 / ratio) / (2 * damping * unknowns[1])) - angles
+        return np.asarray(unknowns[2] - 2 * np.arctan((ratio - 1 / ratio) / (2 * damping * unknowns[1])) - angles)
 
     direction = float(np.interp(resonance, omega, angles))
     turn = 1.0 if angles[-1] < angles[0] else -1.0

@@ -137,7 +137,7 @@ def _mac(first: ModalModel, second: ModalModel) -> Float[np.ndarray, "mode other
     rows, columns, signs = (np.array(column) for column in zip(*places, strict=True))
     a, b = first.shapes[rows], signs[:, None] * second.shapes[columns]
     size = np.sum(np.abs(a) ** 2, axis=0)[:, None] * np.sum(np.abs(b) ** 2, axis=0)
-    return np.abs(a.conj().T @ b) ** 2 / np.maximum(size, 1e-300)
+    return np.asarray(np.abs(a.conj().T @ b) ** 2 / np.maximum(size, 1e-300))
 
 
 def _pairs(first: ModalModel, second: ModalModel, mac: Float[np.ndarray, "mode other"]) -> tuple[tuple[int, int], ...]:

@@ -40,7 +40,7 @@ class Range:
     @property
     def others(self) -> int:
         """Directions that what was left out is spread over: a matrix has as many as rows or columns, what is fewer."""
-        return min(len(self.directions), self.compressed.shape[1]) - len(self.energies)
+        return int(min(len(self.directions), self.compressed.shape[1]) - len(self.energies))
 
     @property
     def floor(self) -> float:

@@ -9,6 +9,7 @@ from ema.data import FrfSet, damping_ratios
 from ema.fit import estimator, model, noise, scatter, search
 from ema.fit.compression import SAMPLE
 from ema.fit.estimator import Fit, Observations
+from ema.fit.narrow import caution
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT
@@ -337,7 +338,7 @@ def _pruned(
     while True:
         share = estimator.gains(data, fit) / max(fit.variance_factor(data), 1e-300)
         background = unknowns + estimator.DOUBT * np.sqrt(2 * unknowns)
-        in_band = search.passes_for_weak(unknowns) * search.caution(fit.poles, fit.poles, data.line)
+        in_band = search.passes_for_weak(unknowns) * caution(fit.poles, fit.poles, data.line)
         share /= np.where(chosen.possible[kept], in_band, background)
         gone: list[int] = []
         for k in np.argsort(share):
@@ -544,7 +545,7 @@ def misfit_at_peaks(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
     lines = np.sum(reach, axis=1) ** 2 / np.sum(reach**2, axis=1)
     left = np.maximum(1 - (1 + 1 / outputs) / lines, 0.2)
     usual = 2 * fit.cost / data.equations
-    return np.maximum(found / (total * usual * left), 1)
+    return np.asarray(np.maximum(found / (total * usual * left), 1))
 
 
 def _autocorrelation(signals: Complex[np.ndarray, "row line"], least: float = -np.inf) -> Float[np.ndarray, "lag"]:

@@ -47,7 +47,7 @@ class Changes:
 
     def parts(self, pull: Float[np.ndarray, "part unknown"]) -> Float[np.ndarray, "2 part mode"]:
         """Changes of the real, and of the imaginary parts of the poles by each pull."""
-        return (pull @ self.by_pull).reshape(len(pull), 2, -1).transpose(1, 0, 2)
+        return np.asarray((pull @ self.by_pull).reshape(len(pull), 2, -1).transpose(1, 0, 2))
 
 
 def between_outputs(data: Observations, fit: Fit, changes: Changes) -> Float[np.ndarray, "2 mode"]:
@@ -238,7 +238,7 @@ def _log_density(
     """Logarithm of the density of the F distribution."""
     x = first * ratio / second
     found: np.ndarray = 0.5 * first * np.log(x) - 0.5 * (first + second) * np.log1p(x) - np.log(ratio)
-    return found - scipy.special.betaln(first / 2, second / 2)
+    return np.asarray(found - scipy.special.betaln(first / 2, second / 2))
 
 
 def told_by_outputs(data: Observations, fit: Fit, rows: slice) -> Float[np.ndarray, "out mode"]:

@@ -246,7 +246,7 @@ class Noise:
                 held = np.einsum("pk,pk->p", own, near) / own.sum(axis=1) * np.sum(shares[rows] ** 2, axis=1)
                 level[rows] -= held * gain[rows] / (2 * data.outputs * self.scale)
             level[rows] /= near.sum(axis=1)
-        return self.required * np.maximum(level, 1) * caution(poles, fit.poles, line)
+        return np.asarray(self.required * np.maximum(level, 1) * caution(poles, fit.poles, line))
 
 
 def _settled(data: Observations, fit: Fit, required: float) -> Fit:

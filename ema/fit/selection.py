@@ -354,7 +354,7 @@ def _collinearity(fit: Fit) -> Float[np.ndarray, "pole"]:
     x, y = fit.psi.real, fit.psi.imag
     real, cross, imaginary = (np.sum(a * b, axis=1) for a, b in ((x, x), (x, y), (y, y)))
     total = np.maximum(real + imaginary, 1e-300)
-    return 1 - 4 * (real * imaginary - cross**2) / total**2
+    return np.asarray(1 - 4 * (real * imaginary - cross**2) / total**2)
 
 
 def _echoes(fit: Fit, gain: Float[np.ndarray, "pole"]) -> Bool[np.ndarray, "pole"]:
@@ -379,7 +379,7 @@ def _persistence(fit: Fit, candidates: Candidates) -> Float[np.ndarray, "pole"]:
     distance = np.abs(fit.poles[:, None] - candidates.poles[None, :]) / reach
     nearest = np.argmin(distance, axis=0)
     speaks = (distance < 1) & (nearest[None, :] == np.arange(len(fit.poles))[:, None])
-    return np.where(speaks, candidates.persistence[None, :], 0).max(axis=1)
+    return np.asarray(np.where(speaks, candidates.persistence[None, :], 0).max(axis=1))
 
 
 def _twin(fit: Fit, gain: Float[np.ndarray, "mode"]) -> int | None:

@@ -215,7 +215,7 @@ def _beyond(
     """Variance between set-ups beyond what noise makes of it."""
     freedom = np.maximum(np.count_nonzero(~np.isnan(values), axis=1) - 1, 1)
     seen = np.nansum((values - mean[:, None]) ** 2, axis=1) / freedom
-    return np.maximum(seen - np.nanmean(std**2, axis=1), 0)
+    return np.asarray(np.maximum(seen - np.nanmean(std**2, axis=1), 0))
 
 
 def means(values: Float[np.ndarray, "mode set_up"], std: Float[np.ndarray, "mode set_up"]) -> Float[np.ndarray, "mode"]:

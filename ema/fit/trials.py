@@ -180,7 +180,7 @@ def _score(
     ends = np.arange(both.shape[1])
     left[:, ends, ends] += estimator.PRIOR + estimator.ROUNDING * fit.before[both] * scale**2
     turned = scale * np.concatenate([pull.real, pull.imag], axis=1)
-    return gain + np.einsum("tu,tu->t", turned, np.linalg.solve(left, turned[..., None])[..., 0])
+    return np.asarray(gain + np.einsum("tu,tu->t", turned, np.linalg.solve(left, turned[..., None])[..., 0]))
 
 
 def _leading(solution: Float[np.ndarray, "trial a out"]) -> Complex[np.ndarray, "trial in"]:
@@ -221,7 +221,7 @@ def _participation(
     ridge = 1e-12 * np.einsum("tii->t", matrix)[:, None, None] * np.eye(2 * half)
     solved = np.linalg.solve(matrix + ridge, right[:, :, None])[:, :, 0]
     vectors = solved[:, :half] + 1j * solved[:, half:]
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
 
 
 def apart(

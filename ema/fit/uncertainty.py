@@ -196,7 +196,7 @@ class _Mode:
         return np.stack([along / (2 * np.pi), -change.real / size + self.pole.real * along / size**2])
 
     def shapes(self) -> Float[np.ndarray, "dof 2 2"]:
-        return _squares(self.shape) + _squares(self.rest)
+        return np.asarray(_squares(self.shape) + _squares(self.rest))
 
     def participation(self) -> Float[np.ndarray, "in 2 2"]:
         change = np.zeros((len(self.entries), len(self.turn)), complex)
@@ -252,7 +252,7 @@ def residue_std(model: ModalModel) -> Complex[np.ndarray, "mode dof in"]:
     InputError : the model has no uncertainty.
     """
     found = _known(model).residues
-    return np.sqrt(found[..., 0, 0]) + 1j * np.sqrt(found[..., 1, 1])
+    return np.asarray(np.sqrt(found[..., 0, 0]) + 1j * np.sqrt(found[..., 1, 1]))
 
 
 def shape_std(model: ModalModel) -> Complex[np.ndarray, "dof mode"]:
@@ -263,7 +263,7 @@ def shape_std(model: ModalModel) -> Complex[np.ndarray, "dof mode"]:
     InputError : the model has no uncertainty.
     """
     found = _known(model).shapes
-    return (np.sqrt(found[..., 0, 0]) + 1j * np.sqrt(found[..., 1, 1])).T
+    return np.asarray((np.sqrt(found[..., 0, 0]) + 1j * np.sqrt(found[..., 1, 1])).T)
 
 
 def _known(model: ModalModel) -> ModalUncertainty:

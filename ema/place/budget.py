@@ -109,4 +109,4 @@ def _explained(columns: Float[np.ndarray, "draw value"], y: Float[np.ndarray, "d
     design = np.column_stack([np.ones(len(y)), some])
     left = y - design @ np.linalg.lstsq(design, y, rcond=None)[0]
     spent = np.linalg.matrix_rank(design)
-    return max(1 - float(left @ left) / (len(y) - spent) / float(np.var(y, ddof=1)), 0.0)
+    return float(max(1 - float(left @ left) / (len(y) - spent) / float(np.var(y, ddof=1)), 0.0))

@@ -186,7 +186,7 @@ class _Errors:
 
     def __call__(self, factor: float, apart: float) -> Float[np.ndarray, "draw reading"]:
         """Logarithmic errors under standard uncertainties ``factor`` times those stated."""
-        return factor * self.trial.std * self.own + self.common @ discrepancy(self.trial, apart).T
+        return np.asarray(factor * self.trial.std * self.own + self.common @ discrepancy(self.trial, apart).T)
 
 
 def _conditioned(

@@ -66,4 +66,4 @@ def softened(
     r = np.clip((reach - opened) / amplitude, -1, 1)
     kept = 1 - (np.arccos(r) - r * np.sqrt(1 - r**2)) / np.pi
     turning = kept @ places**2 / np.sum(places**2)
-    return flexibility / np.maximum(np.concatenate([kept.mean(axis=1), turning]), 1e-6)
+    return np.asarray(flexibility / np.maximum(np.concatenate([kept.mean(axis=1), turning]), 1e-6))

@@ -258,7 +258,7 @@ def loop_readings(
 def _slips(joint: BoltedJoint, normal_force: float) -> Float[np.ndarray, "amplitude"]:
     """Amplitudes [m] at which loops of the joint are read."""
     limit = joint.law.friction_coefficient * normal_force
-    return np.array(AMPLITUDES) * limit / contact_stiffness(joint, np.array([normal_force]))
+    return np.asarray(np.array(AMPLITUDES) * limit / contact_stiffness(joint, np.array([normal_force])))
 
 
 def _specimen(task: Task, rng: np.random.Generator) -> BoltedJoint:

@@ -10,10 +10,11 @@ from acquisition import campaign_file
 from ema.data import Finding, Geometry
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.file_names import natural
 from ema.progress import Progress, silent
 from ema.proposal import channel_tables, geometry_table
 from ema.proposal.examination import FileFacts, FrfFacts, examine
-from ema.proposal.file_names import Series, natural, series_of
+from ema.proposal.file_names import Series, series_of
 from ema.proposal.questions import Answers, Question
 from ema.proposal.roles import same_point
 from ema.proposal.toml_text import table_text

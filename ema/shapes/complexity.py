@@ -51,7 +51,7 @@ def mean_phase(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mo
     array([45.])
     """
     line, _ = _principal(shapes)
-    return np.degrees(np.arctan2(line[1], line[0]))
+    return np.asarray(np.degrees(np.arctan2(line[1], line[0])))
 
 
 def mean_phase_deviation(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mode"]:
@@ -83,7 +83,7 @@ def mean_phase_deviation(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.nd
     deviations = np.degrees(np.arctan2(np.abs(turned.imag), np.abs(turned.real)))
     total = amplitudes.sum(axis=0)
     weighted = np.sum(amplitudes * deviations, axis=0)
-    return np.divide(weighted, total, out=np.full(len(total), np.nan), where=total > 0)
+    return np.asarray(np.divide(weighted, total, out=np.full(len(total), np.nan), where=total > 0))
 
 
 def modal_phase_collinearity(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[np.ndarray, "mode"]:
@@ -110,7 +110,7 @@ def modal_phase_collinearity(shapes: Inexact[np.ndarray, "dof mode"]) -> Float[n
     array([1., 0.])
     """
     _, ratio = _principal(shapes)
-    return ((1 - ratio**2) / (1 + ratio**2)) ** 2
+    return np.asarray(((1 - ratio**2) / (1 + ratio**2)) ** 2)
 
 
 def quality(shapes: Inexact[np.ndarray, "dof mode"]) -> ModeQuality:

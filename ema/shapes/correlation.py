@@ -67,7 +67,7 @@ def mac(
         raise InputError(
             "shapes on different DOFs", got=f"{len(a)} and {len(b)} rows", expected="the same DOFs in both"
         )
-    return np.minimum(np.abs(_unit_columns(a).conj().T @ _unit_columns(b)) ** 2, 1.0)
+    return np.asarray(np.minimum(np.abs(_unit_columns(a).conj().T @ _unit_columns(b)) ** 2, 1.0))
 
 
 def _on_common_dofs(a: ModalModel, b: ModalModel) -> tuple[np.ndarray, np.ndarray, tuple[Dof, ...]]:
@@ -153,7 +153,7 @@ def co_mac(a: Inexact[np.ndarray, "dof mode"], b: Inexact[np.ndarray, "dof mode"
         raise InputError("shapes are not paired", got=f"{a.shape} and {b.shape}", expected="two arrays of one shape")
     left, right = np.abs(_unit_columns(a)), np.abs(_unit_columns(b))
     product, norms = np.sum(left * right, axis=1) ** 2, np.sum(left**2, axis=1) * np.sum(right**2, axis=1)
-    return np.divide(product, norms, out=np.full(len(product), np.nan), where=norms > 0)
+    return np.asarray(np.divide(product, norms, out=np.full(len(product), np.nan), where=norms > 0))
 
 
 def frac(a: Inexact[np.ndarray, "freq *frf"], b: Inexact[np.ndarray, "freq *frf"]) -> Float[np.ndarray, "*frf"]:
@@ -186,7 +186,7 @@ def frac(a: Inexact[np.ndarray, "freq *frf"], b: Inexact[np.ndarray, "freq *frf"
     if a.shape != b.shape:
         raise InputError("FRFs do not correspond", got=f"{a.shape} and {b.shape}", expected="two arrays of one shape")
     left, right = _unit_columns(a.reshape(len(a), -1)), _unit_columns(b.reshape(len(b), -1))
-    return np.minimum(np.abs(np.sum(left.conj() * right, axis=0)) ** 2, 1.0).reshape(a.shape[1:])
+    return np.asarray(np.minimum(np.abs(np.sum(left.conj() * right, axis=0)) ** 2, 1.0).reshape(a.shape[1:]))
 
 
 _SURE = 0.9

@@ -40,7 +40,7 @@ class Body(NamedTuple):
     def shapes(self, points: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 3"]:
         """Translation along the normal and two rotations, each with unit modal mass, at points of the plane."""
         turned = (points - self.centre) / self.gyration
-        return np.hstack([np.ones((len(points), 1)), turned]) / np.sqrt(self.mass)
+        return np.asarray(np.hstack([np.ones((len(points), 1)), turned]) / np.sqrt(self.mass))
 
 
 def with_rigid_body(

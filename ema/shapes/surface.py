@@ -145,7 +145,7 @@ class Surface:
         >>> surface.values(np.array([[0.25, 0.5]]), order=1)
         array([[1.]])
         """
-        return self.rows(points, order, angle) @ self.coefficients
+        return np.asarray(self.rows(points, order, angle) @ self.coefficients)
 
     def std(
         self, points: Float[np.ndarray, "p 2"], order: int = 0, angle: float | Float[np.ndarray, "p"] = 0.0
@@ -176,7 +176,7 @@ class Surface:
         array([[0.2]])
         """
         rows = self.rows(points, order, angle)
-        return np.sqrt(np.maximum(np.einsum("pt,mtu,pu->pm", rows, self.covariance, rows), 0))
+        return np.asarray(np.sqrt(np.maximum(np.einsum("pt,mtu,pu->pm", rows, self.covariance, rows), 0)))
 
 
 def _products(
@@ -417,7 +417,7 @@ def _roughness(
     for along in range(order + 1):
         rows = _products(grid, powers, along, order - along) * scale[0] ** along * scale[1] ** (order - along)
         total += comb(order, along) * (rows.T * np.outer(weights, weights).ravel()) @ rows
-    return total / scale.prod()
+    return np.asarray(total / scale.prod())
 
 
 def _fit(

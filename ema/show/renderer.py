@@ -87,7 +87,7 @@ class Scene(NamedTuple):
 
     def at(self, phase: float) -> Float[np.ndarray, "n 3"]:
         """Where the nodes are at a phase [rad]: Re(motion exp(j phase)) from their places at rest."""
-        return self.geometry.xyz + np.real(self.motion * np.exp(1j * phase))
+        return np.asarray(self.geometry.xyz + np.real(self.motion * np.exp(1j * phase)))
 
 
 def scene(model: ModalModel, geometry: Geometry, mode: int, amplitude: float) -> Scene:

@@ -424,7 +424,8 @@ def _tree(file: h5py.File, group: str) -> dict[str, Any]:
     tree = json.loads(_document(file, f"{group}/{DOCUMENT}"))
     if not isinstance(tree, dict):
         raise InputError("holds a document that is no container")
-    return migrated(tree, int(file.attrs["schema_version"]))
+    document: dict[str, Any] = migrated(tree, int(file.attrs["schema_version"]))
+    return document
 
 
 def _document(file: h5py.File, path: str) -> str:

@@ -186,7 +186,7 @@ def relative_error(measured: FrfSet, model: FrfSet) -> Float[np.ndarray, "out in
     """Norm of the difference over the norm of the measured FRF, for each FRF."""
     difference = np.linalg.norm(measured.values - model.values, axis=0)
     size = np.linalg.norm(measured.values, axis=0)
-    return np.divide(difference, size, out=np.full(size.shape, np.nan), where=size > 0)
+    return np.asarray(np.divide(difference, size, out=np.full(size.shape, np.nan), where=size > 0))
 
 
 def unique(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
