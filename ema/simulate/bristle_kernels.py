@@ -152,12 +152,12 @@ def _follow(law, wave, instant, panels, points, solved):
 def bristle_period(law, wave, period, turns, out):
     """Fourier coefficients (2 H,) of f - k u of one contact in its cycle, their Jacobian; returns the loss.
 
-    law: stiffness, slip force F_C, and sigma_1, sigma_2, F_S/F_C, v_S. ``period``: whether the motion is odd, a factor
-    on the number of nodes, and the angular frequency. The rest as in ``masing_period``.
+    law: stiffness, slip force F_C, and sigma_1, sigma_2, F_S/F_C, v_S. ``period``: a factor on the number of nodes, and
+    the angular frequency. The rest as in ``masing_period``.
     """
-    (k, limit, par), (amplitudes, orders), (odd, fine, omega) = law, wave, period
+    (k, limit, par), (amplitudes, orders), (fine, omega) = law, wave, period
     (number, place, _, cosine, sine), (forces, jacobian, derive), size = turns, out, len(amplitudes)
-    ends = number // 2 if odd else number
+    ends = number // 2
     widths = np.empty((ends, 2))
     for m in range(ends):
         before = m - 1 if m > 0 else number - 1
@@ -175,10 +175,7 @@ def bristle_period(law, wave, period, turns, out):
     points, solved = (u, rate, z, basis, slope), (chain, inverse, rows)
     # the last row has room for an instant
     gone, left = _follow(law, wave, (omega, cosine[-1], sine[-1]), (where, weight), points, solved)
-    closing = 1.0 + left if odd else 1.0 - left
-    # what a motion that hardly slips leaves behind is not lost for many periods: it begins unstressed
-    start = 0.0 if closing < 1e-9 else (-gone if odd else gone) / closing
-    scale = (2.0 if odd else 1.0) / np.pi
+    start, scale = -gone / (1.0 + left), 2.0 / np.pi
     lost, spread = 0.0, np.empty((count, 5, _STAGES))
     for n in range(count):
         for s in range(_STAGES):
@@ -195,14 +192,14 @@ def bristle_period(law, wave, period, turns, out):
             for r in range(size):
                 forces[r] += scale * share * basis[n, s, r] * (force - k * u[n, s])
     if derive:
-        _differentiate((k, scale, closing, odd), (inverse, chain, weight), (basis, slope, spread), jacobian)
-    return lost * (2.0 if odd else 1.0)
+        _differentiate((k, scale, left), (inverse, chain, weight), (basis, slope, spread), jacobian)
+    return 2.0 * lost
 
 
 @inner_with_arrays
 def _differentiate(numbers, collocation, tables, jacobian):
     """Jacobian of the Fourier coefficients: the linear equation of dz by the amplitudes on the same points."""
-    (k, scale, closing, odd), (inverse, chain, weight), (basis, slope, spread) = numbers, collocation, tables
+    (k, scale, left), (inverse, chain, weight), (basis, slope, spread) = numbers, collocation, tables
     count, stages, size = basis.shape
     grown, pushed, carried = np.zeros((count * stages, size)), np.empty((stages, size)), np.zeros(size)
     for n in range(count):
@@ -221,9 +218,7 @@ def _differentiate(numbers, collocation, tables, jacobian):
                     row[c] += lever * pushed[s, c]
         for c in range(size):
             carried[c] = grown[n * stages + stages - 1, c]
-    begin = np.zeros(size)
-    if closing >= 1e-9:
-        begin = carried / (-closing if odd else closing)
+    begin = -carried / (1.0 + left)
     for n in range(count):
         for s in range(stages):
             row, lever = grown[n * stages + s], scale * _INTEGRALS[stages - 1, s] * weight[n, s]

@@ -223,7 +223,7 @@ class Condensed:
         count = amplitudes.shape[1] // 2
         result: tuple[np.ndarray, ...] = self.kernels.contact_forces(
             np.ascontiguousarray(amplitudes),
-            (self.orders(count), self.basis(count), self.odd, fine, omega),
+            (self.orders(count), self.basis(count), fine, omega),
             (self.stiffness, level * self.limits, self.members),
             self.springs,
             *self.quadrature,

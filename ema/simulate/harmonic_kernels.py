@@ -56,14 +56,14 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
 
     Without ``derive`` the Jacobian is not made.
 
-    period: orders, derivatives (2, sample, 2 H) of cos and sin over a period that serve to find the turning points,
-    whether the motion is odd, a factor on the number of nodes, angular frequency. contact: stiffnesses, slip forces,
-    and members (contact, member), the contacts on whose motion the force of a contact depends, itself first, then -1.
-    springs: number of Masing springs of every contact, 0 for other laws, and their shares of stiffness and slip force.
-    smooth: what ``ContactLaws.one_by_one`` gives. bristles: whether a contact has LuGre's law, and the parameters of
-    all. Either is None where no contact asks for it, and its quadrature is then not compiled.
+    period: odd orders, derivatives (2, sample, 2 H) of cos and sin over a period that serve to find the turning points,
+    a factor on the number of nodes, angular frequency. contact: stiffnesses, slip forces, and members (contact,
+    member), the contacts on whose motion the force of a contact depends, itself first, then -1. springs: number of
+    Masing springs of every contact, 0 for other laws, and their shares of stiffness and slip force. smooth: what
+    ``ContactLaws.one_by_one`` gives. bristles: whether a contact has LuGre's law, and the parameters of all. Either is
+    None where no contact asks for it, and its quadrature is then not compiled.
     """
-    (orders, basis, odd, fine, omega), (stiffness, limits, members) = period, contact
+    (orders, basis, fine, omega), (stiffness, limits, members) = period, contact
     (counts, shares_k, shares_f), (contacts, size) = springs, amplitudes.shape
     forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts if derive else 1, members.shape[1], size, size))
     lost, slips = np.zeros(contacts), np.zeros(contacts, np.bool_)
@@ -80,21 +80,18 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
         matvec(basis[0], amplitudes[i], samples[0])
         matvec(basis[1], amplitudes[i], samples[1])
         out[1][:] = 0.0
-        number = turning_points(wave, samples, odd, room)
+        number = turning_points(wave, samples, room)
         turns = number, room[0], room[1], room[2], room[3]
         if number < 2 or limits[i] <= 0.0:
             free(stiffness[i], amplitudes[i], number, out)
         elif masing:
             parallel = stiffness[i], limits[i], counts[i], shares_k[i], shares_f[i]
-            lost[i] = masing_period(parallel, wave, odd, turns, out)
+            lost[i] = masing_period(parallel, wave, turns, out)
         elif bristles is not None and bristles[0][i]:
             law = stiffness[i], limits[i], bristles[1][i]
-            lost[i] = bristle_period(law, wave, (odd, fine, omega), turns, out)
+            lost[i] = bristle_period(law, wave, (fine, omega), turns, out)
         elif smooth is not None:
-            lost[i] = smooth_period(i, smooth, wave, (odd, fine), turns, out)
-        if orders[0] == 0 and number >= 2 and limits[i] > 0.0:
-            forces[i, 0] *= 0.5
-            out[1][0] *= 0.5
+            lost[i] = smooth_period(i, smooth, wave, fine, turns, out)
         slips[i] = largest(forces[i]) > (0.0 if masing else 1e-12 * limits[i])
     return forces, jacobian, lost, slips
 

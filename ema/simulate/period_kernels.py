@@ -1,8 +1,9 @@
 """Friction over one period of a motion given by its harmonics: exact for Masing springs; compiled.
 
-A motion u(x) = sum_h a_h cos(h x) + b_h sin(h x), x = w t, is monotone between its turning points. A Masing spring
-moves through these stretches one by one: it is stuck, then slides from a place that is found, to the end of one.
-So the Fourier integrals of its force, their derivatives and its loss are sums of closed forms, without samples.
+A motion u(x) = sum_h a_h cos(h x) + b_h sin(h x), x = w t, of odd orders h is monotone between its turning points, and
+half a period later it is the opposite: its first half is integrated. A Masing spring moves through these stretches one
+by one: it is stuck, then slides from a place that is found, to the end of one. So the Fourier integrals of its force,
+their derivatives and its loss are sums of closed forms, without samples.
 
 ``wave``: amplitudes (2 H,) and orders; ``here``: cos(n x) and sin(n x) of an instant; ``turns``: number, places,
 displacements, cos(n x) and sin(n x) of the turning points, with room for more.
@@ -78,23 +79,21 @@ def seek(wave, derivative, target, x, bracket, here):
 
 
 @inner
-def turning_points(wave, samples, odd, room):
+def turning_points(wave, samples, room):
     """Turning points of a motion in ascending order: places x, displacements and waves go to ``room``; returns how
     many there are.
 
     ``samples`` of the first and second derivative over the whole period say where to look: where the rate changes its
-    sign, and where it comes close to zero in between. An odd motion turns half a period later at the opposite place:
-    its second half is mirrored.
+    sign, and where it comes close to zero in between. The motion turns half a period later at the opposite place: the
+    second half is mirrored.
     """
     (amplitudes, orders), (rates, bends), (place, value, cosine, sine) = wave, samples, room
-    count, highest = len(rates), cosine.shape[1]
-    length, end = 2 * np.pi / count, count // 2 if odd else count
-    found, most = 0, len(place) // 2 - 2
+    highest, end = cosine.shape[1], len(rates) // 2
+    length, found, most = np.pi / end, 0, len(place) // 2 - 2
     for n in range(end):
-        after = n + 1 if n + 1 < count else 0
-        low, high = n * length, (n + 1) * length
+        after, low, high = n + 1, n * length, (n + 1) * length
         up, up_after, bent, bent_after = rates[n] > 0.0, rates[after] > 0.0, bends[n] > 0.0, bends[after] > 0.0
-        if odd and after == end:
+        if after == end:
             # the opposite of the begin, whatever rounding says
             up_after, bent_after = not rates[0] > 0.0, not bends[0] > 0.0
         middle, up_middle = low, up
@@ -117,14 +116,12 @@ def turning_points(wave, samples, odd, room):
             place[found] = seek(wave, 1, 0.0, x, (left, right, rising), (cosine[found], sine[found]))
             value[found], _, _, _ = motion(amplitudes, orders, cosine[found], sine[found])
             found += 1
-    if odd:
-        for m in range(found):
-            place[found + m], value[found + m] = place[m] + np.pi, -value[m]
-            for n in range(highest):
-                sign = 1.0 if n % 2 == 0 else -1.0
-                cosine[found + m, n], sine[found + m, n] = sign * cosine[m, n], sign * sine[m, n]
-        found *= 2
-    return found
+    for m in range(found):
+        place[found + m], value[found + m] = place[m] + np.pi, -value[m]
+        for n in range(highest):
+            sign = 1.0 if n % 2 == 0 else -1.0
+            cosine[found + m, n], sine[found + m, n] = sign * cosine[m, n], sign * sine[m, n]
+    return 2 * found
 
 
 @inner
@@ -146,39 +143,25 @@ def _add_stretch(start, end, orders, weight, out):
 
     ``start``, ``end``: place and waves.
     """
-    (from_x, from_c, from_s), (to_x, to_c, to_s) = start, end
+    (_, from_c, from_s), (_, to_c, to_s) = start, end
     for h in range(len(orders)):
         n = orders[h]
-        if n == 0:
-            out[2 * h] += weight * (to_x - from_x)
-        else:
-            out[2 * h] += weight * (to_s[n] - from_s[n]) / n
-            out[2 * h + 1] -= weight * (to_c[n] - from_c[n]) / n
+        out[2 * h] += weight * (to_s[n] - from_s[n]) / n
+        out[2 * h + 1] -= weight * (to_c[n] - from_c[n]) / n
 
 
 @fast
-def _add_moments(start, end, weight, even_only, moments):
-    """Add ``weight`` times the integrals of cos(n x) and sin(n x) over a stretch for all n."""
-    (from_x, from_c, from_s), (to_x, to_c, to_s), (cosine, sine) = start, end, moments
-    cosine[0] += weight * (to_x - from_x)
-    step = 2 if even_only else 1
-    for n in range(step, len(cosine), step):
-        cosine[n] += weight * (to_s[n] - from_s[n]) / n
-        sine[n] -= weight * (to_c[n] - from_c[n]) / n
-
-
-@fast
-def _products(orders, cosine, sine, out):
-    """Integrals of all products of cos(h x), sin(h x) from the moments of cos(n x) and sin(n x)."""
+def _products(orders, moments, out):
+    """Integrals of all products of cos(h x), sin(h x) from the moments of cos(n x), at n, and sin(n x), at n + 1."""
     for i in range(len(orders)):
         for j in range(i + 1):
             a, b = orders[i], orders[j]
             total, apart = a + b, abs(a - b)
             sign = 1.0 if a >= b else -1.0
-            cc = 0.5 * (cosine[apart] + cosine[total])
-            ss = 0.5 * (cosine[apart] - cosine[total])
-            cs = 0.5 * (sine[total] - sign * sine[apart])
-            sc = 0.5 * (sine[total] + sign * sine[apart])
+            cc = 0.5 * (moments[apart] + moments[total])
+            ss = 0.5 * (moments[apart] - moments[total])
+            cs = 0.5 * (moments[total + 1] - sign * moments[apart + 1])
+            sc = 0.5 * (moments[total + 1] + sign * moments[apart + 1])
             r, c = 2 * i, 2 * j
             out[r, c], out[c, r] = cc, cc
             out[r + 1, c + 1], out[c + 1, r + 1] = ss, ss
@@ -190,13 +173,10 @@ def _products(orders, cosine, sine, out):
 def _add_memory(memory, orders, turns, jacobian):
     """Add what stuck stretches owe to the turning points at which they began, with ``memory`` (turn, 2 H)."""
     size, (number, _, _, cosine, sine) = memory.shape[1], turns
-    for m in range(number + 1):
+    for m in range(number):
         for r in range(size):
             weight = memory[m, r]
             if weight == 0.0:
-                continue
-            if m == number:
-                jacobian[r, 0] += weight
                 continue
             for h in range(size // 2):
                 jacobian[r, 2 * h] += weight * cosine[m, orders[h]]
@@ -204,23 +184,19 @@ def _add_memory(memory, orders, turns, jacobian):
 
 
 @inner
-def _follow(spring, wave, turns, ends, sums):
-    """Follow one spring, unstressed at first, over a period; returns its loss.
+def _follow(spring, wave, turns, sums):
+    """Follow one spring, unstressed at first, over half a period; returns its loss.
 
-    ``spring``: stiffness, slip force and the mean of the motion. ``ends``: the stretches that count, and whether they
-    are half of an odd motion. ``sums``: what stuck stretches owe to turning points, constant part of the integrals,
-    moments of the sliding ones, waves of an instant, and room.
+    ``spring``: stiffness and slip force. ``sums``: what stuck stretches owe to turning points, constant part of the
+    integrals, moments of the sliding ones and their even orders, waves of an instant, and room.
     """
-    (k, top, mean), (count, odd), (number, place, value, cosine, sine) = spring, ends, turns
-    (memory, constant, moments, here, before), orders, lost = sums, wave[1], 0.0
-    reach = top / k
-    rest, last = min(max(0.0, mean - reach), mean + reach), number
-    if rest == 0.0:
-        last = -1
+    (k, top), (number, place, value, cosine, sine) = spring, turns
+    (memory, constant, moments, evens, here, before), orders, lost = sums, wave[1], 0.0
+    reach, rest, last = top / k, 0.0, -1
     for m in range(number):
         if abs(value[m] - rest) > reach:
             rest, last = value[m] - (reach if value[m] > rest else -reach), m
-    for m in range(count):
+    for m in range(number // 2):
         begun = m - 1 if m > 0 else number - 1
         x = place[begun] if m > 0 else place[begun] - 2 * np.pi
         start, end = (x, cosine[begun], sine[begun]), (place[m], cosine[m], sine[m])
@@ -235,7 +211,8 @@ def _follow(spring, wave, turns, ends, sums):
             leave = start
         if slides:
             _add_stretch(leave, end, orders, sign * top, constant)
-            _add_moments(leave, end, k, odd, moments)
+            moments[0] += k * (end[0] - leave[0])
+            _add_stretch(leave, end, evens, k, moments[2:])
             lost += top * abs(value[m] - target)
         if last >= 0:
             held = memory[last]
@@ -249,24 +226,21 @@ def _follow(spring, wave, turns, ends, sums):
 
 
 @compiled(error_model="numpy")
-def masing_period(law, wave, odd, turns, out):
+def masing_period(law, wave, turns, out):
     """Fourier coefficients (2 H,) of f - k u of parallel Masing springs, their Jacobian; returns the loss.
 
     law: stiffness, slip force, number of springs and their shares of both. out: both results, which are zero, and
     whether the Jacobian is asked for; its place is workspace where it is not. The springs start unstressed and settle
-    during one period. Order 0 has its mean in the first of its two places.
+    during one period.
     """
     (stiffness, limit, count, shares_k, shares_f), (amplitudes, orders), (forces, jacobian, derive) = law, wave, out
-    size, highest, number = len(amplitudes), turns[3].shape[1], turns[0]
-    mean = amplitudes[0] if orders[0] == 0 else 0.0
-    memory, moments = np.zeros((number + 1, size)), (np.zeros(highest), np.zeros(highest))
+    size, highest, scale, lost = len(amplitudes), turns[3].shape[1], 2.0 / np.pi, 0.0
+    memory, moments, evens = np.zeros((turns[0], size)), np.zeros(highest + 1), np.arange(2, highest, 2)
     constant, before, here = np.zeros(size), np.empty(size), (np.empty(highest), np.empty(highest))
-    lost, ends = 0.0, (number // 2 if odd else number, odd)
     for j in range(count):
-        spring = stiffness * shares_k[j], limit * shares_f[j], mean
-        lost += _follow(spring, wave, turns, ends, (memory, constant, moments, here, before))
-    _products(orders, moments[0], moments[1], jacobian)
-    scale = (2.0 if odd else 1.0) / np.pi
+        spring = stiffness * shares_k[j], limit * shares_f[j]
+        lost += _follow(spring, wave, turns, (memory, constant, moments, evens, here, before))
+    _products(orders, moments, jacobian)
     for r in range(size):
         total = constant[r]
         for c in range(size):
@@ -277,4 +251,4 @@ def masing_period(law, wave, odd, turns, out):
         for r in range(size):
             for c in range(size):
                 jacobian[r, c] *= -scale
-    return lost * (2.0 if odd else 1.0)
+    return 2.0 * lost

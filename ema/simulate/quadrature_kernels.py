@@ -72,9 +72,9 @@ def _follow(i, law, start, start_u, nodes, out):
 def _differentiate(numbers, first_basis, nodes, tangents, jacobian):
     """Jacobian of the Fourier coefficients from the tangents along the nodes.
 
-    ``numbers``: stiffness, factor of the integrals, whether the nodes are half of an odd motion.
+    ``numbers``: stiffness, factor of the integrals.
     """
-    (k, scale, odd), (weight, _, _, basis), (a, b), (count, size) = numbers, nodes, tangents, nodes[3].shape
+    (k, scale), (weight, _, _, basis), (a, b), (count, size) = numbers, nodes, tangents, nodes[3].shape
     # d state / d amplitudes = chain * (that of the start) + grown
     chain, grown = np.empty(count), np.empty((count, size))
     product = 1.0
@@ -84,14 +84,9 @@ def _differentiate(numbers, first_basis, nodes, tangents, jacobian):
         for c in range(size):
             before = first_basis[c] if n == 0 else basis[n - 1, c]
             grown[n, c] = b[n] * (basis[n, c] - before) + (a[n] * grown[n - 1, c] if n > 0 else 0.0)
-    closing = 1.0 + product if odd else 1.0 - product
     for n in range(count):
         for c in range(size):
-            begin = 0.0
-            if odd:
-                begin = -grown[count - 1, c] / closing
-            elif closing > 1e-6:
-                begin = grown[count - 1, c] / closing
+            begin = -grown[count - 1, c] / (1.0 + product)
             grown[n, c] = weight[n] * (grown[n, c] + chain[n] * begin - k * basis[n, c])
     for n in range(count):
         for r in range(size):
@@ -101,35 +96,35 @@ def _differentiate(numbers, first_basis, nodes, tangents, jacobian):
 
 
 @compiled(error_model="numpy")
-def smooth_period(i, law, wave, period, turns, out):
+def smooth_period(i, law, wave, fine, turns, out):
     """Fourier coefficients (2 H,) of f - k u of one contact in its cycle, their Jacobian; returns the loss.
 
-    ``law`` as ``ContactLaws.one_by_one`` gives it, with the slip forces in its table. ``period``: whether the motion is
-    odd, and a factor on the number of nodes. The rest as in ``masing_period``.
+    ``law`` as ``ContactLaws.one_by_one`` gives it, with the slip forces in its table; ``fine`` is a factor on the
+    number of nodes. The rest as in ``masing_period``.
     """
-    (orders, (odd, fine)), (number, _, value, cosine, sine), (forces, jacobian, derive) = (wave[1], period), turns, out
+    orders, (number, _, value, cosine, sine), (forces, jacobian, derive) = wave[1], turns, out
     k, size = law[3][STIFFNESS, i], len(forces)
-    nodes = _nodes(wave, turns, number // 2 if odd else number, fine)
+    nodes = _nodes(wave, turns, number // 2, fine)
     (weight, u, rate, basis), count, first_basis = nodes, len(nodes[0]), np.empty(size)
     for h in range(size // 2):
         first_basis[2 * h], first_basis[2 * h + 1] = cosine[number - 1, orders[h]], sine[number - 1, orders[h]]
     force, a, b = np.empty(count), np.empty(count), np.empty(count)
     start_u, along = value[number - 1], (force, a, b)
-    start = _settle(i, law, start_u, odd, u, along)
+    start = _settle(i, law, start_u, u, along)
     _follow(i, law, start, start_u, u, along)
-    scale, lost = (2.0 if odd else 1.0) / np.pi, 0.0
+    scale, lost = 2.0 / np.pi, 0.0
     if derive:
-        _differentiate((k, scale, odd), first_basis, nodes, (a, b), jacobian)
+        _differentiate((k, scale), first_basis, nodes, (a, b), jacobian)
     for n in range(count):
         lost += weight[n] * force[n] * rate[n]
         force[n] = weight[n] * (force[n] - k * u[n])
         for r in range(size):
             forces[r] += scale * basis[n, r] * force[n]
-    return lost * (2.0 if odd else 1.0)
+    return 2.0 * lost
 
 
 @inner
-def _settle(i, law, start_u, odd, nodes, out):
+def _settle(i, law, start_u, nodes, out):
     """Internal force at the first turning point with which the cycle closes."""
     start, limit, a = 0.0, law[3][LIMIT, i], out[1]
     for trial in range(60):
@@ -137,13 +132,8 @@ def _settle(i, law, start_u, odd, nodes, out):
         product = 1.0
         for n in range(len(a)):
             product *= a[n]
-        if odd:
-            # half a period later the force is the opposite; every fourth step is one that always contracts
-            step = -(start + end) / (1.0 + product if trial % 4 != 3 else 2.0)
-        elif trial < 4 or product > 1.0 - 1e-6:
-            step = end - start
-        else:
-            step = (end - start) / (1.0 - product)
+        # half a period later the force is the opposite; every fourth step is one that always contracts
+        step = -(start + end) / (1.0 + product if trial % 4 != 3 else 2.0)
         new = min(max(start + step, -4.0 * limit), 4.0 * limit)
         done = abs(new - start) <= 1e-13 * limit
         start = new

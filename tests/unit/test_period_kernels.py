@@ -69,7 +69,7 @@ def closed_form(amplitudes, limit):
     bends = np.stack([-(ODD**2) * np.cos(angle), -(ODD**2) * np.sin(angle)], -1).reshape(-1, size)
     forces, jacobian, lost, _ = contact_forces(
         amplitudes[None],
-        (ODD, np.array([rates, bends]), True, 1, 1.0),
+        (ODD, np.array([rates, bends]), 1, 1.0),
         (np.ones(1), np.array([limit]), np.zeros((1, 1), np.int64)),
         (np.ones(1, np.int64), np.ones((1, 1)), np.ones((1, 1))),
         None,
