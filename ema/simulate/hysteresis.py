@@ -240,8 +240,3 @@ def _normal_force_findings(normal: np.ndarray, f: np.ndarray, name: str) -> list
             )
         )
     return findings
-
-
-def equivalent_slip_force(loop: Loop) -> float:
-    """Slip force in N of the rigid rectangle with the same energy and amplitude, W / 4A."""
-    return loop.area / (4 * loop.amplitude)

@@ -144,31 +144,6 @@ def enclosed_area(displacements: Float[np.ndarray, "sample"], forces: Float[np.n
     return float(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(displacements)))
 
 
-def masing_area(stiffness: float, slip_force: float, amplitude: float) -> float:
-    """Closed-form energy per cycle of a Masing spring, 4 F_C (A - F_C/k_T) above A = F_C/k_T, else 0."""
-    return max(4 * slip_force * (amplitude - slip_force / stiffness), 0.0)
-
-
-def regularised_area(stiffness: float, slip_force: float, amplitude: float, exponent: float) -> float:
-    """Energy per stabilised cycle of Eq. (5) by quadrature of its virgin curve.
-
-    Unloading is elastic to F = 0; from there the virgin curve is followed to the other end, so that
-    W = 2 (integral of F dx over the virgin part - F_max^2 / 2 k_T).
-    """
-    from scipy.integrate import quad
-    from scipy.optimize import brentq
-
-    def part(y: float, weighted: bool) -> float:
-        def rate(q: float) -> float:
-            return float(virgin_rate(np.asarray(q), exponent)) * (-np.expm1(-q) if weighted else 1.0)
-
-        return float(quad(rate, 0, y, epsabs=0, epsrel=1e-9, limit=500)[0])
-
-    way = 2 * amplitude * stiffness / slip_force
-    y = brentq(lambda q: part(q, False) - np.expm1(-q) - way, 1e-12, 36 + exponent * way, xtol=1e-14)
-    return float(2 * (slip_force**2 / stiffness) * (part(y, True) - 0.5 * np.expm1(-y) ** 2))
-
-
 def stabilised(
     travel: Float[np.ndarray, "sample"],
     falling: Bool[np.ndarray, "sample"],
@@ -203,17 +178,3 @@ def stabilised(
     e = travel / unit
     value = np.where(e < top, top - e, -virgin(np.maximum(e - top - play / unit, 0.0)))
     return np.where(falling, slip_force, -slip_force) * value
-
-
-def dahl_area(stiffness: float, slip_force: float, amplitude: float) -> float:
-    """Closed-form energy per stabilised cycle of Dahl's law with shape 1: 4 F_C (A - F_C/k_T tanh(k_T A/F_C))."""
-    ratio = stiffness * amplitude / slip_force
-    return float(4 * slip_force * (amplitude - slip_force / stiffness * np.tanh(ratio)))
-
-
-def iwan_area(stiffness: float, slip_force: float, amplitude: float, chi: float, beta: float) -> float:
-    """Closed-form energy per cycle of the continuous Iwan model in microslip, ~ A^(chi + 3) (Segalman 2005)."""
-    scale = beta + (chi + 1) / (chi + 2)
-    largest = slip_force * (1 + beta) / (stiffness * scale)
-    density = slip_force * (chi + 1) / (largest ** (chi + 2) * scale)
-    return float(4 * density * amplitude ** (chi + 3) / ((chi + 3) * (chi + 2)))

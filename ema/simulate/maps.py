@@ -734,25 +734,3 @@ def interpolated(
     result = np.exp(PchipInterpolator(axis[places], np.log([known[n] for n in places]))(axis))
     result[places] = [known[n] for n in places]
     return np.asarray(result)
-
-
-def damping_rule(slip_stiffness: float, slip_shape: float, frequency: float) -> float:
-    """Largest damping that a Masing contact adds to a mode, kappa / (2 pi (1 + kappa/2)), kappa = k psi^2 / w^2.
-
-    ``slip_stiffness`` k N/m (contact and beam in series), ``slip_shape`` psi the mass-normalised modal relative
-    displacement, ``frequency`` Hz of the mode. Power balance at the amplitude 2 F_C/k, Masing's describing function.
-    """
-    kappa = slip_stiffness * slip_shape**2 / (2 * np.pi * frequency) ** 2
-    return float(kappa / (2 * np.pi * (1 + kappa / 2)))
-
-
-def slip_force_rule(added: float, total: float, force: float, shape_at_force: float, slip_shape: float) -> float:
-    """Slip force mu F_N in N of most damping under a harmonic force: (pi/2) (dzeta/zeta) F_E phi_e/psi."""
-    return float(np.pi / 2 * added / total * force * shape_at_force / slip_shape)
-
-
-def placement_index(
-    stuck: Float[np.ndarray, "place"], sliding: Float[np.ndarray, "place"]
-) -> Float[np.ndarray, "place"]:
-    """Linear estimate of the damping a joint can add, from the natural frequencies with it stuck and sliding (Hz)."""
-    return (stuck**2 - sliding**2) / (np.pi * (stuck**2 + sliding**2))

@@ -445,9 +445,3 @@ def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
         whole[row : row + block.shape[0], column : column + block.shape[1]] = block
         row, column = row + block.shape[0], column + block.shape[1]
     return whole
-
-
-def without_friction(model: BeamModel) -> BeamModel:
-    """The same structure with frictionless joints (mu = 0)."""
-    joints = tuple(replace(j, law=replace(j.law, friction_coefficient=0.0)) for j in model.joints)
-    return replace(model, joints=joints)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from ema.errors import InputError
 from ema.simulate import Coulomb, Dahl, Iwan, LuGre, Masing, ParallelMasing, RegularisedMasing, loop, register_law
 from ema.simulate.friction import iwan_springs
-from ema.simulate.loops import drive, iwan_area
+from ema.simulate.loops import drive
+from tests.closed_forms import iwan_area
 
 K, MU, FN = 1e6, 0.3, 100.0
 LAWS = [

@@ -26,7 +26,8 @@ from ema.simulate import (
     respond,
     snapback,
 )
-from ema.simulate.loops import drive, iwan_area
+from ema.simulate.loops import drive
+from tests.closed_forms import iwan_area
 
 K, FC, STIFFNESS = 4e5, 30.0, 4e5
 

@@ -25,8 +25,9 @@ from ema.simulate import (
     register_law,
 )
 from ema.simulate.friction import iwan_springs
-from ema.simulate.loops import dahl_area, drive, enclosed_area, masing_area, regularised_area
+from ema.simulate.loops import drive, enclosed_area
 from ema.simulate.transient import Stepper, prepare
+from tests.closed_forms import dahl_area, masing_area, regularised_area
 
 K, FC = 1e6, 30.0
 MU, FN = 0.3, 100.0

@@ -28,9 +28,8 @@ from ema.simulate import (
 )
 from ema.simulate.events import Harmonic, run_reference
 from ema.simulate.harmonic import EVALUATION, Condensed, condense
-from ema.simulate.loops import dahl_area, masing_area, regularised_area
-from ema.simulate.maps import damping_rule, slip_force_rule
 from ema.simulate.transient import _State
+from tests.closed_forms import dahl_area, damping_rule, masing_area, regularised_area, slip_force_rule
 
 TIP = "beam 2:20:+Z"
 
