@@ -38,39 +38,17 @@ class Factors:
         if len(right) < _LARGE:
             return np.asarray(np.linalg.solve(matrix(), right))
         from scipy.linalg import lu_factor, lu_solve
+        from scipy.sparse.linalg import LinearOperator, gmres
+
+        def inverse(vector: np.ndarray) -> Float[np.ndarray, "unknown"]:
+            return np.asarray(lu_solve(self.triangles, vector, check_finite=False))
 
         if unknowns == self.unknowns:
-            close = _gmres(product, lambda vector: lu_solve(self.triangles, vector, check_finite=False), right, forcing)
-            if close is not None:
-                return close
+            ahead = LinearOperator(
+                (len(right), len(right)), matvec=lambda vector: product(inverse(vector)), dtype=float
+            )
+            found, failed = gmres(ahead, right, rtol=forcing, atol=0.0, restart=_MOST_TURNS, maxiter=1)
+            if not failed:
+                return inverse(found)
         self.unknowns, self.triangles = unknowns, lu_factor(matrix(), overwrite_a=True, check_finite=False)
-        return np.asarray(lu_solve(self.triangles, right, check_finite=False))
-
-
-def _gmres(
-    product: Callable[[np.ndarray], np.ndarray],
-    inverse: Callable[[np.ndarray], np.ndarray],
-    right: Float[np.ndarray, "unknown"],
-    forcing: float,
-) -> Float[np.ndarray, "unknown"] | None:
-    """Solution by GMRES, preconditioned from the right; ``None``: it takes too many turns."""
-    size = float(np.linalg.norm(right))
-    turned, solved = [right / size], []
-    table = np.zeros((_MOST_TURNS + 1, _MOST_TURNS))
-    target = np.zeros(_MOST_TURNS + 1)
-    target[0] = size
-    for n in range(_MOST_TURNS):
-        solved.append(inverse(turned[n]))
-        new = product(solved[n])
-        for m, known in enumerate(turned):
-            table[m, n] = new @ known
-            new = new - table[m, n] * known
-        table[n + 1, n] = np.linalg.norm(new)
-        square = table[: n + 2, : n + 1]
-        weights = np.linalg.lstsq(square, target[: n + 2], rcond=None)[0]
-        if np.linalg.norm(target[: n + 2] - square @ weights) <= forcing * size:
-            return np.asarray(weights @ np.array(solved))
-        if not table[n + 1, n] > 0.0:
-            return None
-        turned.append(new / table[n + 1, n])
-    return None
+        return inverse(right)
