@@ -156,21 +156,19 @@ def stabilised(
     ``parameters``: k_T in N/m, F_C in N and the exponent; ``play`` in m. Elastic to zero, across the play, then along
     the virgin curve, of which one quadrature gives the way at its nodes.
     """
+    from scipy.interpolate import CubicHermiteSpline
     from scipy.optimize import brentq
 
     stiffness, slip_force, exponent = parameters
     unit, steps = slip_force / stiffness, np.diff(_NODES)
     inside = virgin_rate(np.maximum(_NODES[:-1, None] + steps[:, None] * _POINTS, 1e-12), exponent) @ _WEIGHTS
     places = np.concatenate([[0.0], np.cumsum(inside * steps)])
-    slopes = 1 / virgin_rate(np.maximum(_NODES, 1e-12), exponent)
+    # in -ln(1 - F/F_C), which is smooth up to full slip
+    curve = CubicHermiteSpline(places, _NODES, 1 / virgin_rate(np.maximum(_NODES, 1e-12), exponent))
 
     def virgin(x: np.ndarray) -> np.ndarray:
-        """Force over F_C at way x in F_C/k_T: cubic in -ln(1 - F/F_C) between the nodes."""
-        cell = np.clip(np.searchsorted(places, x, side="right") - 1, 0, len(places) - 2)
-        d, rise = places[cell + 1] - places[cell], steps[cell]
-        s, a, b = np.clip((x - places[cell]) / d, 0.0, 1.0), slopes[cell] * d, slopes[cell + 1] * d
-        y = _NODES[cell] + s * (a + s * (3 * rise - 2 * a - b + s * (a + b - 2 * rise)))
-        return np.asarray(np.where(x >= places[-1], 1.0, -np.expm1(-y)))
+        """Force over F_C at way x in F_C/k_T."""
+        return np.asarray(np.where(x >= places[-1], 1.0, -np.expm1(-curve(np.minimum(x, places[-1])))))
 
     whole = max(2 * amplitude - play, 1e-9 * amplitude) / unit
     turn = brentq(lambda way: float(virgin(np.array(way))) + way - whole, 0.0, whole, xtol=1e-16)
