@@ -1,16 +1,18 @@
 """From a BeamModel to one set of matrices with its contacts; and the double beam."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
 
 from ema.data import BeamModel, Damping, Finding, FrictionLaw, Joint, Matrices, NormalContact
 from ema.dof import Dof, match
 from ema.errors import InputError
 from ema.simulate.contact import NormalPairs, normal_pairs, press, resting
 from ema.simulate.friction import check_isotropic
-from ema.simulate.interface import normal_rows, rocking_rows, tangential_rows
+from ema.simulate.interface import Parts, normal_rows, rocking_rows, tangential_rows
 from ema.simulate.modal_host import ModalCoordinates, modal_coordinates
 
 RIGID_FACTOR = 1000.0
@@ -121,69 +123,71 @@ def pair_stiffness(joint: Joint, forces: Float[np.ndarray, "pair"] | None = None
 
 
 def _check_joint(joint: Joint) -> None:
-    where, law = f"joint {joint.name}", joint.law
+    law, pairs = joint.law, joint.pairs
 
-    def wrong(what: str, got: object, expected: str, advice: str = "") -> InputError:
-        return InputError(what, where=where, got=got, expected=expected, advice=advice)
+    def refuse(wrong: Any, what: str, got: object, expected: str, advice: str = "") -> None:
+        if wrong:
+            raise InputError(what, where=f"joint {joint.name}", got=got, expected=expected, advice=advice)
 
-    if not joint.pairs:
-        raise wrong(
-            "a joint without contact pairs",
-            "0 pairs",
-            "at least one (host node, beam node)",
-            "list the node pairs, or leave the joint out for a structure without friction",
-        )
-    if not (np.isfinite(joint.normal_force) and joint.normal_force >= 0):
-        raise wrong(
-            "not a normal force",
-            f"{joint.normal_force} N",
-            "0 N or more",
-            "pressing is positive; a joint that is open has 0 N",
-        )
-    if not (np.isfinite(joint.normal_stiffness) and joint.normal_stiffness > 0):
-        raise wrong("not a normal stiffness", f"{joint.normal_stiffness} N/m", "a positive number")
+    refuse(
+        not pairs,
+        "a joint without contact pairs",
+        "0 pairs",
+        "at least one (host node, beam node)",
+        "list the node pairs, or leave the joint out for a structure without friction",
+    )
+    refuse(
+        not 0 <= joint.normal_force < np.inf,
+        "not a normal force",
+        f"{joint.normal_force} N",
+        "0 N or more",
+        "pressing is positive; a joint that is open has 0 N",
+    )
+    springs = f"{joint.normal_stiffness} N/m"
+    refuse(not 0 < joint.normal_stiffness < np.inf, "not a normal stiffness", springs, "a positive number")
     for name in ("tangential_loss", "normal_loss"):
-        if not 0 <= getattr(joint, name) < 1:
-            raise wrong("not a loss factor", f"{name} = {getattr(joint, name)}", "0 or more, below 1")
-    if not (np.isfinite(joint.contact_length) and joint.contact_length >= 0):
-        raise wrong("not a contact length", f"{joint.contact_length} m", "0 m or more")
-    if joint.contact_length and (len(joint.pairs) > 1 or joint.normal_contact != NormalContact()):
-        raise wrong(
-            "a contact length where node pairs or the normal law describe the contact",
-            f"{len(joint.pairs)} pairs, {joint.normal_contact}",
-            "one pair and a linear normal spring",
-        )
-    if not (np.isfinite(law.friction_coefficient) and law.friction_coefficient >= 0):
-        raise wrong(
-            "not a friction coefficient",
-            law.friction_coefficient,
-            "mu of 0 or more",
-            "the direction of friction follows from the motion, mu has no sign",
-        )
-    if not law.contact_stiffness > 0 or (np.isinf(law.contact_stiffness) and law.name != "coulomb"):
-        raise wrong(
-            "not a tangential contact stiffness",
-            f"{law.contact_stiffness} N/m",
-            "a positive finite number",
-            "for rigid contact use ema.simulate.Coulomb",
-        )
-    if not (np.isfinite(law.stiffness_exponent) and law.stiffness_exponent >= 0):
-        raise wrong("not an exponent of k_T(F_N)", law.stiffness_exponent, "0 (constant) or more, usually 0.3 to 0.9")
-    if not (np.isfinite(law.reference_force) and law.reference_force > 0):
-        raise wrong("not a reference force of k_T(F_N)", f"{law.reference_force} N", "above 0 N")
-    if not law.stiffness_cap > 0:
-        raise wrong("not a cap of k_T(F_N)", f"{law.stiffness_cap} N/m", "above 0 N/m")
-    if not np.all(np.isfinite(joint.half_heights)):
-        raise wrong("not distances to the interface", f"{joint.half_heights} m", "two finite numbers")
+        loss = getattr(joint, name)
+        refuse(not 0 <= loss < 1, "not a loss factor", f"{name} = {loss}", "0 or more, below 1")
+    length = f"{joint.contact_length} m"
+    refuse(not 0 <= joint.contact_length < np.inf, "not a contact length", length, "0 m or more")
+    refuse(
+        joint.contact_length and (len(pairs) > 1 or joint.normal_contact != NormalContact()),
+        "a contact length where node pairs or the normal law describe the contact",
+        f"{len(pairs)} pairs, {joint.normal_contact}",
+        "one pair and a linear normal spring",
+    )
+    refuse(
+        not 0 <= law.friction_coefficient < np.inf,
+        "not a friction coefficient",
+        law.friction_coefficient,
+        "mu of 0 or more",
+        "the direction of friction follows from the motion, mu has no sign",
+    )
+    refuse(
+        not law.contact_stiffness > 0 or (np.isinf(law.contact_stiffness) and law.name != "coulomb"),
+        "not a tangential contact stiffness",
+        f"{law.contact_stiffness} N/m",
+        "a positive finite number",
+        "for rigid contact use ema.simulate.Coulomb",
+    )
+    refuse(
+        not 0 <= law.stiffness_exponent < np.inf,
+        "not an exponent of k_T(F_N)",
+        law.stiffness_exponent,
+        "0 (constant) or more, usually 0.3 to 0.9",
+    )
+    reference, cap = f"{law.reference_force} N", f"{law.stiffness_cap} N/m"
+    refuse(not 0 < law.reference_force < np.inf, "not a reference force of k_T(F_N)", reference, "above 0 N")
+    refuse(not law.stiffness_cap > 0, "not a cap of k_T(F_N)", cap, "above 0 N/m")
+    heights = f"{joint.half_heights} m"
+    refuse(not np.all(np.isfinite(joint.half_heights)), "not distances to the interface", heights, "two finite numbers")
     for name, shares in (("normal force", joint.force_shares), ("area", joint.area_shares)):
-        if shares is None:
-            continue
-        if shares.shape != (len(joint.pairs),):
-            raise wrong(f"shares of the {name} do not fit", shares.shape, f"{len(joint.pairs)}, one per pair")
-        if np.any(~np.isfinite(shares)) or np.any(shares < 0) or abs(shares.sum() - 1) > 1e-9:
-            raise wrong(
-                f"not shares of the {name}", f"sum {shares.sum():g}, least {shares.min():g}", "0 or more, sum 1"
-            )
+        if shares is not None:
+            fits = shares.shape == (len(pairs),)
+            refuse(not fits, f"shares of the {name} do not fit", shares.shape, f"{len(pairs)}, one per pair")
+            fits = bool(np.all(np.isfinite(shares) & (shares >= 0))) and abs(shares.sum() - 1) <= 1e-9
+            got = f"sum {shares.sum():g}, least {shares.min():g}"
+            refuse(not fits, f"not shares of the {name}", got, "0 or more, sum 1")
 
 
 def check_matrices(matrices: Matrices, where: str) -> None:
@@ -276,13 +280,11 @@ def assemble(model: BeamModel) -> System:
         if isinstance(matrices, Matrices):
             check_matrices(matrices, f"{model.name} {part}".strip())
     dofs = tuple(dof for matrices in (host, *beam_part) for dof in matrices.dofs)
-    mass, stiffness = (
-        _block_diagonal([getattr(p, name) for p in (host, *beam_part)]) for name in ("mass", "stiffness")
-    )
+    mass, stiffness = (block_diag(*(getattr(p, name) for p in (host, *beam_part))) for name in ("mass", "stiffness"))
     reach, decay = None, None
     if isinstance(host, ModalCoordinates):
         beam_size = len(dofs) - len(host.dofs)
-        reach = _block_diagonal([np.asarray(host.shapes), np.eye(beam_size)])
+        reach = block_diag(host.shapes, np.eye(beam_size))
         decay = np.concatenate([host.decay, np.zeros(beam_size)])
     split = len(model.host.dofs) if model.beam is not None else 0
     parts = (dofs[: len(model.host.dofs)], dofs[split:], split, len(dofs))
@@ -313,17 +315,13 @@ def assemble(model: BeamModel) -> System:
     )
 
 
-_Parts = tuple[tuple[Dof, ...], tuple[Dof, ...], int, int]
-"""DOFs of host and beam, place of the beam's first DOF, number of all DOFs."""
-
-
-def _normals(model: BeamModel, parts: _Parts, reach: np.ndarray | None) -> NormalPairs:
-    gaps = np.vstack([normal_rows(joint, *parts) for joint in model.joints])
+def _normals(model: BeamModel, parts: Parts, reach: np.ndarray | None) -> NormalPairs:
+    gaps = np.vstack([normal_rows(joint, parts) for joint in model.joints])
     areas, preloads = (np.concatenate([share(joint) for joint in model.joints]) for share in (pair_areas, pair_forces))
     return normal_pairs(model.joints, gaps if reach is None else gaps @ reach, areas, preloads)
 
 
-def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals: NormalPairs) -> Contacts:
+def _contacts(model: BeamModel, parts: Parts, reach: np.ndarray | None, normals: NormalPairs) -> Contacts:
     """Friction contacts of all joints in all directions, then the normal contacts that are followed."""
     slips: list[np.ndarray] = []
     limits: list[float] = []
@@ -343,7 +341,7 @@ def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals
             check_isotropic(joint.law, f"joint {joint.name}")
         forces, friction = normals.forces[part], joint.law.friction_coefficient
         for place, direction in enumerate(joint.directions):
-            slips.append(tangential_rows(joint, direction, *parts))
+            slips.append(tangential_rows(joint, direction, parts))
             limits += list(friction * forces)
             shares += list(friction * pair_forces(replace(joint, normal_force=1.0)))
             springs += list(pair_stiffness(joint, forces))
@@ -371,14 +369,14 @@ def _contacts(model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals
 
 
 def _rocking(
-    model: BeamModel, parts: _Parts, reach: np.ndarray | None, normals: NormalPairs
+    model: BeamModel, parts: Parts, reach: np.ndarray | None, normals: NormalPairs
 ) -> tuple[Float[np.ndarray, "spring n"], Float[np.ndarray, "spring"]] | None:
     """What linear normal springs spread over a length add: k_N l^2 / 12 between the rotations of host and beam."""
     rows, springs, pair = list[np.ndarray](), list[np.ndarray](), 0
     for joint in model.joints:
         count = len(joint.pairs)
         if joint.contact_length:
-            rows.append(rocking_rows(joint, *parts))
+            rows.append(rocking_rows(joint, parts))
             springs.append(normals.stiffness[pair : pair + count] * joint.contact_length**2 / 12)
         pair += count
     if not rows:
@@ -436,12 +434,3 @@ def _rigid_contacts(
 
 def _spacing(model: BeamModel) -> float:
     return model.pair_spacing if model.pair_spacing is not None else float("inf")
-
-
-def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
-    height, width = (sum(block.shape[axis] for block in blocks) for axis in (0, 1))
-    whole, row, column = np.zeros((height, width)), 0, 0
-    for block in blocks:
-        whole[row : row + block.shape[0], column : column + block.shape[1]] = block
-        row, column = row + block.shape[0], column + block.shape[1]
-    return whole
