@@ -5,7 +5,7 @@ hold. Newton's step is found by block elimination (Keller 1977): the contacts' e
 for what every further unknown changes in it, then the conditions give the change of y.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -170,27 +170,68 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class SlipForces:
-    """Forced motion at a frequency with slip forces raised by a factor, of which the logarithm is the unknown."""
+class ForcedMotion:
+    """Forced motion with one further unknown, of a curve that ``plane`` cuts."""
 
     condensed: Condensed
-    omega: float
-    receptances: Float[np.ndarray, "2 harmonic contact contact"]
     plane: Plane
 
     @property
     def scales(self) -> Float[np.ndarray, "unknown"]:
-        """1: the unknown is a logarithm."""
+        """1, as all unknowns are relative."""
         return np.ones(1)
+
+    def frequency(self, unknowns: np.ndarray) -> float:
+        """Angular frequency in rad/s."""
+        raise NotImplementedError
+
+    def level(self, unknowns: np.ndarray) -> float:
+        """Slip forces over those of the model."""
+        return 1.0
+
+    def contact_forces(self, amplitudes: np.ndarray, unknowns: np.ndarray) -> tuple[np.ndarray, ...]:
+        """As ``Condensed.contact_forces``; counts against the budget."""
+        self.condensed.left -= amplitudes.size + EVALUATION
+        omega, level = self.frequency(unknowns), self.level(unknowns)
+        return self.condensed.contact_forces(amplitudes, omega, self.condensed.fine, level)
+
+    def moves_forces(self, index: int) -> bool:
+        """Whether a law depends on velocities."""
+        return bool(self.condensed.rates.any())
+
+    def gains(self, unknowns: np.ndarray, count: int) -> Float[np.ndarray, "2 harmonic contact contact"]:
+        """Receptances of the contacts."""
+        return self.condensed.gains(self.frequency(unknowns), count)
+
+    def rest(
+        self, amplitudes: np.ndarray, forces: np.ndarray, unknowns: np.ndarray
+    ) -> Float[np.ndarray, "contact size"]:
+        """U - U_drive + Z G."""
+        count = amplitudes.shape[1] // 2
+        drive = self.condensed.drive(self.frequency(unknowns), count)
+        return np.asarray(self.condensed.kernels.residual(amplitudes, drive, self.gains(unknowns, count), forces))
+
+    def conditions(
+        self, amplitudes: np.ndarray, forces: np.ndarray, unknowns: np.ndarray
+    ) -> Float[np.ndarray, "unknown"]:
+        """Distance from the plane."""
+        return np.array([self.plane.tangent @ (self.plane.coordinates(amplitudes, unknowns) - self.plane.point)])
+
+
+@dataclass(frozen=True)
+class SlipForces(ForcedMotion):
+    """Motion at one frequency with slip forces raised by a factor, of which the logarithm is the unknown."""
+
+    omega: float
+    receptances: Float[np.ndarray, "2 harmonic contact contact"]
 
     def frequency(self, unknowns: np.ndarray) -> float:
         """Angular frequency in rad/s."""
         return self.omega
 
-    def contact_forces(self, amplitudes: np.ndarray, unknowns: np.ndarray) -> tuple[np.ndarray, ...]:
-        """As ``Condensed.contact_forces``; counts against the budget."""
-        self.condensed.left -= amplitudes.size + EVALUATION
-        return self.condensed.contact_forces(amplitudes, self.omega, self.condensed.fine, float(np.exp(unknowns[0])))
+    def level(self, unknowns: np.ndarray) -> float:
+        """Slip forces over those of the model."""
+        return float(np.exp(unknowns[0]))
 
     def moves_forces(self, index: int) -> bool:
         """They depend on the slip forces."""
@@ -200,18 +241,45 @@ class SlipForces:
         """Receptances of the contacts."""
         return self.receptances
 
-    def rest(
-        self, amplitudes: np.ndarray, forces: np.ndarray, unknowns: np.ndarray
-    ) -> Float[np.ndarray, "contact size"]:
-        """U - U_drive + Z G."""
-        drive = self.condensed.drive(self.omega, amplitudes.shape[1] // 2)
-        return np.asarray(self.condensed.kernels.residual(amplitudes, drive, self.receptances, forces))
 
-    def conditions(
-        self, amplitudes: np.ndarray, forces: np.ndarray, unknowns: np.ndarray
-    ) -> Float[np.ndarray, "unknown"]:
-        """Distance from the plane."""
-        return np.array([self.plane.tangent @ (self.plane.coordinates(amplitudes, unknowns) - self.plane.point)])
+@dataclass(frozen=True)
+class Arcs:
+    """Steps along a curve: the first length, the longest and shortest one over the size of the motion, how many.
+
+    ``bend``: cosine of the angle between two of them below which the second is halved.
+    """
+
+    first: float
+    longest: float
+    shortest: float
+    most: int
+    bend: float = -1.0
+
+
+def along(
+    motion: Callable[[Plane], ForcedMotion],
+    place: Float[np.ndarray, "coordinate"],
+    tangent: Float[np.ndarray, "coordinate"],
+    size: float,
+    arcs: Arcs,
+) -> Iterator[Float[np.ndarray, "coordinate"]]:
+    """Points along a curve behind ``place``, in the coordinates of ``Plane``, as far as it can be followed."""
+    step = arcs.first
+    for _ in range(arcs.most):
+        ahead = place + step * tangent
+        equations = motion(Plane(ahead, tangent, size))
+        shape = len(equations.condensed.limits), -1
+        found = bordered_newton(equations, ahead[:-1].reshape(shape) * size, ahead[-1:])
+        reached = None if found is None else equations.plane.coordinates(found.amplitudes, found.unknowns)
+        way = np.zeros_like(place) if reached is None else reached - place
+        if reached is None or way @ tangent < arcs.bend * np.linalg.norm(way):
+            step *= 0.5
+            if step < arcs.shortest or equations.condensed.left < 0:
+                return
+            continue
+        place, tangent = reached, way / np.linalg.norm(way)
+        yield place
+        step = min(1.5 * step, arcs.longest * max(1.0, float(np.linalg.norm(place[:-1]))))
 
 
 def lowered_slip_forces(
@@ -222,23 +290,15 @@ def lowered_slip_forces(
     ``known``: factors on the slip forces and amplitudes of these, the lower one last. Where the curve turns back to
     higher slip forces, as the motion jumps, it is followed round the bend. ``None`` where it does not come down.
     """
-    size = float(np.linalg.norm(known[-1][1]))
-    shape = known[-1][1].shape
+    size, shape = float(np.linalg.norm(known[-1][1])), known[-1][1].shape
     before, here = (np.append(motion.ravel() / size, np.log(level)) for level, motion in known)
-    step = float(np.linalg.norm(here - before))
-    for _ in range(_MOST_ARCS):
-        tangent = (here - before) / np.linalg.norm(here - before)
-        ahead = here + step * tangent
-        path = SlipForces(condensed, omega, gains, Plane(ahead, tangent, size))
-        found = bordered_newton(path, ahead[:-1].reshape(shape) * size, ahead[-1:])
-        if found is None:
-            step *= 0.5
-            if step < _SHORTEST_ARC or condensed.left < 0:
-                return None
-            continue
-        before, here = here, path.plane.coordinates(found.amplitudes, found.unknowns)
+    first = float(np.linalg.norm(here - before))
+    arcs = Arcs(first, _LONGEST_ARC, _SHORTEST_ARC, _MOST_ARCS)
+    for point in along(
+        lambda plane: SlipForces(condensed, plane, omega, gains), here, (here - before) / first, size, arcs
+    ):
+        before, here = here, point
         if here[-1] <= 0.0:
             share = before[-1] / (before[-1] - here[-1])
             return np.asarray((before + share * (here - before))[:-1].reshape(shape) * size)
-        step = min(1.5 * step, _LONGEST_ARC * float(np.linalg.norm(here[:-1])))
     return None

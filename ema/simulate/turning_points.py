@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ema.simulate.continuation import Plane, bordered_newton
-from ema.simulate.harmonic import EVALUATION, Condensed, _Point, with_harmonics
+from ema.simulate.continuation import Arcs, ForcedMotion, along
+from ema.simulate.harmonic import Condensed, _Point, with_harmonics
 
 _UNEXPLAINED = 0.4
 """Distance of two states less what the mean of the slopes at both makes of it, over the largest of the three, from
@@ -19,54 +19,19 @@ _NUDGE, _SHARE = 1e-6, 0.1
 """Relative change of the frequency for the slope; the share of the budget of a line that following takes at most."""
 _MOST_HARMONICS = 9
 """Of those with which the curve is followed: what bends it is in the low ones."""
-_FIRST, _LONGEST, _SHORTEST, _MOST_ARCS, _BEND = 0.02, 0.1, 1e-5, 400, 0.9
-"""Lengths of arcs over the size of the motion and the distance of the lines, their number, and the cosine of the angle
-between two of them below which the second is halved."""
+_ARCS = Arcs(first=0.02, longest=0.1, shortest=1e-5, most=400, bend=0.9)
+"""Lengths over the size of the motion and the distance of the lines."""
 
 
 @dataclass(frozen=True)
-class ForcedCurve:
+class ForcedCurve(ForcedMotion):
     """Forced motion at a frequency that is the unknown: 0 at the first line, 1 at the second, ``band`` rad/s."""
 
-    condensed: Condensed
     band: tuple[float, float]
-    plane: Plane
-
-    @property
-    def scales(self) -> Float[np.ndarray, "unknown"]:
-        """1: the distance of the lines."""
-        return np.ones(1)
 
     def frequency(self, unknowns: np.ndarray) -> float:
         """Angular frequency in rad/s."""
         return float(self.band[0] + unknowns[0] * (self.band[1] - self.band[0]))
-
-    def contact_forces(self, amplitudes: np.ndarray, unknowns: np.ndarray) -> tuple[np.ndarray, ...]:
-        """As ``Condensed.contact_forces``; counts against the budget."""
-        self.condensed.left -= amplitudes.size + EVALUATION
-        return self.condensed.contact_forces(amplitudes, self.frequency(unknowns), self.condensed.fine)
-
-    def moves_forces(self, index: int) -> bool:
-        """Whether a law depends on velocities."""
-        return bool(self.condensed.rates.any())
-
-    def gains(self, unknowns: np.ndarray, count: int) -> Float[np.ndarray, "2 harmonic contact contact"]:
-        """Receptances of the contacts."""
-        return self.condensed.gains(self.frequency(unknowns), count)
-
-    def rest(
-        self, amplitudes: np.ndarray, forces: np.ndarray, unknowns: np.ndarray
-    ) -> Float[np.ndarray, "contact size"]:
-        """U - U_drive + Z G."""
-        count = amplitudes.shape[1] // 2
-        drive = self.condensed.drive(self.frequency(unknowns), count)
-        return np.asarray(self.condensed.kernels.residual(amplitudes, drive, self.gains(unknowns, count), forces))
-
-    def conditions(
-        self, amplitudes: np.ndarray, forces: np.ndarray, unknowns: np.ndarray
-    ) -> Float[np.ndarray, "unknown"]:
-        """Distance from the plane."""
-        return np.array([self.plane.tangent @ (self.plane.coordinates(amplitudes, unknowns) - self.plane.point)])
 
 
 def slope(condensed: Condensed, point: _Point) -> Float[np.ndarray, "contact size"]:
@@ -113,27 +78,14 @@ def turning_points(condensed: Condensed, here: _Point, there: _Point) -> list[fl
         return None
     size = max(float(np.linalg.norm(point.amplitudes)) for point in (here, there))
     band = here.omega, there.omega
-    shape = begun.amplitudes.shape
     place = np.append(begun.amplitudes.ravel() / size, 0.0)
     tangent = np.append(with_harmonics(slope(condensed, begun), count).ravel() * (band[1] - band[0]) / size, 1.0)
     tangent /= np.linalg.norm(tangent)
-    step, shares, turned = _FIRST, [0.0], list[float]()
-    for _ in range(_MOST_ARCS):
-        ahead = place + step * tangent
-        curve = ForcedCurve(condensed, band, Plane(ahead, tangent, size))
-        found = bordered_newton(curve, ahead[:-1].reshape(shape) * size, ahead[-1:])
-        reached = None if found is None else curve.plane.coordinates(found.amplitudes, found.unknowns)
-        way = np.zeros_like(place) if reached is None else reached - place
-        if reached is None or way @ tangent < _BEND * np.linalg.norm(way):
-            step *= 0.5
-            if step < _SHORTEST or condensed.left < 0:
-                return None
-            continue
-        place, tangent = reached, way / np.linalg.norm(way)
-        shares.append(float(place[-1]))
+    shares, turned = [0.0], list[float]()
+    for point in along(lambda plane: ForcedCurve(condensed, plane, band), place, tangent, size, _ARCS):
+        shares.append(float(point[-1]))
         if len(shares) > 2 and (shares[-1] - shares[-2]) * (shares[-2] - shares[-3]) < 0:
-            turned.append(curve.frequency(np.array(shares[-2:-1])) / (2 * np.pi))
+            turned.append((band[0] + shares[-2] * (band[1] - band[0])) / (2 * np.pi))
         if not 0.0 <= shares[-1] <= 1.0:
             return turned
-        step = min(1.5 * step, _LONGEST * max(1.0, float(np.linalg.norm(place[:-1]))))
     return None

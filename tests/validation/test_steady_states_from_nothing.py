@@ -144,6 +144,6 @@ def test_a_step_along_a_curve_stays_where_numbers_are(raised, share):
     start = system.drive(omega, 3)
     size = float(np.linalg.norm(start))
     direction = np.append(start.ravel() / size, 0.0)
-    path = SlipForces(system, omega, gains, Plane(share * direction, direction, size))
+    path = SlipForces(system, Plane(share * direction, direction, size), omega, gains)
     with np.errstate(all="raise", under="ignore"):
         assert bordered_newton(path, start, np.array([raised])) is None
