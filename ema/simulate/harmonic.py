@@ -7,10 +7,10 @@ springs over a period are integrated in closed form; those of other laws by quad
 matters.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -390,13 +390,27 @@ class Condensed:
         slipping = self.limits > 0
         reach = (self.stiffness * np.abs(motion))[slipping] / self.limits[slipping]
         level = min(_SLIDING, _SLIDING * float(reach.min(initial=np.inf)))
-        wanted, ratio, reached = level, _RISE, None
+        return self._raised(partial(self._levelled, omega, gains), level, start, _RISE)
+
+    def _levelled(self, omega: float, gains: np.ndarray, level: float, start: np.ndarray) -> tuple[Any, ...] | None:
+        """Newton's method with slip forces raised by ``level``."""
+        return self._newton(omega, start, gains, level)
+
+    def _raised(
+        self,
+        solve: Callable[[float, np.ndarray], tuple[Any, ...] | None],
+        first: float,
+        start: np.ndarray,
+        steepest: float,
+    ) -> tuple[Any, ...] | None:
+        """What ``solve`` finds at 1, with a level raised from ``first`` on by factors up to ``steepest`` that adapt."""
+        wanted, ratio, reached = first, np.sqrt(steepest), None
         while self.left >= 0:
-            found = self._newton(omega, start, gains, wanted)
+            found = solve(wanted, start)
             if found is not None:
                 if wanted == 1.0:
                     return found
-                start, reached, ratio = found[1], wanted, min(ratio**1.5, _RISE)
+                start, reached, ratio = found[1], wanted, min(ratio**1.5, steepest)
             else:
                 ratio = np.sqrt(ratio)
                 if reached is None or ratio < _SHORTEST_RISE:

@@ -7,6 +7,7 @@ harmonics are kept too. How many samples a period has is decided by what twice a
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from ema.simulate.harmonic import Condensed, _Point, with_harmonics
 from ema.simulate.transient import _State
 
 _MOST_PERIODS = 40
+_STEEPEST = 4.0
+"""Largest factor on the exciting force, or on the slip forces, in a step towards them."""
 _LOOSE = 0.03
 """Weight of the error of sampling against that of the quadrature of single contacts."""
 
@@ -59,7 +62,6 @@ class JoinedCondensed(Condensed):
                 advice="clamp it, or use ema.simulate.respond",
             )
         self.members = np.array([np.arange(count), ties.partner, ties.pressed_by]).T.copy()
-        self.share = self.level = 1.0
         self._tables: dict[tuple[int, int], np.ndarray] = {}
 
     def _fewest_samples(self, count: int) -> int:
@@ -85,21 +87,23 @@ class JoinedCondensed(Condensed):
         contacts = self.problem.system.contacts
         first = contacts.tangential
         if self.pressing is None:
-            return self.level * np.broadcast_to(self.limits[:first, None], (first, len(shares)))
+            return np.broadcast_to(self.limits[:first, None], (first, len(shares)))
         phases = np.arange(self.pressing.shape[1] + 1) / self.pressing.shape[1]
         force = np.array([np.interp(shares % 1.0, phases, np.append(row, row[0])) for row in self.pressing])
-        return np.asarray(force[list(contacts.joint[:first])] * (self.level * contacts.friction[:first, None]))
+        return np.asarray(force[list(contacts.joint[:first])] * contacts.friction[:first, None])
 
-    def _forces(self, amplitudes: np.ndarray, omega: float, fine: int, derive: bool) -> tuple[np.ndarray, ...]:
+    def _forces(
+        self, amplitudes: np.ndarray, omega: float, fine: int, derive: bool, level: float = 1.0
+    ) -> tuple[np.ndarray, ...]:
         count = amplitudes.shape[1] // 2
         basis = self._samples(count, fine)
         ties = self.ties
         result: tuple[np.ndarray, ...] = self.periodic.joined_forces(
             np.ascontiguousarray(amplitudes),
             (self.orders(count), basis, _MOST_PERIODS, omega),
-            np.array(self._tops(np.arange(len(basis)) / len(basis))),
+            level * self._tops(np.arange(len(basis)) / len(basis)),
             self.laws,
-            (ties.partner, ties.pressed_by, self.level * ties.friction),
+            (ties.partner, ties.pressed_by, level * ties.friction),
             self.bounds,
             derive,
         )
@@ -108,8 +112,8 @@ class JoinedCondensed(Condensed):
     def contact_forces(
         self, amplitudes: np.ndarray, omega: float, fine: int = 1, level: float = 1.0, derive: bool = True
     ) -> tuple[np.ndarray, ...]:
-        """Deviations (contact, 2 H), their Jacobian, losses and who deviates; ``self.level`` raises slip forces."""
-        return self._forces(amplitudes, omega, fine, derive)[:4]
+        """Deviations (contact, 2 H), their Jacobian, losses and who deviates; slip forces raised by ``level``."""
+        return self._forces(amplitudes, omega, fine, derive, level)[:4]
 
     def room(self) -> Float[np.ndarray, "contact"]:
         """Forces in N below which contacts stick, and normal contacts stay closed."""
@@ -127,31 +131,16 @@ class JoinedCondensed(Condensed):
         reach = self.stiffness * np.hypot(start[:, ::2], start[:, 1::2]).sum(axis=1)
         room = self.room()
         share = min(1.0, 0.5 / max(float((reach[room > 0] / room[room > 0]).max(initial=0.0)), 1e-300))
-        found = self._raised("share", share, omega, share * start, gains)
-        return self._raised("level", 0.01, omega, start, gains) if found is None else found
 
-    def _raised(
-        self, name: str, first: float, omega: float, start: np.ndarray, gains: np.ndarray
-    ) -> tuple[Any, ...] | None:
-        """Solution with ``share`` or ``level`` (of the slip forces) raised from ``first`` to 1 in steps that adapt."""
-        ratio, wanted, reached = 2.0, first, first
-        try:
-            while True:
-                setattr(self, name, wanted)
-                found = self._newton(omega, start, gains)
-                if found is not None:
-                    start, reached, ratio = found[1], wanted, min(ratio**1.5, 4.0)
-                    if reached == 1.0:
-                        return found
-                else:
-                    ratio = np.sqrt(ratio)
-                    if ratio < 1.003:
-                        return None
-                wanted = min(reached * ratio, 1.0)
-                if found is not None and name == "share":
-                    start = start * (wanted / reached)
-        finally:
-            setattr(self, name, 1.0)
+        def pushed(share: float, start: np.ndarray) -> tuple[Any, ...] | None:
+            """Newton's method with that share of the exciting force; amplitudes over the share."""
+            self.share = share
+            found = self._newton(omega, share * start, gains)
+            self.share = 1.0
+            return None if found is None else (found[0], found[1] / share, *found[2:])
+
+        found = self._raised(pushed, share, start, _STEEPEST)
+        return self._raised(partial(self._levelled, omega, gains), 0.01, start, _STEEPEST) if found is None else found
 
     def refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float
