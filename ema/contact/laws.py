@@ -128,9 +128,10 @@ class ContactLaws:
         count = len(self.stiffness)
         return compliance.copy(), np.zeros(count), np.zeros(1, np.int64), np.zeros((3, count)), np.zeros(count)
 
-    def springs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Number of Masing springs of every contact, 0 for other laws, and their shares of stiffness and slip force."""
-        counts, width = np.zeros(len(self.stiffness), np.int64), self.states
+    def springs(self) -> tuple[np.ndarray, ...]:
+        """Number of Masing springs of every contact, 0 for other laws, their shares of stiffness and slip force, and
+        the displacement over the slip force at which the first of them slides."""
+        counts, width, least = np.zeros(len(self.stiffness), np.int64), self.states, np.zeros(len(self.stiffness))
         shares_k, shares_f = np.zeros((len(counts), width)), np.zeros((len(counts), width))
         for name, first, end, own, *_ in self.groups:
             if name in _ELASTIC:
@@ -138,7 +139,8 @@ class ContactLaws:
                 whole = self.stiffness[first:end, None]
                 shares_k[first:end, :count] = 1 / (self.flexibility[first:end, :count] * whole)
                 shares_f[first:end, :count] = self.capacity[first:end, :count]
-        return counts, shares_k, shares_f
+                least[first:end] = (self.flexibility * self.capacity)[first:end, :count].min(axis=1)
+        return counts, shares_k, shares_f, least
 
     def approach(self) -> Bool[np.ndarray, "contact"]:
         """Whether every contact approaches its slip force smoothly, as no spring does."""

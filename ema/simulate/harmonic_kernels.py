@@ -8,19 +8,10 @@ import numpy as np
 
 from ema.compiled import compiled, fast, inner
 from ema.contact.call_kernels import LIMIT
-from ema.contact.linear_kernels import matvec
+from ema.contact.linear_kernels import add_rows, copy_table, matvec
 from ema.simulate.bristle_kernels import bristle_period
 from ema.simulate.period_kernels import masing_period, turning_points
 from ema.simulate.quadrature_kernels import smooth_period
-
-
-@inner
-def largest(row):
-    """The largest absolute value of a row."""
-    top = 0.0
-    for value in row:
-        top = max(top, abs(value))
-    return top
 
 
 @inner
@@ -32,24 +23,6 @@ def reach(amplitudes):
     return total
 
 
-@inner
-def weakest(stiffness, limit, shares_k, shares_f, count):
-    """Displacement at which the first of parallel springs slides."""
-    least = np.inf
-    for j in range(count):
-        least = min(least, limit * shares_f[j] / (stiffness * shares_k[j]))
-    return least
-
-
-@inner
-def free(stiffness, amplitudes, turns, out):
-    """Results of a contact without slip force, or of one that does not move."""
-    forces, jacobian, _ = out
-    for r in range(len(forces)):
-        forces[r] = -stiffness * amplitudes[r] if turns >= 2 else 0.0
-        jacobian[r, r] = -stiffness
-
-
 @compiled(error_model="numpy")
 def contact_forces(amplitudes, period, contact, springs, smooth, bristles, derive):
     """Deviations G (contact, 2 H), Jacobian (contact, member, 2 H, 2 H), losses per period, who slips.
@@ -58,13 +31,13 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
 
     period: odd orders, derivatives (2, sample, 2 H) of cos and sin over a period that serve to find the turning points,
     a factor on the number of nodes, angular frequency. contact: stiffnesses, slip forces, and members (contact,
-    member), the contacts on whose motion the force of a contact depends, itself first, then -1. springs: number of
-    Masing springs of every contact, 0 for other laws, and their shares of stiffness and slip force. smooth: what
-    ``ContactLaws.one_by_one`` gives. bristles: whether a contact has LuGre's law, and the parameters of all. Either is
-    None where no contact asks for it, and its quadrature is then not compiled.
+    member), the contacts on whose motion the force of a contact depends, itself first, then -1. springs: as
+    ``ContactLaws.springs`` gives them. smooth: what ``ContactLaws.one_by_one`` gives. bristles: whether a contact has
+    LuGre's law, and the parameters of all. Either is None where no contact asks for it, and its quadrature is then not
+    compiled.
     """
     (orders, basis, fine, omega), (stiffness, limits, members) = period, contact
-    (counts, shares_k, shares_f), (contacts, size) = springs, amplitudes.shape
+    (counts, shares_k, shares_f, first), (contacts, size) = springs, amplitudes.shape
     forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts if derive else 1, members.shape[1], size, size))
     lost, slips = np.zeros(contacts), np.zeros(contacts, np.bool_)
     length, highest = 4 * orders[-1] + 8, 2 * orders[-1] + 1
@@ -75,7 +48,7 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
     for i in range(contacts):
         masing, wave = counts[i] > 0, (amplitudes[i], orders)
         out = forces[i], jacobian[i if derive else 0, 0], derive
-        if masing and reach(amplitudes[i]) <= weakest(stiffness[i], limits[i], shares_k[i], shares_f[i], counts[i]):
+        if masing and reach(amplitudes[i]) <= limits[i] * first[i]:
             continue
         matvec(basis[0], amplitudes[i], samples[0])
         matvec(basis[1], amplitudes[i], samples[1])
@@ -83,7 +56,9 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
         number = turning_points(wave, samples, room)
         turns = number, room[0], room[1], room[2], room[3]
         if number < 2 or limits[i] <= 0.0:
-            free(stiffness[i], amplitudes[i], number, out)
+            # without slip force, or without motion
+            for r in range(size):
+                forces[i, r], out[1][r, r] = -stiffness[i] * amplitudes[i, r], -stiffness[i]
         elif masing:
             parallel = stiffness[i], limits[i], counts[i], shares_k[i], shares_f[i]
             lost[i] = masing_period(parallel, wave, turns, out)
@@ -92,7 +67,8 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
             lost[i] = bristle_period(law, wave, (fine, omega), turns, out)
         elif smooth is not None:
             lost[i] = smooth_period(i, smooth, wave, fine, turns, out)
-        slips[i] = largest(forces[i]) > (0.0 if masing else 1e-12 * limits[i])
+        for r in range(size):
+            slips[i] |= abs(forces[i, r]) > (0.0 if masing else 1e-12 * limits[i])
     return forces, jacobian, lost, slips
 
 
@@ -160,57 +136,42 @@ def linear_change(change, jacobian, members, slips):
 
 
 @fast
-def scalar_product(left, right):
-    """Scalar product of two arrays (contact, 2 H)."""
-    total = 0.0
-    for i in range(left.shape[0]):
-        for c in range(left.shape[1]):
-            total += left[i, c] * right[i, c]
-    return total
-
-
-@inner
-def add(factor, what, out):
-    """out += factor what, for arrays (contact, 2 H)."""
-    for i in range(what.shape[0]):
-        for c in range(what.shape[1]):
-            out[i, c] += factor * what[i, c]
-
-
-@fast
-def precondition(vector, coarse, seen, out):
+def precondition(vector, coarse, room, out):
     """A coarse inverse on what the shapes see of a vector (contact, 2 H), the identity on the rest.
 
     ``coarse``: shapes, weights, the inverse that holds the lowest orders together, and blocks (order, 2 shape, 2 shape)
     of the higher ones one by one.
     """
-    shapes, weights, inverse, blocks = coarse
-    contacts, count = shapes.shape
+    (shapes, weights, inverse, blocks), (seen, change) = coarse, room
+    count = shapes.shape[1]
     width = len(inverse) // count
     for a in range(count):
         for c in range(vector.shape[1]):
             seen[a, c] = 0.0
-        for i in range(contacts):
-            for c in range(vector.shape[1]):
-                seen[a, c] += weights[a, i] * vector[i, c]
-    for i in range(contacts):
-        for c in range(vector.shape[1]):
-            out[i, c] = vector[i, c]
+        add_rows(vector, weights[a], seen[a])
     for a in range(count):
         for c in range(vector.shape[1]):
-            change = -seen[a, c]
-            if c < width:
-                row = inverse[a * width + c]
-                for b in range(count):
+            total, first = -seen[a, c], c - c % 2
+            for b in range(count):
+                if c < width:
                     for d in range(width):
-                        change += row[b * width + d] * seen[b, d]
-            else:
-                row = blocks[(c - width) // 2, 2 * a + c % 2]
-                first = c - c % 2
-                for b in range(count):
-                    change += row[2 * b] * seen[b, first] + row[2 * b + 1] * seen[b, first + 1]
-            for i in range(contacts):
-                out[i, c] += shapes[i, a] * change
+                        total += inverse[a * width + c, b * width + d] * seen[b, d]
+                else:
+                    row = blocks[(c - width) // 2, 2 * a + c % 2]
+                    total += row[2 * b] * seen[b, first] + row[2 * b + 1] * seen[b, first + 1]
+            change[a, c] = total
+    copy_table(out, vector)
+    for i in range(len(out)):
+        add_rows(change, shapes[i], out[i])
+
+
+@fast
+def squares(vector):
+    """Sum of the squares."""
+    total = 0.0
+    for x in vector:
+        total += x * x
+    return total
 
 
 @compiled(error_model="numpy")
@@ -220,23 +181,26 @@ def krylov_step(system, rest, coarse, forcing):
     ``system``: receptances Z, Jacobian, its members, who slips; ``coarse`` as in ``precondition``. Returns the step and
     the number of turns (-1: it takes too many).
     """
-    (gains, jacobian, members, slips), most = system, 80
-    contacts, width = rest.shape
-    zero, step = np.zeros((contacts, width)), np.zeros((contacts, width))
-    turned, held = np.empty((most + 1, contacts, width)), np.empty((most, contacts, width))
-    seen = np.empty((coarse[0].shape[1], width))
-    triangle, target = np.zeros((most + 1, most)), np.zeros(most + 1)
+    (gains, jacobian, members, slips), most, (contacts, width) = system, 80, rest.shape
+    zero, step = np.zeros((contacts, width)), np.zeros(contacts * width)
+    turned, held = np.zeros((most + 1, len(step))), np.empty((most, contacts, width))
+    room = np.empty((coarse[0].shape[1], width)), np.empty((coarse[0].shape[1], width))
+    triangle, target, seen = np.zeros((most + 1, most)), np.zeros(most + 1), np.empty(most)
     cosine, sine = np.zeros(most), np.zeros(most)
-    norm = np.sqrt(scalar_product(rest, rest))
-    turned[0] = rest / norm
+    new = rest.copy().reshape(-1)
+    norm = np.sqrt(squares(new))
     target[0] = norm
+    for r in range(len(new)):
+        turned[0, r] = new[r] / norm
     for n in range(most):
-        precondition(turned[n], coarse, seen, held[n])
-        new = residual(held[n], zero, gains, linear_change(held[n], jacobian, members, slips))
+        precondition(turned[n].reshape(contacts, width), coarse, room, held[n])
+        pushed = linear_change(held[n], jacobian, members, slips)
+        new = residual(held[n], zero, gains, pushed).reshape(-1)
+        matvec(turned[: n + 1], new, seen)
         for m in range(n + 1):
-            triangle[m, n] = scalar_product(new, turned[m])
-            add(-triangle[m, n], turned[m], new)
-        size = np.sqrt(scalar_product(new, new))
+            triangle[m, n], seen[m] = seen[m], -seen[m]
+        add_rows(turned[: n + 1], seen, new)
+        size = np.sqrt(squares(new))
         for m in range(n):
             upper, lower = triangle[m, n], triangle[m + 1, n]
             triangle[m, n] = cosine[m] * upper + sine[m] * lower
@@ -250,7 +214,8 @@ def krylov_step(system, rest, coarse, forcing):
                 for k in range(m + 1, n + 1):
                     target[m] -= triangle[m, k] * target[k]
                 target[m] /= triangle[m, m]
-                add(target[m], held[m], step)
-            return step, n + 1
-        turned[n + 1] = new / size
-    return step, -1
+            add_rows(held[: n + 1].reshape(n + 1, len(step)), target, step)
+            return step.reshape(contacts, width), n + 1
+        for r in range(len(new)):
+            turned[n + 1, r] = new[r] / size
+    return zero, -1

@@ -71,7 +71,7 @@ def closed_form(amplitudes, limit):
         amplitudes[None],
         (ODD, np.array([rates, bends]), 1, 1.0),
         (np.ones(1), np.array([limit]), np.zeros((1, 1), np.int64)),
-        (np.ones(1, np.int64), np.ones((1, 1)), np.ones((1, 1))),
+        (np.ones(1, np.int64), np.ones((1, 1)), np.ones((1, 1)), np.ones(1)),
         None,
         None,
         True,
