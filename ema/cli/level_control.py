@@ -176,6 +176,11 @@ class LevelSource:
             else:
                 missed = 0
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What a model says of its last record; a device says nothing."""
+        return self.shaker.findings if isinstance(self.shaker, VirtualShaker) else ()
+
     def close(self) -> None:
         """Give the device back."""
         self.shaker.close()
@@ -203,6 +208,8 @@ class VirtualShaker:
 
     rig: "RigFile"
     count: int = 0
+    findings: tuple[Finding, ...] = ()
+    """What the model says of the last record."""
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -221,7 +228,8 @@ class VirtualShaker:
         import numpy as np
 
         self.count += 1
-        takes = list(self._built(command).takes())
+        rig = self._built(command)
+        takes, self.findings = list(rig.takes()), rig.findings
         # the model gives the force first, then the responses, then the ring cells
         rows = sorted(range(len(self.channels)), key=lambda row: _ROLES.index(self.channels[row].role))
         signals = np.empty((len(rows), sum(take.signals.shape[1] for take in takes)))

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ema.cli.ending import FINDINGS, FINE, ends_well
-from ema.cli.level_control import ShakerAtLevel, placed
-from ema.data import Channel, FrfSet, Recording, Run, Source
+from ema.cli.level_control import LevelSource, ShakerAtLevel, placed
+from ema.data import Channel, Finding, FrfSet, Recording, Run, Source
 from ema.errors import EmaError, FailureError, InputError
 
 if TYPE_CHECKING:
@@ -73,7 +73,12 @@ def record(
         _write_rig(folder)
     rig = rig_file.load(folder)
     target = rig_file.force_level(rig, level, folder)
-    judge = check_impact if target is None else ShakerAtLevel(rig, target).judge
+    shaker = None if target is None else ShakerAtLevel(rig, target)
+
+    def judge(record: Recording) -> tuple[Finding, ...]:
+        of_source = source.findings if isinstance(source, LevelSource) else ()
+        return (*(check_impact if shaker is None else shaker.judge)(record), *of_source)
+
     session = Session(folder, rig, run, judge, target)
     print(f"{session.done} of {session.wanted} takes are in {folder}", flush=True)
     for note in session.notes:
@@ -82,7 +87,7 @@ def record(
         print(f"Next: ema run {folder}")
         return FINE
     window = _Window.opened(session, port, browser) if show or demo else None
-    source = opened(rig, session) if target is None else ShakerAtLevel(rig, target).opened()
+    source = opened(rig, session) if shaker is None else shaker.opened()
     reasons: Counter[str] = Counter()
     accepted = rejected = 0
     try:

@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 import numpy as np
 from jaxtyping import Float
 
-from ema.data import BeamModel, Channel, ModalModel, Recording
+from ema.data import BeamModel, Channel, Finding, ModalModel, Recording
 from ema.errors import InputError
 from ema.simulate.checks import finite, not_negative, positive
 from ema.simulate.inputs import RandomShakers, RecordedForces, RovingHammer, SnapBack, SteppedSine, SweptShaker
@@ -147,6 +147,11 @@ class Rig(ABC):
             for ring in self.rings
         )
         return forces + self.responses + rings
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is suspicious about the motion of the structure; nothing in a linear one."""
+        return ()
 
     @property
     def samples(self) -> int:

@@ -18,9 +18,10 @@ from ema.cli.level_control import (
     ShakerAtLevel,
     VirtualShaker,
 )
+from ema.data import Finding
 from ema.datasets import work_table
 from ema.errors import FailureError, InputError
-from ema.simulate import damping_map
+from ema.simulate import FrictionRig, damping_map
 from tests.journeys.small_campaign import ema_command
 
 DOCS = Path(__file__).parents[2] / "docs" / "record.md"
@@ -104,6 +105,14 @@ def test_a_level_is_reached_where_the_shaker_gives_less_at_resonance(level, tmp_
     assert commands[-1] > 1.05 * level and along.max() > 1.05 * reached
     run = acquisition.open_campaign(folder)["one"]
     assert run.condition.excitation.level == level and run.kind == "stepped sine"
+
+
+def test_what_the_model_says_of_its_steady_states_is_said_of_the_take(tmp_path, capsys, monkeypatch):
+    """A jump between branches is in the line of the take: it was known to the rig alone."""
+    jump = Finding("warning", "branch-jump", "virtual", "the steady states change to another branch", 490.0)
+    monkeypatch.setattr(FrictionRig, "findings", property(lambda rig: (jump,)))
+    ended = ema_command(capsys, "record", shaker_folder(tmp_path / "shaker"), "--level", "15 N", "--takes", 1)
+    assert ended.status == 0 and jump.message in ended.out
 
 
 def test_what_a_take_within_the_tolerance_may_be_off():
