@@ -68,7 +68,7 @@ class _Host:
 
 @cache
 def _host() -> _Host:
-    from ema.simulate.plate import free_plate
+    from ema.datasets.free_plate import free_plate
 
     plate = free_plate(LENGTH, WIDTH, MASS, 3.9e6, 1.5, 1.5, 0.26, modes=len(FREQUENCIES))
     places = np.vstack([points()[:, :2], JOINTS])

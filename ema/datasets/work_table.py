@@ -155,7 +155,7 @@ def shaker_points(setting: Setting) -> dict[int, tuple[float, float]]:
 
 @cache
 def _plate() -> "tuple[object, Float[np.ndarray, 'mode']]":
-    from ema.simulate.plate import free_plate
+    from ema.datasets.free_plate import free_plate
 
     plate = free_plate(LENGTH, WIDTH, MASS, 4.87e6, 1.5, 1.5, 0.26, modes=_MODES)
     frequencies = plate.natural_frequencies * FREQUENCIES[0] / plate.natural_frequencies[0]
@@ -170,7 +170,7 @@ def bare(
 
     Its middle layer does not move along X.
     """
-    from ema.simulate.plate import PlateModes
+    from ema.datasets.free_plate import PlateModes
 
     plate, elastic = _plate()
     assert isinstance(plate, PlateModes)

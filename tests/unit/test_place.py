@@ -9,11 +9,11 @@ from ema import place, shapes, simulate
 from ema.data import FrictionLaw, Geometry, ModalModel
 from ema.data.modal import poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
+from ema.datasets.free_plate import free_plate
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.describing import START, STEP, masing_secant, secant_table
 from ema.place.predictor import beam_matrices
-from ema.simulate.plate import free_plate
 
 LENGTH, WIDTH = 0.9, 0.5
 BEAM = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02, name="steel 60 x 50")

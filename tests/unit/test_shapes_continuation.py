@@ -7,9 +7,9 @@ import pytest
 
 from ema import shapes
 from ema.data import Geometry, ModalModel, poles_from
+from ema.datasets.free_plate import PlateModes, free_plate
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate.plate import PlateModes, free_plate
 
 MEASURED, LENGTH, WIDTH, MASS = 6, 0.9, 0.5, 130.0
 ALONG = 4.87e6

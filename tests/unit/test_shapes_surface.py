@@ -6,9 +6,9 @@ import pytest
 from ema import shapes
 from ema.data import Geometry, ModalModel
 from ema.data.modal import poles_from
+from ema.datasets.free_plate import PlateModes, free_plate
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.simulate.plate import PlateModes, free_plate
 from tests.bench.blind_hosts.hosts import host_of
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.simulate.plate import free_plate
+from ema.datasets.free_plate import free_plate
 
 
 def test_free_square_plate_has_the_published_eigenvalues():

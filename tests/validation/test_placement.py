@@ -17,10 +17,10 @@ from ema import place, shapes, simulate
 from ema.data import FrictionLaw, Geometry, ModalMap, ModalModel, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.datasets import work_table
+from ema.datasets.free_plate import free_plate
 from ema.dof import Dof
 from ema.place.objective import scores
 from ema.place.task import predicted
-from ema.simulate.plate import free_plate
 
 LENGTH, WIDTH = 0.9, 0.5
 BEAM = FrictionBeam(0.30, 0.06, 0.05, overhang=0.02, name="steel 60 x 50")
