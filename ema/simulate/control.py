@@ -277,7 +277,7 @@ def _run(
     every = max(round(actuator.sampling_time / step), 1)
     h = actuator.sampling_time / every
     stepper = Stepper(problem, state.copy(), h)
-    stepper.limits = ramped.system.contacts.limits.copy()
+    stepper.coupled.limits = ramped.system.contacts.limits.copy()
     samples = max(round(duration / actuator.sampling_time), 1)
     base, contacts = problem.base, problem.system.contacts
     row, joints = base.row(problem.system, sensor), list(contacts.joint)

@@ -4,11 +4,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ema.contact.curves import virgin_rate
-from ema.contact.laws import Couplings, contact_laws
+from ema.contact.laws import contact_laws
 from ema.data import FrictionLaw, Loop
 from ema.errors import InputError
 from ema.simulate.checks import not_negative, positive
-from ema.simulate.friction import check_isotropic
 
 _FEWEST = 8
 _NODES = 36.0 * np.linspace(0, 1, 161) ** 4
@@ -30,16 +29,8 @@ def drive(
     ------
     InputError : the normal force or mu is negative or not finite, k_T is not positive, or the law is rigid.
     """
-    stiffness, limits = _prepared(law, len(displacements), normal_force)
     path = np.asarray(displacements, dtype=np.float64)[None]
-    return contact_laws([law], np.array([stiffness]), [1]).drive(path, limits, interval)[0]
-
-
-def _prepared(
-    law: FrictionLaw, samples: int, normal_force: float | np.ndarray
-) -> tuple[float, Float[np.ndarray, "sample"]]:
-    """Stiffness of a law in N/m, and its slip force over the samples in N."""
-    force = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), (samples,))
+    force = np.broadcast_to(np.asarray(normal_force, dtype=np.float64), path.shape[1:])
     if not np.all(np.isfinite(force)) or force.min() < 0:
         raise InputError("not a normal force", where=f"law {law.name}", got=f"{force.min()} N", expected="0 N or more")
     if not np.isfinite(law.contact_stiffness):
@@ -56,33 +47,8 @@ def _prepared(
     stiffness = law.contact_stiffness
     if law.stiffness_exponent:
         stiffness *= (float(force[0]) / law.reference_force) ** law.stiffness_exponent
-    limits = np.ascontiguousarray(law.friction_coefficient * force)
-    return min(stiffness, law.stiffness_cap), limits
-
-
-def drive_plane(
-    law: FrictionLaw,
-    displacements: Float[np.ndarray, "2 sample"],
-    normal_force: float | Float[np.ndarray, "sample"],
-    interval: float = 1e-3,
-) -> Float[np.ndarray, "2 sample"]:
-    """Friction force in N of one contact that is moved in its plane, from the unstressed state.
-
-    An isotropic law is limited by a circle of radius F_C; one with ``isotropic=False`` acts in x and y on their own,
-    as Gaul, Roseira and Becker (2008) divide it: up to sqrt(2) F_C on the diagonal.
-
-    Raises
-    ------
-    InputError : the law has no isotropic form; as for ``drive``.
-    """
-    if not law.isotropic:
-        return np.array([drive(law, np.ascontiguousarray(row), normal_force, interval) for row in displacements])
-    check_isotropic(law, f"law {law.name}")
-    stiffness, limits = _prepared(law, displacements.shape[1], normal_force)
-    none = np.full(2, -1)
-    ties = Couplings(np.array([1, 0]), none, np.zeros(2), np.zeros((0, 8)), np.zeros((3, 2)))
-    laws = contact_laws([law, law], np.full(2, stiffness), [1, 1], ties)
-    return laws.drive(np.asarray(displacements, dtype=np.float64), limits, interval)
+    laws = contact_laws([law], np.array([min(stiffness, law.stiffness_cap)]), [1])
+    return laws.drive(path, law.friction_coefficient * force, interval)[0]
 
 
 def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int = 4096, frequency: float = 1.0) -> Loop:

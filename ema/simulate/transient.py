@@ -104,39 +104,102 @@ def prepare(
     return Problem(system, base, laws, dofs, system.findings)
 
 
+class _Modes:
+    """Modes that move with the contacts, or those that no contact sees, and the state and the books of either."""
+
+    def __init__(
+        self, problem: Problem, state: _State, h: float, part: tuple[np.ndarray, bool], loads: np.ndarray
+    ) -> None:
+        (places, self.seen), base, self.problem, self.h = part, problem.base, problem, h
+        self.places, self.laws = places, problem.laws if self.seen else problem.laws.without_contacts()
+        self.frequencies, self.decay = base.frequencies[places], base.decay[places]
+        self.squares = np.ascontiguousarray(self.frequencies**2)
+        contacts, modes = len(self.laws.stiffness), len(places)
+        self.slip = np.ascontiguousarray(base.slip[:contacts, places])
+        if base.damping is None or not self.seen:
+            self.flow, self.loss = own_coefficients(self.frequencies, self.decay, h)
+            yielding = 0.5 * self.slip * self.flow[2]
+        else:
+            self.flow, self.loss = joint_coefficients(self.frequencies, base.damping[np.ix_(places, places)], h)
+            yielding = 0.5 * self.slip @ self.flow[0, :, modes:].T
+        gains = np.ascontiguousarray(yielding @ self.slip.T)
+        self.compliance = gains, float(np.abs(gains).sum(axis=1).max(initial=0.0))
+        self.rows = np.ascontiguousarray(loads[:, places])
+        self.q, self.p = state.q[places].copy(), state.p[places].copy()
+        self.u, self.f, self.z = (part[:contacts].copy() for part in (state.u, state.f, state.z))
+        self.exchange, self.memory = self.laws.exchange(), self.laws.memory(gains)
+        self.room = np.zeros((7, modes)), np.zeros((4, contacts)), np.zeros(2 * modes), np.zeros_like(self.z)
+        self.energies, self.dissipated, self.sliding = np.zeros(4), np.zeros(contacts), np.zeros(contacts)
+        self.limits = problem.system.contacts.limits[:contacts].copy()
+        self.kept = kept_at_rest(problem.system)[: None if self.seen else 0]
+        self.strides: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        self.leaps: dict[int, tuple[np.ndarray, ...]] = {}
+
+    def advance(
+        self, count: tuple[int, int, int], limits: np.ndarray, loads: np.ndarray, samples: tuple[np.ndarray, ...]
+    ) -> tuple[int, float]:
+        """Take steps; returns Newton steps at most and the worst residual.
+
+        ``count``: all steps, those from sample to sample, and those that were taken before.
+        """
+        from ema.simulate import transient_kernels
+
+        kernels: Any = transient_kernels
+        steps, every, done = count
+        h, flow, loss = self.h, self.flow, self.loss
+        if not self.seen and not len(loads):
+            # without forces exact over any length
+            if every not in self.leaps:
+                self.leaps[every] = own_coefficients(self.frequencies, self.decay, every * h)
+            (flow, loss), h, steps, every = self.leaps[every], every * h, steps // every, 1
+        laws, arguments = self.laws, self.laws.arguments()
+        strides = self._strides(every if len(limits) == 1 else 1)
+        reach = np.zeros((len(strides[2]), len(self.u))), np.zeros(1, np.int64)
+        most, worst = kernels.advance(
+            (steps, every, 1 / h),
+            (flow, loss, self.squares),
+            (
+                self.slip,
+                laws.stiffness,
+                (laws.flexibility, laws.capacity),
+                self.compliance,
+                self.exchange,
+                self.memory,
+            ),
+            (limits, loads, self.rows),
+            arguments if laws.couplings is None else (*arguments, (self.kept, done)),
+            (self.q, self.p, self.u, self.f, self.z),
+            (self.energies, self.dissipated, self.sliding, self.limits, self.places, samples),
+            (*strides, _quiet(loads), (*self.room, *reach)),
+        )
+        return int(most), float(worst)
+
+    def _strides(self, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coefficients of the modes over 2, 4, 8 ... steps, and how far they move the contact forces meanwhile.
+
+        There are none where every step has to be looked at: laws that slip at any force, modes that damping couples.
+        """
+        if every not in self.strides:
+            omega, stiffness = self.frequencies, self.laws.stiffness
+            alone = self.laws.elastic_reach and self.problem.base.damping is None and bool(np.all(omega > 0))
+            levels = int(np.log2(every)) if alone and self.seen else 0
+            flows, losses = long_coefficients(omega, self.decay, self.h, levels)
+            turns = omega * self.h * 2.0 ** np.arange(1, levels + 1)[:, None]
+            spans = np.minimum(turns, 2.0)[:, None, :] * np.abs(stiffness[:, None] * self.slip)
+            self.strides[every] = flows[1:].copy(), losses[1:].copy(), spans
+        return self.strides[every]
+
+
 class Stepper:
     """Steps a prepared model with one step length; resumable, so that a controller may act between calls."""
 
     def __init__(self, problem: Problem, state: _State, h: float, loads: Sequence[Dof | str] = ()) -> None:
         base, self.problem, self.h = problem.base, problem, h
         seen = base.coupled | (base.damping is not None)
-        self.coupled, self.free = np.flatnonzero(seen), np.flatnonzero(~seen)
-        self.squares = [np.ascontiguousarray(base.frequencies[part] ** 2) for part in (self.coupled, self.free)]
-        self.slip = np.ascontiguousarray(base.slip[:, self.coupled])
-        loose = own_coefficients(base.frequencies[self.free], base.decay[self.free], h)
-        if base.damping is None:
-            tight = own_coefficients(base.frequencies[self.coupled], base.decay[self.coupled], h)
-            yielding = 0.5 * self.slip * tight[0][2]
-        else:
-            tight = joint_coefficients(base.frequencies, base.damping, h)
-            yielding = 0.5 * self.slip @ tight[0][0, :, len(seen) :].T
-        self.flow, self.loss = [tight[0], loose[0]], [tight[1], loose[1]]
-        self.gains = np.ascontiguousarray(yielding @ self.slip.T)
         rows = np.array([base.row(problem.system, dof) for dof in loads]).reshape(len(loads), len(base.frequencies))
-        self.rows = [np.ascontiguousarray(rows[:, part]) for part in (self.coupled, self.free)]
-        self.q = [state.q[part].copy() for part in (self.coupled, self.free)]
-        self.p = [state.p[part].copy() for part in (self.coupled, self.free)]
-        self.u, self.f, self.z = state.u.copy(), state.f.copy(), state.z.copy()
-        self.exchange, self.memory = problem.laws.exchange(), problem.laws.memory(self.gains)
-        contacts, modes = self.slip.shape
-        self.room = np.zeros((7, modes)), np.zeros((4, contacts)), np.zeros(2 * modes), np.zeros_like(self.z)
-        self.energies = [np.zeros(4), np.zeros(4)]
-        self.dissipated, self.sliding = np.zeros(len(self.u)), np.zeros(len(self.u))
-        self.limits = problem.system.contacts.limits.copy()
-        self.leaps: dict[int, tuple[np.ndarray, ...]] = {}
-        self.strides: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-        self.sweeps, self.residual = 0, 0.0
-        self.kept, self.done = kept_at_rest(problem.system), 0
+        self.coupled = _Modes(problem, state, h, (np.flatnonzero(seen), True), rows)
+        self.free = _Modes(problem, state, h, (np.flatnonzero(~seen), False), rows)
+        self.sweeps, self.residual, self.done = 0, 0.0, 0
 
     def run(
         self,
@@ -148,94 +211,13 @@ class Stepper:
     ) -> dict[str, np.ndarray]:
         """Take ``steps`` steps and return samples of q, p (mode), u, f (contact) and energies (6)."""
         run = room_for(self.problem, steps // every) if into is None else into
-        samples = tuple(run[name] for name in ("q", "p", "u", "f", "energy"))
-        sweeps, residual = self._advance((steps, every), limits, loads, samples)
+        samples, count = tuple(run[name] for name in ("q", "p", "u", "f", "energy")), (steps, every, self.done)
+        sweeps, residual = self.coupled.advance(count, limits, loads, samples)
         self.sweeps, self.residual = max(self.sweeps, sweeps), max(self.residual, residual)
-        if len(self.free):
-            self._advance_freely((steps, every), loads, samples)
+        if len(self.free.places):
+            self.free.advance(count, np.zeros((1, 0)), loads, samples)
         self.done += steps
         return run
-
-    def _advance(
-        self, count: tuple[int, int], limits: np.ndarray, loads: np.ndarray, samples: Any
-    ) -> tuple[int, float]:
-        """Steps of the modes that the contacts see; ``count``: all of them, and those from sample to sample."""
-        from ema.simulate import transient_kernels
-
-        kernels: Any = transient_kernels
-        laws, every = self.problem.laws, count[1]
-        arguments = laws.arguments()
-        compliance = self.gains, float(np.abs(self.gains).sum(axis=1).max())
-        springs = laws.flexibility, laws.capacity
-        strides = self._strides(every if len(limits) == 1 else 1)
-        reach = np.zeros((len(strides[2]), len(self.u))), np.zeros(1, np.int64)
-        most, worst = kernels.advance(
-            (*count, 1 / self.h),
-            (self.flow[0], self.loss[0], self.squares[0]),
-            (self.slip, laws.stiffness, springs, compliance, self.exchange, self.memory),
-            (limits, loads, self.rows[0]),
-            arguments if laws.couplings is None else (*arguments, (self.kept, self.done)),
-            (self.q[0], self.p[0], self.u, self.f, self.z),
-            (self.energies[0], self.dissipated, self.sliding, self.limits, self.coupled, samples),
-            (*strides, _quiet(loads), (*self.room, *reach)),
-        )
-        return int(most), float(worst)
-
-    def _advance_freely(self, count: tuple[int, int], loads: np.ndarray, samples: Any) -> None:
-        """Steps of the modes that no contact sees: without loads from sample to sample at once."""
-        from ema.simulate import transient_kernels
-
-        kernels: Any = transient_kernels
-        (steps, every), laws, none = count, self.problem.laws.without_contacts(), np.zeros(0)
-        if len(loads):
-            flow, loss, h = self.flow[1], self.loss[1], self.h
-        else:
-            (flow, loss), h, steps, every = self._leap(every), every * self.h, steps // every, 1
-        modes, square = len(self.free), np.zeros((0, 0))
-        state = self.q[1], self.p[1], none, none, np.zeros_like(laws.flexibility)
-        strides = np.zeros((0, *flow.shape)), np.zeros((0, *loss.shape)), np.zeros((0, 0, modes))
-        room = np.zeros((7, modes)), np.zeros((4, 0)), np.zeros(2 * modes), state[-1].copy(), square, np.zeros(1, int)
-        arguments = laws.arguments()
-        kernels.advance(
-            (steps, every, 1 / h),
-            (flow, loss, self.squares[1]),
-            (
-                np.zeros((0, modes)),
-                none,
-                (laws.flexibility, laws.capacity),
-                (square, 0.0),
-                laws.exchange(),
-                laws.memory(square),
-            ),
-            (np.zeros((1, 0)), loads, self.rows[1]),
-            arguments if laws.couplings is None else (*arguments, (self.kept[:0], self.done)),
-            state,
-            (self.energies[1], none, none, none, self.free, samples),
-            (*strides, 0, room),
-        )
-
-    def _strides(self, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Coefficients of the coupled modes over 2, 4, 8 ... steps, and how far they move the contact forces meanwhile.
-
-        There are none where every step has to be looked at: laws that slip at any force, modes that damping couples.
-        """
-        if every not in self.strides:
-            base, part = self.problem.base, self.coupled
-            omega, stiffness = base.frequencies[part], self.problem.system.contacts.stiffness
-            alone = self.problem.laws.elastic_reach and base.damping is None and bool(np.all(omega > 0))
-            levels = int(np.log2(every)) if alone else 0
-            flows, losses = long_coefficients(omega, base.decay[part], self.h, levels)
-            turns = omega * self.h * 2.0 ** np.arange(1, levels + 1)[:, None]
-            spans = np.minimum(turns, 2.0)[:, None, :] * np.abs(stiffness[:, None] * self.slip)
-            self.strides[every] = flows[1:].copy(), losses[1:].copy(), spans
-        return self.strides[every]
-
-    def _leap(self, every: int) -> tuple[np.ndarray, ...]:
-        """Coefficients of the uncoupled modes from sample to sample: without forces exact over any length."""
-        if every not in self.leaps:
-            base, free = self.problem.base, self.free
-            self.leaps[every] = own_coefficients(base.frequencies[free], base.decay[free], every * self.h)
-        return self.leaps[every]
 
 
 def room_for(problem: Problem, samples: int) -> dict[str, np.ndarray]:
@@ -404,7 +386,7 @@ def _response(
         forces = np.array([np.interp(times, drive.times, row) for row in drive.normal_forces])
     steps = max(len(times) - 1, 1) * max(round(interval / stepper.h), 1)
     openings = run["q"] @ (problem.system.normals.rows @ problem.base.shapes).T
-    pressed = pressure(problem.system, stepper.kept, stepper.done, stepper.h, openings)
+    pressed = pressure(problem.system, stepper.coupled.kept, stepper.done, stepper.h, openings)
     findings += pressed.findings
     return Response(
         times,
@@ -413,8 +395,8 @@ def _response(
         problem.outputs,
         run["u"].T[friction],
         run["f"].T[friction],
-        stepper.dissipated[friction],
-        (stepper.sliding / steps)[friction],
+        stepper.coupled.dissipated[friction],
+        (stepper.coupled.sliding / steps)[friction],
         energy,
         forces,
         error,

@@ -31,13 +31,26 @@ from ema.simulate import (
     snapback,
     snapback_reference,
 )
-from ema.simulate.loops import drive, drive_plane
+from ema.simulate.friction import check_isotropic
+from ema.simulate.loops import drive
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
 
 K, MU, FN = 1e6, 0.3, 100.0
 FC, XC = 30.0, 30e-6
 CIRCLE, BOX = Masing(MU, K), Masing(MU, K, isotropic=False)
+
+
+def drive_plane(law, path, normal_force):
+    """Friction force in N of one contact that is moved in its plane, from the unstressed state; without
+    ``isotropic`` it acts in x and y on its own."""
+    if not law.isotropic:
+        return np.array([drive(law, row, normal_force) for row in path])
+    check_isotropic(law, f"law {law.name}")
+    alone = np.full(2, -1)
+    ties = Couplings(np.array([1, 0]), alone, np.zeros(2), np.zeros((0, 8)), np.zeros((3, 2)))
+    laws = contact_laws([law, law], np.full(2, law.contact_stiffness), [1, 1], ties)
+    return laws.drive(path, np.asarray(law.friction_coefficient * normal_force), 1e-3)
 
 
 def work(law, path):
