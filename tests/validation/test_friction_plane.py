@@ -50,7 +50,7 @@ def drive_plane(law, path, normal_force):
     alone = np.full(2, -1)
     ties = Couplings(np.array([1, 0]), alone, np.zeros(2), np.zeros((0, 8)), np.zeros((3, 2)))
     laws = contact_laws([law, law], np.full(2, law.contact_stiffness), [1, 1], ties)
-    return laws.drive(path, np.asarray(law.friction_coefficient * normal_force), 1e-3)
+    return laws.drive(path, np.full(path.shape[1], law.friction_coefficient * normal_force), 1e-3)
 
 
 def work(law, path):
