@@ -6,6 +6,8 @@ from io import BytesIO
 from typing import Any
 
 import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 _SVG: Any = {"svg.hashsalt": "friction-ema", "svg.fonttype": "path"}
@@ -28,19 +30,22 @@ class Image:
 
 
 def drawn(figure: Figure, png: bool = False) -> tuple[Image, Image | None]:
-    """The figure as SVG or PNG, whichever is smaller, and with ``png`` also as PNG; the same figure, the same bytes."""
+    """The figure as SVG or PNG, whichever is smaller, and with ``png`` also as PNG; the same figure, the same bytes.
+
+    Canvases print a figure in one drawing, its layout included; ``savefig`` draws it twice.
+    """
+    figure.set_dpi(_DOTS_PER_INCH)  # of what is an image inside the SVG
+    target = BytesIO()
     with matplotlib.rc_context(_SVG):
-        vector = Image(_saved(figure, "svg", {"Date": None, "Creator": None}), "image/svg+xml")
+        FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None, "Creator": None})
+    vector = Image(target.getvalue(), "image/svg+xml")
     if len(vector.content) <= _ALWAYS_SVG and not png:
         return vector, None
     # the layout of the first drawing stays, and need not be computed again
     figure.set_layout_engine("none")
-    image = Image(_saved(figure, "png", {"Software": None}), "image/png")
+    figure.set_dpi(_DOTS_PER_INCH)  # that of an SVG is 72
+    target = BytesIO()
+    FigureCanvasAgg(figure).print_png(target, metadata={"Software": None})
+    image = Image(target.getvalue(), "image/png")
     smaller = vector if len(vector.content) <= max(_ALWAYS_SVG, len(image.content)) else image
     return smaller, image if png else None
-
-
-def _saved(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
-    target = BytesIO()
-    figure.savefig(target, format=kind, dpi=_DOTS_PER_INCH, metadata=metadata)
-    return target.getvalue()

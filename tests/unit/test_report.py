@@ -5,6 +5,7 @@ import csv
 import errno
 import hashlib
 import html
+import io
 import json
 import os
 from dataclasses import dataclass, field, replace
@@ -14,8 +15,10 @@ from importlib.resources import files
 from pathlib import Path
 from urllib.parse import unquote
 
+import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import ema.report
 from ema.data import (
@@ -42,6 +45,7 @@ from ema.data import (
 )
 from ema.dof import Dof
 from ema.errors import FailureError
+from ema.report import pictures
 from ema.report.blocks import Book
 from ema.report.comparison import comparisons
 from ema.report.modes import equivalent_table, run_sentence
@@ -259,6 +263,7 @@ def test_mode_table_has_the_numbers_rounded_by_their_uncertainty(page: Page):
     assert rows[0]["Confidence [-]"] == "0.97"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_set_ups_that_differ_have_a_table(two_runs: StudyResult, tmp_path: Path):
     modes = two_runs.runs[0].modes
     shifts = SetUpShifts(
@@ -325,6 +330,30 @@ def test_changes_of_both_signs_are_listed_and_have_no_median():
     poles = many[1].modes.poles * np.linspace(0.96, 1.02, 6)
     (line, *_), _ = comparisons([many[0], replace(many[1], modes=replace(many[1].modes, poles=poles))], Book())
     assert "frequency -4.00 to +2.00 %" in line
+
+
+def test_a_figure_is_drawn_once_for_each_format_and_is_what_savefig_writes(monkeypatch: pytest.MonkeyPatch):
+    """SVG at its layout, PNG with the layout of the SVG at 150 dots per inch."""
+    figures = [Figure(figsize=(4, 3), layout="constrained") for _ in range(2)]
+    for figure in figures:
+        axes = figure.subplots(1, 2)
+        axes[0].plot(np.random.default_rng(3).normal(size=4000), label="noise")
+        axes[1].set(ylabel="A long label\nof two lines", title="Title")
+        figure.legend()
+    saved = []
+    with matplotlib.rc_context(pictures._SVG):
+        for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
+            target = io.BytesIO()
+            figures[0].savefig(target, format=kind, dpi=150, metadata=metadata)
+            figures[0].set_layout_engine("none")
+            saved.append(target.getvalue())
+    count, draw = [], Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda figure, renderer: count.append(figure) or draw(figure, renderer))
+    smaller, png = pictures.drawn(figures[1], png=True)
+    assert len(count) == 2
+    assert png.content == saved[1] and smaller.content == min(saved, key=len)
+    vector, none = pictures.drawn(Figure(figsize=(4, 3), layout="constrained"))
+    assert vector.mime == "image/svg+xml" and none is None and len(count) == 3
 
 
 def test_what_a_linear_fit_reads_at_the_level_stands_beside_small_amplitudes():
