@@ -22,9 +22,9 @@ from ema.fit import stabilise
 from ema.simulate import Masing, double_beam, snapback
 from tests.bench.simulate import FIRST_CALLS, first_call
 from tests.formats import test_uff_large as universal_files
+from tests.unit.report_corpus import plate, run_result, study
 from tests.unit.test_app_state import workbench_of_a_plate
 from tests.unit.test_friction_rig import table_under_a_roving_hammer
-from tests.unit.test_report import plate, run_result, study
 from tests.validation.test_placement import maps_of_scenario_b
 
 USUAL = 0.088

@@ -340,13 +340,13 @@ def _blank_pictures() -> None:
     """Pictures are written as ever but show nothing: drawing takes most of the time, and no operation on the disk."""
     from matplotlib.figure import Figure
 
-    save = Figure.savefig
+    draw = Figure.draw
 
-    def blank(figure: Figure, *arguments: Any, **options: Any) -> None:
+    def blank(figure: Figure, renderer: Any) -> None:
         figure.clear()
-        save(figure, *arguments, **options)
+        draw(figure, renderer)
 
-    Figure.savefig = blank  # type: ignore[method-assign]
+    Figure.draw = blank  # type: ignore[method-assign]
 
 
 def _composed_once() -> None:

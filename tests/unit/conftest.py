@@ -126,3 +126,11 @@ def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
         lambda result, path, formats=(), language="en": Path(path).write_text("blank"),
         raising=False,
     )
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made and not rendered, for tests that read words."""
+    from tests.unit.report_page import BLANK
+
+    monkeypatch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))

@@ -250,7 +250,7 @@ def test_a_point_of_a_map_shows_an_frf_of_a_run_that_was_not_fitted(bench: Workb
 def workbench_of_a_plate(across: int, along: int, *, candidates: int) -> Workbench:
     """A plate of ``across`` by ``along`` points with a placement of three times ``candidates`` beams."""
     from tests.unit.friction_nouns import placement
-    from tests.unit.test_report import plate, run_result, study
+    from tests.unit.report_corpus import plate, run_result, study
 
     geometry = plate(across, along)
     run = run_result("table", geometry, 6, lines=12)
@@ -435,7 +435,7 @@ def test_a_port_in_use_is_told(served):
 def test_places_of_a_placement(bench: Workbench):
     from ema.app.places import place_view, placement_view
     from tests.unit.friction_nouns import placement
-    from tests.unit.test_report import plate
+    from tests.unit.report_corpus import plate
 
     bench.placements = (placement(plate(5, 4)),)
     told = placement_view(bench, 0)

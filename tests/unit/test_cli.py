@@ -15,10 +15,16 @@ from ema.cli import doctor
 from ema.cli.ending import ends_well
 from ema.errors import CancelledError, FailureError, InputError
 
+UNDRAWN = """
+from ema.report import blocks, pictures
+blocks.drawn = lambda figure, png: (pictures.Image(b"", "image/png"), None)
+"""
+"""Reports without pictures, for tests that read words: drawing takes most of the time of the small study."""
 
-def ema(*arguments, cwd=None, **more):
-    """Run the command in a process of its own."""
-    code = "import sys; sys.argv[0] = 'ema'; from ema.cli import main; main()"
+
+def ema(*arguments, cwd=None, before="", **more):
+    """Run the command in a process of its own, ``before`` it other code."""
+    code = before + "import sys; sys.argv[0] = 'ema'; from ema.cli import main; main()"
     return subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, timeout=300, cwd=cwd, **more
     )
@@ -45,7 +51,7 @@ def test_run_ends_with_modes_and_the_path_of_the_report(done):
 
 def test_run_with_json_prints_json_and_nothing_else(done):
     folder, _ = done
-    ended = ema("run", folder / "recipe.toml", "--resume", "--json")
+    ended = ema("run", folder / "recipe.toml", "--resume", "--json", before=UNDRAWN)
     told = json.loads(ended.stdout)
     assert [run["run"] for run in told["runs"]] == ["first", "second"]
     assert told["runs"][0]["modes"][2]["natural_frequency"] == pytest.approx(333, abs=0.05)
@@ -56,7 +62,7 @@ def test_a_missed_expectation_ends_with_status_1(done):
     folder, _ = done
     text = (folder / "recipe.toml").read_text()
     (folder / "other.toml").write_text(text.replace("[120, 210, 333]\ntol", "[120, 215, 333]\ntol"))
-    ended = ema("run", folder / "other.toml")
+    ended = ema("run", folder / "other.toml", before=UNDRAWN)
     assert ended.returncode == 1
     assert "missed: first: natural frequency near 215 Hz [Hz]: found 21" in ended.stdout
 
@@ -125,7 +131,7 @@ def test_fit_prints_and_writes_the_modes_of_a_band(small_study, tmp_path):
 
 def test_report_is_written_again_from_the_result(done, tmp_path):
     folder, _ = done
-    ended = ema("report", folder / "_build" / "recipe.h5", "--output", tmp_path / "again.html")
+    ended = ema("report", folder / "_build" / "recipe.h5", "--output", tmp_path / "again.html", before=UNDRAWN)
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.strip() == f"Report: {tmp_path / 'again.html'}"
     assert "Five points, two runs" in (tmp_path / "again.html").read_text(encoding="utf-8")

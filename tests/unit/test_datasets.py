@@ -1,7 +1,6 @@
 """Demonstrations: in the wheel, written into the folder named or the user's cache, never into the package."""
 
 import json
-import os
 import subprocess
 import sys
 import tomllib
@@ -96,19 +95,3 @@ def test_the_command_lists_the_demonstrations() -> None:
     )
     assert done.returncode == 0, done.stderr
     assert set(json.loads(done.stdout)) == set(datasets.recipes())
-
-
-@pytest.mark.slow
-def test_the_demonstration_runs_outside_the_checkout(tmp_path, root: Path) -> None:
-    """The quickest one; CI runs the main one from the wheel."""
-    done = subprocess.run(
-        [sys.executable, "-m", "ema", "demo", tmp_path, "--name", "table_hammer"],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(root)},
-        capture_output=True,
-        text=True,
-        timeout=500,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "expected numbers met" in done.stdout and "virtual rig" in done.stdout
-    assert (tmp_path / "reports" / "_build" / "table_hammer.html").stat().st_size > 100_000

@@ -54,7 +54,7 @@ def test_a_study_a_map_and_a_placement_at_some_operations(subject, monkeypatch):
         (chain, "analyse"),
         (report, "write"),
         (writing, "document_of"),
-        (Figure, "savefig"),
+        (Figure, "draw"),
         (shortlist, "answer"),
     ):
         # The subjects replace them in their own process, which is that of all other tests.

@@ -1,7 +1,6 @@
 """The words of reports in other languages: no sentence is missing, no number is lost, and English stays what it was."""
 
 import ast
-import base64
 import html
 import json
 import re
@@ -24,11 +23,10 @@ from ema.errors import InputError
 from ema.messages import entries, kinds, language, languages, plural, preferred, speaking, text, word
 from ema.place.budget import HARMONICS, REST
 from ema.report.modes import _in_words
-from ema.report.pictures import Image
 from ema.study import recipe
 from ema.study.recipe import Quantity
 from tests.unit.report_corpus import results
-from tests.unit.test_report import BLANK, Page
+from tests.unit.report_page import BLANK, Page
 
 OTHERS = [name for name in languages() if name != "en"]
 FUNCTIONS = {"text": 1, "mark": 1, "plural": 2}
@@ -107,10 +105,9 @@ def test_words_of_data_are_in_the_list(kind: Any) -> None:
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Page]]:
     """Reports that between them show every part, by language and name."""
-    blank = Image(base64.b64decode(BLANK), "image/png")
     folder, made = tmp_path_factory.mktemp("languages"), results()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ema.report.blocks.drawn", lambda figure, png: (blank, blank if png else None))
+        patch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))
         return {
             name: {
                 kind: Page(ema.report.write(result, folder / name / f"{kind}.html", language=name))

@@ -8,9 +8,8 @@ import html
 import io
 import json
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime
-from html.parser import HTMLParser
 from importlib.resources import files
 from pathlib import Path
 from urllib.parse import unquote
@@ -22,26 +21,16 @@ from matplotlib.figure import Figure
 
 import ema.report
 from ema.data import (
-    Campaign,
     Condition,
     Excitation,
     Expectation,
     Finding,
-    Geometry,
-    Hit,
-    HitGallery,
     JointForce,
     LevelEffect,
-    ModalModel,
-    PoleTable,
     Provenance,
-    Repair,
     Run,
-    RunResult,
-    SetUpShifts,
     SingleMode,
     StudyResult,
-    poles_from,
 )
 from ema.dof import Dof
 from ema.errors import FailureError
@@ -49,185 +38,8 @@ from ema.report import pictures
 from ema.report.blocks import Book
 from ema.report.comparison import comparisons
 from ema.report.modes import equivalent_table, run_sentence
-from ema.report.pictures import Image
-from ema.synthesis import frfs as synthesise
-
-BLANK = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
-EVIL = "<script>alert('x')</script> & <b>"
-
-
-def plate(across: int, up: int) -> Geometry:
-    x, y = np.meshgrid(np.linspace(0, 1.2, across), np.linspace(0, 0.8, up), indexing="ij")
-    grid = np.arange(1, across * up + 1).reshape(across, up)
-    faces = tuple(
-        (int(grid[i, j]), int(grid[i + 1, j]), int(grid[i + 1, j + 1]), int(grid[i, j + 1]))
-        for i in range(across - 1)
-        for j in range(up - 1)
-    )
-    return Geometry(grid.ravel(), np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]), faces=faces)
-
-
-def modal(geometry: Geometry, count: int, shift: float, factor: float, joints: tuple[JointForce, ...]) -> ModalModel:
-    frequencies = shift * np.linspace(240, 1300, count)
-    damping = factor * np.linspace(0.001, 0.01, count)
-    x, y = geometry.xyz[:, 0] / 1.2, geometry.xyz[:, 1] / 0.8
-    orders = sorted(((i, j) for i in range(8) for j in range(8)), key=sum)[1 : count + 1]
-    shapes = (
-        np.array([np.cos(np.pi * i * x) * np.cos(np.pi * j * y) for i, j in orders], complex).reshape(count, len(x)).T
-    )
-    poles = poles_from(frequencies, damping)
-    covariance = np.zeros((count, 2, 2))
-    covariance[:, 0, 0], covariance[:, 1, 1] = 0.005**2, (0.01 * damping) ** 2
-    return ModalModel(
-        poles,
-        shapes,
-        tuple(Dof(int(node), "+Z") for node in geometry.nodes),
-        shapes[[0, 7]] / (2j * poles.imag),
-        (Dof(1, "+Z"), Dof(8, "+Z")),
-        scaling="unit modal mass",
-        covariance=covariance,
-        confidence=np.full(count, 0.97),
-        condition=Condition(Excitation("hammer", 800.0, 60.0), joints, 294.15),
-    )
-
-
-def gallery() -> HitGallery:
-    pulse = 800 * np.sin(np.pi * np.linspace(0, 1, 60)) ** 2
-    reasons = ["", "", "double hit", ""]
-    blows = tuple(
-        Hit("take", n, Dof(3, "-Z"), 0.1 * n, 800.0 + n, 0.4, 1e-3, not reason, reason, pulse, 51200.0)
-        for n, reason in enumerate(reasons)
-    )
-    frequencies = np.linspace(0, 4000, 100)
-    return HitGallery(blows, frequencies, np.exp(-((frequencies / 1500) ** 2)), (2276.0, 3219.0))
-
-
-def run_result(
-    name: str,
-    geometry: Geometry,
-    count: int = 4,
-    shift: float = 1.0,
-    factor: float = 1.0,
-    joints: tuple[JointForce, ...] = (),
-    lines: int = 300,
-    repeat: str = "",
-) -> RunResult:
-    modes = modal(geometry, count, shift, factor, joints)
-    clean = synthesise(modes, np.linspace(200, 1350, lines), "accelerance", outputs=modes.inputs, inputs=modes.dofs)
-    generator = np.random.default_rng(len(name))
-    noise = 0.01 * np.abs(clean.values) * generator.normal(size=clean.values.shape)
-    frfs = replace(
-        clean,
-        values=clean.values + noise,
-        coherence=np.full(clean.values.shape, 0.99),
-        estimator="H1",
-        provenance=Provenance(inputs=((f"{name}.h5", "ab" * 32),), options=(("estimator", "H1"),)),
-    )
-    error = np.linspace(0.001, 0.2, noise[0].size).reshape(noise[0].shape)
-    orders = np.repeat(np.arange(4, 41, 2), count)
-    poles = np.tile(modes.poles, 19)
-    table = PoleTable(
-        orders, poles, np.full(len(poles), "s"), np.ones((len(poles), 2), complex), modes.inputs, (200.0, 1350.0)
-    )
-    findings = (
-        Finding("info", "frequency-shift", f"run {name}", "set-ups differ by 0.02 Hz.", 0.02, 0.1, "Nothing to do."),
-        Finding(
-            "warning", "low-coherence", f"run {name}, FRF 1", "coherence 0.61 at 499 Hz.", 0.61, 0.8, "Hit harder."
-        ),
-        Finding(
-            "warning", "low-coherence", f"run {name}, FRF 2", "coherence 0.52 at 499 Hz.", 0.52, 0.8, "Hit harder."
-        ),
-        Finding("error", "reversed-sensor", f"run {name}, {EVIL}", "the phase is reversed.", advice="Turn the sign."),
-    )
-    run = Run(name, modes.condition, repeat=repeat)
-    return RunResult(run, frfs, table, modes, None, clean, error, None, gallery(), findings)
-
-
-def study(runs: tuple[RunResult, ...], geometry: Geometry | None, **fields) -> StudyResult:
-    campaign = Campaign(
-        "Table, hammer",
-        tuple(run.run for run in runs),
-        geometry,
-        "Cast iron table",
-        "A. Tester",
-        "2026-11-21",
-        EVIL,
-        inputs=(("campaign.toml", "cd" * 32),),
-    )
-    return StudyResult(campaign, runs, title="Table with a friction beam", **fields)
-
-
-@dataclass
-class Page(HTMLParser):
-    """What a browser would see of a report."""
-
-    path: Path
-    images: list[dict[str, str]] = field(default_factory=list)
-    tags: list[str] = field(default_factory=list)
-    links: list[str] = field(default_factory=list)
-    text: str = ""
-    tables: list[list[list[str]]] = field(default_factory=list)
-    _cell: bool = False
-    _mute: bool = False
-    scripts: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        super().__init__()
-        self.source = self.path.read_text(encoding="utf-8")
-        self.feed(self.source)
-
-    def handle_starttag(self, tag, attributes):
-        found = dict(attributes)
-        self.tags.append(tag)
-        self._mute = tag in ("style", "script")
-        if tag == "script":
-            self.scripts.append("")
-        if tag == "img":
-            self.images.append(found)
-        if "href" in found:
-            self.links.append(found["href"])
-        if tag == "table":
-            self.tables.append([])
-        if tag == "tr":
-            self.tables[-1].append([])
-        if tag in ("td", "th"):
-            self.tables[-1][-1].append("")
-            self._cell = True
-
-    def handle_endtag(self, tag):
-        self._mute = False
-        self._cell = self._cell and tag not in ("td", "th")
-
-    def handle_data(self, data):
-        if self._mute and self.lasttag == "script":
-            self.scripts[-1] += data
-        if not self._mute:
-            self.text += data
-            if self._cell:
-                self.tables[-1][-1][-1] += data
-
-    def words(self) -> str:
-        return " ".join(self.text.split())
-
-    def table(self, *columns: str) -> list[dict[str, str]]:
-        """The rows of the first table that has these columns."""
-        found = next(t for t in self.tables if set(columns) <= set(t[0]))
-        return [dict(zip(found[0], row, strict=True)) for row in found[1:]]
-
-
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made and not rendered, for tests that read words."""
-    blank = Image(base64.b64decode(BLANK), "image/png")
-    monkeypatch.setattr("ema.report.blocks.drawn", lambda figure, png: (blank, blank if png else None))
-
-
-JOINTS = (
-    JointForce(
-        "J1", 1018.3, 27.0, -12.0, np.linspace(1020, 1008, 50), np.linspace(0, 60, 50), "cell 17", 12.0, "up", 20
-    ),
-    JointForce("J2", 995.0, 31.0),
-)
+from tests.unit.report_corpus import EXPECTATIONS, JOINTS, REPAIRS, plate, run_result, set_up_shifts, study
+from tests.unit.report_page import Page
 
 
 @pytest.fixture(scope="module")
@@ -237,11 +49,8 @@ def two_runs() -> StudyResult:
     return study(
         runs,
         geometry,
-        repairs=(Repair("reverse sign", "acc 2", "A. Tester", EVIL),),
-        expectations=(
-            Expectation("f of mode 1 [Hz]", 240.0, 0.5, 240.0, True),
-            Expectation("zeta", 0.1, 0.05, 0.71, False),
-        ),
+        repairs=REPAIRS,
+        expectations=EXPECTATIONS,
         provenance=Provenance(
             versions=(("numpy", "2.4.6"),), steps=("open", "fit"), created=datetime(2026, 11, 21, tzinfo=UTC)
         ),
@@ -266,20 +75,7 @@ def test_mode_table_has_the_numbers_rounded_by_their_uncertainty(page: Page):
 @pytest.mark.usefixtures("undrawn")
 def test_set_ups_that_differ_have_a_table(two_runs: StudyResult, tmp_path: Path):
     modes = two_runs.runs[0].modes
-    shifts = SetUpShifts(
-        names=("A", "B"),
-        frequencies=modes.natural_frequencies[:2],
-        shifts=np.array([[0.0021, 0.0019], [-0.0021, np.nan]]),
-        std=np.full((2, 2), 1e-5),
-        common=np.array([0.002, -0.002]),
-        common_std=np.array([7e-6, 7e-6]),
-        cause="mass loading",
-        mass=0.0052,
-        mass_std=0.0001,
-        unloaded=modes.natural_frequencies[:2] * 1.01,
-        unloaded_std=np.array([0.01, 0.02]),
-    )
-    runs = (replace(two_runs.runs[0], modes=replace(modes, set_ups=shifts)), *two_runs.runs[1:])
+    runs = (replace(two_runs.runs[0], modes=replace(modes, set_ups=set_up_shifts(modes))), *two_runs.runs[1:])
     page = Page(ema.report.write(replace(two_runs, runs=runs), tmp_path / "set-ups.html"))
     rows = page.table("Mean f [Hz]", "Set-up A [%]")
     assert [row["Set-up A [%]"] for row in rows] == ["+0.2100 ± 0.0020", "+0.1900 ± 0.0020", "+0.2000 ± 0.0014"]

@@ -14,7 +14,8 @@ import pytest
 import ema.report
 from ema.data import Campaign, Expectation, Geometry, Repair, StudyResult
 from ema.errors import FailureError, InputError, MissingExtraError
-from tests.unit.test_report import EVIL, JOINTS, Page, plate, run_result, study
+from tests.unit.report_corpus import EVIL, JOINTS, plate, run_result, study
+from tests.unit.report_page import Page
 
 docx = pytest.importorskip("docx")
 pypdf = pytest.importorskip("pypdf")
@@ -186,7 +187,7 @@ def test_moving_shapes_are_those_of_the_model(result: StudyResult, reports: Path
 
 def test_5000_points_and_200_modes_stay_below_15_megabytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     from ema.report.motion import animation
-    from tests.unit.test_report import modal
+    from tests.unit.report_corpus import modal
 
     geometry = plate(100, 50)
     few = modal(geometry, 20, 1.0, 1.0, ())

@@ -1,6 +1,5 @@
 """Beam and friction in the report: placement, before and after, ring-downs, loops, the logo; and reports of no study."""
 
-import base64
 import csv
 import re
 from dataclasses import replace
@@ -16,11 +15,12 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.report.change import _common
 from ema.report.friction import ring_down_sentences
-from ema.report.pictures import Image, drawn
+from ema.report.pictures import drawn
 from ema.report.placement import answer as placement_answer
 from ema.show.placement import seen_edges
 from tests.unit.friction_nouns import decay, loop, placement
-from tests.unit.test_report import BLANK, EVIL, JOINTS, Page, plate, run_result, study, undrawn  # noqa: F401
+from tests.unit.report_corpus import EVIL, JOINTS, plate, run_result, study
+from tests.unit.report_page import BLANK, Page
 
 
 def rows(folder: Path, name: str) -> list[dict[str, str]]:
@@ -43,9 +43,8 @@ def result() -> StudyResult:
 
 @pytest.fixture(scope="module")
 def page(result: StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Page:
-    blank = Image(base64.b64decode(BLANK), "image/png")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ema.report.blocks.drawn", lambda figure, png: (blank, blank if png else None))
+        patch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))
         return Page(ema.report.write(result, tmp_path_factory.mktemp("friction") / "r.html"))
 
 
@@ -63,7 +62,7 @@ def test_the_recommended_place_and_normal_force_come_first(page: Page):
     )
 
 
-def test_the_warning_of_a_model_that_does_not_agree_is_the_first_sentence(tmp_path: Path, undrawn: None):  # noqa: F811
+def test_the_warning_of_a_model_that_does_not_agree_is_the_first_sentence(tmp_path: Path, undrawn: None):
     words = Page(ema.report.write(placement(warning="THE JOINT MODEL DOES NOT AGREE."), tmp_path / "r.html")).words()
     assert "In short THE JOINT MODEL DOES NOT AGREE. Bolt steel" in words
 
@@ -170,7 +169,7 @@ def test_figures_and_tables_stay_in_order_with_everything_in(page: Page):
 def test_every_format_says_the_same_of_placement_and_friction(result: StudyResult, tmp_path: Path):
     docx, pypdf = pytest.importorskip("docx"), pytest.importorskip("pypdf")
     pytest.importorskip("weasyprint")
-    (tmp_path / "logo.png").write_bytes(base64.b64decode(BLANK))
+    (tmp_path / "logo.png").write_bytes(BLANK.content)
     result = replace(
         result, runs=result.runs[:1], campaign=replace(result.campaign, folder=str(tmp_path), logo="logo.png")
     )
@@ -227,7 +226,7 @@ def test_many_ring_downs_do_not_bury_the_front_page():
     assert told[4] == "3 more ring-downs in the table of phases."
 
 
-def test_the_first_screen_says_of_the_place_what_the_forecast_says(tmp_path: Path, undrawn: None):  # noqa: F811
+def test_the_first_screen_says_of_the_place_what_the_forecast_says(tmp_path: Path, undrawn: None):
     """The ranking's own values and intervals, which leave out most of what is not known, are not its answer."""
     told = examples.placement()
     best, levels = told.ranking.best, told.ranking.prediction.force_levels

@@ -15,7 +15,7 @@ from ema.errors import CancelledError, FailureError, InputError
 from ema.study import Study, recipe, summary
 
 
-def test_study_finds_the_truth_and_writes_report_and_result(small_study):
+def test_study_finds_the_truth_and_writes_report_and_result(small_study, undrawn):
     small_study.write_text(small_study.read_text().replace("near = [120, 210, 333]\n", ""))
     study = Study.load(small_study)
     told = []

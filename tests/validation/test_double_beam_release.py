@@ -14,6 +14,7 @@ from ema.datasets import double_beam_release
 from ema.simulate import Masing, assemble, double_beam
 from ema.simulate.reduction import modal_base
 from ema.study import Study
+from tests.validation.recipes import run_recipe
 
 E, RHO, L, B, H, MU, LOAD = 210e9, 7850.0, 0.5, 0.04, 0.005, 0.3, 20.0
 INERTIA = B * H**3 / 12
@@ -22,13 +23,13 @@ RATE, REST = double_beam_release.SAMPLING_RATE, round(double_beam_release.REST *
 
 
 @pytest.fixture(scope="module")
-def campaign(root):
-    return Study.load(root / "reports" / "double_beam_release.toml").open()
+def result(root, tmp_path_factory):
+    return run_recipe(root / "reports" / "double_beam_release.toml", tmp_path_factory.mktemp("release"))
 
 
 @pytest.fixture(scope="module")
-def result(root, tmp_path_factory):
-    return Study.load(root / "reports" / "double_beam_release.toml", tmp_path_factory.mktemp("release")).run()
+def campaign(root, result):
+    return Study.load(root / "reports" / "double_beam_release.toml").open()
 
 
 def motion(campaign, run):

@@ -1,12 +1,4 @@
-"""Real measurements, told nothing but what their recipes say: the numbers expected stand in ``reports/*.toml``.
-
-They run as users run them, by the command in a process of its own (which also spares them the shape checker).
-"""
-
-import os
-import subprocess
-import sys
-from pathlib import Path
+"""Real measurements, told nothing but what their recipes say: the numbers expected stand in ``reports/*.toml``."""
 
 import numpy as np
 import pytest
@@ -14,17 +6,8 @@ from scipy.optimize import brentq
 
 from ema.dof import Dof
 from ema.shapes import mac
-from ema.store import load
 from ema.study import Study
-
-
-def run_recipe(name, root, datasets, output):
-    """The stored result of ``ema run``; its status is 0 when every expected number is met."""
-    command = [Path(sys.executable).with_name("ema"), "run", root / "reports" / f"{name}.toml", "--output", output]
-    environment = os.environ | {"EMA_DATASETS": str(datasets), "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=500)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    return load(output / f"{name}.h5")
+from tests.validation.recipes import run_recipe
 
 
 def missed(result) -> list[str]:
@@ -45,7 +28,7 @@ def free_free_beam(places: np.ndarray, modes: int) -> np.ndarray:
 
 def test_free_free_beam(root, datasets, tmp_path):
     """02: four modes from 50 to 1000 Hz and no other; shapes with 2, 3, 4 and 5 nodes; the drive point is reversed."""
-    result = run_recipe("freefree_beam", root, datasets, tmp_path)
+    result = run_recipe(root / "reports" / "freefree_beam.toml", tmp_path, datasets)
     assert missed(result) == []
     modes = result.runs[0].modes
     rows = {dof.node: (row, dof.sign) for row, dof in enumerate(modes.dofs)}
@@ -73,17 +56,17 @@ def test_free_free_beam(root, datasets, tmp_path):
 
 def test_hammer_blows(root, datasets, tmp_path):
     """03: eight modes with a close pair from five raw blows; the missing unit is reported."""
-    assert missed(run_recipe("hammer_blows", root, datasets, tmp_path)) == []
+    assert missed(run_recipe(root / "reports" / "hammer_blows.toml", tmp_path, datasets)) == []
 
 
 def test_steel_subframe(root, datasets, tmp_path):
     """05: two shakers, raw time to modes, with those that only the second singular value shows."""
-    assert missed(run_recipe("steel_subframe", root, datasets, tmp_path)) == []
+    assert missed(run_recipe(root / "reports" / "steel_subframe.toml", tmp_path, datasets)) == []
 
 
 def test_sdof(root, datasets, tmp_path):
     """08: published natural frequencies, one of them from FRFs of poor coherence, which is a finding."""
-    assert missed(run_recipe("sdof", root, datasets, tmp_path)) == []
+    assert missed(run_recipe(root / "reports" / "sdof.toml", tmp_path, datasets)) == []
 
 
 @pytest.mark.parametrize("name", ["freefree_beam", "hammer_blows", "steel_subframe", "sdof"])

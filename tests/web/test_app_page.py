@@ -136,7 +136,7 @@ def test_exports_arrive_as_files(served: Any, window: Any, tmp_path: Path, kind:
 
 def test_the_moving_report_moves_and_asks_for_nothing(chromium: Any, tmp_path: Path):
     import ema.report
-    from tests.unit.test_report import plate, run_result, study
+    from tests.unit.report_corpus import plate, run_result, study
 
     geometry = plate(5, 4)
     path = ema.report.write(study((run_result("bare", geometry),), geometry), tmp_path / "r.html")

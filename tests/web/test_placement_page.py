@@ -9,7 +9,7 @@ import pytest
 
 from ema import store
 from tests.unit.friction_nouns import placement
-from tests.unit.test_report import EVIL, plate
+from tests.unit.report_corpus import EVIL, plate
 from tests.web.conftest import Served
 
 
