@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-_LARGE, _MOST_TURNS = 400, 30
-"""Unknowns from which on factors are kept: below, an elimination takes less than a few products from Python. Turns of
-GMRES after which new ones are made: that many solutions cost about half an elimination of 2500 unknowns."""
+LARGE, _MOST_TURNS = 400, 30
+"""Unknowns from which on factors are worth it: below, an elimination takes less than a few products from Python. Turns
+of GMRES after which new ones are made: that many solutions cost about half an elimination of 2500 unknowns."""
 
 
 @dataclass
@@ -35,8 +35,6 @@ class Factors:
 
         ``unknowns`` says which they are: factors serve for the same ones only.
         """
-        if len(right) < _LARGE:
-            return np.asarray(np.linalg.solve(matrix(), right))
         from scipy.linalg import lu_factor, lu_solve
         from scipy.sparse.linalg import LinearOperator, gmres
 

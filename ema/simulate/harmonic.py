@@ -20,7 +20,7 @@ from ema.data import BeamModel, HarmonicResponse
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.checks import positive
-from ema.simulate.factors import Factors
+from ema.simulate.factors import LARGE, Factors
 from ema.simulate.reduction import with_armature
 from ema.simulate.transient import Problem, _State, prepare, sampled_normal_forces
 
@@ -69,6 +69,8 @@ class _Point:
     forces: np.ndarray
     lost: np.ndarray
     error: float
+    height: tuple[float, float] = (np.nan, np.nan)
+    """Force amplitude in N, and the size of the first output under it, where it is known."""
 
     @property
     def count(self) -> int:
@@ -122,6 +124,7 @@ class Condensed:
         self.odd, self.fine, self.left, self.share = True, 1, self.budget, 1.0
         self.accuracy = _CONVERGED
         self.rows = np.array([base.row(self.problem.system, dof) for dof in self.problem.outputs])
+        self._orders: dict[tuple[bool, int], np.ndarray] = {}
         self._bases: dict[int, np.ndarray] = {}
         self._coarse: dict[int, _Coarse] = {}
         self._factors = Factors()
@@ -138,7 +141,11 @@ class Condensed:
 
     def orders(self, count: int) -> Int[np.ndarray, "harmonic"]:
         """The first harmonics: 1, 3, 5 ... of an odd motion, else 0, 1, 2 ..."""
-        return 2 * np.arange(count) + 1 if self.odd else np.arange(count)
+        known = self._orders.get((self.odd, count))
+        if known is None:
+            known = 2 * np.arange(count) + 1 if self.odd else np.arange(count)
+            self._orders[self.odd, count] = known
+        return known
 
     def keep(self, highest: int | None) -> None:
         """Keep the harmonics up to ``highest``, whatever the tolerance.
@@ -207,8 +214,12 @@ class Condensed:
 
     def drive(self, omega: float, count: int) -> Float[np.ndarray, "contact size"]:
         """Relative displacements of stuck contacts under the force alone."""
-        at, slip = self.excited, self.problem.base.slip
-        response = slip @ self.motions(omega, np.zeros((at + 1, len(slip)), complex))[at]
+        at, base = self.excited, self.problem.base
+        if base.damping is None:
+            w = omega * self.orders(at + 1)[at]
+            response = base.slip @ (self.load / (base.frequencies**2 - w * w + 1j * w * base.decay))
+        else:
+            response = base.slip @ self.motions(omega, np.zeros((at + 1, len(base.slip)), complex))[at]
         out = np.zeros((len(response), 2 * count))
         out[:, 2 * at], out[:, 2 * at + 1] = response.real, -response.imag
         return out
@@ -330,29 +341,43 @@ class Condensed:
         self, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray
     ) -> Float[np.ndarray, "contact size"]:
         """The slipping contacts, and those on whose motion they depend, by elimination; the stuck ones follow."""
-        moving = np.zeros(len(slips), dtype=bool)
-        on = self.members[slips]
-        moving[on[on >= 0]] = True
+        moving = slips
+        if self.members.shape[1] > 1:
+            on = self.members[slips]
+            moving = np.zeros(len(slips), dtype=bool)
+            moving[on[on >= 0]] = True
         places = np.flatnonzero(moving)
         if not len(places):
             return rest
-        zero, step, change = np.zeros_like(rest), np.zeros_like(rest), np.zeros_like(rest)
+        solved = self._eliminated(gains, jacobian, slips, rest, places)
+        if len(places) == len(slips):
+            return solved
+        step = np.zeros_like(rest)
+        step[moving] = solved
+        pushed = self.kernels.linear_change(step, jacobian, self.members, slips)
+        step[~moving] = -self.kernels.residual(np.zeros_like(rest), rest, gains, pushed)[~moving]
+        return step
 
-        def product(vector: np.ndarray) -> np.ndarray:
-            change[moving] = vector.reshape(len(places), -1)
-            pushed = self.kernels.linear_change(change, jacobian, self.members, slips)
-            return np.asarray(self.kernels.residual(change, zero, gains, pushed)[moving].ravel())
+    def _eliminated(
+        self, gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray, rest: np.ndarray, places: np.ndarray
+    ) -> Float[np.ndarray, "moving size"]:
+        """Newton's step of the contacts at ``places``; the others have no part in it."""
 
         def matrix() -> np.ndarray:
             return np.asarray(self.kernels.newton_matrix(gains, jacobian, self.members, slips, places))
 
-        solved = self._factors.solve(
-            (rest.shape[1], *map(int, places)), product, matrix, rest[moving].ravel(), _FORCING
-        )
-        step[moving] = solved.reshape(len(places), -1)
-        pushed = self.kernels.linear_change(step, jacobian, self.members, slips)
-        step[~moving] = -self.kernels.residual(np.zeros_like(rest), rest, gains, pushed)[~moving]
-        return step
+        right = rest[places]
+        if right.size < LARGE:
+            return np.linalg.solve(matrix(), right.ravel()).reshape(right.shape)
+        zero, change = np.zeros_like(rest), np.zeros_like(rest)
+
+        def product(vector: np.ndarray) -> np.ndarray:
+            change[places] = vector.reshape(right.shape)
+            pushed = self.kernels.linear_change(change, jacobian, self.members, slips)
+            return np.asarray(self.kernels.residual(change, zero, gains, pushed)[places].ravel())
+
+        unknowns = (rest.shape[1], *map(int, places))
+        return self._factors.solve(unknowns, product, matrix, right.ravel(), _FORCING).reshape(right.shape)
 
     def _coarse_inverse(
         self, coarse: "_Coarse", gains: np.ndarray, jacobian: np.ndarray, slips: np.ndarray

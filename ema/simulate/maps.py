@@ -377,7 +377,9 @@ def _highest(condensed: Condensed, points: dict[float, _Point]) -> float:
 
 
 def _height(condensed: Condensed, point: _Point) -> float:
-    return float(np.abs(condensed.first(point)[0]))
+    if point.height[0] != condensed.force:
+        point.height = condensed.force, float(np.abs(condensed.first(point)[0]))
+    return point.height[1]
 
 
 def _climbed(
