@@ -254,21 +254,30 @@ def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
 
 
 def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
-    """Fit and judge all poles of FRFs that show each mode once; what Hann blocks do to these is taken off."""
-    estimate = _once(band, poles, progress)
+    """Fit and judge all poles of FRFs that show each mode once; what Hann blocks do to these is taken off.
+
+    Leakage looks like further resonances: they are searched for once it is gone, and then the correction has to stay
+    what it is.
+    """
     if not leakage.applies(band):
-        return estimate
-    history, before = [], np.zeros(band.values.shape, complex)
+        return _once(band, poles, progress)
+    history, before, corrected, searches = [], np.zeros(band.values.shape, complex), band, 0
     for turn in range(leakage.TURNS):
+        estimate = _once(corrected, poles, progress, searches)
         modes = estimate.verdict.accepted
         resonances = estimate.optimum.fit.poles[modes], _residues(estimate)[modes]
         history.append(resonances[0])
         excess = leakage.excess(band, *(leakage.initial_guess(band, *resonances) if turn == 0 else resonances))
-        if _in_noise(estimate, excess - before) < leakage.SETTLED:
+        settled = _in_noise(estimate, excess - before) < leakage.SETTLED
+        if settled and searches:
             return replace(estimate, uncorrected=history[0])
+        if settled:
+            searches = _SEARCHES
+            continue
         before, corrected = excess, replace(band, values=band.values - excess)
-        estimate = _once(corrected, stabilise(corrected, np.unique(poles.order).tolist()), progress)
-    return replace(estimate, uncorrected=history[0], former=history[-1])
+        poles = stabilise(corrected, np.unique(poles.order).tolist())
+    last = _once(corrected, poles, progress)
+    return replace(last, uncorrected=history[0], former=history[-1])
 
 
 def _residues(found: Estimate) -> Complex[np.ndarray, "pole out in"]:
@@ -286,13 +295,13 @@ def _in_noise(found: Estimate, change: Complex[np.ndarray, "freq out in"]) -> fl
     return float(energy) / max(found.optimum.fit.variance_factor(flat), np.finfo(float).tiny)
 
 
-def _once(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
-    """Fit and judge all poles of FRFs as they are."""
+def _once(band: FrfSet, poles: PoleTable, progress: Progress, searches: int = _SEARCHES) -> Estimate:
+    """Fit and judge all poles of FRFs as they are, with so many ``searches`` for what the residual shows."""
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
     chosen = select(data, poles, band.added_decay)
     advance(progress, "residues", 1, 2)
-    searches, start = _SEARCHES, None
+    start = None
     while True:
         optimum = refined(band, data, chosen, start)
         if searches and chosen.trusted and not optimum.misfit:

@@ -7,6 +7,7 @@ from ema.data import damping_ratios
 from ema.fit import estimator
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
+from ema.fit.line_correlation import LineCorrelation
 from ema.fit.policy import POLICY, passes_for_mode
 
 _WIDTHS = (1, 3, 9, 27)
@@ -46,7 +47,7 @@ def narrow_peaks(
     """
     factor = max(fit.variance_factor(data), np.finfo(float).tiny)
     energy = estimator.profile(data, fit)[0].mean(axis=0) / (2 * factor)
-    frfs = data.outputs * data.references
+    frfs, lines = data.outputs * data.references, LineCorrelation.of_noise(data, fit)
     limit = factor * passes_for_mode(2 * (data.outputs + data.references), len(data.s))
     sharp = fit.poles[-2 * fit.poles.real <= data.line]
     found: list[tuple[float, complex, np.ndarray]] = []
@@ -57,7 +58,7 @@ def narrow_peaks(
         if not len(trials):
             continue
         gain, vectors = _gains(data, fit, trials, slice(max(line - _AROUND * width - 4, 0), line + _AROUND * width + 5))
-        merit = gain / (limit * caution(trials, fit.poles, data.line))
+        merit = gain / (limit * lines.factor(trials) * caution(trials, fit.poles, data.line))
         best = int(np.argmax(merit))
         if merit[best] > 1:
             found.append((float(merit[best]), complex(trials[best]), vectors[best]))

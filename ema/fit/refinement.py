@@ -9,6 +9,7 @@ from ema.data import FrfSet, damping_ratios
 from ema.fit import estimator, model, noise, scatter, search
 from ema.fit.compression import SAMPLE
 from ema.fit.estimator import Fit, Observations
+from ema.fit.line_correlation import LineCorrelation, sample
 from ema.fit.narrow import caution
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
@@ -30,8 +31,6 @@ _UNKNOWN = 1e12
 _TRIED = 6
 """Poles that are left out in turn, to see whether the others do without them: a bound on the work, the least determined
 first. With 3 and with 12 the modes of 14 random systems stay the same."""
-_LONGEST = 60
-"""Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
 
 
 @dataclass(frozen=True)
@@ -136,12 +135,14 @@ def with_weak(optimum: Refined, chosen: Selection, band: tuple[float, float]) ->
     (`ema.fit.search.weak`); ``None`` where there is none.
     """
     fit, data = optimum.at_optimum, optimum.data
-    poles, vectors = search.weak(chosen.data, compressed(chosen, fit), data, fit, band)
+    lines = LineCorrelation.of_noise(data, fit)
+    poles, vectors = search.weak(chosen.data, compressed(chosen, fit), data, fit, lines, band)
     for count in dict.fromkeys((len(poles), min(1, len(poles)))):
         if not count:
             continue
         larger = estimator.refine(data, estimator.with_modes(data, fit, poles[:count], vectors[:count]), _ITERATIONS)
-        required = count * search.passes_for_weak(2 * (data.outputs + data.references)) * fit.variance_factor(data)
+        noise = search.passes_for_weak(2 * (data.outputs + data.references)) * fit.variance_factor(data)
+        required = noise * float(np.sum(lines.factor(poles[:count])))
         sound = np.all(larger.poles.real < 0) and np.all(larger.share >= estimator.RANK)
         if sound and fit.cost - larger.cost > required:
             return Start(data, larger, optimum.fit.terms)
@@ -160,12 +161,13 @@ def without_needless(
     fit, data = optimum.at_optimum, optimum.data
     factor = fit.variance_factor(data)
     required = search.passes_for_weak(2 * (data.outputs + data.references)) * factor
+    required = required * LineCorrelation.of_noise(data, fit).factor(fit.poles)
     uncertain = np.sqrt(np.maximum(estimator.covariance(fit, factor)[:, 1, 1], 0)) / damping_ratios(fit.poles)
     doubtful = np.flatnonzero(possible & (uncertain > POLICY.damping_uncertainty))
     for pole in doubtful[np.argsort(-uncertain[doubtful])][:_TRIED]:
         kept = np.setdiff1d(np.arange(len(fit.poles)), pole)
         smaller = estimator.refine(data, estimator.drop(data, fit, kept), _ITERATIONS)
-        if smaller.cost - fit.cost <= required:
+        if smaller.cost - fit.cost <= required[pole]:
             return kept, Start(data, smaller, optimum.fit.terms)
     return None
 
@@ -337,6 +339,7 @@ def _pruned(
     unknowns = 2 * (data.outputs + data.references)
     while True:
         share = estimator.gains(data, fit) / max(fit.variance_factor(data), 1e-300)
+        share /= LineCorrelation.of_noise(data, fit).factor(fit.poles)
         background = unknowns + estimator.DOUBT * np.sqrt(2 * unknowns)
         in_band = search.passes_for_weak(unknowns) * caution(fit.poles, fit.poles, data.line)
         share /= np.where(chosen.possible[kept], in_band, background)
@@ -396,7 +399,7 @@ def _single_impacts(
 
 def _misfit(data: Observations, fit: Fit, derivative: int, known: Float[np.ndarray, "out in freq"] | None) -> bool:
     """Whether the residual is no noise: correlated over lines, and beyond the known variance where there is one."""
-    some = _some(data)
+    some = sample(data)
     residual = estimator.residual(data, fit, some)[:, 0] * np.abs(data.s) ** derivative
     residual /= np.sqrt(known[some]) if known is not None else 1
     energy = np.abs(residual) ** 2
@@ -447,7 +450,7 @@ def noise_shape(
     data: Observations, fit: Fit, derivative: int, known: Float[np.ndarray, "out in freq"] | None, misfit: bool
 ) -> NoiseShape:
     """What some outputs say of the noise of all."""
-    some = _some(data)
+    some = sample(data)
     power, size = _powers(data, fit, some, derivative, known)
     found = noise.structure(power, size, plain=misfit)
     if known is None and len(fit.poles):
@@ -499,32 +502,10 @@ def _leverage(data: Observations, fit: Fit, weights: Float[np.ndarray, "some in 
     return np.minimum(np.array(shares) * (1 + len(columns) / outputs), 0.8)
 
 
-def _some(data: Observations) -> slice:
-    """Outputs that stand for all."""
-    return slice(None, None, max(1, data.signals.size // SAMPLE))
-
-
 def loss(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
-    """Variance of poles and of shapes over that for errors independent from line to line, each mode.
-
-    The errors correlate as the residual does; what counts is how far the sensitivity of a mode reaches over lines:
-    ``sum_l rho(l) c(l)`` with the autocorrelations of residual and sensitivity, each 1 at lag 0.
-    """
-    some, lines = _some(data), len(data.s)
-    residual = np.sqrt(data.weights[some]) * estimator.residual(data, fit, some)[:, 0]
-    chance = 2.5 / np.sqrt(residual.size)
-    rho = _autocorrelation(residual.reshape(-1, lines), chance)
-    telling = int(np.argmax(np.append(rho, 0.0) < chance))
-    ones = np.ones(len(fit.poles))
-    if telling < 2 or not len(fit.poles):
-        return ones, ones
-    typical = np.sqrt(np.mean(data.weights[some], axis=(0, 1)))
-    result = []
-    for power in (2, 1):
-        sensitivity = typical / (data.s - fit.poles[:, None]) ** power
-        reach = np.stack([_autocorrelation(row[None])[1:telling] for row in sensitivity])
-        result.append(np.maximum(1, 1 + 2 * reach @ rho[1:telling]))
-    return result[0], result[1]
+    """Variance of poles and of shapes over that for errors independent from line to line, each mode."""
+    lines = LineCorrelation.of(data, fit)
+    return lines.factor(fit.poles, 2), lines.factor(fit.poles, 1)
 
 
 def misfit_at_peaks(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
@@ -546,14 +527,3 @@ def misfit_at_peaks(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
     left = np.maximum(1 - (1 + 1 / outputs) / lines, 0.2)
     usual = 2 * fit.cost / data.equations
     return np.asarray(np.maximum(found / (total * usual * left), 1))
-
-
-def _autocorrelation(signals: Complex[np.ndarray, "row line"], least: float = -np.inf) -> Float[np.ndarray, "lag"]:
-    """Real part of the autocorrelation of rows, pooled, from lag 0 to where it falls below ``least``."""
-    count = signals.shape[1]
-    energy = max(float(np.vdot(signals, signals).real), np.finfo(float).tiny)
-    found = [1.0]
-    while len(found) < min(_LONGEST, count // 4) and found[-1] >= least:
-        lag = len(found)
-        found.append(float(np.vdot(signals[:, : count - lag], signals[:, lag:]).real) / energy)
-    return np.array(found)

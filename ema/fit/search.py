@@ -10,6 +10,7 @@ from ema.data import damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
+from ema.fit.line_correlation import LineCorrelation
 from ema.fit.narrow import TONE, caution, tones
 from ema.fit.policy import POLICY, passes_for_mode
 from ema.fit.trials import DAMPING, apart, around, beside, gains_at, mode_gains, over_band, peaks, residue_gains
@@ -162,7 +163,12 @@ def beyond(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
 
 
 def weak(
-    data: Observations, fit: Fit, final: Observations, optimum: Fit, band: tuple[float, float]
+    data: Observations,
+    fit: Fit,
+    final: Observations,
+    optimum: Fit,
+    lines: LineCorrelation,
+    band: tuple[float, float],
 ) -> tuple[Complex[np.ndarray, "new"], Complex[np.ndarray, "new in"]]:
     """Poles, and their participation, of resonances in the band that noise hardly explains, though they explain less
     than a mode has to.
@@ -174,6 +180,7 @@ def weak(
     ----------
     data, fit : compressed data, and the poles of ``optimum`` fitted to them: all trial poles are compared there.
     final, optimum : every line of every FRF with its own noise: the best of them are judged there.
+    lines : how that noise correlates over lines.
     """
     references, outputs = data.references, final.outputs
     noise = Noise.of(data, fit)
@@ -182,7 +189,7 @@ def weak(
     merit = gain / noise.explains(data, trials, vectors, fit, gain)
     best = apart(trials, merit / max(float(merit.min()) * (1 - 1e-9), 1e-300), _AGAIN, reach=1.0)
     trials, vectors = trials[best], vectors[best]
-    required = passes_for_weak(2 * (outputs + references)) * optimum.variance_factor(final)
+    required = passes_for_weak(2 * (outputs + references)) * optimum.variance_factor(final) * lines.factor(trials)
     gain = gains_at(final, optimum, trials, vectors)
     chosen = apart(trials, gain / (required * caution(trials, optimum.poles, final.line)), _WEAK)
     return trials[chosen], vectors[chosen]
@@ -196,6 +203,7 @@ def passes_for_weak(freedom: int) -> float:
 def evidence(data: Observations, fit: Fit) -> Float[np.ndarray, "pole"]:
     """Energy that each pole explains over what a mode has to explain, for it does so somewhere in noise."""
     noise = passes_for_mode(2 * (data.outputs + data.references), len(data.s)) * fit.variance_factor(data)
+    noise = noise * LineCorrelation.of_noise(data, fit).factor(fit.poles)
     return estimator.gains(data, fit) / np.maximum(noise * caution(fit.poles, fit.poles, data.line), 1e-300)
 
 

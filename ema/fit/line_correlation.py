@@ -1,0 +1,93 @@
+"""Errors that are not independent from line to line: windows, local models and zero padding make them so."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from ema.fit import estimator
+from ema.fit.compression import SAMPLE
+from ema.fit.estimator import Fit, Observations
+
+_LONGEST = 60
+"""Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
+_CHANCE = 2.5
+"""Autocorrelation times the root of the number of values up to which a residual is taken for white: 3.5 standard
+deviations (Bartlett 1946, of real parts), once in 4000."""
+_PARTS, _FEWEST = 8, 50
+"""Parts of the band of which the median counts, and lines of a part at least."""
+
+
+@dataclass(frozen=True)
+class LineCorrelation:
+    """How the residual of a fit correlates over lines.
+
+    ``rho`` (lag,) is its autocorrelation, 1 at lag 0, up to where it is lost in chance: of length 1 where the lines are
+    independent. ``s`` (line,) and ``weight`` (line,) are the lines and the root mean square of their weights.
+    """
+
+    rho: Float[np.ndarray, "lag"]
+    s: Complex[np.ndarray, "line"]
+    weight: Float[np.ndarray, "line"]
+
+    @classmethod
+    def of(cls, data: Observations, fit: Fit) -> "LineCorrelation":
+        """That of a residual, from as many rows of the observations as stand for all."""
+        residual, weight = _weighted(data, fit)
+        chance = _CHANCE / np.sqrt(residual.size)
+        return cls(_telling(autocorrelation(residual, chance), chance), data.s, weight)
+
+    @classmethod
+    def of_noise(cls, data: Observations, fit: Fit) -> "LineCorrelation":
+        """That of the noise in a residual: the median over parts of the band, for a mode that the fit has not makes
+        the residual correlate as well, but only where it is.
+        """
+        residual, weight = _weighted(data, fit)
+        chance = _CHANCE / np.sqrt(residual.size)
+        parts = np.array_split(residual, min(_PARTS, max(1, residual.shape[1] // _FEWEST)), axis=1)
+        found = [autocorrelation(part) for part in parts]
+        lags = min(len(rho) for rho in found)
+        return cls(_telling(np.median([rho[:lags] for rho in found], axis=0), chance), data.s, weight)
+
+    def factor(self, poles: Complex[np.ndarray, "pole"], power: int = 1) -> Float[np.ndarray, "pole"]:
+        """Energy that noise has along ``1 / (s - p)^power`` over that of noise independent from line to line.
+
+        It is ``sum_l rho(l) c(l)`` with the autocorrelations of the noise and of the function, each 1 at lag 0: the
+        variance of a residue (``power`` 1) or of a pole (2) over that for independent lines, and what noise takes off
+        the cost of a fit when a mode there is fitted to it.
+        """
+        lags = len(self.rho)
+        if lags < 2 or not len(poles):
+            return np.ones(len(poles))
+        functions = self.weight / (self.s - poles[:, None]) ** power
+        reach = np.stack([autocorrelation(row[None])[1:lags] for row in functions])
+        return np.asarray(np.maximum(1, 1 + 2 * reach @ self.rho[1 : 1 + reach.shape[1]]))
+
+
+def _weighted(data: Observations, fit: Fit) -> tuple[Complex[np.ndarray, "row line"], Float[np.ndarray, "line"]]:
+    """Residuals of the rows that stand for all, over their noise, and the root mean square of the weights."""
+    some = sample(data)
+    weights = data.weights[some]
+    residual = np.sqrt(weights[:, None]) * estimator.residual(data, fit, some)
+    return residual.reshape(-1, len(data.s)), np.sqrt(np.mean(weights, axis=(0, 1)))
+
+
+def _telling(rho: Float[np.ndarray, "lag"], chance: float) -> Float[np.ndarray, "told"]:
+    """The lags before the first that white noise explains."""
+    return rho[: max(1, int(np.argmax(np.append(rho, 0.0) < chance)))]
+
+
+def sample(data: Observations) -> slice:
+    """Rows that stand for all."""
+    return slice(None, None, max(1, data.signals.size // SAMPLE))
+
+
+def autocorrelation(signals: Complex[np.ndarray, "row line"], least: float = -np.inf) -> Float[np.ndarray, "lag"]:
+    """Real part of the autocorrelation of rows, pooled, from lag 0 to where it falls below ``least``."""
+    count = signals.shape[1]
+    energy = max(float(np.vdot(signals, signals).real), np.finfo(float).tiny)
+    found = [1.0]
+    while len(found) < min(_LONGEST, count // 4) and found[-1] >= least:
+        lag = len(found)
+        found.append(float(np.vdot(signals[:, : count - lag], signals[:, lag:]).real) / energy)
+    return np.array(found)

@@ -1,0 +1,46 @@
+"""Noise that is not independent from line to line is no resonance, and takes no time."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ema.fit import stabilise
+from ema.fit.modal import estimated
+from tests.unit.fit_rig import frfs, model
+
+HANN = np.array([0.245, 1.0, 0.245])
+"""Moving sum whose output correlates over lines as averaged H1 of Hann blocks does: 0.44 = (2/3)^2 next to each other
+(the product of two spectra, each with the correlation 2/3 of the Hann window)."""
+LOCAL = np.ones(9)
+"""The same of a local model over nine lines, roughly."""
+LEVEL = 0.01
+
+
+def measured(kernel, seed, lines, outputs=16):
+    """A structure with four modes and noise of a known level, smoothed over the lines."""
+    truth = model([100.0, 142.0, 197.0, 251.0], [0.012, 0.008, 0.015, 0.006], dofs=outputs, seed=seed)
+    exact = frfs(truth, 70, 300, lines)
+    rng = np.random.default_rng([77, seed])
+    std = LEVEL * np.sqrt(np.mean(np.abs(exact.values) ** 2, axis=0))
+    shape = (lines + len(kernel) - 1, outputs, 1)
+    white = np.sqrt(0.5) * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
+    noise = sum(white[k : k + lines] * weight for k, weight in enumerate(kernel / np.linalg.norm(kernel)))
+    variance = np.broadcast_to(std**2, exact.values.shape)
+    return truth, replace(exact, values=exact.values + std * noise, variance=variance)
+
+
+def test_correlated_noise_leaves_no_poles_in_the_fit():
+    for kernel, lines in ((HANN, 3201), (HANN, 801), (LOCAL, 801)):
+        further, off = [], []
+        for seed in range(8):
+            truth, found = measured(kernel, seed, lines)
+            estimate = estimated(found, stabilise(found))
+            accepted = estimate.model()
+            assert len(accepted.poles) == 4
+            further.append(len(estimate.optimum.fit.poles) - 4)
+            std = np.sqrt(accepted.covariance[:, 0, 0])
+            off.append((accepted.natural_frequencies - truth.natural_frequencies) / std)
+        # White noise leaves a pole in one fit of a hundred.
+        assert sum(further) <= 2, further
+        # 32 deviations: beyond 4 stated ones by chance once in 500 runs of other seeds.
+        assert np.max(np.abs(off)) < 4
