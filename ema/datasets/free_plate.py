@@ -22,7 +22,7 @@ class PlateModes:
         """Deflections per unit modal coordinate at points given in m from a corner."""
         along = np.polynomial.legendre.legvander(2 * x / self.length - 1, self.coefficients.shape[1] - 1)
         across = np.polynomial.legendre.legvander(2 * y / self.width - 1, self.coefficients.shape[2] - 1)
-        return np.einsum("pi,pj,rij->pr", along, across, self.coefficients)
+        return np.asarray(np.einsum("pi,pj,rij->pr", along, across, self.coefficients))
 
     def slopes(self, x: Float[np.ndarray, "point"], y: Float[np.ndarray, "point"]) -> Float[np.ndarray, "point mode"]:
         """Slopes d/dx of the deflections, in 1/m per unit modal coordinate."""
@@ -31,7 +31,7 @@ class PlateModes:
         derivative = legendre.legder(np.eye(self.coefficients.shape[1]))
         along = np.polynomial.legendre.legvander(2 * x / self.length - 1, len(derivative) - 1) @ derivative
         across = np.polynomial.legendre.legvander(2 * y / self.width - 1, self.coefficients.shape[2] - 1)
-        return (2 / self.length) * np.einsum("pi,pj,rij->pr", along, across, self.coefficients)
+        return np.asarray((2 / self.length) * np.einsum("pi,pj,rij->pr", along, across, self.coefficients))
 
 
 def free_plate(

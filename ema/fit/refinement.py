@@ -160,8 +160,8 @@ def without_needless(
     """
     fit, data = optimum.at_optimum, optimum.data
     factor = fit.variance_factor(data)
-    required = search.passes_for_weak(2 * (data.outputs + data.references)) * factor
-    required = required * LineCorrelation.of_noise(data, fit).factor(fit.poles)
+    noise = search.passes_for_weak(2 * (data.outputs + data.references)) * factor
+    required = noise * LineCorrelation.of_noise(data, fit).factor(fit.poles)
     uncertain = np.sqrt(np.maximum(estimator.covariance(fit, factor)[:, 1, 1], 0)) / damping_ratios(fit.poles)
     doubtful = np.flatnonzero(possible & (uncertain > POLICY.damping_uncertainty))
     for pole in doubtful[np.argsort(-uncertain[doubtful])][:_TRIED]:

@@ -202,9 +202,9 @@ def passes_for_weak(freedom: int) -> float:
 
 def evidence(data: Observations, fit: Fit) -> Float[np.ndarray, "pole"]:
     """Energy that each pole explains over what a mode has to explain, for it does so somewhere in noise."""
-    noise = passes_for_mode(2 * (data.outputs + data.references), len(data.s)) * fit.variance_factor(data)
-    noise = noise * LineCorrelation.of_noise(data, fit).factor(fit.poles)
-    return estimator.gains(data, fit) / np.maximum(noise * caution(fit.poles, fit.poles, data.line), 1e-300)
+    level = passes_for_mode(2 * (data.outputs + data.references), len(data.s)) * fit.variance_factor(data)
+    noise = level * LineCorrelation.of_noise(data, fit).factor(fit.poles) * caution(fit.poles, fit.poles, data.line)
+    return np.asarray(estimator.gains(data, fit) / np.maximum(noise, 1e-300))
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ class Solution:
     @property
     def count(self) -> int:
         """Number of harmonics."""
-        return self.amplitudes.shape[1] // 2
+        return int(self.amplitudes.shape[1] // 2)
 
 
 def bordered_newton(

@@ -64,7 +64,7 @@ def _after(
     """A form of the state after ``h`` as one of the state before."""
     whole = np.zeros((len(decay), 3, 3))
     whole[:, :2], whole[:, 2, 2] = _flow(frequencies, decay, h), 1.0
-    return whole.transpose(0, 2, 1) @ form @ whole
+    return np.asarray(whole.transpose(0, 2, 1) @ form @ whole)
 
 
 def _flow(

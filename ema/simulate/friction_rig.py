@@ -321,7 +321,9 @@ def _normal_stiffness(joint: Joint) -> float:
     """Stiffness of a joint in N/m against small openings from its normal force."""
     contact = joint.normal_contact
     if contact.name == "power":
-        return joint.normal_stiffness * (joint.normal_force / contact.reference_force) ** (1 - 1 / contact.exponent)
+        return float(
+            joint.normal_stiffness * (joint.normal_force / contact.reference_force) ** (1 - 1 / contact.exponent)
+        )
     if contact.name == "curve":
         depths, forces = np.array(contact.points).T
         place = int(np.clip(np.searchsorted(forces, joint.normal_force), 1, len(forces) - 1))

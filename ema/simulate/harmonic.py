@@ -75,7 +75,7 @@ class _Point:
     @property
     def count(self) -> int:
         """Number of harmonics."""
-        return self.amplitudes.shape[1] // 2
+        return int(self.amplitudes.shape[1] // 2)
 
 
 @dataclass
@@ -250,7 +250,7 @@ class Condensed:
             return np.ascontiguousarray([whole.real, whole.imag])
         w = omega * self.orders(count)[:, None]
         gain = 1 / (self.squares - w**2 + 1j * w * self.decay)
-        return np.matmul(np.stack([gain.real, gain.imag])[:, :, None, :] * self.slip, self.slip.T)
+        return np.asarray(np.matmul(np.stack([gain.real, gain.imag])[:, :, None, :] * self.slip, self.slip.T))
 
     def coarse(self, omega: float, gains: np.ndarray) -> _Coarse:
         """The few shapes of the contacts that the structure yields to most, for all harmonics in ``gains``."""

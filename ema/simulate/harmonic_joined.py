@@ -71,7 +71,7 @@ class JoinedCondensed(Condensed):
     def fineness(self, count: int, more: int) -> int:
         """About as many samples as before: kinks ask for them, whatever the number of harmonics."""
         share = self.fine * self._fewest_samples(count) / self._fewest_samples(more)
-        return 2 ** max(0, round(np.log2(share)))
+        return int(2 ** max(0, round(np.log2(share))))
 
     def _samples(self, count: int, fine: int) -> Float[np.ndarray, "sample size"]:
         """cos and sin of the harmonics at even samples of a period."""

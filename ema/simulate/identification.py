@@ -190,7 +190,7 @@ def _phases(loop: Loop) -> Float[np.ndarray, "sample"]:
     span = t[-1] - t[0]
     opened, closed = (loop.cycles * (t - t[0]) / length for length in (span + float(np.median(np.diff(t))), span))
     noise = [_smooth_motion(phase, x, loop.cycles, limit=2).noise for phase in (opened, closed)]
-    return closed if noise[1] ** 2 < noise[0] ** 2 * (1 - 10 / len(x)) else opened
+    return np.asarray(closed if noise[1] ** 2 < noise[0] ** 2 * (1 - 10 / len(x)) else opened)
 
 
 class _Residual:

@@ -741,7 +741,7 @@ class RecordedForces(Waveform):
     def duration(self) -> float:
         """Of every record in s: that of the first."""
         first = self.recordings[0]
-        return first.signals.shape[1] / first.sampling_rate
+        return float(first.signals.shape[1] / first.sampling_rate)
 
     def dofs(self, take: int) -> tuple[Dof, ...]:
         """Return where the forces of a record act.

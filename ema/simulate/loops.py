@@ -48,7 +48,7 @@ def drive(
     if law.stiffness_exponent:
         stiffness *= (float(force[0]) / law.reference_force) ** law.stiffness_exponent
     laws = contact_laws([law], np.array([min(stiffness, law.stiffness_cap)]), [1])
-    return laws.drive(path, law.friction_coefficient * force, interval)[0]
+    return np.asarray(laws.drive(path, law.friction_coefficient * force, interval)[0])
 
 
 def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int = 4096, frequency: float = 1.0) -> Loop:

@@ -38,12 +38,12 @@ class ModalBase:
 
     def row(self, system: System, dof: Dof | str) -> Float[np.ndarray, "mode"]:
         """Modal row of a DOF."""
-        return system.row(dof) @ self.shapes
+        return np.asarray(system.row(dof) @ self.shapes)
 
 
 def stuck_stiffness(system: System, stiffness: Float[np.ndarray, "contact"]) -> Float[np.ndarray, "n n"]:
     """Stiffness matrix with the given contact springs in place."""
-    return system.stiffness + system.contacts.slip.T @ (stiffness[:, None] * system.contacts.slip)
+    return np.asarray(system.stiffness + system.contacts.slip.T @ (stiffness[:, None] * system.contacts.slip))
 
 
 def natural_modes(

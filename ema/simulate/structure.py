@@ -119,7 +119,7 @@ def pair_stiffness(joint: Joint, forces: Float[np.ndarray, "pair"] | None = None
         return areas * min(law.contact_stiffness, law.stiffness_cap)
     pressed = pair_forces(joint) if forces is None else forces
     ratio = np.maximum(pressed / areas / law.reference_force, 1e-6)
-    return areas * np.minimum(law.contact_stiffness * ratio**law.stiffness_exponent, law.stiffness_cap)
+    return np.asarray(areas * np.minimum(law.contact_stiffness * ratio**law.stiffness_exponent, law.stiffness_cap))
 
 
 def _check_joint(joint: Joint) -> None:
