@@ -264,7 +264,11 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
     history, before, corrected, searches = [], np.zeros(band.values.shape, complex), band, 0
     for turn in range(leakage.TURNS):
         estimate = _once(corrected, poles, progress, searches)
-        modes = estimate.verdict.accepted
+        verdict = estimate.verdict
+        # Leakage may leave no pole certain enough for a mode: what is there says more of it than nothing.
+        modes = verdict.accepted if turn or np.any(verdict.accepted) else verdict.possible
+        if not np.any(modes):
+            return estimate if searches else _once(corrected, poles, progress)
         resonances = estimate.optimum.fit.poles[modes], _residues(estimate)[modes]
         history.append(resonances[0])
         excess = leakage.excess(band, *(leakage.initial_guess(band, *resonances) if turn == 0 else resonances))

@@ -118,3 +118,12 @@ def test_h2_is_left_alone() -> None:
     frfs = replace(blocked(2.0), estimator="H2")
     model = modes(frfs, stabilise(frfs))
     assert "leakage" not in {one.code for one in model.findings}
+
+
+def test_blocks_without_a_resonance_have_no_modes() -> None:
+    quiet = blocked(4.0)
+    for seed in range(6):
+        rng = np.random.default_rng([91, seed])
+        values = rng.standard_normal(quiet.values.shape) + 1j * rng.standard_normal(quiet.values.shape)
+        measured = replace(quiet, values=values, coherence=None, variance=None)
+        assert len(modes(measured, stabilise(measured)).poles) == 0
