@@ -93,7 +93,8 @@ class Observations:
 
     ``s`` (line,) are lines, or centres of bins, in rad/s. The mean of a receptance over a bin is not its value at the
     centre: ``means`` are what was measured, ``signals`` the same less the difference by a model (`centred`), and
-    ``spread`` (line,) is the variance of the angular frequencies of a bin.
+    ``spread`` (line,) is the variance of the angular frequencies of a bin. ``correlated``: the noise is known to
+    correlate over lines, so that this says nothing against a model.
     """
 
     s: Complex[np.ndarray, "line"]
@@ -101,6 +102,7 @@ class Observations:
     weights: Float[np.ndarray, "row in line"]
     spread: Float[np.ndarray, "line"] | None = None
     means: Complex[np.ndarray, "row member in line"] | None = None
+    correlated: bool = False
 
     @property
     def outputs(self) -> int:
@@ -887,6 +889,8 @@ def profile(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "in line"],
 
 def correlation(data: Observations, fit: Fit) -> float:
     """Correlation of neighbouring residuals: 0 for noise, up to 1 for what a better model would explain."""
+    if data.correlated:
+        return 0.0
     power, together = profile(data, fit)
     return float(together.sum() / max(float(power.mean(axis=0).sum()), 1e-300))
 

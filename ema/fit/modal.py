@@ -21,7 +21,7 @@ from ema.fit.narrow import narrow_peaks
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, prepare
 from ema.fit.record_end import as_recorded, of_whole_vibration
-from ema.fit.refinement import Refined, Start, refined, with_weak, without_needless
+from ema.fit.refinement import Refined, Start, known_variance, refined, with_weak, without_needless
 from ema.fit.scaling import scale_to_unit_modal_mass
 from ema.fit.selection import Dropped, Selection, extended, of_poles, reduced, select
 from ema.fit.stabilisation import stabilise
@@ -303,7 +303,7 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress, searches: int = _S
     """Fit and judge all poles of FRFs as they are, with so many ``searches`` for what the residual shows."""
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
-    chosen = select(data, poles, band.added_decay)
+    chosen = select(data, poles, band.added_decay, known_variance(band, data)[0])
     advance(progress, "residues", 1, 2)
     start = None
     while True:

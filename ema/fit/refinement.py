@@ -14,10 +14,8 @@ from ema.fit.narrow import caution
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT
-from ema.fit.selection import Dropped, Selection, compressed
+from ema.fit.selection import BEYOND, Dropped, Selection, compressed
 
-_BEYOND = 3.0
-"""Energy of the residual over that of the known noise from which on the noise is not what limits the fit."""
 _AT_ONCE = 400_000
 """Values that are worked on at a time."""
 _ROUNDS = 5
@@ -65,7 +63,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
     ----------
     start : where to begin, for the poles of ``chosen``; by default they are fitted with the noise of each FRF first.
     """
-    known, basis = _known(band, data)
+    known, basis = known_variance(band, data)
     dropped: tuple[Dropped, ...] = ()
     if start is None:
         flat, fit, kept, dropped, misfit = _first(data, chosen, known)
@@ -362,7 +360,7 @@ def _pruned(
         fit, kept = estimator.drop(data, fit, left), kept[left]
 
 
-def _known(band: FrfSet, data: Prepared) -> tuple[Float[np.ndarray, "out in freq"] | None, str]:
+def known_variance(band: FrfSet, data: Prepared) -> tuple[Float[np.ndarray, "out in freq"] | None, str]:
     """Variance that came with the FRFs, arranged like the signals, and what the intervals rest on."""
     variance = noise.measured(band)
     if variance is None:
@@ -407,7 +405,7 @@ def _misfit(data: Observations, fit: Fit, derivative: int, known: Float[np.ndarr
     if together <= MISFIT * float(np.sum(energy)):
         return False
     # A window correlates noise over lines too, but does not make it larger than its variance.
-    return known is None or float(np.mean(energy)) > _BEYOND
+    return known is None or float(np.mean(energy)) > BEYOND
 
 
 def _weights(

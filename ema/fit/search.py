@@ -150,14 +150,14 @@ def beyond(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
         trials = (2 * np.pi * places[places > 0, None] * (-DAMPING + 1j)).reshape(-1)
         if not len(trials):
             continue
-        required = limit * fit.variance_factor(data)
+        required = limit * fit.variance_factor(data) * Noise.of(data, fit).of_damping(trials)
         gain, vectors = mode_gains(data, fit, trials)
-        best = int(np.argmax(gain))
-        if gain[best] <= required:
+        best = int(np.argmax(gain / required))
+        if gain[best] <= required[best]:
             continue
         larger = estimator.refine(data, estimator.with_modes(data, fit, trials[[best]], vectors[[best]]), 30)
         kept = inside(larger.poles, band).sum() == inside(fit.poles, band).sum() and np.all(larger.poles.real < 0)
-        if kept and fit.cost - larger.cost > required and np.all(larger.share >= estimator.RANK):
+        if kept and fit.cost - larger.cost > required[best] and np.all(larger.share >= estimator.RANK):
             fit = larger
     return fit
 
@@ -211,11 +211,20 @@ def evidence(data: Observations, fit: Fit) -> Float[np.ndarray, "pole"]:
 class Noise:
     """What the residual of a fit says of its noise: the energy that a mode fitted to noise takes off nowhere in the
     band but with the false-alarm probability, its mean square, and that of each bin and reference over the mean.
+
+    ``yields`` (damping,): energy that noise leaves to a pole of each damping ratio in `DAMPING`, over that of noise
+    independent from line to line; ``white`` is what would be ``required`` of that.
     """
 
-    required: float
+    white: float
     scale: float
     power: Float[np.ndarray, "in bin"]
+    yields: Float[np.ndarray, "damping"]
+
+    @property
+    def required(self) -> float:
+        """Energy that a mode has to exceed where its damping does not matter."""
+        return self.white * float(np.median(self.yields))
 
     @classmethod
     def of(cls, data: Observations, fit: Fit) -> "Noise":
@@ -224,7 +233,13 @@ class Noise:
         limit = passes_for_mode(2 * outputs + 2 * references, len(data.s))
         power = estimator.profile(data, fit)[0]
         factor, scale = fit.variance_factor(data), max(float(power.mean()), 1e-300)
-        return cls(limit * max(factor, 1e-300), scale, power / scale)
+        factor = max(factor, 1e-300)
+        return cls(limit * factor, scale, power / scale, _yields(data, fit, factor))
+
+    def of_damping(self, poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole"]:
+        """``yields`` at the damping ratios of poles."""
+        damping = np.log(np.maximum(damping_ratios(poles), 1e-6))
+        return np.asarray(np.exp(np.interp(damping, np.log(DAMPING), np.log(self.yields))))
 
     def explains(
         self,
@@ -254,7 +269,17 @@ class Noise:
                 held = np.einsum("pk,pk->p", own, near) / own.sum(axis=1) * np.sum(shares[rows] ** 2, axis=1)
                 level[rows] -= held * gain[rows] / (2 * data.outputs * self.scale)
             level[rows] /= near.sum(axis=1)
-        return np.asarray(self.required * np.maximum(level, 1) * caution(poles, fit.poles, line))
+        level = np.maximum(level, 1) * self.of_damping(poles)
+        return np.asarray(self.white * level * caution(poles, fit.poles, line))
+
+
+def _yields(data: Observations, fit: Fit, factor: float) -> Float[np.ndarray, "damping"]:
+    """Median over the band of what trial poles of each damping ratio take off the cost, over what white noise gives."""
+    if not data.correlated:
+        return np.ones(len(DAMPING))
+    trials = over_band((float(data.s[0].imag) / (2 * np.pi), float(data.s[-1].imag) / (2 * np.pi)))
+    gain = residue_gains(data, fit, trials)[0].reshape(-1, len(DAMPING))
+    return np.asarray(np.maximum(np.median(gain, axis=0) / (factor * 2 * data.outputs * data.references), 1))
 
 
 def _settled(data: Observations, fit: Fit, required: float) -> Fit:

@@ -15,6 +15,7 @@ from ema.data import PoleTable, damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import Candidates, inside, like_modes, of_table, zoom
 from ema.fit.estimator import Fit, Observations
+from ema.fit.line_correlation import LineCorrelation
 from ema.fit.narrow import TONE, tones
 from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
@@ -34,6 +35,10 @@ _LINES = 2.0
 """Half-power bandwidth in frequency lines below which a mode has to show as a peak."""
 _DISPLACED = 0.2
 """Displacement over the decay rate below which nobody asks whether another mode is the cause."""
+_CORRELATED = 0.1
+"""Correlation of neighbouring lines from which on they are not taken as independent: half of what is a misfit."""
+BEYOND = 3.0
+"""Energy of the residual over that of the known noise from which on the noise is not what limits the fit."""
 _COLLINEAR = 0.6
 """Modal phase collinearity below which the shape of a mode without a peak of its own speaks against it."""
 
@@ -65,10 +70,16 @@ class Selection:
     dropped: tuple[Dropped, ...] = ()
 
 
-def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Selection:
+def select(
+    prepared: Prepared,
+    table: PoleTable,
+    added_decay: float = 0.0,
+    known: Float[np.ndarray, "out in freq"] | None = None,
+) -> Selection:
     """Find the poles that the FRFs ask for, and take out what noise or misfit explains.
 
-    ``added_decay`` is what an exponential window did to the data; the table is already free of it.
+    ``added_decay`` is what an exponential window did to the data; the table is already free of it. ``known`` is the
+    variance of the FRFs where it is known: noise of that size is no misfit, however it correlates over lines.
     """
     band = table.band
     everything = of_table(table, added_decay)
@@ -82,11 +93,16 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
         everything = everything.joined(found)
         state = _observe(prepared, larger)
     dropped: list[Dropped] = []
+    state = state.with_correlated(_correlated_noise(prepared, state, known))
     result = _trusting(prepared, state, band, dropped)
+    if result is not None and state.data.correlated and not _correlated_noise(prepared, result, known):
+        # What correlated were modes that were not in the fit yet.
+        dropped, state = [], state.with_correlated(False)
+        result = _trusting(prepared, state, band, dropped)
     trusted = result is not None
     if result is None:
         dropped = []
-        result = _doubting(state, everything, band, dropped)
+        result = _doubting(state.with_correlated(False), everything, band, dropped)
     fit = result.fit
     possible = like_modes(fit.poles, band)
     alone = _alone(result.data, fit, band, possible) if trusted else np.ones(len(fit.poles))
@@ -101,6 +117,21 @@ def select(prepared: Prepared, table: PoleTable, added_decay: float = 0.0) -> Se
         trusted=trusted,
         dropped=tuple(lost),
     )
+
+
+def _correlated_noise(prepared: Prepared, state: "_State", known: Float[np.ndarray, "out in freq"] | None) -> bool:
+    """Whether the residual of all lines correlates and has the size of the known noise, both but for a few places."""
+    fit = state.fit
+    if known is None or estimator.correlation(replace(state.data, correlated=False), fit) <= _CORRELATED:
+        return False
+    data = estimator.observe(prepared.frequencies, prepared.values, prepared.derivative, prepared.noise, rotate=False)
+    terms = estimator.residual_terms(data, estimator.fixed_poles(prepared.frequencies))
+    at_lines = estimator.evaluate(data, fit.poles, fit.participation, terms)
+    rho = LineCorrelation.of_noise(data, at_lines).rho
+    outputs = prepared.noise.outputs[:, None, None]
+    size = np.abs(estimator.residual(data, at_lines)[0] * outputs * np.abs(data.s) ** prepared.derivative)
+    # The median of an exponential distribution is log 2 of its mean: missing modes change it little.
+    return bool(np.max(rho[1:], initial=0.0) > _CORRELATED and np.median(size**2 / known) <= BEYOND * np.log(2))
 
 
 def extended(
@@ -211,7 +242,8 @@ def _rebinned(prepared: Prepared, state: "_State", fit: Fit) -> "_State":
     """A fit on bins made for its poles; each line has the noise of its bin."""
     noise = np.repeat(state.noise.lines, np.diff(np.append(state.starts, len(prepared.frequencies))))
     prepared = replace(prepared, noise=replace(prepared.noise, lines=noise))
-    return _observe(prepared, Candidates(fit.poles, fit.participation, np.ones(len(fit.poles))))
+    again = _observe(prepared, Candidates(fit.poles, fit.participation, np.ones(len(fit.poles))))
+    return again.with_correlated(state.data.correlated)
 
 
 def _doubting(state: "_State", candidates: Candidates, band: tuple[float, float], dropped: list[Dropped]) -> "_State":
@@ -242,6 +274,10 @@ class _State:
     def with_fit(self, fit: Fit) -> "_State":
         return replace(self, fit=fit)
 
+    def with_correlated(self, correlated: bool) -> "_State":
+        """The same where noise correlates over lines, or where what correlates is a misfit."""
+        return replace(self, data=replace(self.data, correlated=correlated))
+
 
 def _observe(prepared: Prepared, candidates: Candidates) -> _State:
     """Weighted data in bins that are fine where the candidates are, and a first, rough refinement of these."""
@@ -265,7 +301,7 @@ def _reweight(state: _State, iterations: int) -> _State:
     data = state.data
     by_reference, together = estimator.profile(data, state.fit)
     power = by_reference.mean(axis=0)
-    correlation = together.sum() / max(power.sum(), 1e-300)
+    correlation = 0.0 if data.correlated else together.sum() / max(power.sum(), 1e-300)
     window = int(np.clip(150 // (data.outputs * data.references), 1, min(9, len(power)))) | 1
     power = np.convolve(np.pad(power, window // 2, mode="edge"), np.ones(window) / window, mode="valid")[: len(power)]
     power = np.maximum(power, 0.05 * np.median(power) + 1e-300)
