@@ -79,7 +79,7 @@ def select(
     """Find the poles that the FRFs ask for, and take out what noise or misfit explains.
 
     ``added_decay`` is what an exponential window did to the data; the table is already free of it. ``known`` is the
-    variance of the FRFs where it is known: noise of that size is no misfit, however it correlates over lines.
+    variance of the FRFs where noise correlates over lines and its size is known: noise of that size is no misfit.
     """
     band = table.band
     everything = of_table(table, added_decay)

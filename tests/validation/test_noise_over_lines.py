@@ -24,7 +24,7 @@ def with_correlated_noise(number):
     white = unit_noise(rng, (lines + len(weights) - 1, *channels))
     noise = sum(white[k : k + lines] * weight for k, weight in enumerate(weights))
     variance = np.broadcast_to(case.noise_std**2, case.clean.shape)
-    frfs = replace(case.frfs, values=case.clean + case.noise_std * noise, variance=variance)
+    frfs = replace(case.frfs, window="hann", values=case.clean + case.noise_std * noise, variance=variance)
     # Sum of the autocorrelation over all lags.
     loss = float(np.sum(weights)) ** 2
     return replace(case, frfs=frfs), replace(case, noise_std=case.noise_std * np.sqrt(loss))
