@@ -75,6 +75,9 @@ class FrfSet(Container):
         was multiplied by; empty where unknown.
     set_ups : SetUps, optional
         Which set-up of roving sensors or forces each FRF was measured in; ``None`` where there is only one.
+    effective_lines : array of shape (freq,), optional
+        Lines whose data each value rests on where neighbouring lines were smoothed together: the variance that a line
+        by itself would have is as many times larger. ``None`` where each line is estimated by itself.
 
     Examples
     --------
@@ -103,6 +106,7 @@ class FrfSet(Container):
     record_length: float | None = None
     window: str = ""
     set_ups: SetUps | None = None
+    effective_lines: Float[np.ndarray, "freq"] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.values, Window):  # values computed from those of a set in a file
@@ -118,6 +122,7 @@ class FrfSet(Container):
             coherence=np.float64,
             variance=np.float64,
             averages=np.float64,
+            effective_lines=np.float64,
         )
         check_axes(self)
 
@@ -216,6 +221,14 @@ class FrfSet(Container):
         return float((self.frequencies[-1] - self.frequencies[0]) / max(len(self.frequencies) - 1, 1))
 
     @property
+    def lines_correlate(self) -> bool:
+        """Whether errors of neighbouring lines correlate by the way they were estimated.
+
+        So they do in averages of blocks under a Hann window, and where a local model smooths them.
+        """
+        return self.window == "hann" or self.effective_lines is not None
+
+    @property
     def scaled(self) -> bool:
         """Whether the values are in SI."""
         return self.unit != UNSTATED
@@ -273,6 +286,7 @@ class FrfSet(Container):
             coherence=None if self.coherence is None else self.coherence[keep],
             variance=None if self.variance is None else self.variance[keep],
             deviations=None if self.deviations is None else self.deviations.lines(keep),
+            effective_lines=None if self.effective_lines is None else self.effective_lines[keep],
         )
 
     def band(self, low: float, high: float) -> "FrfSet":

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy.fft
 import scipy.ndimage
-from jaxtyping import Complex, Float
+from jaxtyping import Complex
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
@@ -40,6 +40,9 @@ LONGEST_BLOCK = 2**16
 
 _AT_ONCE = 2**21
 """Samples of all channels that are transformed at once: few enough for a record that is larger than memory."""
+
+_TOGETHER = 2**28
+"""Bytes of spectra that are modelled together; more of them share no denominators."""
 
 
 @dataclass(frozen=True)
@@ -194,9 +197,8 @@ def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tup
         )
     if kept.mean() > 0.99:
         return parts, ()
-    cut = {name: parts[name][kept] for name in ("frequencies", "values", "coherence") if parts.get(name) is not None}
-    if parts.get("variance") is not None:
-        cut["variance"] = parts["variance"][kept]
+    along = ("frequencies", "values", "coherence", "variance", "effective_lines")
+    cut = {name: parts[name][kept] for name in along if parts.get(name) is not None}
     deviations = parts.get("deviations")
     if deviations is not None:
         cut["deviations"] = replace(deviations, values=deviations.values[:, kept])
@@ -228,8 +230,9 @@ def welch_frfs(found: Spectra, estimator: Estimator, rate: float, length: int) -
 def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progress: Progress) -> dict[str, Any]:
     """Frequencies, FRFs, coherence, variance and averages of the local model, over blocks and records.
 
-    Blocks are averaged with the inverse of their variances as weights. The coherence is the part of the response power
-    that forces and transient explain.
+    All blocks have the denominators in common, as far as they fit into memory together; beyond that their FRFs are
+    averaged with the inverse of their variances as weights. The coherence is the part of the response power that forces
+    and transient explain.
     """
     first = records[0]
     layout = channels.layout(first, channels.describe(run, first))
@@ -248,21 +251,16 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     weights: Any = 0.0
     noise: Any = 0.0
     power: Any = 0.0
+    told: list[tuple[int, Any]] = []
     single = SingleBlocks()
-    for place, record in enumerate(records):
-        this = channels.layout(record, channels.describe(run, record))
-        record = Drift().off(record, this)
-        for start in range(0, record.signals.shape[1] - length + 1, length):
-            rows = [*this.references, *this.responses]
-            signals = record.signals[rows, start : start + length].astype(np.float64)
-            estimate = _moved(signals, len(this.references))
-            if estimate is None:
-                continue
-            weight = np.where(np.isfinite(estimate.variance), 1 / np.maximum(estimate.variance, 1e-300), 0.0)
-            single.keep(_stretch(record, start, length), estimate.values, weight)
-            weighted, weights = weighted + weight * estimate.values, weights + weight
-            noise, power = noise + estimate.noise, power + estimate.power
-        advance(progress, "modelling records", place + 1, len(records))
+    for names, blocks in _together(run, records, length, progress):
+        estimate = local_model.local_model(blocks)
+        for name, values, weight in zip(names, estimate.blocks, estimate.weights, strict=True):
+            single.keep(name, values, weight)
+        weight = np.where(np.isfinite(estimate.variance), 1 / np.maximum(estimate.variance, 1e-300), 0.0)
+        weighted, weights = weighted + weight * estimate.values, weights + weight
+        noise, power = noise + estimate.noise, power + estimate.power
+        told.append((len(blocks), estimate.effective_lines))
     _driven(weights, layout.inputs, channels.describe(run))
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
     values = weighted / weights
@@ -272,28 +270,44 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         "coherence": np.repeat(coherence[:, :, None], values.shape[2], axis=2),
         "variance": 1 / weights,
         "averages": np.full(values.shape[1:], float(single.count)),
-        "deviations": _deviations(values, weights, single),
+        "deviations": _deviations(values, single),
+        "effective_lines": np.average([lines for _, lines in told], axis=0, weights=[count for count, _ in told]),
         "findings": about_records(single, first.channels, layout.responses, channels.describe(run)),
     }
 
 
-def _moved(signals: Float[np.ndarray, "channel sample"], inputs: int) -> local_model.Local | None:
-    """The local model of a block by the forces that act in it; the variance of the others is infinite.
+def _together(
+    run: Run, records: Sequence[Recording], length: int, progress: Progress
+) -> Iterator[tuple[list[str], list[local_model.Spectra]]]:
+    """Names and spectra of blocks that are modelled together, as many as fit into memory.
 
-    A burst leaves blocks without any force, two shakers that run one after the other have one each; ``None`` where no
-    force acts: what is left to see is free vibration.
+    A burst leaves blocks without any force: what is left to see there is free vibration.
     """
-    acting = np.ptp(signals[:inputs], axis=1) > 0
-    if not acting.any():
-        return None
-    lines = scipy.fft.rfft(signals, axis=1)[:, 1:-1].T
-    estimate = local_model.local_model(lines[:, :inputs][:, acting], lines[:, inputs:])
-    if acting.all():
-        return estimate
-    shape = (*estimate.values.shape[:2], inputs)
-    values, variance = np.zeros(shape, complex), np.full(shape, np.inf)
-    values[:, :, acting], variance[:, :, acting] = estimate.values, estimate.variance
-    return replace(estimate, values=values, variance=variance)
+    names: list[str] = []
+    blocks: list[local_model.Spectra] = []
+    size = 0
+    for place, record in enumerate(records):
+        this = channels.layout(record, channels.describe(run, record))
+        record = Drift().off(record, this)
+        rows, inputs = [*this.references, *this.responses], len(this.references)
+        for start in range(0, record.signals.shape[1] - length + 1, length):
+            signals = record.signals[rows, start : start + length].astype(np.float64)
+            if not np.ptp(signals[:inputs], axis=1).any():
+                continue
+            lines = scipy.fft.rfft(signals, axis=1)[:, 1:-1].T
+            # A force that is constant does not act there.
+            lines[:, :inputs][:, np.ptp(signals[:inputs], axis=1) == 0] = 0
+            names, blocks, size = (
+                [*names, _stretch(record, start, length)],
+                [*blocks, (lines[:, :inputs], lines[:, inputs:])],
+                size + lines.nbytes,
+            )
+            if size > _TOGETHER:
+                yield names, blocks
+                names, blocks, size = [], [], 0
+        advance(progress, "modelling records", place + 1, len(records))
+    if blocks:
+        yield names, blocks
 
 
 def _driven(weights: Any, inputs: Sequence[object], where: str) -> None:
@@ -322,14 +336,13 @@ def _stretch(record: Recording, start: int, length: int) -> str:
     return f"{record.name} from {start / rate:.4g} s to {(start + length) / rate:.4g} s".strip()
 
 
-def _deviations(
-    values: Complex[np.ndarray, "freq out in"], weights: Float[np.ndarray, "freq out in"], single: SingleBlocks
-) -> Deviations | None:
-    """Deviations of the weighted mean by its blocks, at most ``MOST`` groups of neighbours."""
+def _deviations(values: Complex[np.ndarray, "freq out in"], single: SingleBlocks) -> Deviations | None:
+    """Deviations of the mean by its blocks, at most ``MOST`` groups of neighbours."""
     blocks = single.blocks
     if len(blocks) < 2:
         return None
     groups = np.array_split(np.arange(len(blocks)), min(len(blocks), MOST))
+    weights = np.maximum(sum(block.weight for block in blocks), np.finfo(float).tiny)
     changes = np.empty((len(groups), *values.shape), np.complex64)
     for place, group in enumerate(groups):
         share = sum(blocks[k].weight for k in group) / weights

@@ -300,7 +300,7 @@ def full_set(
             break
         at = final
     used = sums.used
-    refined, flat = _with_scatter(sums, final, start, possible)
+    refined, flat = _with_scatter(sums, final, start, possible, effective_lines=band.effective_lines)
     errors = replace(
         uncertainty.errors_of(replace(refined, fit=_bare(final, final.shapes[:0], final.rest[:0]))),
         scatter=_scatter(sums, refined),
@@ -329,13 +329,19 @@ def full_set(
 
 
 def _with_scatter(
-    sums: _Sums, final: Fit, start: _Start, possible: Bool[np.ndarray, "pole"]
+    sums: _Sums,
+    final: Fit,
+    start: _Start,
+    possible: Bool[np.ndarray, "pole"],
+    *,
+    effective_lines: Float[np.ndarray, "freq"] | None,
 ) -> tuple[Refined, Observations]:
     """The optimum with what its intervals rest on, and the observations of the sample."""
     packed, optimum = start.packed, start.optimum
     flat, begin = start.of(packed.sample, packed.rows, np.arange(len(packed.rows)))
     at_sample = _evaluated(flat, final, sums.used, (begin.shapes, begin.rest[..., : sums.used]))[0]
-    of_poles, of_shapes = refinement.loss(flat, at_sample)
+    by_themselves = None if effective_lines is None else flat.weights / effective_lines[-len(flat.s) :]
+    of_poles, of_shapes = refinement.loss(flat, at_sample, by_themselves)
     at_peaks = refinement.misfit_at_peaks(flat, at_sample) if optimum.misfit else np.ones(len(final.poles))
     factor = sums.factor(sums.used)
     change = scatter.Changes.of(sums.all_terms, factor, factor * of_poles)

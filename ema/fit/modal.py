@@ -303,8 +303,8 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress, searches: int = _S
     """Fit and judge all poles of FRFs as they are, with so many ``searches`` for what the residual shows."""
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
-    # Blocks under a window say themselves that their noise correlates over lines; of other FRFs what does is a misfit.
-    known = known_variance(band, data)[0] if band.window == "hann" else None
+    # Of FRFs that do not say themselves that their noise correlates over lines, what does is a misfit.
+    known = known_variance(band, data)[0] if band.lines_correlate else None
     chosen = select(data, poles, band.added_decay, known)
     advance(progress, "residues", 1, 2)
     start = None

@@ -90,7 +90,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
             break
         fit = _optimum(flat, _spared(flat, fit))
     factor = fit.variance_factor(flat)
-    of_poles, of_shapes = loss(flat, fit)
+    of_poles, of_shapes = loss(flat, fit, _by_themselves(flat, data.derivative, band, known))
     between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
     basis += of_what
     at_peaks = misfit_at_peaks(flat, fit) if misfit else np.ones(len(fit.poles))
@@ -500,10 +500,36 @@ def _leverage(data: Observations, fit: Fit, weights: Float[np.ndarray, "some in 
     return np.minimum(np.array(shares) * (1 + len(columns) / outputs), 0.8)
 
 
-def loss(data: Observations, fit: Fit) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
-    """Variance of poles and of shapes over that for errors independent from line to line, each mode."""
+def _by_themselves(
+    data: Observations, derivative: int, band: FrfSet, known: Float[np.ndarray, "out in freq"] | None
+) -> Float[np.ndarray, "some in freq"] | None:
+    """Weights that lines have each by itself, of as many rows as stand for all; ``None`` where none were smoothed."""
+    if band.effective_lines is None:
+        return None
+    some, effective = sample(data), band.effective_lines[-len(data.s) :]
+    if known is None:
+        return np.asarray(data.weights[some] / effective)
+    return np.asarray(2 * np.abs(data.s) ** (2 * derivative) / (known[some] * effective))
+
+
+def loss(
+    data: Observations, fit: Fit, by_themselves: Float[np.ndarray, "some in freq"] | None
+) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
+    """Variance of poles and of shapes over that for errors independent from line to line, each mode.
+
+    Where lines were smoothed together, no fit of them knows more than the lines ``by_themselves`` tell, with these
+    weights: around peaks that are as narrow as the smoothing their errors follow the shape of the peak, which the mean
+    correlation of the residual does not show.
+    """
     lines = LineCorrelation.of(data, fit)
-    return lines.factor(fit.poles, 2), lines.factor(fit.poles, 1)
+    factors = [lines.factor(fit.poles, power) for power in (2, 1)]
+    if by_themselves is not None:
+        weight = np.mean(by_themselves, axis=(0, 1))
+        for place, power in enumerate((2, 1)):
+            function = np.abs(data.s - fit.poles[:, None]) ** (-2 * power)
+            told = (function @ lines.weight**2) / (function @ weight)
+            factors[place] = np.maximum(factors[place], told)
+    return factors[0], factors[1]
 
 
 def misfit_at_peaks(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
