@@ -155,7 +155,6 @@ def make_frfs(
     unit: str | None,
     where: str,
     coherence: Any = None,
-    estimator: str = "",
 ) -> FrfSet:
     """An FRF set in SI.
 
@@ -183,7 +182,6 @@ def make_frfs(
         quantity,
         parsed.si if parsed.stated else UNSTATED,
         coherence,
-        estimator=estimator,
         name=where,
     )
 
