@@ -12,6 +12,7 @@ from ema.data import Finding, ModalMap, Provenance
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.placement import Candidates
 from ema.errors import InputError
+from ema.messages import mark
 from ema.place.budget import budget, inputs
 from ema.place.fundamental import MAJORITY, fundamental, shares
 from ema.place.intervals import beams_drawn, drawn, scattered
@@ -264,33 +265,46 @@ def _about_holes(
         (
             "mode-spread",
             spread_out,
-            "the beam spreads the mode over several resonances, none of which holds half of it: no single frequency "
-            "and damping ratio are those of the mode.",
-            "Look at the FRFs there, choose another place, or a beam whose own resonance is further away.",
+            mark(
+                "in {count} of {total} conditions the beam spreads the mode over several resonances, none of which "
+                "holds half of it: no single frequency and damping ratio are those of the mode."
+            ),
+            mark("Look at the FRFs there, choose another place, or a beam whose own resonance is further away."),
         ),
         (
             "joint-parts",
             parted & ~spread_out,
-            "the normal force of a joint varies by more than F_N in a fifth of the draws or more: it parts there "
-            "unless it also pulls, and values are predicted only for joints that can.",
-            "Press more, or excite less.",
+            mark(
+                "in {count} of {total} conditions the normal force of a joint varies by more than F_N in a fifth of "
+                "the draws or more: it parts there unless it also pulls, and values are predicted only for joints that can."
+            ),
+            mark("Press more, or excite less."),
         ),
         (
             "no-peak",
             ~known & ~parted & ~spread_out & ~solved,
-            "no peak of the response belongs to the mode: another mode moves more wherever there is one.",
-            "Choose another excited DOF, or ask for the neighbouring mode.",
+            mark(
+                "in {count} of {total} conditions no peak of the response belongs to the mode: another mode moves more "
+                "wherever there is one."
+            ),
+            mark("Choose another excited DOF, or ask for the neighbouring mode."),
         ),
         (
             "no-band",
             ~known & ~parted & ~spread_out & solved,
-            "a fifth of the draws or more have no peak that belongs to the mode.",
-            "Their bands are left open.",
+            mark(
+                "in {count} of {total} conditions a fifth of the draws or more have no peak that belongs to the mode."
+            ),
+            mark("Their bands are left open."),
         ),
     ):
         if lost.any():
-            text = f"in {int(lost.sum())} of {known.size} conditions {why}"
-            findings.append(Finding("warning", code, "forecast", text, float(lost.sum()), 0.0, advice))
+            count = int(lost.sum())
+            findings.append(
+                Finding.of(
+                    "warning", code, "forecast", why, float(count), 0.0, advice=advice, count=count, total=known.size
+                )
+            )
     return tuple(findings)
 
 
@@ -299,13 +313,22 @@ def _about_harmonics(damping: Float[np.ndarray, "mode level force"]) -> tuple[Fi
     count, most = int(np.sum(damping > _HARMONICS)), float(damping.max())
     if not count:
         return ()
-    message = (
-        f"in {count} of {damping.size} conditions the upper harmonics of the friction force change the damping ratio "
-        f"by more than {_HARMONICS:.0%}, at most {most:.0%}: as where a mode lies near three or five times the "
-        "frequency."
+    return (
+        Finding.of(
+            "warning",
+            "upper-harmonics",
+            "forecast",
+            "in {count} of {total} conditions the upper harmonics of the friction force change the damping ratio by "
+            "more than {limit_share}, at most {most}: as where a mode lies near three or five times the frequency.",
+            most,
+            _HARMONICS,
+            advice="The bands hold as much to either side; what is true hangs on the frequency of that upper mode.",
+            count=count,
+            total=damping.size,
+            limit_share=f"{_HARMONICS:.0%}",
+            most=f"{most:.0%}",
+        ),
     )
-    advice = "The bands hold as much to either side; what is true hangs on the frequency of that upper mode."
-    return (Finding("warning", "upper-harmonics", "forecast", message, most, _HARMONICS, advice),)
 
 
 def assembled(nominal: Question, task: Task, candidates: Candidates, rng: np.random.Generator) -> Question:

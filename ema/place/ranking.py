@@ -10,6 +10,7 @@ from jaxtyping import Float
 from ema.data import Finding
 from ema.data.placement import Candidates, Place, Prediction, Ranking
 from ema.errors import InputError
+from ema.messages import mark
 from ema.place.flags import about_holes, about_points, flags, shifts
 from ema.place.intervals import samples
 from ema.place.objective import Objective, of_rows, recommended_forces, scores
@@ -198,16 +199,18 @@ def _about_range(task: Task, places: tuple[Place, ...]) -> tuple[Finding, ...]:
     if not places or len(tried) < 2 or places[0].normal_force not in (tried[0], tried[-1]):
         return ()
     best = places[0].normal_force
-    end, beyond = ("smallest", "smaller") if best == tried[0] else ("largest", "larger")
+    end, beyond = (mark("smallest"), mark("smaller")) if best == tried[0] else (mark("largest"), mark("larger"))
     return (
-        Finding(
+        Finding.of(
             "warning",
             "edge-of-range",
             "rank 1",
-            f"the best normal force, {best:g} N, is the {end} of those asked: a {beyond} one may serve better.",
+            "the best normal force, {best} N, is the {end} of those asked: a {beyond} one may serve better.",
             best,
-            None,
-            f"Ask for {beyond} normal forces too, or take it as what the joint allows.",
+            advice="Ask for {beyond} normal forces too, or take it as what the joint allows.",
+            best=f"{best:g}",
+            end=end,
+            beyond=beyond,
         ),
     )
 

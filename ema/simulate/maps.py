@@ -133,14 +133,18 @@ def within_band(frequency: Float[np.ndarray, "point"], band: tuple[float, float]
 
 def no_resonance(where: str, cut: int, count: int, band: tuple[float, float]) -> Finding:
     """What is said of a map with holes where the band cuts off the resonance."""
-    return Finding(
+    return Finding.of(
         "warning",
         "no-resonance",
         where,
-        f"the model has no resonance between {band[0]:.4g} and {band[1]:.4g} Hz at {cut} of {count} points.",
+        "the model has no resonance between {low} and {high} Hz at {cut} of {count} points.",
         float(cut),
         0.0,
-        "Widen the band, or look for the mode of the map among those of the model.",
+        advice="Widen the band, or look for the mode of the map among those of the model.",
+        low=f"{band[0]:.4g}",
+        high=f"{band[1]:.4g}",
+        cut=cut,
+        count=count,
     )
 
 
@@ -632,14 +636,15 @@ def damping_map(
     findings, error = [], max(found.error_estimate for curve in curves for found in curve.known.values())
     if error > tolerance:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "harmonics",
                 model.name,
-                f"error estimate of a peak {error:.1e}.",
+                "error estimate of a peak {error}.",
                 error,
                 tolerance,
-                "Check it in time.",
+                advice="Check it in time.",
+                error=f"{error:.1e}",
             )
         )
     shape = table.shape[1:]
