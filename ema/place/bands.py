@@ -276,7 +276,8 @@ def _about_holes(
             parted & ~spread_out,
             mark(
                 "in {count} of {total} conditions the normal force of a joint varies by more than F_N in a fifth of "
-                "the draws or more: it parts there unless it also pulls, and values are predicted only for joints that can."
+                "the draws or more: it parts there unless it also pulls, and values are predicted only for joints "
+                "that can."
             ),
             mark("Press more, or excite less."),
         ),

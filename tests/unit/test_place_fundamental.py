@@ -7,12 +7,13 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import minimize_scalar
 
-from ema import place, shapes
+from ema import examples, place, shapes
 from ema.data import FrictionLaw, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
+from ema.dof import Dof
 from ema.place import predict
 from ema.place.bands import forecast_and_draws
-from ema.place.fundamental import fundamental
+from ema.place.fundamental import fundamental, linear_modes
 from ema.place.intervals import beams_drawn, drawn
 from ema.place.predictor import beam_matrices
 from ema.place.shortlist import answer, question
@@ -75,6 +76,21 @@ def test_a_stuck_structure_has_its_linear_peaks(task):
     for (frequency, damping), (peak, ratio) in zip(found, stuck_peaks(task), strict=True):
         assert frequency == pytest.approx(peak, rel=3e-5)
         assert damping == pytest.approx(ratio, rel=1e-3)
+
+
+def test_a_beam_that_slides_freely_moves_without_stiffness_and_has_no_damping_ratio():
+    """On a host without rigid-body motion one mode of the sliding structure has no stiffness; none of the stuck one."""
+    bare, geometry = examples.plate()
+    task = place.Task(
+        bare, shapes.smooth(bare, geometry), STUCK, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,)
+    )
+    model = place.model_at(task, place.grid(task.surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2), 0, 50.0)
+    with np.errstate(all="raise"):
+        sliding, stuck = (linear_modes(model, Dof.parse("1:+Z"), sticking=state) for state in (False, True))
+    free = sliding.frequencies == 0
+    assert free.sum() == 1 and np.isnan(sliding.damping_ratios[free]).all()
+    assert (sliding.damping_ratios[~free] > 0).all()
+    assert (stuck.frequencies > 0).all() and (stuck.damping_ratios > 0).all()
 
 
 def test_the_peak_of_the_mode_is_taken_and_not_a_higher_one_beside_it(task):
