@@ -1,7 +1,7 @@
 """What a reader of a hammer test has to know."""
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -49,43 +49,49 @@ _REMARKS = {
 
 def about_impacts(judged: Sequence[Judged], where: str) -> list[Finding]:
     """One finding per impact with a fault, one for small further contacts, one per kind of remark and channel."""
-    findings = []
+    return [*_about_faults(judged, where), *_about_contacts(judged, where), *_about_remarks(judged, where)]
+
+
+def _about_faults(judged: Sequence[Judged], where: str) -> Iterator[Finding]:
+    """What each impact with a fault is used for."""
     for one in judged:
         if one.clean and one.used:
             continue
         for reason in sorted(one.reasons, key=lambda reason: -reason.error)[:1]:
-            findings.append(
-                Finding.of(
-                    "info" if one.asked else "warning",
-                    reason.code,
-                    f"{where}, {one.record}, point {one.dof}, impact {one.index}",
-                    "used although it has a fault: {reason}." if one.used else "not used: {reason}.",
-                    abs(one.pulse.peak),
-                    advice="{remedy}"
-                    if one.used or one.asked
-                    else "{remedy} `keep` in the settings uses it all the same.",
-                    reason=reason.text,
-                    remedy=_ADVICE[reason.code],
-                )
+            yield Finding.of(
+                "info" if one.asked else "warning",
+                reason.code,
+                f"{where}, {one.record}, point {one.dof}, impact {one.index}",
+                "used although it has a fault: {reason}." if one.used else "not used: {reason}.",
+                abs(one.pulse.peak),
+                advice="{remedy}" if one.used or one.asked else "{remedy} `keep` in the settings uses it all the same.",
+                reason=reason.text,
+                remedy=_ADVICE[reason.code],
             )
+
+
+def _about_contacts(judged: Sequence[Judged], where: str) -> Iterator[Finding]:
+    """Further contacts too small to count as faults."""
     small = [one.second.ratio for one in judged if one.clean and one.used and one.second is not None]
     if small:
-        findings.append(
-            Finding.of(
-                "info",
-                "double-hit",
-                where,
-                "{count} of {total} impacts have further contacts of {least} to {most} % of the peak; they "
-                "are part of the measured force.",
-                max(small),
-                ONE_LEVEL,
-                advice="They do not bias the FRFs of a linear structure.",
-                count=len(small),
-                total=len(judged),
-                least=f"{100 * min(small):.2g}",
-                most=f"{100 * max(small):.2g}",
-            )
+        yield Finding.of(
+            "info",
+            "double-hit",
+            where,
+            "{count} of {total} impacts have further contacts of {least} to {most} % of the peak; they "
+            "are part of the measured force.",
+            max(small),
+            ONE_LEVEL,
+            advice="They do not bias the FRFs of a linear structure.",
+            count=len(small),
+            total=len(judged),
+            least=f"{100 * min(small):.2g}",
+            most=f"{100 * max(small):.2g}",
         )
+
+
+def _about_remarks(judged: Sequence[Judged], where: str) -> Iterator[Finding]:
+    """How many impacts each kind of remark is about, by channel."""
     counted: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
     for one in judged:
         for remark in one.remarks:
@@ -94,22 +100,19 @@ def about_impacts(judged: Sequence[Judged], where: str) -> list[Finding]:
         text, advice = _REMARKS[code]
         low = code == "under-range"
         worst = min(values)[0] if low else max(values)[0]
-        findings.append(
-            Finding.of(
-                "info" if len(values) < 0.1 * len(judged) else "warning",
-                code,
-                f"{where}, channel {channel}",
-                text,
-                worst,
-                values[0][1],
-                advice=advice,
-                count=len(values),
-                total=len(judged),
-                channel=channel,
-                worst=f"{100 * worst:.1f}",
-            )
+        yield Finding.of(
+            "info" if len(values) < 0.1 * len(judged) else "warning",
+            code,
+            f"{where}, channel {channel}",
+            text,
+            worst,
+            values[0][1],
+            advice=advice,
+            count=len(values),
+            total=len(judged),
+            channel=channel,
+            worst=f"{100 * worst:.1f}",
         )
-    return findings
 
 
 def about_force(judged: Sequence[Judged], where: str) -> list[Finding]:

@@ -18,6 +18,8 @@ from ema.simulate.harmonic import Branch, Condensed, _Point, condense, with_harm
 
 HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
 """Laws without a scale of their own: forces and displacements grow together."""
+_SHARES = np.array([0.2, 1.0, 0.5])
+"""Shares of the tolerance within which frequency, damping ratio and modal amplitude are interpolated."""
 _FIRST_PASS = 40
 """Frequencies of the first pass over a band, with few harmonics; peaks are then placed with more."""
 _ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 6, 0.02
@@ -613,27 +615,16 @@ def damping_map(
     if not (np.all(np.isfinite(normals)) and np.all(normals >= 0)):
         raise InputError("not a normal force", where=model.name, got=f"{normals.tolist()} N", expected="0 N or more")
     check_band(model, band)
-    curves: list[_Curve] = []
-    tolerances = tolerance * np.array([0.2, 1.0, 0.5])
-    if homogeneous(model):
-        condensed = condense(model.with_normal_force(1.0), 1.0, at, [output], tolerance)
+
+    def prepared(normal: float, level: float) -> Condensed:
+        """The model under a normal force on every joint."""
+        condensed = condense(model.with_normal_force(normal), level, at, [output], tolerance)
         condensed.most_orders = _MOST_ORDERS
-        curves.append(_Curve(lambda ratio: condensed.at(1.0, condensed.limits * ratio), band))
-        ratios = normals / levels[:, None]
-        keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
-        wanted, back = np.unique(keys, return_inverse=True)
-        table = interpolated(wanted, curves[0].at, tolerances, progress)[back].T.reshape(3, *ratios.shape).copy()
-        table[2] *= levels[:, None]
-    else:
-        table = np.empty((3, len(levels), len(normals)))
-        wanted, back = np.unique(levels, return_inverse=True)
-        for column, normal in enumerate(normals):
-            advance(progress, "damping map", column, len(normals))
-            here = condense(model.with_normal_force(normal), float(levels[0]), at, [output], tolerance)
-            here.most_orders = _MOST_ORDERS
-            curves.append(_Curve(partial(here.at, limits=here.limits), band))
-            table[:, :, column] = interpolated(wanted, curves[-1].at, tolerances, first=_FIRST_LEVELS)[back].T
-    findings, error = [], max(found.error_estimate for curve in curves for found in curve.known.values())
+        return condensed
+
+    over = _over_ratio if homogeneous(model) else _over_levels
+    table, error = over(prepared, levels, normals, band, tolerance, progress)
+    findings = []
     if error > tolerance:
         findings.append(
             Finding.of(
@@ -678,6 +669,45 @@ def damping_map(
     )
 
 
+def _over_ratio(
+    prepared: Callable[[float, float], Condensed],
+    levels: Float[np.ndarray, "level"],
+    normals: Float[np.ndarray, "normal"],
+    band: tuple[float, float],
+    tolerance: float,
+    progress: Progress,
+) -> tuple[Float[np.ndarray, "3 level normal"], float]:
+    """Frequency, damping ratio and modal amplitude of a homogeneous model, a curve over F_N/F_E; the largest error."""
+    condensed = prepared(1.0, 1.0)
+    curve = _Curve(lambda ratio: condensed.at(1.0, condensed.limits * ratio), band)
+    ratios = normals / levels[:, None]
+    keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
+    wanted, back = np.unique(keys, return_inverse=True)
+    table = interpolated(wanted, curve.at, tolerance * _SHARES, progress)[back].T.reshape(3, *ratios.shape).copy()
+    table[2] *= levels[:, None]
+    return table, curve.error
+
+
+def _over_levels(
+    prepared: Callable[[float, float], Condensed],
+    levels: Float[np.ndarray, "level"],
+    normals: Float[np.ndarray, "normal"],
+    band: tuple[float, float],
+    tolerance: float,
+    progress: Progress,
+) -> tuple[Float[np.ndarray, "3 level normal"], float]:
+    """The same of any model: a curve over F_E at each F_N."""
+    table, error = np.empty((3, len(levels), len(normals))), 0.0
+    wanted, back = np.unique(levels, return_inverse=True)
+    for column, normal in enumerate(normals):
+        advance(progress, "damping map", column, len(normals))
+        here = prepared(float(normal), float(levels[0]))
+        curve = _Curve(partial(here.at, limits=here.limits), band)
+        table[:, :, column] = interpolated(wanted, curve.at, tolerance * _SHARES, first=_FIRST_LEVELS)[back].T
+        error = max(error, curve.error)
+    return table, error
+
+
 @dataclass
 class _Curve:
     """Resonances along a curve of a map: between two that are known, the next one is sought near them first."""
@@ -685,6 +715,11 @@ class _Curve:
     system: Callable[[float], Condensed]
     band: tuple[float, float]
     known: dict[float, Resonance] = field(default_factory=dict)
+
+    @property
+    def error(self) -> float:
+        """The largest error estimate of its peaks."""
+        return max(found.error_estimate for found in self.known.values())
 
     def at(self, place: float) -> Float[np.ndarray, "3"]:
         """Frequency, damping ratio and modal amplitude at a place of the curve."""
